@@ -540,6 +540,20 @@ def check_name(what: str, value: Any, *, most: int = LONGEST_NAME) -> str:
     return value
 
 
+def refuse_if(wrong: bool | np.bool_, message: str) -> None:
+    """Refuse with a message if a condition is true; for messages that cost nothing to format.
+
+    Args:
+        wrong: The condition.
+        message: The message.
+
+    Raises:
+        InvalidInput: The condition is true.
+    """
+    if wrong:
+        raise InvalidInput(message)
+
+
 def refuse_other(user: str, value: Any, kind: type, origin: str = "") -> None:
     """Refuse a value that is no object of a class.
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 # Characters of a value that a message repeats.
@@ -58,6 +59,12 @@ def list_some(names: Sequence[str], most: int) -> str:
     """The first names, separated by commas, and the number of other names."""
     shown = ", ".join(names[:most])
     return shown if len(names) <= most else f"{shown} and {len(names) - most} more"
+
+
+def suggest(name: str, known: Iterable[str], otherwise: str) -> str:
+    """A question with the known name that is most similar to an unknown one, or `otherwise`."""
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean {near[0]}?" if near else otherwise
 
 
 def _escape(character: str) -> str:

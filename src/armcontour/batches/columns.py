@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
+from armcontour._text import suggest
 from armcontour.errors import InvalidInput
 from armcontour.jobs.axes import UNITS
 
@@ -199,8 +199,7 @@ def read_columns(given: Iterable[str] | None, work: str) -> tuple[str, ...]:
     for k, name in enumerate(names):
         where = f"columns (item {k + 1})"
         if name not in COLUMNS:
-            near = get_close_matches(name, known, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}."
+            hint = suggest(name, known, f"there are {', '.join(known)}.")
             raise InvalidInput(f"{where}: there is no column {name}: {hint}")
         if name not in known:
             raise InvalidInput(

@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, refuse_if
 from armcontour._quantities import Quantity
-from armcontour._text import show
+from armcontour._text import show, suggest
 from armcontour.errors import InvalidInput
 from armcontour.io.job_model import JobModel
 from armcontour.io.si_data import in_si, quantity_of
@@ -76,8 +75,8 @@ def read_parameter(key: str, given: Any, *, sampled: bool) -> Parameter:
         InvalidInput: A wrong range, or no value.
     """
     place = f"over.{key}"
-    if not all(key.split(".")):
-        raise InvalidInput(f"{place}: a key has names with dots between them, like limits.speed.")
+    form = f"{place}: a key has names with dots between them, like limits.speed."
+    refuse_if(not all(key.split(".")), form)
     quantity = quantity_of(JobModel, key.split("."))
     unit = None if quantity is None else quantity.unit
     if isinstance(given, Mapping):
@@ -89,17 +88,16 @@ def read_parameter(key: str, given: Any, *, sampled: bool) -> Parameter:
             # Counts, such as knots, have to be whole.
             values = [round(x) if abs(x - round(x)) < 1e-9 * abs(x) else x for x in values]
         return Parameter(key, unit, tuple(values), True, log)
-    several = isinstance(given, list)
-    if sampled and several and len(given) > 1:
-        raise InvalidInput(
-            f"{place}: samples are drawn of ranges, not of lists: write {{from: ..., to: ...}}, "
-            "or combine: product."
-        )
-    if several and not given:
-        raise InvalidInput(f"{place} is an empty list: give a value, or leave the key out.")
-    if several and len(given) > MOST_VALUES:
-        raise InvalidInput(f"{place} has {len(given)} values, more than {MOST_VALUES}.")
-    return Parameter(key, unit, tuple(_in_si(key, x) for x in (given if several else [given])))
+    listed = given if isinstance(given, list) else [given]
+    count = len(listed)
+    refuse_if(
+        sampled and count > 1,
+        f"{place}: samples are drawn of ranges, not of lists: write {{from: ..., to: ...}}, or "
+        "combine: product.",
+    )
+    refuse_if(count == 0, f"{place} is an empty list: give a value, or leave the key out.")
+    refuse_if(count > MOST_VALUES, f"{place} has {count} values, more than {MOST_VALUES}.")
+    return Parameter(key, unit, tuple(_in_si(key, x) for x in listed))
 
 
 def _read_range(
@@ -112,37 +110,36 @@ def _read_range(
     """
     for name in given:
         if name not in RANGE:
-            near = get_close_matches(str(name), RANGE, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"a range has {', '.join(RANGE)}."
+            hint = suggest(str(name), RANGE, f"a range has {', '.join(RANGE)}.")
             raise InvalidInput(f"{place}: unknown key {show(name)} of a range: {hint}")
-    wanted = ("from", "to") if sampled else ("from", "to", "steps")
-    for name in wanted:
+    for name in RANGE[: 2 if sampled else 3]:
         if given.get(name) is None:
             raise InvalidInput(
                 f"{place}.{name} is missing: a range is written as {{from: ..., to: ..., "
                 "steps: 5}."
             )
-    if sampled and "steps" in given:
-        raise InvalidInput(
-            f"{place}.steps: the plan draws samples, whose number stands in combine.sobol: leave "
-            "steps out."
-        )
+    refuse_if(
+        sampled and "steps" in given,
+        f"{place}.steps: the plan draws samples, whose number stands in combine.sobol: leave "
+        "steps out.",
+    )
     scale = _checks.choice(f"{place}.scale", given.get("scale", "linear"), SCALES)
     low, high = (_read_end(f"{place}.{x}", given[x], quantity) for x in ("from", "to"))
     count = 2 if sampled else given["steps"]
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_VALUES:
+    if not (_whole(count) and 1 <= count <= MOST_VALUES):
         raise InvalidInput(
             f"{place}.steps must be a whole number from 1 to {MOST_VALUES}, but is {show(count)}."
         )
-    if low == high and count > 1:
-        raise InvalidInput(f"{place} is an empty range: from and to are both {show(given['to'])}.")
-    if low != high and count == 1:
-        raise InvalidInput(f"{place}.steps is 1, but from and to differ: write one value, or more.")
-    if scale == "log" and (low <= 0 or high <= 0):
-        raise InvalidInput(
-            f"{place}: a range with scale: log must be above zero, but goes from "
-            f"{show(given['from'])} to {show(given['to'])}: write scale: linear."
-        )
+    start, end = show(given["from"]), show(given["to"])
+    empty = f"{place} is an empty range: from and to are both {end}."
+    refuse_if(low == high and count > 1, empty)
+    one = f"{place}.steps is 1, but from and to differ: write one value, or more."
+    refuse_if(low != high and count == 1, one)
+    refuse_if(
+        scale == "log" and min(low, high) <= 0,
+        f"{place}: a range with scale: log must be above zero, but goes from {start} to {end}: "
+        "write scale: linear.",
+    )
     return low, high, count, scale == "log"
 
 

@@ -11,6 +11,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour import _files
+from armcontour._checks import refuse_if
 from armcontour._text import show
 from armcontour._version import __version__
 from armcontour._yaml import load
@@ -31,6 +32,8 @@ from armcontour.scene import Scene
 # Keys of a job that read files, and keys inside of these that name them.
 WITH_FILES = ("arm", "path", "scene")
 FILE_KEYS = ("file", "files", "joint_limits")
+# Keys of a job that may choose the run, by what is done with it.
+CHOOSERS = {CERTIFY: "certificate", PLACE: "placement"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,31 +195,33 @@ def _with_run(
     Raises:
         InvalidInput: There is no such run, or several to choose from.
     """
-    runs, goal = data["runs"], data.get("certificate") or {}
-    asked = {CERTIFY: goal, PLACE: data.get("placement") or {}}.get(work, {})
-    name = run or asked.get("run")
+    runs, names = data["runs"], ", ".join(data["runs"])
+    name = run or (data.get(CHOOSERS.get(work, "")) or {}).get("run")
     if name is None and len(runs) == 1:
         (name,) = runs
-    if name is not None and name not in runs:
-        raise InvalidInput(f"run: {source} has no run {show(name)}: it has {', '.join(runs)}.")
-    if name is None and work not in (CERTIFY, PLACE):
-        raise InvalidInput(
-            f"run is missing: {source} has several runs, so say which: {', '.join(runs)}."
-        )
-    found = {key: x for key, x in data.items() if work == CERTIFY or key != "certificate"}
+    unknown = f"run: {source} has no run {show(name)}: it has {names}."
+    refuse_if(name not in (None, *runs), unknown)
+    missing = f"run is missing: {source} has several runs, so say which: {names}."
+    refuse_if(name is None and work not in CHOOSERS, missing)
+    found = dict(data) if work == CERTIFY else _without(data, "certificate")
     if name is None:
         return found, None
     found["runs"] = {name: runs[name]}
-    for of in ("certificate", "placement"):
-        if found.get(of):
-            found[of] = {key: x for key, x in found[of].items() if key != "run"}
+    for key in CHOOSERS.values():
+        if found.get(key):
+            found[key] = _without(found[key], "run")
     experiment = found.get("experiment")
     if isinstance(experiment, dict) and experiment.get("runs") is not None:
         if name in experiment["runs"]:
-            found["experiment"] = {key: x for key, x in experiment.items() if key != "runs"}
+            found["experiment"] = _without(experiment, "runs")
         else:
             del found["experiment"]
     return found, name
+
+
+def _without(data: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The data without one key."""
+    return {key: x for key, x in data.items() if key != name}
 
 
 def refuse_without_effect(base: Base, keys: Sequence[str]) -> None:

@@ -16,13 +16,14 @@ from armcontour.cli.console import Console
 
 if TYPE_CHECKING:
     from armcontour._checks import FloatArray
-    from armcontour.arms import Arm
+    from armcontour.arms import Arm, Limits
     from armcontour.clearance import Clearance
     from armcontour.cli.options import ArmOptions, CheckOptions
     from armcontour.evaluation import Check
     from armcontour.evaluation.tally import Occurrence
     from armcontour.io import TrajectoryFile
     from armcontour.jobs import Job, Run
+    from armcontour.program import Program
     from armcontour.scene import Scene
 
 HEADINGS = (
@@ -50,23 +51,12 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     """
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
-    from armcontour.io import read_job, read_limits
+    from armcontour.io import read_job
     from armcontour.io.summary import clearance_summary
-    from armcontour.jobs import programs_of
 
     job = None if x.path is None else read_job(x.path, trust_xacro=x.trust_xacro)
     arm, scene = _arm_and_scene(x, None if job is None else job.arm)
-    path, limits, deviation, angle = None, arm.limits, None, None
-    if job is not None:
-        run = _run(job, x.run_name, limited=x.limits is None)
-        path = programs_of(job, run)[1]
-        limits = run.limits
-    if x.limits is not None:
-        limits, deviation, angle = read_limits(x.limits, arm)
-    if (deviation is not None or angle is not None) and path is None:
-        raise InvalidInput(
-            f"{x.limits} limits the deviation from a path: name its job with --path."
-        )
+    limits, path, deviation, angle = _limits_and_path(x, job, arm)
     samples = _samples(trajectory, arm, x)
     found = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=angle)
     clearance = None if scene is None else _clearance(samples, arm, scene)
@@ -85,6 +75,28 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
         _print(found, arm, [*remarks, *(f"Note: {note}" for note in arm.notes)])
     touches = clearance is not None and not clearance.kept
     return EXIT_CODES["violated" if touches else found.verdict]
+
+
+def _limits_and_path(
+    x: CheckOptions, job: Job | None, arm: Arm
+) -> tuple[Limits, Program | None, float | None, float | None]:
+    """The limits, the path, and the allowed deviations from the path [m] and [rad]."""
+    from armcontour.errors import InvalidInput
+    from armcontour.io import read_limits
+    from armcontour.jobs import programs_of
+
+    path, limits = None, arm.limits
+    if job is not None:
+        run = _run(job, x.run_name, limited=x.limits is None)
+        path, limits = programs_of(job, run)[1], run.limits
+    if x.limits is None:
+        return limits, path, None, None
+    limits, deviation, angle = read_limits(x.limits, arm)
+    if path is None and (deviation, angle) != (None, None):
+        raise InvalidInput(
+            f"{x.limits} limits the deviation from a path: name its job with --path."
+        )
+    return limits, path, deviation, angle
 
 
 def _clearance(samples: TrajectoryFile, arm: Arm, scene: Scene) -> Clearance:
@@ -320,9 +332,8 @@ def _print(found: Check, arm: Arm, remarks: list[str]) -> None:
     called = [joint_called(x, arm.joint_names) for x in named]
     if called != [str(x) for x in named]:
         lines.append(f"Joints: {', '.join(called)}.")
-    open_ones = [x for x in found.uses if x.verdict == "cannot tell"]
-    if open_ones:
-        names = ", ".join(x.name.replace("_", " ") for x in open_ones)
+    names = ", ".join(x.name.replace("_", " ") for x in found.uses if x.verdict == "cannot tell")
+    if names:
         lines.insert(
             0,
             f"Cannot tell: {names}. The printed numbers exceed the limit, but the cause may be "

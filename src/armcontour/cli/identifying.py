@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -53,13 +53,31 @@ def identify_files(logs: list[FilePath], x: IdentifyOptions) -> bool:
 
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    if x.arm is not None:
-        return _identify_robot(logs, x, x.arm)
-    of_arm = ("servo", "gravity", "tip", "base", "joint_limits", "package")
-    for name in (*of_arm, "xacro_arg"):
-        if getattr(x, name) is not None:
-            raise InvalidInput(f"--{name.replace('_', '-')} goes with --arm: name the arm too.")
-    return _identify_servo(logs, x, None)
+    if x.arm is None:
+        of_arm = ("servo", "gravity", "tip", "base", "joint_limits", "package")
+        for name in (*of_arm, "xacro_arg"):
+            if getattr(x, name) is not None:
+                raise InvalidInput(f"--{name.replace('_', '-')} goes with --arm: name the arm too.")
+        complete = _identify_servo(logs, x, None)
+    else:
+        complete = _identify_robot(logs, x, x.arm)
+    if x.out is not None and x.open_report:
+        open_page(x.out / "report.html")
+    return complete
+
+
+def _identify(logs: list[FilePath], x: IdentifyOptions, **own: Any) -> Any:
+    """Identify with the options of both kinds of results, and with options of one kind."""
+    from armcontour._quantities import Interval
+    from armcontour.cli.progress import search_progress
+    from armcontour.cli.quantities import read_option
+    from armcontour.identification import identify
+
+    own["longest_dead_time"] = read_option("--longest-dead-time", x.longest_dead_time, Interval)
+    own["drive_cycle"] = read_option("--drive-cycle", x.drive_cycle, Interval)
+    samples = [_read(log, x) for log in logs]
+    with search_progress("identifying") as progress:
+        return identify(samples, interpolation=x.interpolation, progress=progress, **own)
 
 
 def _read(log: FilePath, x: IdentifyOptions) -> Log:
@@ -80,25 +98,10 @@ def _read(log: FilePath, x: IdentifyOptions) -> Log:
 
 def _identify_servo(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) -> bool:
     """Identify the servo of every joint of some logs; the arm gives errors at the tool."""
-    from armcontour._quantities import Interval
-    from armcontour.cli.progress import search_progress
-    from armcontour.cli.quantities import read_option
-    from armcontour.identification import identify
     from armcontour.io.servo_file import identification_json
 
-    longest = read_option("--longest-dead-time", x.longest_dead_time, Interval)
-    assert longest is not None
-    cycle = read_option("--drive-cycle", x.drive_cycle, Interval)
-    samples, unseen = ([_read(log, x) for log in some] for some in (logs, x.predict or []))
-    with search_progress("identifying") as progress:
-        found = identify(
-            samples,
-            model=x.model,
-            drive_cycle=cycle,
-            interpolation=x.interpolation,
-            longest_dead_time=longest,
-            progress=progress,
-        )
+    unseen = [_read(log, x) for log in x.predict or []]
+    found: Identification = _identify(logs, x, model=x.model)
     predictions = [found.predict(log) for log in unseen]
     if x.out is not None:
         _write_results(found, predictions, x.out, x.force)
@@ -106,19 +109,13 @@ def _identify_servo(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) -
         print(identification_json(found, predictions), end="")
     else:
         _print(found, predictions, arm, x.out)
-    if x.out is not None and x.open_report:
-        open_page(x.out / "report.html")
     return all(joint.written for joint in found.joints)
 
 
 def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool:
     """Identify a robot with masses from logs, or joints of an arm without."""
-    from armcontour._quantities import Interval
     from armcontour.cli.checking import named_arm
-    from armcontour.cli.progress import search_progress
-    from armcontour.cli.quantities import read_option
     from armcontour.errors import InvalidInput
-    from armcontour.identification import identify
     from armcontour.io.robot_file import read_servo, robot_json
 
     if x.out is not None and (x.package or x.xacro_arg):
@@ -132,29 +129,13 @@ def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool
     for option, given in (("--predict", x.predict), ("--model", x.model != "auto")):
         if given:
             raise InvalidInput(f"{option} is for joints without an arm: leave it or --arm out.")
-    longest = read_option("--longest-dead-time", x.longest_dead_time, Interval)
-    cycle = read_option("--drive-cycle", x.drive_cycle, Interval)
-    assert longest is not None
     servo = None if x.servo is None else read_servo(x.servo, arm.dof)
-    samples = [_read(log, x) for log in logs]
-    with search_progress("identifying") as progress:
-        found = identify(
-            samples,
-            arm=arm,
-            servo=servo,
-            gravity=x.gravity,
-            drive_cycle=cycle,
-            interpolation=x.interpolation,
-            longest_dead_time=longest,
-            progress=progress,
-        )
+    found: RobotIdentification = _identify(logs, x, arm=arm, servo=servo, gravity=x.gravity)
     written = _write_robot(found, x, name, x.out) if x.out is not None else ""
     if x.as_json:
         print(robot_json(found), end="")
     else:
         _print_robot(found, written)
-    if x.out is not None and x.open_report:
-        open_page(x.out / "report.html")
     return found.determined
 
 
@@ -230,30 +211,8 @@ def _print(
     found: Identification, predictions: list[Prediction], arm: Arm | None, out: FilePath | None
 ) -> None:
     """Print the verdict, the result of each joint, and how well it predicts other logs."""
-    from armcontour.identification.joint import SHARE
-
     console = Console()
-    written = [x for x in found.joints if x.written]
-    if written:
-        rms, most = max(x.unseen_rms for x in written), max(x.unexplained for x in written)
-        judged = "" if len(found.logs) > 1 else " Judged on one program only."
-        console.say(
-            f"Servo of {len(written)} of {several(len(found.joints), 'joint')}: errors where not "
-            f"fitted up to {rms * 1e3:.3g} mrad RMS, {most * 1e3:.3g} mrad at most.{judged}"
-        )
-    if arm is not None:
-        for y in predictions or [found.predict(x) for x in found.logs]:
-            off = y.tool_errors(arm)
-            rms = float(np.sqrt(np.mean(off**2)))
-            console.say(f"At the tool in {y.log.source}: {mm(rms)} RMS, {mm(off.max())} at most.")
-    refused = [x for x in found.joints if not x.written]
-    if len(refused) == 1:
-        console.say(refused[0].note)
-    elif refused:
-        shares = ", ".join(
-            f"{x.name} ({x.share:.0%})" if math.isfinite(x.share) else x.name for x in refused
-        )
-        console.say(f"No model (error above {SHARE:.0%} of the tracking error): {shares}.")
+    _print_verdict(console, found, predictions, arm)
     shown = [x for x in SHOWN if any(x in y.parameters for y in found.joints)]
     rows = []
     for x in found.joints:
@@ -271,7 +230,35 @@ def _print(
             title=f"Prediction of {y.log.source}",
         )
     if out is not None:
-        console.say(f"Written to {out}: {'servo.yaml, ' if written else ''}report.html")
+        servo = "servo.yaml, " if any(x.written for x in found.joints) else ""
+        console.say(f"Written to {out}: {servo}report.html")
+
+
+def _print_verdict(
+    console: Console, found: Identification, predictions: list[Prediction], arm: Arm | None
+) -> None:
+    """Print the errors at the joints and at the tool, and the joints without a model."""
+    from armcontour.identification.joint import SHARE
+
+    written = [x for x in found.joints if x.written]
+    if written:
+        rms, most = np.max([(x.unseen_rms, x.unexplained) for x in written], axis=0)
+        judged = "" if len(found.logs) > 1 else " Judged on one program only."
+        console.say(
+            f"Servo of {len(written)} of {several(len(found.joints), 'joint')}: errors where not "
+            f"fitted up to {rms * 1e3:.3g} mrad RMS, {most * 1e3:.3g} mrad at most.{judged}"
+        )
+    if arm is not None:
+        for y in predictions or [found.predict(x) for x in found.logs]:
+            off = y.tool_errors(arm)
+            rms = float(np.sqrt(np.mean(off**2)))
+            console.say(f"At the tool in {y.log.source}: {mm(rms)} RMS, {mm(off.max())} at most.")
+    refused = [x for x in found.joints if not x.written]
+    if len(refused) == 1:
+        console.say(refused[0].note)
+    elif refused:
+        shares = ", ".join(x.name + f" ({x.share:.0%})" * math.isfinite(x.share) for x in refused)
+        console.say(f"No model (error above {SHARE:.0%} of the tracking error): {shares}.")
 
 
 def _cell(x: Estimate) -> str:

@@ -41,22 +41,13 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
     from armcontour.cli.progress import share_progress
     from armcontour.errors import InvalidInput, locate_errors
     from armcontour.io import ResultFolder, placement_csv, placement_json
-    from armcontour.io.job_model import PlacementModel
-    from armcontour.io.place_axes import AxesModel
     from armcontour.placement import best_case, place
 
     asked, home = _asked(file, job_options)
-    over = dict(read_axis(text) for text in x.over or ())
-    if not over and (asked is None or asked.over == AxesModel()):
-        raise InvalidInput(
-            "place needs --over for each axis along which to place, or the key placement.over of "
-            f"the job: {OVER}."
-        )
-    if len(over) < len(x.over or ()):
-        raise InvalidInput("--over names an axis twice: give each axis once.")
+    over = _axes(x.over or [], asked)
     off = dict(_read_uncertainty(text) for text in x.uncertainty or ())
     about = _read_about(x.about)
-    variants = _variants(job_options, x, asked or PlacementModel(), home)
+    variants = _variants(job_options, x, asked, home)
     # By default places decide by their number.
     own = x.workers is None and x.cluster is None
     with (
@@ -110,7 +101,27 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
         open_page(report)
 
 
-def _asked(file: FilePath, options: JobOptions) -> tuple[PlacementModel | None, FilePath]:
+def _axes(given: Sequence[str], asked: PlacementModel) -> dict[str, tuple[float, float, int]]:
+    """The axes of --over with their ranges; none if the job names axes.
+
+    Raises:
+        InvalidInput: An axis is wrong or named twice, or there is none.
+    """
+    from armcontour.errors import InvalidInput
+    from armcontour.io.place_axes import AxesModel
+
+    over = dict(read_axis(text) for text in given)
+    if not over and asked.over == AxesModel():
+        raise InvalidInput(
+            "place needs --over for each axis along which to place, or the key placement.over of "
+            f"the job: {OVER}."
+        )
+    if len(over) < len(given):
+        raise InvalidInput("--over names an axis twice: give each axis once.")
+    return over
+
+
+def _asked(file: FilePath, options: JobOptions) -> tuple[PlacementModel, FilePath]:
     """What the job or the cell has under `placement`, and the folder of its files.
 
     Raises:
@@ -119,16 +130,17 @@ def _asked(file: FilePath, options: JobOptions) -> tuple[PlacementModel | None, 
     from armcontour.errors import locate_errors
     from armcontour.io.cell import open_keys
     from armcontour.io.job_arm import tools_of
+    from armcontour.io.job_model import PlacementModel
 
     named = _text_of(file, options)
     if named is None:
         # Opening the drawing says that it needs a cell.
-        return None, FilePath()
+        return PlacementModel(), FilePath()
     model, home = open_keys(named)
-    if model.placement is not None:
-        with locate_errors(FilePath(named).name):
-            tools_of(model.placement)
-    return model.placement, home
+    asked = model.placement or PlacementModel()
+    with locate_errors(FilePath(named).name):
+        tools_of(asked)
+    return asked, home
 
 
 def _text_of(file: FilePath, options: JobOptions) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import compress
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,11 @@ if TYPE_CHECKING:
 WRITING = Step(("writing the results",))
 
 
+# Columns of the table of runs; the last four are shown if a run needs them.
+HEADINGS = (
+    *("run", "motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"),
+    *("jerk / limit", "path missed [mm]", "experiment: RMS error [mm]", "largest [mm]"),
+)
 # The runs of the paper's job that the demo compares.
 COMPARED = ("conventional", "proposed", "shaped")
 
@@ -202,36 +208,14 @@ def _print_results(study: Study, notes: Sequence[str]) -> None:
     from armcontour.jobs import warnings_of
     from armcontour.jobs.quantities import assumed_numbers, unknown_notes
 
-    has_experiment = any(x.run.experiment is not None for x in study.runs.values())
-    headings = ["motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"]
     jerks = any(x.run.limits.joint_jerk is not None for x in study.runs.values())
-    if jerks:
-        headings.append("jerk / limit")
     misses = any(_misses(x.evaluation) for x in study.runs.values())
-    if misses:
-        headings.append("path missed [mm]")
-    if has_experiment:
-        headings += ["experiment: RMS error [mm]", "largest [mm]"]
-    rows = []
-    for name, result in study.runs.items():
-        e = result.evaluation
-        # Without limits of acceleration there is nothing to compare with.
-        limited = result.run.limits.joint_acceleration is not None
-        on_servo = [*_errors(e), f"{e.demand_ratio.max():.4f}" if limited else "-"]
-        if result.judged is not e:
-            on_servo = ["-"] * len(on_servo)
-        cells = [f"{e.duration:.4f}", f"{result.judged.settled:.3f}", *on_servo]
-        if jerks:
-            unlimited = result.run.limits.joint_jerk is None
-            cells.append("-" if unlimited else f"{e.jerk_ratio.max():.4f}")
-        if misses:
-            cells.append(f"{e.missed.max * 1e3:.4f}")
-        if has_experiment:
-            cells += _experiment_errors(result)
-        rows.append([name, *cells])
+    has_experiment = any(x.run.experiment is not None for x in study.runs.values())
+    shown = [True] * 6 + [jerks, misses, has_experiment, has_experiment]
+    rows = [list(compress([name, *_cells(x)], shown)) for name, x in study.runs.items()]
     console = Console()
     title = f"{study.job.title}, simulated with {study.job.plant_servo}"
-    console.show_table(["run", *headings], rows, title=title)
+    console.show_table(list(compress(HEADINGS, shown)), rows, title=title)
     lines = []
     for name, result in study.runs.items():
         if result.failure is not None:
@@ -244,6 +228,22 @@ def _print_results(study: Study, notes: Sequence[str]) -> None:
     lines += unknown_notes(study)
     for text in lines:
         console.say(text)
+
+
+def _cells(result: RunResult) -> list[str]:
+    """The cells of a run in all columns after its name."""
+    e, limits = result.evaluation, result.run.limits
+    # Without limits of acceleration there is nothing to compare with.
+    unlimited, free = limits.joint_acceleration is None, limits.joint_jerk is None
+    on_servo = [*_errors(e), "-" if unlimited else f"{e.demand_ratio.max():.4f}"]
+    return [
+        f"{e.duration:.4f}",
+        f"{result.judged.settled:.3f}",
+        *(on_servo if result.judged is e else ["-"] * len(on_servo)),
+        "-" if free else f"{e.jerk_ratio.max():.4f}",
+        f"{e.missed.max * 1e3:.4f}",
+        *_experiment_errors(result),
+    ]
 
 
 def _misses(e: Evaluation) -> bool:

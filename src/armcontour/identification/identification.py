@@ -108,30 +108,29 @@ def identify(
     """
     longest = _checks.positive("longest dead time", longest_dead_time, "s")
     _checks.choice("model", model, tuple(MODELS))
+    logs = (log,) if isinstance(log, Log) else tuple(log)
     if arm is None:
         for name, value in (("servo", servo), ("gravity", gravity)):
             if value is not None:
                 raise InvalidInput(f"{name} goes with an arm with masses: give arm= too.")
-        logs = (log,) if isinstance(log, Log) else tuple(log)
         between_points = _choose_interpolation(join(logs), interpolation)
         sampled = 0.0
         if drive_cycle is not None:
             sampled = _checks.between("cycle of the drives", drive_cycle, *CYCLES, "s")
         return _identify_servo(logs, MODELS[model], between_points, longest, sampled, progress)
     _checks.refuse_other("identify", arm, Arm, "such as load_arm('ur5e')")
-    if model != "auto":
-        raise InvalidInput("model is for joints without an arm: leave it out, or leave arm out.")
-    every = [arranged(x, arm) for x in ([log] if isinstance(log, Log) else log)]
-    if not every:
-        raise InvalidInput("There is no log to identify from: give at least one.")
+    joints = "model is for joints without an arm: leave it out, or leave arm out."
+    _checks.refuse_if(model != "auto", joints)
+    _checks.refuse_if(not logs, "There is no log to identify from: give at least one.")
+    every = [arranged(x, arm) for x in logs]
     if gravity is not None:
         _checks.choice("gravity", gravity, GRAVITIES)
     cycle = DRIVE_CYCLE
     if drive_cycle is not None:
         cycle = _checks.between("cycle of the drives", drive_cycle, 0.0, LONGEST_CYCLE, "s")
     between = {_choose_interpolation(x, interpolation) for x in every}
-    if len(between) > 1:
-        raise InvalidInput("The logs are of different interpolation: identify them one by one.")
+    differ = "The logs are of different interpolation: identify them one by one."
+    _checks.refuse_if(len(between) > 1, differ)
     for x in every:
         _refuse_interval(x)
     try:

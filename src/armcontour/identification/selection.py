@@ -147,7 +147,8 @@ def _try(
 ) -> Selected | None:
     """Fit one more model; returns the better one of it and the one that is taken."""
     problem = Problem(model, stretches, search)
-    found = fits[model] = fit(problem, _starts(problem, search, lag, fits))
+    starts = [problem.guess(x, lag) for x in _starts(problem, search, lag, fits)]
+    found = fits[model] = fit(problem, starts)
     if is_implausible(found):
         return taken
     unseen = _predict_parts(found, search)
@@ -181,11 +182,11 @@ def _thin(stretches: Sequence[Stretch]) -> Sequence[Stretch]:
 
 def _starts(
     problem: Problem, search: Search, lag: float, fits: dict[Model, Fit]
-) -> list[FloatArray]:
-    """Points from which a problem is solved: generic loops, or the fit of the poorer model."""
+) -> list[dict[str, float]]:
+    """Parameters from which a problem is solved: generic loops, or the fit of the poorer model."""
     order, free = problem.model
     if order == "delay":
-        return [problem.guess({DELAY: x}, lag) for x in (lag, max(lag - 4e-3, 0.0))]
+        return [{DELAY: x} for x in (lag, max(lag - 4e-3, 0.0))]
     gain = max(1 / (lag + 1e-4), 0.5)
     loops: list[dict[str, float]] = [
         {KP: a * gain, KV: b, DELAY: c * lag} for a, b, c in PLAIN_STARTS
@@ -195,17 +196,25 @@ def _starts(
     new = {FRICTION} if FRICTION in free else {ACCELERATION, LIMIT} & set(free)
     if not new:
         sampled = search.cycle and order == "second"
-        loops = _sampled_starts(problem, search, loops, lag) if sampled else loops
-        return [problem.guess(x, lag) for x in loops]
+        return _sampled_starts(problem, search, loops, lag) if sampled else loops
     known = fits[Model(order, tuple(x for x in free if x not in new))].servo._asdict()
     if LIMIT not in new:
         first = {FRICTION: 1e-4, ACCELERATION: 0.1 if order == "second" else 5e-3}
-        return [problem.guess({**known, **{x: first[x] for x in new}}, lag)]
-    # Where a joint saturates much, the fit without a limit and its lag are of no use.
+        return [known | {x: first[x] for x in new}]
+    return _saturating_starts(problem, known, loops[2:4])
+
+
+def _saturating_starts(
+    problem: Problem, known: dict[str, float], loops: list[dict[str, float]]
+) -> list[dict[str, float]]:
+    """Starts of a loop with an acceleration limit, from the fit without a limit and from others.
+
+    If a joint saturates much, the fit without a limit and its lag are of no use.
+    """
     tops = [max(_acceleration(s, x) for s in problem.stretches) for x in ACCELERATING]
     limits = (*tops, 3 * max(tops))
-    loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
-    return [problem.guess({**x, LIMIT: a}, lag) for x in (known, *loops) for a in limits]
+    loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops]
+    return [{**x, LIMIT: a} for x in (known, *loops) for a in limits]
 
 
 def _sampled_starts(

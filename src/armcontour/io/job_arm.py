@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._checks import refuse_if
 from armcontour._quantities import Quantity
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
@@ -53,19 +54,15 @@ def _bare_arm(model: ArmModel, folder: FilePath, *, trust_xacro: bool) -> Arm:
     """The arm of a job without the shapes that the job adds."""
     if (model.name is None) == (model.file is None):
         raise InvalidInput("arm takes either name, a built-in arm, or file.")
-    options: dict[str, Any] = {
-        key: getattr(model, key) for key in ("tip", "base") if getattr(model, key) is not None
-    }
+    options: dict[str, Any] = {"tip": model.tip, "base": model.base}
     if model.joint_limits is not None:
         options["joint_limits"] = folder / model.joint_limits
-    equipment: dict[str, Any] = {}
+    equipment: dict[str, Any] = {"payload": model.payload}
     # A tool that has only shapes leaves its frame where it is.
     if model.tool is not None and model.tool != ToolModel(shapes=model.tool.shapes):
         equipment["tool"] = frame_of("arm.tool", model.tool)
     if model.work is not None:
         equipment["work"] = frame_of("arm.work", model.work)
-    if model.payload is not None:
-        equipment["payload"] = model.payload
     if model.file is not None and not model.file.lower().endswith(ARM_FILES):
         raise InvalidInput(f"arm.file must be a {', '.join(ARM_FILES)} file, not {model.file!r}.")
     if model.file is not None and is_description(model.file):
@@ -79,14 +76,12 @@ def _bare_arm(model: ArmModel, folder: FilePath, *, trust_xacro: bool) -> Arm:
         )
         options |= {"locked": _locked(model, tree), "packages": packages}
         return equip(arm_of_tree(tree, **options), **equipment)
-    if model.locked:
-        raise InvalidInput(
-            f"arm.locked: only the joints of a {' or '.join(DESCRIPTIONS)} file can be locked."
-        )
-    if model.packages or model.arguments:
-        raise InvalidInput(
-            "arm.packages and arm.arguments go with arm.file, a description of a robot."
-        )
+    refuse_if(
+        bool(model.locked),
+        f"arm.locked: only the joints of a {' or '.join(DESCRIPTIONS)} file can be locked.",
+    )
+    described = "arm.packages and arm.arguments go with arm.file, a description of a robot."
+    refuse_if(bool(model.packages or model.arguments), described)
     name = str(model.name) if model.file is None else folder / model.file
     return load_arm(name, **options, **equipment, trust_xacro=trust_xacro)
 

@@ -23,7 +23,7 @@ from armcontour.io.yaml_values import flow_text
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
 # Keys whose values are names of files, relative to the folder of the job file.
-FILES = ("file", "joint_limits", "srdf")
+FILES = ("file", "files", "joint_limits", "srdf", "packages")
 
 
 class Remove(Enum):
@@ -144,22 +144,16 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
     if not isinstance(root, yaml.MappingNode):
         return
     for key, value in root.value:
-        if isinstance(value, yaml.ScalarNode):
-            named = key.value == "arm" and value.value.lower().endswith(ARM_FILES)
-            if key.value in FILES or named:
-                yield value
-        elif key.value == "packages" and isinstance(value, yaml.MappingNode):
-            yield from (x for _, x in value.value if isinstance(x, yaml.ScalarNode))
-        elif isinstance(value, yaml.SequenceNode):
-            for x in value.value:
-                if isinstance(x, yaml.ScalarNode) and (
-                    key.value == "files"
-                    or (key.value == "arms" and x.value.lower().endswith(ARM_FILES))
-                ):
-                    yield x
+        values = value.value if isinstance(value, yaml.SequenceNode) else [value]
+        if key.value == "packages" and isinstance(value, yaml.MappingNode):
+            values = [x for _, x in value.value]
+        for x in values:
+            if not isinstance(x, yaml.ScalarNode):
                 yield from _file_names(x)
-        else:
-            yield from _file_names(value)
+            elif key.value in FILES or (
+                key.value in ("arm", "arms") and x.value.lower().endswith(ARM_FILES)
+            ):
+                yield x
 
 
 @lru_cache(maxsize=1)

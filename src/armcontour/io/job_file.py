@@ -402,8 +402,18 @@ def add_process(
         contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)
         program = Program(moves=tuple(contours))
     process = process or Process()
+    notes = _without_effect(process, program)
+    if notes:
+        program = dataclasses.replace(program, notes=(*program.notes, *notes))
+    return program, _on_drawing(process, drawing, {x.layer for x in program.contours})
+
+
+def _without_effect(process: Process, program: Program) -> list[str]:
+    """Notes on keys of a process that the drawing has no use for.
+
+    A cell is for many drawings, which need not have all that it asks for.
+    """
     layers = {x.layer for x in program.contours}
-    # A cell is for many drawings, which need not have all that it asks for.
     notes = [
         f"process.by_layer: no contour is on the layer {x!r}."
         for x in process.by_layer
@@ -420,9 +430,7 @@ def add_process(
         ]
     if process.tabs is not None and not any(x.closed for x in program.contours):
         notes.append("process.tabs: no contour is closed, so there are no tabs.")
-    if notes:
-        program = dataclasses.replace(program, notes=(*program.notes, *notes))
-    return program, _on_drawing(process, drawing, layers)
+    return notes
 
 
 def _switched(program: Program, process: Process) -> set[str]:

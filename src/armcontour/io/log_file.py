@@ -262,20 +262,26 @@ def _column_role(name: str, has_unit: bool) -> tuple[_Key, str | None] | None:
     if not has_unit and len(words) > 1 and words[-1].lower() in (*UNITS, *TIMES):
         unit = words.pop().lower()
     low = [x.lower() for x in words]
-    if any(x in OTHERS for x in low):
+    if not set(OTHERS).isdisjoint(low):
         return None
     if len(low) == 1 and low[0] in TIME:
         return TIMES_OF, unit
     for role, known in (("command", COMMAND), ("measured", MEASURED), ("measured", POSITION)):
-        at = next((i for i, x in enumerate(low) if x in known), None)
-        if at is not None:
-            rest = [x for i, x in enumerate(words) if i != at]
-            named = [x for x in rest if x.lower() not in PLAIN]
-            joint = named[0].lstrip("0") or "0" if len(named) == 1 and named[0].isdigit() else ""
-            return (role, joint or "_".join(rest)), unit
+        at = [i for i, x in enumerate(low) if x in known]
+        if at:
+            del words[at[0]]
+            return (role, _joint_of(words)), unit
     if len(low) == 2 and low[0] in PLAIN and low[1].isdigit():
-        return ("measured", low[1].lstrip("0") or "0"), unit
+        return ("measured", _joint_of(words)), unit
     return None
+
+
+def _joint_of(words: Sequence[str]) -> str:
+    """The number of a joint in the words of a title without its role, or else its name."""
+    named = [x for x in words if x.lower() not in PLAIN]
+    if len(named) == 1 and named[0].isdigit():
+        return named[0].lstrip("0") or "0"
+    return "_".join(words)
 
 
 def _pair(columns: Mapping[_Key, Column[_Key]], where: str) -> list[str]:

@@ -113,13 +113,7 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
         InvalidInput: There is no line of column names, or no sample, or `columns` names more or
             fewer columns than there are.
     """
-    # Not `splitlines`, which also splits at characters that are allowed in a cell.
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    kept = [
-        (number, line)
-        for number, line in enumerate(lines, start=1)
-        if line and not line.isspace() and not line.lstrip().startswith("#")
-    ]
+    kept = _numbered_lines(text)
     if not kept:
         raise InvalidInput(f"{source} is empty: it must have a line of column names and samples.")
     if columns is not None:
@@ -134,14 +128,14 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
         first, separator = kept[0][1], "\t"
     names, named = tuple(_split(first, separator)), True
     if columns is not None:
-        given = tuple(x.strip() for x in columns.split(","))
+        given = tuple(map(str.strip, columns.split(",")))
         if len(given) != len(names):
             raise InvalidInput(
                 f"{source}, line {header}: {len(names)} columns, but names of {len(given)} are "
                 "given: name all of them in their order, and - for each that is not needed."
             )
         # Given names replace those of the file.
-        named = not any(NUMBER.fullmatch(x) for x in names)
+        named = not any(map(NUMBER.fullmatch, names))
         names, header = given, 0
     return CsvTable(
         source=source,
@@ -151,6 +145,13 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
         lines=[line for _, line in kept[named:]],
         numbers=[number for number, _ in kept[named:]],
     )
+
+
+def _numbered_lines(text: str) -> list[tuple[int, str]]:
+    """The lines of a text with their numbers from 1, without comments and empty lines."""
+    # Not `splitlines`, which also splits at characters that are allowed in a cell.
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return [(k, x) for k, x in enumerate(lines, start=1) if x.lstrip()[:1] not in ("", "#")]
 
 
 def _is_sample(line: str, count: int) -> bool:

@@ -9,6 +9,7 @@ from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
+from armcontour._checks import refuse_if
 from armcontour._files import read_text
 from armcontour._version import __version__
 from armcontour._yaml import load
@@ -231,45 +232,33 @@ def _override_keys(model: CellModel, x: JobOverrides) -> dict[Keys, Any]:
         InvalidInput: There is no such key.
     """
     for name in OF_RUNS:
-        if getattr(x, name) is not None:
-            raise InvalidInput(
-                f"--{name.replace('_', '-')} is of the runs, so no job file is written: put it "
-                "into the job file, and place that."
-            )
-    path: dict[str, Any] = {
-        "units": x.units,
-        "columns": x.columns,
-        "scale": x.scale,
-        "layers": None if x.layers is None else list(x.layers),
-        "names": None if x.names is None else list(x.names),
-        "colors": None if x.colors is None else list(x.colors),
-        "flat": x.flat or None,
-        "texts": x.texts,
-        "tools": x.tools,
-        "unknown": {"skip": list(x.skip_words)}
-        if x.skip_words
-        else ("skip" if x.skip_unknown else None),
+        refuse_if(
+            getattr(x, name) is not None,
+            f"--{name.replace('_', '-')} is of the runs, so no job file is written: put it into "
+            "the job file, and place that.",
+        )
+    same = ("units", "columns", "scale", "layers", "names", "colors", "flat", "texts", "tools")
+    skipped = "skip" if x.skip_unknown else None
+    given: dict[Keys, Any] = {
+        **{("path", name): getattr(x, name) for name in same},
+        ("path", "unknown"): {"skip": list(x.skip_words)} if x.skip_words else skipped,
+        ("path", "frame", "position"): x.position,
+        ("path", "frame", "rpy"): x.turn,
+        ("limits", "speed"): x.speed,
+        ("corners", "tolerance"): x.corner_tolerance,
+        ("process", "from_s"): x.from_s,
+        ("ignore_collisions",): x.ignore_collisions,
     }
-    found: dict[Keys, Any] = {("path", k): v for k, v in path.items() if v is not None}
-    if x.position is not None:
-        found["path", "frame", "position"] = list(x.position)
-    if x.turn is not None:
-        found["path", "frame", "rpy"] = list(x.turn)
-    for name, value, of in (
-        ("speed", x.speed, "limits"),
-        ("tolerance", x.corner_tolerance, "corners"),
-    ):
-        if value is None:
-            continue
-        found[of, name] = value
-        for run, own in model.runs.items():
-            corners = asdict(own.corners) if isinstance(own.corners, Rounding) else {}
-            if (own.limits if of == "limits" else corners).get(name) is not None:
-                found["runs", run, of, name] = value
-    if x.from_s is not None:
-        found["process", "from_s"] = x.from_s
-    if x.ignore_collisions:
-        found["ignore_collisions",] = True
+    given = {key: y for key, y in given.items() if y is not None and y is not False}
+    found = {key: list(y) if isinstance(y, tuple) else y for key, y in given.items()}
+    for run, own in model.runs.items():
+        corners = asdict(own.corners) if isinstance(own.corners, Rounding) else {}
+        for part, name, there in (
+            ("limits", "speed", own.limits),
+            ("corners", "tolerance", corners),
+        ):
+            if (part, name) in found and there.get(name) is not None:
+                found["runs", run, part, name] = found[part, name]
     return found
 
 

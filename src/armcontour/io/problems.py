@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pydantic import ValidationError
 
-from armcontour._text import shorten, show
+from armcontour._text import shorten, show, suggest
 
 # Parts of an error's location that are names of types, not keys.
 TYPE_NAMES = {
@@ -153,8 +152,7 @@ def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
     if str(name)[:1].isdigit():
         # {tolerance: 0,2 mm} has the keys tolerance and 2 mm.
         return "a comma between braces ends a value, so write decimals with a point, such as 0.2 mm"
-    near = difflib.get_close_matches(str(name), known, n=1)
-    return f"did you mean {near[0]}?" if near else f"the keys there are {', '.join(known)}"
+    return suggest(str(name), known, f"the keys there are {', '.join(known)}")
 
 
 def _inside(kind: Mapping[str, Any], key: int | str) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
@@ -235,6 +235,14 @@ def _columns(
             raise InvalidInput(
                 f"{where}: the column {show(column.title)} has the joint 0: joints count from 1."
             )
+    _refuse_missing(where, columns, left_out, joint_names)
+    return columns, left_out
+
+
+def _refuse_missing(
+    where: str, columns: Collection[_Key], left_out: Sequence[str], joint_names: Sequence[str]
+) -> None:
+    """Refuse a missing column of t or q, or of a quantity that other joints have."""
     dof = max((joint for _, joint in columns), default=0)
     for kind in SI:
         joints = range(1) if kind == "t" else range(1, max(1, dof) + 1)
@@ -244,13 +252,9 @@ def _columns(
         if missing is not None and given:
             if kind == "q":
                 _refuse_other_joints(where, left_out, joint_names)
-            others = f" The columns {_some(left_out)} are not known."
-            raise InvalidInput(
-                f"{where}: the column {kind}{missing or ''} is missing"
-                f"{': the columns are t, q1 or joint 1, dq1, ddq1, ...' if left_out else ''}."
-                f"{others if left_out else ''}"
-            )
-    return columns, left_out
+            known = ": the columns are t, q1 or joint 1, dq1, ddq1, .... The columns "
+            more = f"{known}{_some(left_out)} are not known" if left_out else ""
+            raise InvalidInput(f"{where}: the column {kind}{missing or ''} is missing{more}.")
 
 
 def _refuse_other_joints(where: str, left_out: Sequence[str], joint_names: Sequence[str]) -> None:

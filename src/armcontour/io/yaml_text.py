@@ -166,12 +166,10 @@ class Part:
             return []
         if self.node is None and self.outer is not None:
             raise Shared
-        if isinstance(old, list) and isinstance(new, list) and len(old) == len(new) > 0:
-            pairs = [(part, part.key) for part in self.parts]
-            return [y for part, k in pairs for y in part.replace(old[k], new[k])]
-        if isinstance(old, dict) and isinstance(new, dict) and old.keys() == new.keys():
-            if [x.key for x in self.parts] == list(old):
-                return [y for x in self.parts for y in x.replace(old[x.key], new[x.key])]
+        keys = _keys(old)
+        alike = type(old) is type(new) and set(keys) == set(_keys(new))
+        if keys and alike and [x.key for x in self.parts] == keys:
+            return [y for x in self.parts for y in x.replace(old[x.key], new[x.key])]
         return self._write(new)
 
     def add(self, key: Any, value: Any) -> list[Splice]:
@@ -302,6 +300,13 @@ def _values(outer: Part, node: yaml.MappingNode) -> list[Part]:
         part.column = name.start_mark.column
         found.append(part)
     return found
+
+
+def _keys(value: Any) -> list[Any]:
+    """The keys of a mapping, or the positions in a list; none of another value."""
+    if isinstance(value, list):
+        return list(range(len(value)))
+    return list(value) if isinstance(value, dict) else []
 
 
 def _items(outer: Part, node: yaml.SequenceNode) -> list[Part]:

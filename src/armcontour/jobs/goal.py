@@ -77,11 +77,11 @@ class Goal:
             _checks.refuse_other("A Goal", self.box, Box)
         _checks.choice("saturation", self.saturation, SATURATION)
         _checks.choice("plant", self.plant, PLANTS)
-        if self.plant == "rigid_body" and self.saturation == "report":
-            raise InvalidInput(
-                "A certificate on rigid bodies does not allow drives to saturate: leave saturation "
-                "out, or certify with plant: servo."
-            )
+        _checks.refuse_if(
+            self.plant == "rigid_body" and self.saturation == "report",
+            "A certificate on rigid bodies does not allow drives to saturate: leave saturation "
+            "out, or certify with plant: servo.",
+        )
         if self.plant == "servo" and self.box is not None and self.box.of_bodies:
             raise InvalidInput(
                 f"The box has {', '.join(self.box.of_bodies)}, which only rigid bodies have: leave "

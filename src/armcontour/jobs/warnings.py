@@ -387,7 +387,7 @@ def smoothed_beyond(trajectory: Trajectory, arm: Arm, this: Run) -> list[str]:
         arm: The arm.
         this: The run.
     """
-    beyond: dict[str, LimitUse] = {}
+    beyond: list[LimitUse] = []
     for span in trajectory.spans or trajectory.contour_spans:
         if span.trajectory is None:
             continue
@@ -395,19 +395,18 @@ def smoothed_beyond(trajectory: Trajectory, arm: Arm, this: Run) -> list[str]:
         if span.kind != "contour":
             on, limits = None, limits.of_joints
         for x in check(_Thinned(span.trajectory), arm, limits, on, points=1).uses:
-            known = x.name in UNITS and x.certain > 1 + UNSEEN
-            if known and (x.name not in beyond or x.certain > beyond[x.name].certain):
-                beyond[x.name] = replace(x, t=x.t + span.t[0])
+            if x.name in UNITS and x.certain > 1 + UNSEEN:
+                beyond.append(replace(x, t=x.t + span.t[0]))
     if not beyond:
         return []
-    worst = max(beyond.values(), key=lambda x: x.certain)
+    worst = max(beyond, key=lambda x: x.certain)
     who = "the tool" if worst.joint is None else arm.joint_names[worst.joint - 1]
     mend = "take shorter windows"
     if worst.name in RESERVED:
         # With a reserve the motion gets slower, too: this one is enough.
         reserve = this.reserve + (1 - this.reserve) * (1 - 1 / worst.certain)
         mend += f", or a reserve, such as timing: {{reserve: {math.ceil(reserve * 100)} %}}"
-    others = [name for name, x in beyond.items() if x is not worst]
+    others = [x for x in dict.fromkeys(y.name for y in beyond) if x != worst.name]
     more = f" (and exceeds {list_some(others, MOST_NAMES)}, too)" if others else ""
     return [
         f"smoothing takes {who} to {worst.certain:.4g} times its {worst.name} of "

@@ -237,7 +237,7 @@ def _other_start(
     first = next(x.path for x in program.moves if isinstance(x, Contour))
     bounds = this.limits.for_joints(job.arm.dof)
     for starts in _starts(job.arm.with_limits(bounds), first):
-        best: tuple[float, Tracing] | None = None
+        best: tuple[float, Tracing | None] = (np.inf, None)
         clear = [x for x in starts if cell.keeps(_rest(x))]
         for k, q in enumerate(clear):
             progress(Step(("clearance",), k / len(clear)))
@@ -246,14 +246,14 @@ def _other_start(
             except ArmContourError:
                 continue
             least = sum(bound_duration(x, bounds) for x in found.joint_paths)
-            if best is not None and least >= best[0]:
+            if least >= best[0]:
                 continue
             reach = _reach(found, cell)
             if reach == np.inf:
                 best = least, found
             elif reach > reached:
                 farthest, reached = found, reach
-        if best is not None:
+        if best[1] is not None:
             return best[1]
     return farthest
 

@@ -218,14 +218,14 @@ def _next_lesson(
     seen: Lesson, lifted: Lifted, last: Lesson | None, limits: Limits | None
 ) -> Lesson:
     """The lesson after the runs that were seen and those of the last lesson."""
-    earlier = () if last is None else last.runs
+    none: tuple[tuple[LearnedRun, ...], int, bool] = ((), 0, False)
+    earlier, setbacks, done = (last.runs, last.setbacks, last.finished) if last else none
     runs = (*earlier, *seen.runs)
     known = Estimate(lifted, runs)
     best = runs[known.best]
-    setbacks = 0 if last is None else last.setbacks
     before = min((x.rms for x in earlier), default=np.inf)
     now = rms(np.array([x.rms for x in seen.runs]))
-    is_setback = now > before + SURE * known.resolution and not (last and last.finished)
+    is_setback = now > before + SURE * known.resolution and not done
     setbacks += is_setback
     step = HALF**setbacks * (known.step if earlier else 1.0)
     own = (limits or Limits()).for_joints(lifted.dof)
@@ -244,24 +244,29 @@ def _next_lesson(
     left = lifted.judge(max(known.off, UNTESTED) * response).rms
     left += (1 - float(share.min()) * step) * known.repeats
     predicted = float(np.linalg.norm([left, known.differs / np.sqrt(len(runs)), known.noise]))
-    finished, averaged = True, False
-    if known.is_noise:
-        reason, averaged = "what remains is noise", known.differs > 0
-    elif setbacks >= MOST_SETBACKS:
-        reason = f"{setbacks} changes made the error larger"
-    elif is_setback and known.off > MOST_OFF:
-        reason = (
-            f"the last change made the error larger, and its effect differs by {known.off:.0%} "
-            "from that of the servo model, so identify the servo"
-        )
-    else:
-        finished = False
+    end = _reason_to_finish(known, setbacks, is_setback)
+    finished, averaged = bool(end), known.is_noise and known.differs > 0
     return replace(
-        seen, runs=runs, method="learning", setbacks=setbacks, finished=finished, reason=reason,
+        seen, runs=runs, method="learning", setbacks=setbacks, finished=finished,
+        reason=end or reason,
         q=best.q if finished and not averaged else best.q + share * change,
         predicted=known.expected if finished else min(predicted, known.expected),
         noise=known.noise, best=known.best, repeats=known.repeats,
     )  # fmt: skip
+
+
+def _reason_to_finish(known: Estimate, setbacks: int, is_setback: bool) -> str:
+    """Why no further lesson is expected to reduce the error; empty if one may."""
+    if known.is_noise:
+        return "what remains is noise"
+    if setbacks >= MOST_SETBACKS:
+        return f"{setbacks} changes made the error larger"
+    if is_setback and known.off > MOST_OFF:
+        return (
+            f"the last change made the error larger, and its effect differs by {known.off:.0%} "
+            "from that of the servo model, so identify the servo"
+        )
+    return ""
 
 
 def _accelerations(q: FloatArray, period: float) -> FloatArray:

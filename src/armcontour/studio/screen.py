@@ -199,7 +199,7 @@ class Screen:
 
     def _live(self, shown: Shown, stale: Stale) -> Iterator[Frame]:
         """The plan and its execution, or a refusal."""
-        view, seen, planned = shown.view, shown.seen, None
+        seen, planned = shown.seen, None
         try:
             if not shown.rests and self.previewer.is_long(shown.data):
                 yield from self._outline(shown, LONG)
@@ -222,14 +222,7 @@ class Screen:
             slow = took > QUICK or planned.trajectory.duration > SHORT
             if slow and self._may_wait(shown):
                 return
-            exact = self.previewer.may_be_exact(planned)
-            if stale() and time.perf_counter() < self._executed_at + WITHOUT:
-                return
-            seen.executed = self.previewer.execute(planned, moving=moving)
-            self._executed_at = time.perf_counter()
-            yield executed_frame(seen.executed, view)
-            if (exact or moving) and not stale() and not self._may_wait(shown):
-                yield from self._live(shown, stale) if moving else self._exact(shown, stale)
+            yield from self._execution(planned, shown, stale, moving)
         except Superseded:
             pass
         except ArmContourError as error:
@@ -239,6 +232,19 @@ class Screen:
                     if seen.picture != (self.previewer.drawn(shown.data), shown.run):
                         yield from self._outline(shown)
             yield _refusal(error, shown, planned)
+
+    def _execution(
+        self, planned: Planned, shown: Shown, stale: Stale, moving: bool
+    ) -> Iterator[Frame]:
+        """The execution of a plan, and then the exact plan with its own execution."""
+        exact = self.previewer.may_be_exact(planned)
+        if stale() and time.perf_counter() < self._executed_at + WITHOUT:
+            return
+        shown.seen.executed = executed = self.previewer.execute(planned, moving=moving)
+        self._executed_at = time.perf_counter()
+        yield executed_frame(executed, shown.view)
+        if (exact or moving) and not stale() and not self._may_wait(shown):
+            yield from self._live(shown, stale) if moving else self._exact(shown, stale)
 
     def _picture(self, planned: Planned, shown: Shown) -> Iterator[Frame]:
         """The picture of a plan."""

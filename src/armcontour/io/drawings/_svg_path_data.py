@@ -25,6 +25,8 @@ from armcontour.io.drawings.splines import Spline
 
 # Number of arguments of each command.
 COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
+# Commands of further points after a move command.
+FURTHER = {"M": "L", "m": "l"}
 LETTERS = "".join(COUNTS) + "".join(COUNTS).lower()
 _LETTER = re.compile(r"([A-DF-Za-df-z])")
 _NO_COMMAND = re.compile(r"[^\WMmLlHhVvCcSsQqTtAaZzEe\d_]")
@@ -77,19 +79,16 @@ def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Comman
     for letter, chunk in zip(parts[1::2], parts[2::2], strict=True):
         count = COUNTS[letter.upper()]
         values = (_arcs if count == 7 else _numbers)(element, chunk, at + 1)
-        if (len(values) % count if count else len(values)) or (count and not values):
+        repeats, rest = divmod(len(values), count) if count else (1, len(values))
+        if rest or not repeats:
             element.refuse(
                 f"the command {letter} at character {at + 1} of the path data takes {count} "
                 f"numbers, but has {len(values)}"
             )
         at += 1 + len(chunk)
-        spend(len(values) // count - 1 if count else 0)
-        if not count:
-            yield letter, []
-        for k in range(0, len(values), count or 1):
-            # Further points after a move command are lines.
-            actual = letter if k == 0 or letter not in "Mm" else "L" if letter == "M" else "l"
-            yield actual, values[k : k + count]
+        spend(repeats - 1)
+        for k in range(repeats):
+            yield FURTHER.get(letter, letter) if k else letter, values[k * count : (k + 1) * count]
 
 
 def _numbers(element: Element, chunk: str, at: int) -> list[float]:

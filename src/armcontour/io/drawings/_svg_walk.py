@@ -197,23 +197,11 @@ class Walk:
             InvalidInput: The element or a property of it is unknown and not to be left out.
         """
         tag = element.tag
-        if tag in SILENT or (tag == "symbol" and around.used_by is None):
-            return None
-        if tag == "style":
-            sheet = "".join(element.text)
-            if self.colors is not None and _STROKE.search(sheet):
-                self._unknown(element, "style sheets are not followed, and it sets stroke")
-            for key, value in _SHEET.findall(sheet):
-                if value not in HARMLESS or (key, value) == ("display", "none"):
-                    self._unknown(element, f"style sheets are not followed, and it sets {key}")
-                    break
+        if tag == "symbol" and around.used_by is None:
             return None
         if tag not in (*SHAPES, *CONTAINERS):
-            if self.wanted is not None and self.labels(around.layer) not in self.wanted:
-                return None
             # What SVG does not know, it does not draw.
-            if tag in NO_OUTLINE and element.style("display") != "none":
-                self.leave_out(NOT_READ, element)
+            self._check_undrawn(element, around.layer)
             return None
         if element.style("display") == "none":
             self.leave_out(HIDDEN, element)
@@ -244,6 +232,25 @@ class Walk:
         if tag in ("svg", "symbol"):
             return self._viewport(element, place, around.used_by)
         return place
+
+    def _check_undrawn(self, element: Element, layer: str) -> None:
+        """Record an element without an outline, and style sheets that change what is drawn.
+
+        Raises:
+            InvalidInput: There is such a sheet, and unknown properties are refused.
+        """
+        if element.tag in NO_OUTLINE and element.style("display") != "none":
+            if self.wanted is None or self.labels(layer) in self.wanted:
+                self.leave_out(NOT_READ, element)
+        if element.tag != "style":
+            return
+        sheet = "".join(element.text)
+        if self.colors is not None and _STROKE.search(sheet):
+            self._unknown(element, "style sheets are not followed, and it sets stroke")
+        for key, value in _SHEET.findall(sheet):
+            if value not in HARMLESS or (key, value) == ("display", "none"):
+                self._unknown(element, f"style sheets are not followed, and it sets {key}")
+                break
 
     def _check_style(self, element: Element) -> None:
         """Refuse or record style properties that are not evaluated.

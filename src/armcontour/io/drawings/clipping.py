@@ -29,16 +29,24 @@ class Clip:
         return Clip(to(self.corners), self.outside)
 
 
-def clip_path(path: Path, clip: Clip) -> list[Path]:
-    """The parts of a path in the plane that a clip keeps, in their order.
+def clip_path(path: Path, *clips: Clip) -> list[Path]:
+    """The parts of a path in the plane that all clips keep, in their order.
 
     Lines and arcs are cut where they cross the edges; a closed path that begins inside goes on
     through its start.
 
     Args:
         path: A path in the plane.
-        clip: The clip in the plane [m]; what lies on its edges is kept.
+        clips: The clips in the plane [m]; what lies on their edges is kept.
     """
+    parts = [path]
+    for clip in clips:
+        parts = [x for part in parts for x in _clip_once(part, clip)]
+    return parts
+
+
+def _clip_once(path: Path, clip: Clip) -> list[Path]:
+    """The parts of a path that one clip keeps."""
     table, polygon = path.segments, clip.corners
     i, begin, end = _cut_at_edges(table, polygon)
     inside = _kept(table.at(i, (begin + end) / 2), clip)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._checks import refuse_if
 from armcontour._describing import several
 from armcontour._progress import Progress
 from armcontour._text import list_some
@@ -41,6 +42,7 @@ from armcontour.io.drawings.reading import (
     Labels,
     Reading,
     Tell,
+    after_walk,
     count_names,
     hex_of,
     tell_share,
@@ -185,11 +187,7 @@ def _pieces(
     flat = all(np.abs(x.shape.reach[:, 2]).max() <= REPEATED_POINT for x in found)
     outlines = [Outline([x.shape.place(WITHOUT_Z) if flat else x.shape]) for x in found]
     try:
-        paths = paths_of(
-            outlines,
-            reading.chord_tolerance,
-            tell=lambda share: tell(WALKED + (1 - WALKED) * share),
-        )
+        paths = paths_of(outlines, reading.chord_tolerance, tell=after_walk(tell))
     except InvalidInput as error:
         assert error.index is not None
         x, reason = found[error.index], str(error)
@@ -202,19 +200,16 @@ def _pieces(
         if path is None:
             walk.empty.append(x.name)
             continue
-        parts = [path]
         for clip in x.clips:
             if not flat or np.abs(clip.corners[:, 2]).max() > REPEATED_POINT:
                 raise InvalidInput(
                     f"{source}: {x.kind} {x.name} on layer {x.layer!r} is in a block that is "
                     "clipped in space, which is not read: clip drawings at z = 0 only."
                 )
-            parts = [y for part in parts for y in clip_path(part, clip.place(WITHOUT_Z))]
-        names = [x.name] if len(parts) == 1 else [f"{x.name}[{k + 1}]" for k in range(len(parts))]
-        pieces += [
-            Piece(path=part, name=name, layer=x.layer)
-            for part, name in zip(parts, names, strict=True)
-        ]
+        parts = clip_path(path, *(clip.place(WITHOUT_Z) for clip in x.clips))
+        for k, part in enumerate(parts):
+            name = f"{x.name}[{k + 1}]" if len(parts) > 1 else x.name
+            pieces.append(Piece(path=part, name=name, layer=x.layer))
     return pieces
 
 
@@ -342,22 +337,8 @@ class Walk:
                 elif self.wanted is not None and self.labels(layer) not in self.wanted:
                     # Nothing on other layers matters, broken or not.
                     self.elsewhere[self.labels(layer)] += kind in SHAPES
-                    continue
-                elif kind == "MLINE":
-                    for k, part in enumerate(entity.virtual_entities()):
-                        yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)
-                elif kind in SHAPES and not _is_mesh(entity):
-                    yield from self._shape(entity, kind, name, layer, block)
-                elif kind == "TEXT" and self.texts:
-                    self.drawn_texts += 1
-                    for k, part in enumerate(letters_of(entity)):
-                        yield from self._shape(
-                            part, part.dxftype(), f"{name}[{k + 1}]", layer, block
-                        )
-                elif kind in NO_CONTOUR:
-                    self.unknown["mesh" if kind == "POLYLINE" else kind] += 1
                 else:
-                    self._leave(kind, name, layer, f"is not read: {EXPLODE}", handle)
+                    yield from self._drawn(entity, kind, name, layer, block)
             except Unreadable as error:
                 self._leave(kind, name, layer, str(error), handle)
             except InvalidInput:
@@ -365,6 +346,28 @@ class Walk:
             except Exception as error:
                 # A broken entity makes ezdxf raise exceptions of any class.
                 self._leave(kind, name, layer, f"is damaged: {said(error)}", handle)
+
+    def _drawn(
+        self, entity: Any, kind: str, name: str, layer: str, block: _Block
+    ) -> Iterator[Found]:
+        """Yield the shapes of a visible entity, of which MLINE and TEXT have several.
+
+        Raises:
+            Unreadable: The entity is unknown, or does not define a shape.
+        """
+        if kind == "MLINE":
+            for k, part in enumerate(entity.virtual_entities()):
+                yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)
+        elif kind in SHAPES and not _is_mesh(entity):
+            yield from self._shape(entity, kind, name, layer, block)
+        elif kind == "TEXT" and self.texts:
+            self.drawn_texts += 1
+            for k, part in enumerate(letters_of(entity)):
+                yield from self._shape(part, part.dxftype(), f"{name}[{k + 1}]", layer, block)
+        elif kind in NO_CONTOUR:
+            self.unknown["mesh" if kind == "POLYLINE" else kind] += 1
+        else:
+            raise Unreadable(f"is not read: {EXPLODE}")
 
     def _shape(
         self, entity: Any, kind: str, name: str, layer: str, block: _Block
@@ -583,12 +586,11 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         raise InvalidInput(
             "Reading DXF files needs ezdxf: pip install 'armcontour[drawings]'."
         ) from None
-    if data.startswith(DRAWING_DATABASE):
-        raise InvalidInput(f"{source} is a DWG file, which is not read: save it as DXF.")
-    if not data.strip():
-        raise InvalidInput(f"{source} is empty.")
-    if not (data.startswith(BINARY) or b"SECTION" in data):
-        raise InvalidInput(f"{source} is no DXF file: it has no section.")
+    dwg = f"{source} is a DWG file, which is not read: save it as DXF."
+    refuse_if(data.startswith(DRAWING_DATABASE), dwg)
+    refuse_if(not data.strip(), f"{source} is empty.")
+    sections = data.startswith(BINARY) or b"SECTION" in data
+    refuse_if(not sections, f"{source} is no DXF file: it has no section.")
     # A broken file makes ezdxf raise exceptions of any class.
     notes = [] if _has_end(data) else [CUT_OFF]
     try:

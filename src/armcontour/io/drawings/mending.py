@@ -83,19 +83,17 @@ def mend(program: Program, printed: Printed | Mapping[str, Printed], reading: Re
     if reading.mend_vertices == 0:
         return program
     moves: list[Move] = list(program.moves)
-    which = [
-        i for i, x in enumerate(moves) if isinstance(x, Contour) and x.path.orientation is None
-    ]
-    contours = [x for x in program.contours if x.path.orientation is None]
-    own = [printed if isinstance(printed, Printed) else printed[x.name] for x in contours]
-    held = [_held(y, x.path.dimension, reading) for x, y in zip(contours, own, strict=True)]
-    most = [reading.layer_tolerances.get(x.layer, math.inf) for x in contours]
-    done = [mend_vertices(x.path, y, z) for x, y, z in zip(contours, held, most, strict=True)]
-    for i, x, mended in zip(which, contours, done, strict=True):
+    changed = []
+    for i, x in enumerate(moves):
+        if not isinstance(x, Contour) or x.path.orientation is not None:
+            continue
+        own = printed if isinstance(printed, Printed) else printed[x.name]
+        most = reading.layer_tolerances.get(x.layer, math.inf)
+        mended = mend_vertices(x.path, _held(own, x.path.dimension, reading), most)
         if mended is not None:
+            changed.append(mended)
             events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
             moves[i] = dataclasses.replace(x, path=mended.path, events=events)
-    changed = [x for x in done if x is not None]
     if not changed:
         return program
     notes = (*program.notes, _note(changed))

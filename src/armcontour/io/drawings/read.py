@@ -117,28 +117,24 @@ def read_path(
     # The scale is that of the file's lengths, and tools are as they are.
     reading = replace(reading, tools={n: x / factor for n, x in reading.tools.items()})
     module, name = READERS[suffix]
-    if reading.smooth_axes and module != "waypoints":
-        raise InvalidInput(
-            "smooth_axes (path.smooth_axes) is for tables of waypoints with tool axes, and "
-            f"{location.name} is none: leave it out."
-        )
-    if columns is not None and module != "waypoints":
-        raise InvalidInput(
-            "columns (path.columns, --waypoint-columns) is for waypoints in CSV, and "
-            f"{location.name} is none: leave it out."
-        )
+    axes = "smooth_axes (path.smooth_axes) is for tables of waypoints with tool axes"
+    headings = "columns (path.columns, --waypoint-columns) is for waypoints in CSV"
+    for given, purpose in ((reading.smooth_axes != 0.0, axes), (columns is not None, headings)):
+        none = f"{purpose}, and {location.name} is none: leave it out."
+        _checks.refuse_if(given and module != "waypoints", none)
     read = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), name)
     if module in WITH_PROGRESS:
         read = partial(read, progress=progress)
     fitting = replace(reading, chord_tolerance=reading.fit_tolerance)
     program: Program = read(bytes_of(location), source=location.name, reading=fitting)
     program = _select(program, layers, names)
-    if (far := _farthest(program) * factor) > LARGEST_PART and reading.unit is not None:
-        raise InvalidInput(
-            f"With the unit {units}, {program.source} reaches {far:.4g} m from its origin, more "
-            f"than {LARGEST_PART:g} m: check the unit."
-        )
-    if far > FARTHEST_ARM and reading.unit is None and module == "waypoints":
+    far = _farthest(program) * factor
+    _checks.refuse_if(
+        far > LARGEST_PART and reading.unit is not None,
+        f"With the unit {units}, {program.source} reaches {far:.4g} m from its origin, more than "
+        f"{LARGEST_PART:g} m: check the unit.",
+    )
+    if far > FARTHEST_ARM and (reading.unit, module) == (None, "waypoints"):
         note = (
             f"the coordinates of {program.source} reach {far:.4g} m from their origin, farther "
             "than arms do. Columns without a unit are in metres: if these are mm, write x [mm], or "

@@ -144,6 +144,15 @@ Tell = Callable[[float], None]
 WALKED = 0.4
 
 
+def after_walk(tell: Tell) -> Tell:
+    """A function that reports the share of curves that are done, once the drawing is walked.
+
+    Args:
+        tell: Takes the share of all work.
+    """
+    return lambda share: tell(WALKED + (1 - WALKED) * share)
+
+
 def tell_share(progress: Progress | None, source: str) -> Tell:
     """A function that passes the share of a file that is read on to `progress`, by whole percents.
 

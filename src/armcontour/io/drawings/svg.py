@@ -26,7 +26,15 @@ from armcontour.io.drawings.chain import Affine
 from armcontour.io.drawings.chaining import Piece, chain_pieces
 from armcontour.io.drawings.clipping import clip_path
 from armcontour.io.drawings.mending import half_a_place, mend
-from armcontour.io.drawings.reading import FARTHEST, WALKED, Reading, Tell, count_names, tell_share
+from armcontour.io.drawings.reading import (
+    FARTHEST,
+    WALKED,
+    Reading,
+    Tell,
+    after_walk,
+    count_names,
+    tell_share,
+)
 from armcontour.io.drawings.shapes import Outline, paths_of
 from armcontour.program import Program
 
@@ -119,8 +127,8 @@ def _pieces(
         tell(WALKED * walk.share)
         budget.element = shape.element
         shapes.append(shape)
-        outlines = [_placed(shape, x) for x in shape_of(shape.element, budget)]
-        found += [(shape, x) for x in outlines]
+        outlines = shape_of(shape.element, budget)
+        found += [(shape, _placed(shape, x)) for x in outlines]
         if not outlines:
             walk.leave_out(NO_SIZE, shape.element)
     try:
@@ -129,7 +137,7 @@ def _pieces(
                 [x for _, x in found],
                 reading.chord_tolerance,
                 reading.join_tolerance,
-                lambda share: tell(WALKED + (1 - WALKED) * share),
+                after_walk(tell),
             )
     except InvalidInput as error:
         assert error.index is not None
@@ -142,12 +150,11 @@ def _pieces(
         kept = [path for _, path in drawn if path is not None]
         if not kept:
             walk.leave_out(NO_SIZE, shape.element)
-        for clip in shape.clips:
-            kept = [part for path in kept for part in clip_path(path, clip)]
-        apart = range(len(pieces) + 1, len(pieces) + 1 + len(kept)) if len(kept) > 1 else [0]
+        kept = [part for path in kept for part in clip_path(path, *shape.clips)]
+        first = len(pieces) + 1 if len(kept) > 1 else 0
         pieces += [
             Piece(path=path, name=shape.name, layer=shape.layer, apart=number)
-            for path, number in zip(kept, apart, strict=False)
+            for number, path in enumerate(kept, first)
         ]
     return pieces
 
@@ -193,13 +200,7 @@ def _page(root: Element, reading: Reading) -> tuple[Affine, Box | None, list[str
     if root.get("transform"):
         root.refuse("a transform of the outermost svg is not read: put a group with it inside")
     box = view_box(root)
-    width, height = (
-        None if root.get(key).endswith("%") else length_of(root, key, default=None)
-        for key in ("width", "height")
-    )
-    for key, value in (("width", width), ("height", height)):
-        if value is not None and value <= 0:
-            root.refuse(f"{key} must be above zero, but is {root.get(key)}")
+    width, height = _extent(root, "width"), _extent(root, "height")
     unit = PIXEL if reading.unit is None else reading.unit
     if box is not None:
         # If only one of width and height is given, the aspect ratio of the viewBox gives the other.
@@ -217,6 +218,14 @@ def _page(root: Element, reading: Reading) -> tuple[Affine, Box | None, list[str
         return _up(0.0, unit), None, [note]
     view = Box(0.0, 0.0, width, height) if width is not None else None
     return _up(height, unit), view, []
+
+
+def _extent(root: Element, key: str) -> float | None:
+    """Width or height of the page in user units; None without it, or if it is a percentage."""
+    value = None if root.get(key).endswith("%") else length_of(root, key, default=None)
+    if value is not None and value <= 0:
+        root.refuse(f"{key} must be above zero, but is {root.get(key)}")
+    return value
 
 
 def _up(height: float, unit: float) -> Affine:

@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, refuse_if
 from armcontour._text import show
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
@@ -218,19 +218,17 @@ def chosen_format(file: FilePath, format: str | None, template: Any = None) -> s
         if not isinstance(given, str | FilePath | None):
             raise InvalidInput(f"The {name} of an export is text, not {show(given)}.")
     kind = format
-    if kind is None and template is not None:
-        kind = "template"
     if kind is None:
-        kind = next((x for x, end in FORMATS.items() if end and end == file.suffix.lower()), None)
-        if kind is None:
-            raise InvalidInput(
-                f"The ending of {file.name or file} is not that of a format: give one of the "
-                f"formats {listed}, or a template, such as kuka."
-            )
-    if kind not in FORMATS:
-        raise InvalidInput(f"There is no format {kind!r}: the formats are {listed}.")
-    if template is not None and kind != "template":
-        raise InvalidInput(f"A template is given, but the format is {kind} and not template.")
-    if template is None and kind == "template":
-        raise InvalidInput("The format template needs a template: kuka, abb, or a file.")
+        endings = {end: x for x, end in FORMATS.items() if end}
+        kind = endings.get(file.suffix.lower()) if template is None else "template"
+    if kind is None:
+        raise InvalidInput(
+            f"The ending of {file.name or file} is not that of a format: give one of the formats "
+            f"{listed}, or a template, such as kuka."
+        )
+    refuse_if(kind not in FORMATS, f"There is no format {kind!r}: the formats are {listed}.")
+    other = f"A template is given, but the format is {kind} and not template."
+    refuse_if(template is not None and kind != "template", other)
+    missing = "The format template needs a template: kuka, abb, or a file."
+    refuse_if(template is None and kind == "template", missing)
     return kind

@@ -127,17 +127,17 @@ def describe_unswitched(
         outputs: The outputs of events and analog outputs by their names.
         name_output: How users name the output of an event.
     """
-    found = []
-    unset = [x for x in table.analog if x not in (outputs or {})]
+    found, given = [], outputs or {}
+    unset = [x for x in table.analog if x not in given]
     if unset and name in ANALOG_EXAMPLES:
         example = name_output(unset[0], ANALOG_EXAMPLES[str(name)])
         found.append(
             f"the program does not set {list_some(unset, MOST_NAMES)}, as no analog output is "
             f"named. Name an output, such as {example}."
         )
-    if not isinstance(name, str) or name not in EXAMPLES:
+    if name not in EXAMPLES:
         return found
-    left = [x for x in table.events if x.name not in (outputs or {})]
+    left, name = [x for x in table.events if x.name not in given], str(name)
     valued = {x.name: None for x in left if not isinstance(x.value, bool)}
     switches = {x.name: None for x in left if x.name not in valued}
     if switches:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path as FilePath
@@ -74,12 +75,13 @@ def write_urscript(
             written.
     """
     _check(table)
-    analog = {x: n for x, n in (outputs or {}).items() if x in table.analog}
-    digital = _digital_outputs(table, {x: n for x, n in (outputs or {}).items() if x not in analog})
+    given = outputs or {}
+    analog = {x: n for x, n in given.items() if x in table.analog}
+    digital = _digital_outputs(table, {x: n for x, n in given.items() if x not in analog})
     period = f"{table.period:.12g}"
     point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {period}, lookahead, gain)\n"
     numbers = [", ".join(ANGLE % x for x in q) for q in (table.q[0], table.q[-1])]
-    program = "armcontour_" + "".join(x if x.isascii() and x.isalnum() else "_" for x in table.name)
+    program = "armcontour_" + re.sub(r"[^0-9A-Za-z]", "_", table.name)
     head = HEAD.format(
         program=program,
         title=table.name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -187,10 +188,10 @@ def _own_points(shape: Shape, size: float) -> FloatArray:
 
             return np.asarray(shape.points[ConvexHull(shape.points).vertices])
         case Box():
-            signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+            signs = np.array(list(product((-1, 1), repeat=3)))
             return np.asarray(signs * shape.size / 2)
         case HalfSpace():
-            signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-0.005, 0)])
+            signs = np.array(list(product((-1, 1), (-1, 1), (-0.005, 0))))
             return np.asarray(signs * size / 2)
         case Cylinder():
             ends = [circle * shape.radius + k * shape.length / 2 * up for k in (-1, 1)]

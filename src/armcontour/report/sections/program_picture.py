@@ -39,49 +39,44 @@ ARROW = 0.025
 SYMBOLS_ON = ("circle", "square", "diamond", "cross")
 SYMBOLS_OFF = ("circle-open", "square-open", "diamond-open", "x")
 SUFFIXES = {1: "st", 2: "nd", 3: "rd"}
+# Look of lines in the plane, and in space, where plotly restarts dashes at every point.
+LOOKS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "rapids": ({"width": 1.2, "dash": "dash"}, {"width": 2}),
+    "leads": ({"width": 1.8}, {"width": 4}),
+    "contours": ({"width": 2.2}, {"width": 5}),
+    "drawn": ({"width": 1.2, "dash": "dot"}, {"width": 2}),
+}
 ON_COLOUR, OFF_COLOUR, VALUE_COLOUR = "#009E73", "#D55E00", "#CC79A7"
 
 
 def picture(result: RunResult, job: Job) -> tuple[Any, tuple[str, ...]]:
     """Figure of the planned tool path of a program, and sentences on what is left out."""
-    program = result.path
-    figure, notes = Figure(), []
+    program, figure = result.path, Figure()
     flat = program.dimension == 2
-    draw = draw_in_plane if flat else draw_in_space
-    rapids = _rapids(result)
-    if rapids is not None:
-        # In space, plotly restarts dashes at every point.
-        look = {"width": 1.2, "dash": "dash"} if flat else {"width": 2}
-        figure.add_trace(draw(rapids, "rapids", PATH_COLOUR, **look))
-    for trace in _draw_kerf(program, job.process):
-        figure.add_trace(trace)
-    leads = _leads(program)
-    if leads is not None:
-        width = 1.8 if flat else 4
-        name = "leads" if any(x.active for x in job.process.leads) else "leads, tool off"
-        figure.add_trace(draw(leads, name, LEAD_COLOUR, width=width))
-    for name, colour, points in split_layers(program):
-        figure.add_trace(draw(points, name, colour, width=2.2 if flat else 5))
+    leads = "leads" if any(x.active for x in job.process.leads) else "leads, tool off"
     drawn = [x for x in job.program.contours if job.process.of_layer(x.layer).kerf]
-    if drawn:
-        look = {"width": 1.2, "dash": "dot"} if flat else {"width": 2}
-        figure.add_trace(draw(_outline(drawn), "as drawn", DRAWN_COLOUR, **look))
-    if figure.data:
-        everywhere = np.concatenate([coordinates_of(x, program.dimension) for x in figure.data])
-    starts, note = _starts(result, program)
-    if note:
-        notes.append(note)
-    for trace in (arrows_in_plane if flat else arrows_in_space)(starts, everywhere):
-        figure.add_trace(trace)
-    for trace in number_contours(program):
-        figure.add_trace(trace)
-    events, note = mark_events(result.trajectory.events, flat)
-    if note:
-        notes.append(note)
-    for trace in events:
+    curves = [
+        *_draw("rapids", _rapids(result), "rapids", PATH_COLOUR, flat),
+        *_draw_kerf(program, job.process),
+        *_draw("leads", _leads(program), leads, LEAD_COLOUR, flat),
+    ]
+    for name, colour, points in split_layers(program):
+        curves += _draw("contours", points, name, colour, flat)
+    curves += _draw("drawn", _outline(drawn) if drawn else None, "as drawn", DRAWN_COLOUR, flat)
+    everywhere = np.concatenate([coordinates_of(x, program.dimension) for x in curves])
+    starts, first = _starts(result, program)
+    arrows = (arrows_in_plane if flat else arrows_in_space)(starts, everywhere)
+    events, second = mark_events(result.trajectory.events, flat)
+    for trace in (*curves, *arrows, *number_contours(program), *events):
         figure.add_trace(trace)
     lay_out(figure, everywhere, flat=flat, title="The program {}, as planned")
-    return figure, tuple(notes)
+    return figure, tuple(note for note in (first, second) if note)
+
+
+def _draw(look: str, points: FloatArray | None, name: str, colour: str, flat: bool) -> list[Any]:
+    """The trace of a curve in the plane or in space; none without points [m]."""
+    draw = draw_in_plane if flat else draw_in_space
+    return [] if points is None else [draw(points, name, colour, **LOOKS[look][not flat])]
 
 
 def lay_out(figure: Any, points: FloatArray, *, flat: bool, title: str) -> None:

@@ -253,8 +253,7 @@ class Machine:
             self.references.move_in_machine(block, motion)
         elif 431 in g or 432 in g:
             # Lengths of tools, which move nothing here.
-            for letter in AXES:
-                block.words.pop(letter, None)
+            block.drop(AXES)
         elif codes.SET_DATA in g:
             self._retract(block)
         elif codes.SHIFT in g:
@@ -274,8 +273,7 @@ class Machine:
                 "system write the program without it, or, if it changes nothing, leave it out "
                 "(unknown: {skip: [G10]}, or --skip G10)"
             )
-        for letter in [x for x in words if x in "PRS"]:
-            del words[letter]
+        block.drop("PRS")
         self.unknown.count("G10", self.line)
 
     def _set_position(self, block: Block) -> None:
@@ -314,21 +312,24 @@ class Machine:
             self.cycles.run(block)
             return
         self.extruder.switch(feeds)
-        target = self.tool.target(block)
-        if modes.motion == codes.RAPID:
+        self._travel(block, feeds)
+        block.drop(AXES)
+
+    def _travel(self, block: Block, feeds: bool) -> None:
+        """Moves the tool; `feeds` is true if it feeds material."""
+        motion, target = self.modes.motion, self.tool.target(block)
+        if motion == codes.RAPID:
             self.tool.go(target)
-        elif self.tool.lost and modes.motion == codes.LINE and not feeds and self.dialect.printer:
-            self.references.pass_by(target)
-        elif modes.motion != codes.LINE:
+        elif motion != codes.LINE:
             self.tool.arc(block, target)
+        elif not feeds and self.tool.lost and self.dialect.printer:
+            self.references.pass_by(target)
         elif not feeds and not self.draft.begun and self.dialect.extrudes:
             # Nothing is printed yet: the tool only goes to where the print begins.
             self.first_approach = self.first_approach or self.line
             self.tool.go(target)
         else:
             self.tool.feed(target)
-        for letter in AXES:
-            block.words.pop(letter, None)
 
     def _stop(self, block: Block) -> bool:
         for code, value in ((0, True), (60, True), (1, "optional")):

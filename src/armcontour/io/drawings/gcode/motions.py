@@ -199,8 +199,7 @@ class Tool:
         letters = center_letters(block, modes.plane, modes.arc_absolute)
         a, b, _ = PLANES[modes.plane]
         u, v = (self._length(x, block.words.get(x, 0.0)) for x in letters)
-        for x in OFFSETS:
-            block.words.pop(x, None)
+        block.drop(OFFSETS)
         if modes.arc_absolute:
             point = self.offsets.to_drawing({a: u, b: v}, self.at)
             center = (point[a], point[b])

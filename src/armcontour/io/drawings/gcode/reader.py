@@ -171,7 +171,7 @@ class _Runner:
             if ";" in line and (found := SLICER.match(line)) is not None:
                 machine.draft.set_layer(found[1], found[2])
             block = parse(line)
-            self.seen = self.seen or bool(block.g or block.m or block.words)
+            self.seen |= bool(block.g or block.m or block.words)
             self.ended = machine.execute(block)
 
     def _is_text(self, line: str) -> bool:

@@ -25,7 +25,8 @@ class Unknown:
     """What was left out, by its kind, with count and first line.
 
     Args:
-        skip: Words and codes that a user wants left out, such as "M6" or "T".
+        skip: Words and codes that a user wants left out, such as "M6" or "T"; `read_path` refuses
+            words of coordinates.
         lenient: Whether codes that nobody knows are left out if they have no coordinates.
     """
 
@@ -47,8 +48,7 @@ class Unknown:
             and not words.isdisjoint(OTHER_AXES)
         ):
             block.g.remove(codes.SHIFT)
-            for letter in [x for x in block.words if x in OTHER_AXES]:
-                del block.words[letter]
+            block.drop(OTHER_AXES)
             self.count("G92 of other axes", line)
         if self.wanted:
             self._skip_wanted(block, line)
@@ -58,7 +58,7 @@ class Unknown:
         if codes.SHIFT in block.g and "S" in words and words.isdisjoint("XYZE"):
             # The largest spindle speed of lathes.
             block.g.remove(codes.SHIFT)
-            del block.words["S"]
+            block.drop("S")
             self.count("G92 S", line)
         for code in [x for x in block.g if x not in codes.UNDERSTOOD_G]:
             self._leave_g(block, code, line)
@@ -76,8 +76,7 @@ class Unknown:
             self.count(f"M{code:g}", line)
         alone = block.motion is None and not any(x in codes.OWN_THE_LINE for x in block.g)
         own = list(block.words)[block.before_m :]
-        for letter in own if alone else [x for x in own if x in OF_M]:
-            del block.words[letter]
+        block.drop(x for x in own if alone or x in OF_M)
 
     def _leave_g(self, block: Block, code: int, line: int) -> None:
         name, moves = codes.g_name(code), not block.words.keys().isdisjoint("XYZ")
@@ -103,9 +102,7 @@ class Unknown:
         if block.motion == code:
             block.motion = None
         self.count(name, line)
-        for letter, value in list(block.words.items()):
-            if letter in "IJKR" + OF_M or math.isnan(value):
-                del block.words[letter]
+        block.drop([x for x, y in block.words.items() if x in "IJKR" + OF_M or math.isnan(y)])
 
     def _skip_wanted(self, block: Block, line: int) -> None:
         """What a user wants left out, with the words that belong to it."""
@@ -117,12 +114,10 @@ class Unknown:
             self.count(name, line)
             strange = code not in codes.UNDERSTOOD_G and block.motion is None
             own = strange or code in codes.OWN_THE_LINE
-            gone = OTHER_AXES + "XYZIJKR" + OF_M if own else "DHL"
-            for letter in [x for x in block.words if x in gone]:
-                del block.words[letter]
+            block.drop(OTHER_AXES + "XYZIJKR" + OF_M if own else "DHL")
         for found in [x for x in block.m if f"M{x:g}" in self.wanted]:
             self._leave_m(block, [found], line)
-        for letter in [x for x in block.words if x in self.wanted and x not in "XYZIJKR"]:
+        for letter in [x for x in block.words if x in self.wanted]:
             del block.words[letter]
             self.count(f"the word {letter}", line)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 
 from armcontour.io.drawings.gcode.codes import (
     BARE_WORDS,
@@ -69,6 +70,11 @@ class Block:
         self.m: list[float] = []
         self.words: dict[str, float] = {}
         self.before_m = 0
+
+    def drop(self, letters: Iterable[str]) -> None:
+        """Remove the words with these letters, if the line has them."""
+        for letter in letters:
+            self.words.pop(letter, None)
 
 
 def parse(line: str) -> Block:
