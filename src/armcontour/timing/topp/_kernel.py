@@ -656,6 +656,16 @@ def _unlimited(limits: Limits) -> int:
 
 
 @compiled(inner=True)
+def _worst(lost: FloatArray) -> int:
+    """The interval on which margins take the largest share."""
+    worst = 0
+    for i in range(len(lost)):
+        if lost[i] > lost[worst]:
+            worst = i
+    return worst
+
+
+@compiled(inner=True)
 def _duration(width: FloatArray, x: FloatArray, k: FloatArray) -> float:
     total = 0.0
     for i in range(len(width)):
@@ -728,7 +738,8 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
         return Plan(x, bounds.k, lost, UNLIMITED, place, 0.0)
     for _ in range(rules.tries):
         _draw(width, limits, bounds, changed, kind, lines)
-        if kind == 2 and lines.lost.max() > rules.most:
+        worst = _worst(lines.lost)
+        if kind == 2 and lines.lost[worst] > rules.most:
             if _drop_slopes(bounds, lines.lost, max(rules.most, rules.steady), changed):
                 continue
             break
@@ -736,7 +747,7 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
         outcome, allowed = _judge_ends(stuck, rules, most, x)
         if outcome != FOUND:
             if kind == 2 and (n <= rules.enough or shortest < math.inf):
-                lines.lost[:] = max(lines.lost.max(), NO_WAY)
+                lines.lost[:] = max(lines.lost[worst], NO_WAY)
                 break
             return Plan(x, bounds.k, lines.lost, outcome, stuck, allowed)
         if kind < 2:
@@ -756,13 +767,14 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
             better = duration < shortest * (1 - rules.gain)
             if duration < shortest:
                 shortest = duration
-                found[:], slopes[:], lost[:] = x, bounds.k, lines.lost
+                found, slopes, lost = x.copy(), bounds.k.copy(), lines.lost.copy()
             if not better:
                 break
             _enclose(width, x, rules, rules.close, bounds)
             changed[:] = True
     if shortest < math.inf:
         return Plan(found, slopes, lost, FOUND, -1, 0.0)
-    if lines.lost.max() <= rules.most:
+    worst = _worst(lines.lost)
+    if lines.lost[worst] <= rules.most:
         lines.lost[:] = NO_WAY
-    return Plan(x, bounds.k, lines.lost, FINER, int(lines.lost.argmax()), 0.0)
+    return Plan(x, bounds.k, lines.lost, FINER, worst, 0.0)
