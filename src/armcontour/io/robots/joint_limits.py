@@ -102,30 +102,9 @@ def limits_of(table: Table, joints: Sequence[str], where: str) -> Limits:
         InvalidInput: A limit that only some joints have, or a value that is no limit.
     """
     found: dict[str, Any] = {}
-    for name, unit in JOINT_LIMITS.items():
-        values = table[name]
-        lacking = [joint for joint, value in zip(joints, values, strict=True) if value is None]
-        if len(lacking) == len(joints):
-            continue
-        if name == "joint_jerk":
-            # Unlike other limits, jerk may be limited for some joints only.
-            values = [math.inf if value is None else value for value in values]
-        elif lacking:
-            raise InvalidInput(
-                f"{where}: joint {lacking[0]} has no {name}, but other joints have: give it to "
-                "every joint or to none, in the file or with joint_limits."
-            )
-        for joint, value in zip(joints, values, strict=True):
-            endless = name == "joint_jerk" and value == math.inf
-            if isinstance(value, int | float) and not (0 < value < math.inf or endless):
-                raise InvalidInput(
-                    f"{where}: the {name} of joint {joint} must be above zero and finite, not "
-                    f"{value:g} {unit}: give its true value in the file or with joint_limits.",
-                    limit=name,
-                )
-        if any(isinstance(x, list) for x in values):
-            values = [x if isinstance(x, list) else [-x, x] for x in values]
-        found[name] = values
+    for name in JOINT_LIMITS:
+        if any(x is not None for x in table[name]):
+            found[name] = _of_all_joints(name, table[name], joints, where)
     for name, none in zip(JOINT_RANGE, (-np.inf, np.inf), strict=True):
         ends = [none if value is None else value for value in table[name]]
         if np.isfinite(ends).any():
@@ -139,6 +118,31 @@ def limits_of(table: Table, joints: Sequence[str], where: str) -> Limits:
                     "its lower end must lie below its upper end."
                 )
     return Limits(**found)
+
+
+def _of_all_joints(
+    name: str, values: Sequence[Any], joints: Sequence[str], where: str
+) -> Sequence[Any]:
+    """The values of a limit that joints have, or lower and upper bounds of all joints."""
+    # Unlike other limits, jerk may be limited for some joints only.
+    some = name == "joint_jerk"
+    for joint, value in zip(joints, values, strict=True):
+        if value is None and not some:
+            raise InvalidInput(
+                f"{where}: joint {joint} has no {name}, but other joints have: give it to every "
+                "joint or to none, in the file or with joint_limits."
+            )
+        endless = some and value == math.inf
+        if isinstance(value, int | float) and not (0 < value < math.inf or endless):
+            raise InvalidInput(
+                f"{where}: the {name} of joint {joint} must be above zero and finite, not "
+                f"{value:g} {JOINT_LIMITS[name]}: give its true value in the file or with "
+                "joint_limits.",
+                limit=name,
+            )
+    if any(isinstance(x, list) for x in values):
+        return [x if isinstance(x, list) else [-x, x] for x in values]
+    return [math.inf if x is None else x for x in values]
 
 
 def _override_joint(table: Table, k: int, where: str, entry: Any) -> None:
