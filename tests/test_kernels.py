@@ -180,4 +180,5 @@ def test_what_is_kept_of_a_function_ends_with_the_files_of_those_that_it_calls(k
         files = {Path(x.py_func.__code__.co_filename).name for x in known}
         assert files <= kept, kernel
         apart += len(files) > 1
-    assert apart > 20
+    # Not in vain: many functions call those of other files.
+    assert apart > 10

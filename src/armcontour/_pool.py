@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -18,6 +18,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from functools import lru_cache, partial
 from importlib import import_module
 from importlib.util import find_spec
+from itertools import islice
 from queue import SimpleQueue
 from threading import Lock, Thread
 from typing import Any, Generic, TypeVar, cast
@@ -367,6 +368,21 @@ class Crew(Generic[T, R]):
         found, self._done = self._done, []
         return found
 
+    def work_off(self, items: Iterable[T]) -> Iterator[tuple[T, R]]:
+        """Give items such that no worker waits; yield each with its result as it is done.
+
+        Raises:
+            ExecutionError: As `give` and `take` raise it.
+            ArmContourError: As the work raises.
+        """
+        waiting = iter(items)
+        while True:
+            for item in islice(waiting, self.ahead - len(self)):
+                self.give(item)
+            if not len(self):
+                return
+            yield from self.take()
+
     def _result(self, future: Future[Packed]) -> R:
         """What came of an item."""
         try:
@@ -448,17 +464,12 @@ def map_in_processes(
         several = partial(_several, work)
         with Crew[tuple[int, Sequence[T]], list[R]](several, opened) as crew:
             slices = split_evenly(len(items), max(PARTS, 4 * crew.workers))
-            parts = enumerate(items[x] for x in slices)
             found: dict[int, list[R]] = {}
-            number, part = 0, next(parts, None)
-            while part or len(crew):
-                while part and len(crew) < crew.ahead:
-                    crew.give(part)
-                    part = next(parts, None)
+            number = 0
+            for (k, part), results in crew.work_off(enumerate(items[x] for x in slices)):
                 tell(number)
-                for (k, _), results in crew.take():
-                    found[k] = results
-                    number += len(results)
+                found[k] = results
+                number += len(part)
     return [x for k in sorted(found) for x in found[k]]
 
 

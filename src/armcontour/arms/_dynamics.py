@@ -13,7 +13,6 @@ from armcontour._checks import FloatArray
 from armcontour._kernels import FUSED, compiled
 from armcontour.arms._kinematics import (
     B,
-    Vector,
     add,
     cross,
     get,
@@ -35,16 +34,6 @@ MOTION_ROWS = 15
 
 
 @compiled(inner=True, fastmath=FUSED)
-def moment(first: Vector, last: Vector, w: Vector) -> Vector:
-    """An inertia times a vector; its moments are xx, xy and xz, then yy, yz and zz."""
-    return (
-        first[0] * w[0] + first[1] * w[1] + first[2] * w[2],
-        first[1] * w[0] + last[0] * w[1] + last[1] * w[2],
-        first[2] * w[0] + last[1] * w[1] + last[2] * w[2],
-    )
-
-
-@compiled(inner=True, fastmath=FUSED)
 def go_outward(links: FloatArray, j: int, motion: FloatArray, own: FloatArray) -> None:
     """Take the motion of a block from one link to the next, and write the wrenches of that link.
 
@@ -56,7 +45,8 @@ def go_outward(links: FloatArray, j: int, motion: FloatArray, own: FloatArray) -
     """
     x, r, mass = links[j], rotation_of(links, j), links[j, 12]
     p, h = (x[9], x[10], x[11]), (x[13], x[14], x[15])
-    first, last = (x[16], x[17], x[18]), (x[19], x[20], x[21])
+    # Columns of the inertia.
+    i0, i1, i2 = (x[16], x[17], x[18]), (x[17], x[19], x[20]), (x[18], x[20], x[21])
     for i in range(B):
         c, s, rate, bend = own[i], own[B + i], own[2 * B + i], own[3 * B + i]
         # The origin of the joint, still in the frame of the link before.
@@ -78,11 +68,12 @@ def go_outward(links: FloatArray, j: int, motion: FloatArray, own: FloatArray) -
         own[19 * B + i], own[20 * B + i] = g[0], g[1]
         put(own, 16, i, h)
         # Wrenches: mass times acceleration, and what the inertia about the joint takes.
-        u, spin = cross(w, h), moment(first, last, w)
+        u = cross(w, h)
+        spin = add(add(add((0.0, 0.0, 0.0), w[0], i0), w[1], i1), w[2], i2)
         put(own, 4, i, add(u, mass, v))
         put(own, 7, i, add(spin, 1.0, cross(h, v)))
         put(own, 10, i, add(add(cross(e, h), 1.0, cross(w, u)), mass, a))
-        turned = add(moment(first, last, e), 1.0, cross(w, spin))
+        turned = add(add(add(cross(w, spin), e[0], i0), e[1], i1), e[2], i2)
         put(own, 13, i, add(turned, 1.0, cross(h, a)))
 
 

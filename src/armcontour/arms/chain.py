@@ -18,6 +18,13 @@ from armcontour.frames import Frame, rotations
 # What is changed in a chain again and again, and checks itself.
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
 GRAVITY = _checks.lock_floats([0.0, 0.0, -9.81])
+# Shapes of the arrays of a chain, of one joint each, and which of them may be missing.
+SHAPES: dict[str, tuple[int, ...]] = {
+    **{"rotations": (3, 3), "positions": (3,), "axes": (3,)},
+    **{"masses": (), "centers": (3,), "inertias": (3, 3)},
+    **{"armature": (), "viscous": (), "coulomb": ()},
+}
+BODIES = ("masses", "centers", "inertias")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,23 +113,12 @@ class Chain(Value):
             raise InvalidInput("A chain needs at least one revolute joint.")
         if self.masses is not None and (self.centers is None or self.inertias is None):
             raise InvalidInput("A chain with masses needs centres of mass and inertias too.")
-        for name, shape in (
-            ("rotations", (n, 3, 3)),
-            ("positions", (n, 3)),
-            ("axes", (n, 3)),
-            ("masses", (n,)),
-            ("centers", (n, 3)),
-            ("inertias", (n, 3, 3)),
-            ("armature", (n,)),
-            ("viscous", (n,)),
-            ("coulomb", (n,)),
-            ("gravity", (3,)),
-        ):
+        shapes = {name: (n, *own) for name, own in SHAPES.items()} | {"gravity": (3,)}
+        for name, shape in shapes.items():
             values = getattr(self, name)
-            if values is None:
-                if name in ("masses", "centers", "inertias"):
-                    continue
-                values = np.zeros(shape)
+            if values is None and name in BODIES:
+                continue
+            values = np.zeros(shape) if values is None else values
             array = _checks.lock_floats(_checks.numbers(f"{name} of a chain", values))
             if array.shape != shape:
                 raise InvalidInput(f"{name} of a chain must be of shape {shape}.")
@@ -134,13 +130,18 @@ class Chain(Value):
         for name in ("armature", "viscous", "coulomb"):
             if (getattr(self, name) < 0).any():
                 raise InvalidInput(f"{name} of a chain must not be negative.")
-        if self.masses is not None and self.inertias is not None:
-            for name, mass, inertia in zip(self.joints, self.masses, self.inertias, strict=True):
-                if mass < 0:
-                    raise InvalidInput(
-                        f"The link after {name} has the mass {mass:g} kg: it must not be negative."
-                    )
-                refuse_inertia(f"the link after {name}", inertia)
+        self._refuse_bodies()
+
+    def _refuse_bodies(self) -> None:
+        """Refuse links with a negative mass, or with an inertia that no body can have."""
+        if self.masses is None or self.inertias is None:
+            return
+        for name, mass, inertia in zip(self.joints, self.masses, self.inertias, strict=True):
+            if mass < 0:
+                raise InvalidInput(
+                    f"The link after {name} has the mass {mass:g} kg: it must not be negative."
+                )
+            refuse_inertia(f"the link after {name}", inertia)
 
     def __len__(self) -> int:
         """Number of joints."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NoReturn
+from collections.abc import Callable
+from typing import NamedTuple, NoReturn
 
 from armcontour.certification._search import Search
 from armcontour.certification._uses import SPEED_SLACK
@@ -10,6 +11,16 @@ from armcontour.errors import NotRealizable
 
 # Smaller shares of an error are not said.
 SAID = 0.01
+LONGER = "a larger slowest"
+
+
+class Reason(NamedTuple):
+    """Why no plan is certified: a sentence, and a limit with its needed and its allowed value."""
+
+    text: str
+    limit: str
+    allowed: float
+    needed: float | None = None
 
 
 def refuse(search: Search) -> NoReturn:
@@ -18,60 +29,101 @@ def refuse(search: Search) -> NoReturn:
     Raises:
         NotRealizable: Always.
     """
-    setting, goal = search.setting, search.goal
-    kind, ratio = search.binds
-    slow = f"within {goal.slowest:g} times the {search.optimum:.4g} s of the uncertified optimum"
-    longer = "a larger slowest"
-    hold = setting.servo.interpolation == "step"
-    shorter = "linear interpolation" if hold else "a shorter command interval"
-    # Where nothing makes up for the lag of the servo, errors are those of the lag.
-    lags = setting.run.compensation == "none"
-    follow = "compensate the lag of the servo" if lags else f"take {shorter}"
-    if not kind:
-        raise NotRealizable(
-            f"No plan {slow} is certified: smoothing over the command interval alone takes longer; "
-            f"take {longer}.",
-            limit="slowest",
-            allowed=goal.slowest,
-        )
-    if kind == "acceleration":
-        if setting.run.compensation == "inverse_dynamics" and not setting.bodies:
-            shorter = "compensation inverse, as inverse_dynamics is for rigid bodies"
-        raise NotRealizable(
-            f"No plan {slow} is certified: its set-points would need {ratio:.4g} times a joint's "
-            f"acceleration limit, as they come every {search.setting.run.period * 1e3:g} ms"
-            f"{' and are held' if hold else ''}: take {shorter}, saturation: report, or {longer}.",
-            limit="joint_acceleration",
-            needed=ratio,
-            allowed=1.0,
-        )
-    if kind == "speed":
-        raise NotRealizable(
-            f"No plan {slow} is certified: a bound of its speed, or a command outside a joint's "
-            f"range, is exceeded by {ratio - 1:.2g} of it: raise the limit, keep the path further "
-            f"from the ends of the joints' ranges, or take {longer}.",
-            limit="speed",
-            needed=ratio,
-            allowed=1.0,
-        )
-    if kind == "torque":
-        _refuse_torque(search, ratio, slow)
-    if kind == "tool":
-        _refuse_tool_speed(ratio, slow, follow)
-    # Trials with a smaller error exceeded another limit, or only an estimate of them was inside.
-    reached = search.reached if search.reached > setting.budget else ratio * setting.budget
-    if kind == "box" and reached <= setting.budget:
-        reached = search.outside
-    over = " of the worst robot of the box" if kind == "box" else ""
-    mend = _mend_box(search) if kind == "box" else follow
+    text, limit, allowed, needed = REASONS[search.binds[0]](search)
+    slow = f"within {search.goal.slowest:g} times the {search.optimum:.4g} s of the"
     raise NotRealizable(
-        f"No plan {slow} is certified: the largest contour error{over} comes down to "
-        f"{reached * 1e3:.4g} mm, and {setting.budget * 1e3:.4g} mm is allowed: {mend}, "
-        f"take {longer}, or allow more.",
-        limit="contour error",
-        needed=reached,
-        allowed=setting.budget,
+        f"No plan {slow} uncertified optimum is certified: {text}.",
+        limit=limit,
+        needed=needed,
+        allowed=allowed,
     )
+
+
+def _smoothing(search: Search) -> Reason:
+    text = f"smoothing over the command interval alone takes longer; take {LONGER}"
+    return Reason(text, "slowest", search.goal.slowest)
+
+
+def _acceleration(search: Search) -> Reason:
+    setting, ratio, shorter = search.setting, search.binds[1], _shorter(search)
+    held = " and are held" if setting.servo.interpolation == "step" else ""
+    if setting.run.compensation == "inverse_dynamics" and not setting.bodies:
+        shorter = "compensation inverse, as inverse_dynamics is for rigid bodies"
+    text = (
+        f"its set-points would need {ratio:.4g} times a joint's acceleration limit, as they come "
+        f"every {setting.run.period * 1e3:g} ms{held}: take {shorter}, saturation: report, or "
+        f"{LONGER}"
+    )
+    return Reason(text, "joint_acceleration", 1.0, ratio)
+
+
+def _speed(search: Search) -> Reason:
+    ratio = search.binds[1]
+    text = (
+        "a bound of its speed, or a command outside a joint's range, is exceeded by "
+        f"{ratio - 1:.2g} of it: raise the limit, keep the path further from the ends of the "
+        f"joints' ranges, or take {LONGER}"
+    )
+    return Reason(text, "speed", 1.0, ratio)
+
+
+def _torque(search: Search) -> Reason:
+    ratio, mend = search.binds[1], "raise joint_torque"
+    if search.setting.limits.joint_torque is None:
+        mend = (
+            "give the limits joint_torque (without it drives are as strong as the acceleration "
+            "limits need them, with no friction and no payload)"
+        )
+    text = (
+        f"a robot's drive would need {ratio:.4g} times its torque limit: {mend}, lower the "
+        "acceleration limits, or take a smaller box"
+    )
+    return Reason(text, "joint_torque", 1.0, ratio)
+
+
+def _tool_speed(search: Search) -> Reason:
+    # The ratio is one of squares.
+    faster, allowed = (1 + SPEED_SLACK) * search.binds[1] ** 0.5, 1 + SPEED_SLACK
+    text = (
+        f"the executed tool runs at {faster:.5g} times the velocity that is assigned where it is, "
+        f"and {allowed:g} times are allowed: {_follow(search)}, let the assigned velocity fall in "
+        f"smaller steps, or take {LONGER}"
+    )
+    return Reason(text, "speed", allowed, faster)
+
+
+def _error(search: Search) -> Reason:
+    budget, box = search.setting.budget, search.binds[0] == "box"
+    # Trials with a smaller error exceeded another limit, or only an estimate of them was inside.
+    reached = search.reached if search.reached > budget else search.binds[1] * budget
+    if box and reached <= budget:
+        reached = search.outside
+    over = " of the worst robot of the box" if box else ""
+    text = (
+        f"the largest contour error{over} comes down to {reached * 1e3:.4g} mm, and "
+        f"{budget * 1e3:.4g} mm is allowed: {_mend_box(search) if box else _follow(search)}, take "
+        f"{LONGER}, or allow more"
+    )
+    return Reason(text, "contour error", budget, reached)
+
+
+# By the kind of use that the last trials exceeded.
+REASONS: dict[str, Callable[[Search], Reason]] = {
+    **{"": _smoothing, "acceleration": _acceleration, "speed": _speed, "torque": _torque},
+    **{"tool": _tool_speed, "error": _error, "box": _error},
+}
+
+
+def _shorter(search: Search) -> str:
+    """What brings set-points closer together."""
+    held = search.setting.servo.interpolation == "step"
+    return "linear interpolation" if held else "a shorter command interval"
+
+
+def _follow(search: Search) -> str:
+    """What helps the tool to follow the plan: without compensation, errors are those of the lag."""
+    lags = search.setting.run.compensation == "none"
+    return "compensate the lag of the servo" if lags else f"take {_shorter(search)}"
 
 
 def _mend_box(search: Search) -> str:
@@ -86,47 +138,3 @@ def _mend_box(search: Search) -> str:
     if first == "payload" and box is not None and not box.payload_known:
         closer = f"let the controller weigh its payload (payload_known: true), or {closer}"
     return f"the linear model of the last plan has {parts}; {closer}"
-
-
-def _refuse_torque(search: Search, ratio: float, slow: str) -> NoReturn:
-    """Refuse a certificate because drives of rigid bodies saturate.
-
-    Raises:
-        NotRealizable: Always.
-    """
-    limits = search.setting.limits
-    mend = (
-        "raise joint_torque"
-        if limits.joint_torque is not None
-        else "give the limits joint_torque (without it drives are as strong as the acceleration "
-        "limits need them, with no friction and no payload)"
-    )
-    raise NotRealizable(
-        f"No plan {slow} is certified: a robot's drive would need {ratio:.4g} times its torque "
-        f"limit: {mend}, lower the acceleration limits, or take a smaller box.",
-        limit="joint_torque",
-        needed=ratio,
-        allowed=1.0,
-    )
-
-
-def _refuse_tool_speed(ratio: float, slow: str, follow: str) -> NoReturn:
-    """Refuse a certificate because the executed tool is too fast for its place.
-
-    Args:
-        ratio: What it took of the assigned velocity, as a ratio of squares.
-        slow: How slow a plan may be, in words.
-        follow: What helps the tool to follow the plan more closely, in words.
-
-    Raises:
-        NotRealizable: Always.
-    """
-    faster, allowed = (1 + SPEED_SLACK) * ratio**0.5, 1 + SPEED_SLACK
-    raise NotRealizable(
-        f"No plan {slow} is certified: the executed tool runs at {faster:.5g} times the velocity "
-        f"that is assigned where it is, and {allowed:g} times are allowed: "
-        f"{follow}, let the assigned velocity fall in smaller steps, or take a larger slowest.",
-        limit="speed",
-        needed=faster,
-        allowed=allowed,
-    )

@@ -133,8 +133,8 @@ class Kept:
     execution: Execution | None
     judged: Judged
     check: Check
-    spread: Spread | None
-    corners: Spread | None
+    spread: Spread | None = None
+    corners: Spread | None = None
     linear: LinearFigures | None = None
 
     @property
@@ -331,9 +331,9 @@ class Search:
         factors: Mapping[str, float] = (
             {} if self.torque_goal == 1.0 else {"joint_torque": self.torque_goal}
         )
-        self.tightness = {"acceleration": ACCELERATION_GOAL, "speed": SPEED_GOAL}
-        self.tightness |= {"error": ERROR_GOAL, "box": self.box_goal}
-        self.tightness = {name: x * self.margin for name, x in self.tightness.items()}
+        goals = {"acceleration": ACCELERATION_GOAL, "speed": SPEED_GOAL, "error": ERROR_GOAL}
+        goals["box"] = self.box_goal
+        self.tightness = {name: x * self.margin for name, x in goals.items()}
         for number in range(MOST_TRIALS):
             try:
                 trial = self._trial(windows, derating, factors)
@@ -355,7 +355,7 @@ class Search:
                 return None
             if max(worst.values()) <= 1.0:
                 found = self._judge(trial)
-                if found is None or isinstance(found, Kept):
+                if not isinstance(found, Trial):
                     return found
                 trial, factors = found, found.factors
             first = number == 0 and not self.setting.saturated
@@ -406,26 +406,24 @@ class Search:
             return self._with_spare_torque(trial, torque_ratio(setting, executed))
         judged = setting.judge(executed)
         rms = judged.error.rms / (setting.rms or np.inf)
-        error, speed = judged.largest / setting.budget, judged.speed / (1 + SPEED_SLACK)
-        if max(error, rms) > 1.0 or speed.max() > 1.0:
-            tool = float(speed.max()) ** 2
-            self.binds = ("tool", tool) if tool > max(error, rms) else ("error", max(error, rms))
-            if setting.saturated and max(error, rms) > 1.0:
-                return None
-            if rms > 1.0:
-                self.tightness["error"] *= ERROR_GOAL / rms
-            which, *_ = setting.judged(executed)
-            uses = trial.uses.raised(
-                executed.t[which],
-                tool=speed**2 * (1 + KEPT),
-                error=judged.over_time / setting.budget,
-            )
-            return replace(trial, uses=uses)
-        kept = Kept(
-            trial=trial, execution=executed, judged=judged, check=found, spread=None, corners=None
-        )
-        if setting.box is None:
-            return kept
+        error = max(judged.largest / setting.budget, rms)
+        tool = (judged.speed / (1 + SPEED_SLACK)) ** 2
+        if error <= 1.0 and tool.max() <= 1.0:
+            kept = Kept(trial=trial, execution=executed, judged=judged, check=found)
+            return kept if setting.box is None else self._judge_corners(kept)
+        self.binds = max(("error", error), ("tool", float(tool.max())), key=lambda x: x[1])
+        if setting.saturated and error > 1.0:
+            return None
+        if rms > 1.0:
+            self.tightness["error"] *= ERROR_GOAL / rms
+        which, *_ = setting.judged(executed)
+        over_time = judged.over_time / setting.budget
+        uses = trial.uses.raised(executed.t[which], tool=tool * (1 + KEPT), error=over_time)
+        return replace(trial, uses=uses)
+
+    def _judge_corners(self, kept: Kept) -> Kept | Trial | None:
+        """A trial that keeps its goals, executed on corners of the box; returns as `_judge`."""
+        setting, trial = self.setting, kept.trial
         if trial.uses.linear is None:
             corners = setting.execute_corners(trial.taught)
         else:

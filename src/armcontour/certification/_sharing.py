@@ -142,10 +142,17 @@ class Sharing:
             assert budget is not None
             self._refuse_slower(())
             return self._search(budget, self.this)
-        budgets = [x * self._tightest for x in SERVO_SHARES]
-        if goal.servo is not None:
-            budgets = [goal.servo]
+        shares = [x * self._tightest for x in SERVO_SHARES]
+        budgets = shares if goal.servo is None else [goal.servo]
         self._refuse_slower(budgets)
+        return self._give_rest_to_shape(self._best_of(budgets))
+
+    def _best_of(self, budgets: Sequence[float]) -> Found:
+        """The fastest plan over budgets of the servo [m], from the first until plans get slower.
+
+        Raises:
+            NotRealizable: There is no plan for any of them.
+        """
         best: Found | None = None
         for budget in budgets:
             last = budget == budgets[-1] and best is None
@@ -156,7 +163,7 @@ class Sharing:
             if best is not None and best.whole.worst + best.unexplained < NEAR * budget:
                 break
         assert best is not None  # the search with the last share raises if it fails
-        return self._give_rest_to_shape(best)
+        return best
 
     def _refuse_other_jobs(self) -> None:
         """Refuse a job that certificates on rigid bodies are not made for.

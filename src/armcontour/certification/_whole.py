@@ -7,7 +7,7 @@ the command interval in the program. The whole program is then executed and judg
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
 
@@ -333,17 +333,7 @@ def _find_outside(whole: Whole, goal: Goal, budget: float) -> list[Outside]:
     contours = [k for k, x in enumerate(moves) if x.kind == "contour"]
     found: list[Outside] = []
     for k, judged in zip(contours, whole.judged, strict=True):
-        for words, value, allowed in (
-            ("largest contour error", judged.largest, budget),
-            ("RMS contour error", judged.error.rms, goal.rms or np.inf),
-        ):
-            if value > allowed:
-                said = f"its {words} is {value * 1e3:.5g} mm, and {allowed * 1e3:.5g} mm is allowed"
-                found.append(Outside(k, said, "contour error", value, allowed))
-        ratio = float(judged.speed.max())
-        if ratio > 1 + SPEED_SLACK:
-            said = f"its tool takes {ratio:.6g} times the velocity assigned where it is"
-            found.append(Outside(k, said, "speed", ratio, 1 + SPEED_SLACK))
+        found += _excesses(k, judged, goal, budget)
     over = [(x.t, x.name, x.ratio) for x in whole.check.uses if x.ratio > 1 + KEPT]
     for t, name, ratio in over + _demands(whole, moves):
         k = max(0, sum(1 for x in moves if x.t[0] <= t) - 1)
@@ -351,6 +341,21 @@ def _find_outside(whole: Whole, goal: Goal, budget: float) -> list[Outside]:
         said = f"{where} takes {ratio:.9g} times its {name.replace('_', ' ')}"
         found.append(Outside(k, said, name, ratio, 1.0))
     return sorted(found, key=lambda x: x.move)
+
+
+def _excesses(move: int, judged: Judged, goal: Goal, budget: float) -> Iterator[Outside]:
+    """What an executed contour exceeds of its goal: errors and the assigned velocity."""
+    for words, value, allowed in (
+        ("largest contour error", judged.largest, budget),
+        ("RMS contour error", judged.error.rms, goal.rms or np.inf),
+    ):
+        if value > allowed:
+            said = f"its {words} is {value * 1e3:.5g} mm, and {allowed * 1e3:.5g} mm is allowed"
+            yield Outside(move, said, "contour error", value, allowed)
+    ratio = float(judged.speed.max())
+    if ratio > 1 + SPEED_SLACK:
+        said = f"its tool takes {ratio:.6g} times the velocity assigned where it is"
+        yield Outside(move, said, "speed", ratio, 1 + SPEED_SLACK)
 
 
 def _demands(whole: Whole, moves: Sequence[Span]) -> list[tuple[float, str, float]]:

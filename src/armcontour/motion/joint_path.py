@@ -15,6 +15,7 @@ from armcontour._describing import brief, digits, joint_rows, line_up, several
 from armcontour._quintics import evaluate, quintic
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
+from armcontour.motion._joint_path import examine
 from armcontour.motion._motion import motion
 
 # Rounding error of differences of arc lengths, over the largest arc length.
@@ -60,14 +61,12 @@ class JointPath(Value):
         n = len(self.breaks) - 1
         if n < 1 or self.coefficients.ndim != 3 or self.coefficients.shape[:2] != (n, 6):
             raise InvalidInput("coefficients of a joint path must be of shape (intervals, 6, dof).")
-        finite = np.isfinite(self.coefficients.sum()) and np.isfinite(self.breaks[[0, -1]]).all()
-        if not (finite and (self.breaks[1:] > self.breaks[:-1]).all()):
+        kinks = np.empty(n - 1, dtype=np.bool_)
+        sound, jump = examine(self.breaks, self.coefficients, LARGEST_KINK, NO_DIRECTION, kinks)
+        if not sound:
             raise InvalidInput("A joint path must be finite and its breaks must increase.")
-        c = np.swapaxes(self.coefficients, 0, 1)
-        jumps = np.abs((c[0] + c[1] + c[2] + c[3] + c[4] + c[5])[:-1] - c[0, 1:])
-        if (jumps > LARGEST_JUMP).any():
-            self._refuse_jump(jumps)
-        kinks = self._kinks()
+        if jump > LARGEST_JUMP:
+            self._refuse_jump()
         if len(self.stops) or kinks.any():
             object.__setattr__(self, "stops", _checks.lock_floats(self._all_stops(kinks)))
 
@@ -85,21 +84,9 @@ class JointPath(Value):
 
     __repr__ = brief
 
-    def _kinks(self) -> BoolArray:
-        """Whether dq_ds jumps at each inner break, (n - 1,)."""
-        c, width = np.swapaxes(self.coefficients, 0, 1), np.diff(self.breaks)[:, None]
-        before = (c[1] + 2 * c[2] + 3 * c[3] + 4 * c[4] + 5 * c[5])[:-1] / width[:-1]
-        after = c[1, 1:] / width[1:]
-        jump = np.abs(after - before).sum(axis=1)
-        found = jump > LARGEST_KINK * (np.abs(before) + np.abs(after)).sum(axis=1)
-        at = np.flatnonzero(found)
-        if len(at):
-            terms = (np.arange(6.0) @ np.abs(self.coefficients) / width).sum(axis=1)
-            found[at] = jump[at] > NO_DIRECTION * (terms[at] + terms[at + 1])
-        return np.asarray(found)
-
-    def _refuse_jump(self, jumps: FloatArray) -> NoReturn:
+    def _refuse_jump(self) -> NoReturn:
         """Raise InvalidInput for the largest jump of a joint position at a break."""
+        jumps = np.abs(self.coefficients[:-1].sum(axis=1) - self.coefficients[1:, 0])
         i, j = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
         s = float(self.breaks[i + 1])
         raise InvalidInput(
@@ -284,16 +271,14 @@ def _spline(at: FloatArray, points: FloatArray, clamped: bool) -> FloatArray:
     width[1:-1, 0] = at[1:] - at[:-1]
     slopes[1:-1] = (points[1:] - points[:-1]) / width[1:-1]
     bend = 6 * (slopes[1:] - slopes[:-1])
+    inner = slice(None) if clamped else slice(1, -1)
     bands = np.concatenate([2 * (width[:-1] + width[1:]), width[1:]], axis=1)
-    if clamped:
-        solve_banded(bands, bend)
-    else:
-        bend[[0, -1]] = 0.0
-        solve_banded(bands[1:-1], bend[1:-1])
+    bend[[0, -1]] *= clamped
+    solve_banded(bands[inner], bend[inner])
     width, slopes = width[1:-1], slopes[1:-1]
     found = np.zeros((n, 6, dof))
     found[:, 0] = points[:-1]
-    found[:, 1] = (slopes - width * (2 * bend[:-1] + bend[1:]) / 6) * width
     found[:, 2] = bend[:-1] / 2 * width**2
     found[:, 3] = (bend[1:] - bend[:-1]) / 6 * width**2
+    found[:, 1] = slopes * width - found[:, 2] - found[:, 3]
     return found

@@ -259,17 +259,17 @@ class PathLaw(LawAlongPath):
             InvalidInput: Two neighbouring breaks are at rest; with the index of the interval.
         """
         speeds, width = np.sqrt(x), s[1:] - s[:-1]
-        rest = speeds[:-1] + speeds[1:] == 0.0
-        if rest.any():
-            stuck = int(np.argmax(rest))
+        ds, end = speeds[:-1].copy(), speeds[1:]
+        if (ds + end).min() == 0.0:
+            stuck = int(np.argmin(ds + end))
             raise InvalidInput(
                 f"From s = {s[stuck]:g} to {s[stuck + 1]:g} m a law would be at rest.", index=stuck
             )
         dds = (x[1:] - x[:-1]) / (2 * width) - slope * width / 2
-        times = interval_times(width, speeds[:-1], speeds[1:], _checks.for_kernel(slope))
-        breaks = np.concatenate([[0.0], np.cumsum(times)])
+        breaks = np.zeros(len(x))
+        np.cumsum(interval_times(width, ds, end, _checks.for_kernel(slope)), out=breaks[1:])
         # Zeros of a new array take no memory until they are written.
-        rates = Rates(ds=speeds[:-1].copy(), dds=dds, slope=slope, jerk=np.zeros(len(slope)))
+        rates = Rates(ds=ds, dds=dds, slope=slope, jerk=np.zeros(len(slope)))
         # Nobody else has these arrays, so locking needs no copies.
         for values in (breaks, *rates):
             values.setflags(write=False)

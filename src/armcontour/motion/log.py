@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from armcontour.errors import InvalidInput
 
 # What is known of a command between two samples of a log: not more.
 INTERPOLATIONS = ("linear", "step")
+POSITIONS = ("command", "measured")
 # Fewer samples cannot tell four parameters and a noise from each other.
 FEWEST = 50
 # An interval this many times the usual one is a gap: nobody knows what was commanded in it.
@@ -65,21 +67,14 @@ class Log(Value):
                 f"{self.source} has {t.size} samples, but at least {FEWEST} are needed: record "
                 "more."
             )
-        arrays = {}
-        for name in ("command", "measured"):
-            values = _checks.numbers(f"{self.source}: {name}", getattr(self, name), "rad")
-            values = values[:, None] if values.ndim == 1 else values
-            if values.ndim != 2 or len(values) != len(t) or values.shape[1] == 0:
-                raise InvalidInput(
-                    f"{self.source}: {name} has shape {values.shape}, but must have one row for "
-                    f"each of the {len(t)} times and one column per joint."
-                )
-            arrays[name] = np.ascontiguousarray(values)
-        dof = arrays["command"].shape[1]
-        if arrays["measured"].shape[1] != dof:
+        object.__setattr__(self, "t", _checks.lock_floats(t))
+        for name in POSITIONS:
+            object.__setattr__(self, name, self._check_rows(name))
+        dof = self.dof
+        if self.measured.shape[1] != dof:
             raise InvalidInput(
                 f"{self.source} has commands for {dof} joints, but measured positions of "
-                f"{arrays['measured'].shape[1]}."
+                f"{self.measured.shape[1]}."
             )
         given = _checks.check_names(f"{self.source}: joint_names", self.joint_names)
         names = given or tuple(f"joint {j + 1}" for j in range(dof))
@@ -89,16 +84,12 @@ class Log(Value):
             )
         if self.interpolation is not None:
             _checks.choice("interpolation", self.interpolation, INTERPOLATIONS)
-        object.__setattr__(self, "t", _checks.lock_floats(t))
-        for name, values in arrays.items():
-            object.__setattr__(self, name, _checks.lock_floats(values))
         object.__setattr__(self, "joint_names", names)
         self._clip_times()
-        for name in arrays:
+        for name in POSITIONS:
             self._check_size(name)
-        for j in range(dof):
-            for name in arrays:
-                self._check_turns(name, j)
+        for j, name in product(range(dof), POSITIONS):
+            self._check_turns(name, j)
 
     def __str__(self) -> str:
         """Where it comes from, its times, and where the joints were."""
@@ -160,6 +151,17 @@ class Log(Value):
             self.t, self.command, self.measured, start, end, self.joint_names,
             interpolation=self.interpolation, source=self.source,
         )  # fmt: skip
+
+    def _check_rows(self, name: str) -> FloatArray:
+        """Positions as a locked array with one row for each time."""
+        values = _checks.numbers(f"{self.source}: {name}", getattr(self, name), "rad")
+        values = values[:, None] if values.ndim == 1 else values
+        if values.ndim != 2 or len(values) != len(self.t) or values.shape[1] == 0:
+            raise InvalidInput(
+                f"{self.source}: {name} has shape {values.shape}, but must have one row for "
+                f"each of the {len(self.t)} times and one column per joint."
+            )
+        return _checks.lock_floats(np.ascontiguousarray(values))
 
     def _clip_times(self) -> None:
         i = find_far_time(self.t)

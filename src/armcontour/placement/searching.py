@@ -110,17 +110,13 @@ class _Search:
 
     def _look(self, crew: Crew[Task, Answer]) -> None:
         """Find bounds of all places, some of them at a time."""
-        count, given, done = len(self.verdicts), 0, 0
-        while given < count or len(crew):
-            while given < count and len(crew) < crew.ahead:
-                which = tuple(range(given, min(given + CHUNK, count)))
-                crew.give((which, None))
-                given += len(which)
-            for (which, _), answer in crew.take():
-                for k, seen in zip(which, cast(list[Screened], answer), strict=True):
-                    self._looked(k, seen)
-                done += len(which)
-                self._tell("bounds", done / count)
+        count, done = len(self.verdicts), 0
+        parts = (tuple(range(k, min(k + CHUNK, count))) for k in range(0, count, CHUNK))
+        for (which, _), answer in crew.work_off((x, None) for x in parts):
+            for k, seen in zip(which, cast(list[Screened], answer), strict=True):
+                self._looked(k, seen)
+            done += len(which)
+            self._tell("bounds", done / count)
 
     def _looked(self, k: int, seen: Screened) -> None:
         """Keep the bounds of a place."""

@@ -170,8 +170,7 @@ class ServoModel(Value):
                 else f"A servo of order {orders[0]} has no velocity loop: leave its gain kv out."
             )
         given["kv"] = None if kv is None else _check_gain("kv", kv, second, same)
-        delay = _check_range("dead_time", dead_time, "s", 0.0, LONGEST_DEAD_TIME)
-        given["dead_time"] = delay
+        given["dead_time"] = _check_range("dead_time", dead_time, "s", 0.0, LONGEST_DEAD_TIME)
         given["inertia"] = _check_inertia(inertia, orders)
         velocity = _check_range("velocity_feedforward", velocity_feedforward, "", *FEEDS)
         feed = _check_range("acceleration_feedforward", acceleration_feedforward, "", *FEEDS)
@@ -187,18 +186,11 @@ class ServoModel(Value):
             )
         given["velocity_feedforward"], given["acceleration_feedforward"] = velocity, feed
         given["friction"] = _check_range("friction", friction, "rad", 0.0, MOST_FRICTION)
-        given["acceleration_limit"] = None
-        if acceleration_limit is not None:
-            limit = _finite_ones("acceleration_limit", acceleration_limit, "rad/s²")
-            if (limit <= 0).any():
-                raise InvalidInput(
-                    f"acceleration_limit must be above zero, but is {limit.tolist()} rad/s²."
-                )
-            given["acceleration_limit"] = _checks.lock_floats(limit)
+        given["acceleration_limit"] = _check_acceleration(acceleration_limit)
         given["cycle"] = _checks.between("cycle of the drives", cycle, 0.0, LONGEST_CYCLE, "s")
-        given["unexplained"] = None
         if unexplained is not None:
-            given["unexplained"] = _check_range("unexplained", unexplained, "rad", 0.0, np.pi)
+            unexplained = _check_range("unexplained", unexplained, "rad", 0.0, np.pi)
+        given["unexplained"] = unexplained
         for name, value in given.items():
             object.__setattr__(self, name, value)
 
@@ -482,6 +474,22 @@ def _check_range(
             f"but is {array.tolist()}{more}."
         )
     return _checks.lock_floats(array)
+
+
+def _check_acceleration(values: npt.ArrayLike | None) -> FloatArray | None:
+    """Acceleration limits as a locked array; None stays None.
+
+    Raises:
+        InvalidInput: A limit is not a number, or not above zero.
+    """
+    if values is None:
+        return None
+    limit = _finite_ones("acceleration_limit", values, "rad/s²")
+    if (limit <= 0).any():
+        raise InvalidInput(
+            f"acceleration_limit must be above zero, but is {limit.tolist()} rad/s²."
+        )
+    return _checks.lock_floats(limit)
 
 
 def _check_inertia(values: npt.ArrayLike | None, orders: tuple[str, ...]) -> FloatArray | None:
