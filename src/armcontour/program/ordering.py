@@ -145,28 +145,50 @@ class _Choices:
         table[:, :, : contours[0].path.dimension] = ends
         return cls(contours=contours, made=made, ends=table, first=np.array(first))
 
-    @property
-    def tables(self) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Exits and entries of all options, and the first option of every contour."""
-        entries, exits = (np.ascontiguousarray(self.ends[:, k]) for k in (0, 1))
-        return exits, entries, self.first
-
     def nearest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
         """The tour that begins as drawn and goes on to the nearest contour."""
-        from armcontour.program._tours import nearest_tour
+        from scipy.spatial.distance import cdist
 
-        return nearest_tour(*self.tables, parents, 0)
+        n, (exits, entries, first) = len(self.contours), self._options
+        owners = np.repeat(np.arange(n), np.diff(first))
+        waits = np.bincount(parents[parents >= 0], minlength=n)
+        # Entries of contours that may come next.
+        near = np.where((waits == 0)[owners, None], entries, np.inf)
+        tour, option = np.empty(n, dtype=np.intp), first[:-1].copy()
+        for k in range(n):
+            if k:
+                last = option[tour[k - 1]]
+                nearest = int(np.argmin(cdist(exits[last : last + 1], near, "sqeuclidean")))
+                option[owners[nearest]] = nearest
+            c = tour[k] = owners[nearest] if k else np.argmin(waits)
+            near[first[c] : first[c + 1]] = np.inf
+            parent = parents[c]
+            if parent >= 0:
+                waits[parent] -= 1
+                if not waits[parent]:
+                    own = slice(first[parent], first[parent + 1])
+                    near[own] = entries[own]
+        return tour, option
 
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
         """A short tour: 2-opt and Or-opt moves, repeated from many exchanges of parts."""
-        from armcontour.program._tours import choose_options, search
+        from armcontour.program._tours import Options, choose_options, search
 
+        options = Options(*self._options)
         tour, option = self.nearest(parents)
-        choose_options(*self.tables, tour, option)
+        choose_options(options, tour, option)
         n = len(self.contours)
         tries = min(max(TRIES * n, LEAST_TRIES), MOST_WORK // n)
-        search(*self.tables, parents, self._neighbours(), tour, option, tries)
+        # Numbers of a fixed sequence, so that the same program has the same order.
+        numbers = (np.random.PCG64(0).random_raw((tries, 4)) >> np.uint64(32)).astype(np.intp)
+        search(options, parents, self._neighbours(), tour, option, numbers)
         return tour, option
+
+    @property
+    def _options(self) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Exits and entries of all options, and the first option of every contour."""
+        entries, exits = (np.ascontiguousarray(self.ends[:, k]) for k in (0, 1))
+        return exits, entries, self.first
 
     def _neighbours(self) -> IntArray:
         """The nearest contours of every contour, by their ends, (n, k)."""
@@ -188,11 +210,12 @@ class _Choices:
 
     def describe(self, tour: IntArray, option: IntArray) -> str:
         """A sentence on the length of a tour."""
-        from armcontour.program._tours import tour_length
 
-        exits, entries, _ = self.tables
-        length = tour_length(exits, entries, tour, option)
-        drawn = tour_length(exits, entries, np.arange(len(tour)), self.first[:-1])
+        def length_of(options: IntArray) -> float:
+            links = self.ends[options[1:], 0] - self.ends[options[:-1], 1]
+            return float(np.linalg.norm(links, axis=1).sum())
+
+        length, drawn = length_of(option[tour]), length_of(self.first[:-1])
         return (
             f"In the order shortest, the straight ways between contours have {length:.4g} m in all "
             f"({drawn:.4g} m in the order of the file)."
