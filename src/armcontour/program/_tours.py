@@ -1,4 +1,4 @@
-"""Short open tours over contours, compiled: local search, and the best places.
+"""Short open tours over contours, compiled: local search.
 
 Every contour has options: a closed one places where it may begin, an open one its directions. An
 option has a point of entry and a point of exit. Moves of the search are those of 2-opt and Or-opt;
@@ -19,8 +19,7 @@ from armcontour._kernels import compiled
 LONGEST_PART = 3
 # Longest parts that are exchanged to leave a local optimum.
 LONGEST_EXCHANGE = 30
-# Up to this number of contours, an exchange also changes an option, and all are chosen anew after
-# it.
+# Up to this number of contours, an exchange also changes an option.
 FEW = 30
 # Changes of length below this share of a tour are rounding errors.
 NO_GAIN = 1e-12
@@ -69,27 +68,6 @@ def distance(options: Options, a: int, b: int) -> float:
     y = options.exits[a, 1] - options.entries[b, 1]
     z = options.exits[a, 2] - options.entries[b, 2]
     return math.sqrt(x * x + y * y + z * z)
-
-
-@compiled()
-def choose_options(options: Options, tour: IntArray, option: IntArray) -> None:
-    """Set the options with which a tour is the shortest in its order, by dynamic programming."""
-    n, m, first = len(tour), len(options.exits), options.first
-    cost, before = np.zeros(m), np.full(m, -1, dtype=np.intp)
-    for k in range(1, n):
-        p, c = tour[k - 1], tour[k]
-        for o in range(first[c], first[c + 1]):
-            least = np.inf
-            for q in range(first[p], first[p + 1]):
-                d = cost[q] + distance(options, q, o)
-                if d < least:
-                    least, before[o] = d, q
-            cost[o] = least
-    c = tour[n - 1]
-    at = first[c] + np.argmin(cost[first[c] : first[c + 1]])
-    for k in range(n - 1, -1, -1):
-        option[tour[k]] = at
-        at = before[at]
 
 
 @compiled(inner=True)
@@ -244,13 +222,9 @@ def search(
                         queue[count] = m
                         queued[m] = True
                         count += 1
-        if n <= FEW:
-            choose_options(options, order[1:], now.option)
-            _refresh(options, now, 1)
         if now.ahead[-1] < least * (1 - NO_GAIN) - NO_GAIN:
             least = now.ahead[-1]
             tour[:], option[:] = order[1:], now.option
         else:
             order[1:], now.option[:] = tour, option
             _refresh(options, now, 1)
-    choose_options(options, tour, option)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -30,7 +31,7 @@ NEIGHBOURS = 10
 # Exchanges from which the search goes on: per contour, at least, and the most of exchanges times
 # contours, which bounds the time of the search to a few seconds.
 # Without exchanges, tours of 6 to 100 random contours are 0.6 to 15 % longer on average.
-TRIES, LEAST_TRIES, MOST_WORK = 3, 100, 1_000_000
+TRIES, LEAST_TRIES, MOST_WORK = 3, 200, 1_000_000
 # Orientations at both ends of a contour that differ by less than this count as equal: summed turns
 # have rounding errors [rad].
 SAME_HOLD = 1e-6
@@ -172,17 +173,33 @@ class _Choices:
 
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
         """A short tour: 2-opt and Or-opt moves, repeated from many exchanges of parts."""
-        from armcontour.program._tours import Options, choose_options, search
+        from armcontour.program._tours import Options, search
 
-        options = Options(*self._options)
-        tour, option = self.nearest(parents)
-        choose_options(options, tour, option)
-        n = len(self.contours)
+        tour, _ = self.nearest(parents)
+        n, option = len(tour), self._best_options(tour)
         tries = min(max(TRIES * n, LEAST_TRIES), MOST_WORK // n)
         # Numbers of a fixed sequence, so that the same program has the same order.
         numbers = (np.random.PCG64(0).random_raw((tries, 4)) >> np.uint64(32)).astype(np.intp)
-        search(options, parents, self._neighbours(), tour, option, numbers)
-        return tour, option
+        search(Options(*self._options), parents, self._neighbours(), tour, option, numbers)
+        return tour, self._best_options(tour)
+
+    def _best_options(self, tour: IntArray) -> IntArray:
+        """The options with which a tour is the shortest in its order, by dynamic programming."""
+        from scipy.spatial.distance import cdist
+
+        exits, entries, first = self._options
+        own = [slice(first[c], first[c + 1]) for c in tour]
+        length, before = np.zeros(own[0].stop - own[0].start), []
+        for last, now in itertools.pairwise(own):
+            lengths = length[:, None] + cdist(exits[last], entries[now])
+            before.append(np.argmin(lengths, axis=0))
+            length = lengths.min(axis=0)
+        chosen = [int(np.argmin(length))]
+        for k in reversed(before):
+            chosen.append(int(k[chosen[-1]]))
+        option = np.empty(len(tour), np.intp)
+        option[tour] = first[tour] + chosen[::-1]
+        return option
 
     @property
     def _options(self) -> tuple[FloatArray, FloatArray, IntArray]:
