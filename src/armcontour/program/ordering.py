@@ -213,17 +213,12 @@ class _Choices:
         k = min(NEIGHBOURS, n - 1)
         owners = np.repeat(np.arange(n), np.diff(self.first) * 2)
         points = self.ends.reshape(-1, 3)
-        found = np.empty((n, k), dtype=np.intp)
         centers = np.array([points[owners == i].mean(axis=0) for i in range(n)])
         several = int(np.diff(self.first).max()) * 2
         near = owners[nearest_points(centers, points, min(len(points), several * (k + 1)))]
-        for i in range(n):
-            others = near[i][near[i] != i]
-            chosen = others[np.sort(np.unique(others, return_index=True)[1])][:k]
-            missing = k - len(chosen)
-            spare = np.setdiff1d(np.arange(n), [*chosen, i])[:missing] if missing else chosen[:0]
-            found[i] = np.concatenate([chosen, spare])
-        return found
+        # Where too few contours are near, the first ones of all.
+        found = (dict.fromkeys([*row, *range(k + 1)]) for row in near.tolist())
+        return np.array([[x for x in row if x != i][:k] for i, row in enumerate(found)])
 
     def describe(self, tour: IntArray, option: IntArray) -> str:
         """A sentence on the length of a tour."""
