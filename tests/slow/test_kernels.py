@@ -69,8 +69,9 @@ def test_loading_imports_nothing_that_only_compiling_needs():
 
 
 def test_a_compiled_function_is_not_compiled_again(tmp_path):
-    text = "- armcontour.program._inside.winding(float64, float64, float64[:, ::1])\n"
-    gone = "- armcontour.program._inside.gone(float64)\n"
+    point = "Tuple((float64, float64, float64, ))"
+    text = f"- armcontour.geometry._segments.find_foot({point}, float64[::1])\n"
+    gone = "- armcontour.geometry._segments.gone(float64)\n"
     (tmp_path / "list.txt").write_text(text + gone)
     own = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": str(PACKAGE.parent)}
 
@@ -80,7 +81,7 @@ def test_a_compiled_function_is_not_compiled_again(tmp_path):
     functions, compiled, folder, *steps = warm()
     assert (functions, compiled) == ("2", "1") and folder.startswith(str(tmp_path / "kept"))
     assert steps[0].startswith("compiling, once: 2 functions in ")
-    assert steps[-1].endswith(": program._inside.winding")
+    assert steps[-1].endswith(": geometry._segments.find_foot")
     # The second time it reports no steps.
     assert warm() == ["2", "0", folder]
     for file in tmp_path.rglob("*.nbi"):

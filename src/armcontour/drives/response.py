@@ -62,11 +62,12 @@ class Response:
         cases = torque if torque.ndim == 3 else torque[:, :, None]
         padded = np.concatenate([cases[:1], cases, cases[-1:]])
         means = (padded[:-2] + 2 * cases + padded[2:]) / 4
-        free = np.zeros(self.mass.shape[:2], dtype=np.bool_)
+        free = np.zeros(self.mass.shape[:2])
         # Copies that can be written to: for locked ones the kernel would be compiled once more.
-        mass, damping, stiffness = (np.array(x) for x in (self.mass, self.damping, self.stiffness))
-        found = spread(mass, damping, stiffness, self.step, means, free)
-        return np.asarray(found.reshape(torque.shape))
+        loops = (self.mass, self.damping, self.stiffness)
+        mass, damping, stiffness = (np.array(x, order="C") for x in loops)
+        found, _ = spread(mass, damping, stiffness, self.step, means, free, free[1:], free[0])
+        return found.reshape(torque.shape)
 
     def equations(self) -> tuple[csc_array, csc_array]:
         """The matrices of `A x = S f` for deviations and torques as vectors, time first.

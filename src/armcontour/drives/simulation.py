@@ -8,7 +8,6 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
-from armcontour.drives._friction import slide
 from armcontour.drives._response import spread
 from armcontour.drives.drives import Drives
 from armcontour.errors import ExecutionError
@@ -18,6 +17,8 @@ from armcontour.errors import ExecutionError
 EXACT = 1e-9
 # Each correction leaves about a thousandth of the one before it.
 CORRECTIONS = 40
+# How much stiffer than inertia and drive a joint that sticks is held.
+HELD = 1e6
 # The linear response is that of the motion at times this far apart [s], and interpolated: arms
 # hardly change between them.
 APART = 10e-3
@@ -64,9 +65,10 @@ class Simulation:
         Args:
             torque: Torque at the times for several cases [N m], (n, dof, cases).
         """
-        return np.asarray(
-            spread(self.mass, self.damping, self.stiffness, self.step, torque, self.held)
-        )
+        n, dof, _ = torque.shape
+        loops, still = (self.mass, self.damping, self.stiffness), np.zeros((n - 1, dof))
+        hold = np.where(self.held, HELD, 0.0)
+        return spread(*loops, self.step, torque, hold, still, np.zeros(dof))[0]
 
 
 def simulate(
@@ -106,7 +108,7 @@ def simulate(
     lost_mass, lost_damping = drives.damping * lag, drives.stiffness * lag
     before = near[0] - step * (np.zeros(drives.arm.dof) if speed is None else speed)
     wanted = drives.stiffness * _mean(command, command[0])
-    q = np.array(near)
+    q, free = np.array(near), np.zeros(near.shape)
     for k in range(CORRECTIONS):
         dq, ddq = _rates(q, before, step)
         if k < 2:
@@ -116,7 +118,11 @@ def simulate(
         lacking = wanted - drives.stiffness * _mean(q, before)
         lacking -= (drives.damping + brake - lost_damping) * dq - lost_mass * ddq
         lacking -= drives.inertial_torque(q, dq, ddq)
-        x, friction = slide(mass, damping, stiffness, step, lacking, np.diff(q, axis=0), coulomb)
+        loops, moved = (mass, damping, stiffness), np.diff(q, axis=0)
+        x, friction = (
+            found[:, :, 0]
+            for found in spread(*loops, step, lacking[:, :, None], free, moved, coulomb)
+        )
         q = q + x
         size = float(np.abs(x).max())
         if not size < AWAY:

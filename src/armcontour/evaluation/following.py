@@ -33,7 +33,7 @@ class Followed:
         missed: Largest distance from the path to the tool, of the places that are passed from each
             point to the next [m], (n,); -1 where it cannot be the largest one.
         missed_s: Where these distances are [m], (n,).
-        geometry: The path from `geometry.nearest.pack`, (rows, 17).
+        geometry: The path from `geometry.nearest.pack`, (rows, 15).
     """
 
     distance: FloatArray

@@ -1,7 +1,7 @@
 """Compiled points of lines and arcs, and their nearest points; a row of a table is a segment.
 
 The rows are those of `nearest.pack`: start (3), tangent (3), normal (3), curvature, length, arc
-length at the start, end (3), sine and cosine of the turn. Points are tuples of three coordinates.
+length at the start, end (3). Points are tuples of three coordinates.
 """
 
 from __future__ import annotations
@@ -27,28 +27,24 @@ class Foot(NamedTuple):
 
     Attributes:
         off2: Squared distance from the segment's line or full circle [m²].
-        at: Nearest place on that line or circle, as a distance along the segment [m]; on a circle
-            less than half a turn from the start.
-        product: Product of the radii of circle and point [m²]; 0 for a line.
+        along: Distance of the nearest place along a line [m]; for a circle the sine of the angle
+            around the centre, times the ratio of the radii of point and circle.
+        across: 0 for a line; for a circle the cosine of this angle, times the same ratio.
     """
 
     off2: float
-    at: float
-    product: float
+    along: float
+    across: float
 
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
-def _see(p: Point, g: FloatArray) -> Point:
-    """Squared distance of a point from the line or full circle of segment `g`, and its direction.
-
-    The direction is the distance along a line [m] and 0; for a circle sine and cosine of the angle
-    around the centre, times the ratio of the radii of point and circle.
-    """
+def find_foot(p: Point, g: FloatArray) -> Foot:
+    """The foot of a point on the line or full circle of segment `g`."""
     x, y, z = p[0] - g[0], p[1] - g[1], p[2] - g[2]
     along, k = x * g[3] + y * g[4] + z * g[5], g[9]
     if k == 0.0:
         x, y, z = x - along * g[3], y - along * g[4], z - along * g[5]
-        return x * x + y * y + z * z, along, 0.0
+        return Foot(x * x + y * y + z * z, along, 0.0)
     across = x * g[6] + y * g[7] + z * g[8]
     a, b = k * along, 1 - k * across
     # The difference of both radii without cancellation.
@@ -56,64 +52,49 @@ def _see(p: Point, g: FloatArray) -> Point:
     x -= along * g[3] + across * g[6]
     y -= along * g[4] + across * g[7]
     z -= along * g[5] + across * g[8]
-    return x * x + y * y + z * z + radial * radial, a, b
+    return Foot(x * x + y * y + z * z + radial * radial, a, b)
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _gap2(p: Point, g: FloatArray) -> float:
-    """Squared distance of a point from segment `g`, without evaluation of angles [m²]."""
-    off2, a, b = _see(p, g)
-    if g[9] == 0.0:
-        inside = 0.0 <= a <= g[10]
-    elif g[9] * g[10] < math.pi:
-        inside = a >= 0.0 and a * g[16] <= b * g[15]
-    else:
-        inside = a >= 0.0 or a * g[16] <= b * g[15]
-    return off2 if inside else min(_end_gap2(p, g, 0), _end_gap2(p, g, 12))
+def distance2(foot: Foot, k: float, away: float) -> float:
+    """Squared distance to the place of a segment of curvature k that is so far from the foot [m²].
 
-
-@compiled(inner=True, fastmath=FUSED)
-def _end_gap2(p: Point, g: FloatArray, column: int) -> float:
-    """Squared distance of a point from an end of segment `g`, whose first column is given [m²]."""
-    x, y, z = p[0] - g[column], p[1] - g[column + 1], p[2] - g[column + 2]
-    return float(x * x + y * y + z * z)
-
-
-@compiled(inner=True, fastmath=FUSED)
-def find_foot(p: Point, g: FloatArray) -> Foot:
-    """The foot of a point on the line or circle of segment `g`."""
-    off2, a, b = _see(p, g)
-    k = g[9]
+    Args:
+        foot: The foot.
+        k: The curvature [1/m].
+        away: Distance along the segment from the foot [m].
+    """
     if k == 0.0:
-        return Foot(off2, a, 0.0)
-    return Foot(off2, math.atan2(a, b) / k, math.sqrt(a * a + b * b) / (k * k))
+        return foot.off2 + away**2
+    # The product of the radii of circle and point.
+    product = math.sqrt(foot.along * foot.along + foot.across * foot.across) / (k * k)
+    return foot.off2 + 4 * product * math.sin(k * away / 2) ** 2
 
 
 @compiled(inner=True, fastmath=FUSED)
-def distance2(foot: Foot, k: float, u: float) -> float:
-    """Squared distance to the place at distance u along a segment of curvature k [m²]."""
-    if k == 0.0:
-        return foot.off2 + (u - foot.at) ** 2
-    return foot.off2 + 4 * foot.product * math.sin(k * (u - foot.at) / 2) ** 2
-
-
-@compiled(inner=True, fastmath=FUSED)
-def nearest_within(p: Point, g: FloatArray, low: float, high: float) -> tuple[float, float]:
+def nearest_within(
+    p: Point, g: FloatArray, low: float, high: float, most: float
+) -> tuple[float, float]:
     """Squared distance to a part of segment `g`, and the distance along it of the nearest point.
 
     Args:
         p: The point [m].
-        g: The segment's row of `pack`, (17,).
+        g: The segment's row of `pack`, (15,).
         low: Distance along the segment at which the part starts [m].
         high: Distance along the segment at which the part ends [m].
+        most: Squared distance from which on any distance at least as large is a result [m²].
     """
     foot, k = find_foot(p, g), g[9]
-    u = foot.at
-    if k != 0.0 and u < low and u + 2 * math.pi / k <= high:
-        u += 2 * math.pi / k
+    if foot.off2 >= most:
+        return foot.off2, low
+    u = foot.along
+    if k != 0.0:
+        u = math.atan2(foot.along, foot.across) / k
+        if u < low and u + 2 * math.pi / k <= high:
+            u += 2 * math.pi / k
     if low <= u <= high:
         return foot.off2, u
-    at_low, at_high = distance2(foot, k, low), distance2(foot, k, high)
+    at_low, at_high = distance2(foot, k, u - low), distance2(foot, k, u - high)
     return (at_high, high) if at_high < at_low else (at_low, low)
 
 
@@ -131,15 +112,6 @@ def point_at(g: FloatArray, u: float) -> Point:
     )
 
 
-@compiled(inner=True)
-def _box_gap2(p: Point, boxes: FloatArray, node: int) -> float:
-    """Squared distance from a point to box `node`."""
-    x = max(boxes[node, 0] - p[0], p[0] - boxes[node, 3], 0.0)
-    y = max(boxes[node, 1] - p[1], p[1] - boxes[node, 4], 0.0)
-    z = max(boxes[node, 2] - p[2], p[2] - boxes[node, 5], 0.0)
-    return float(x * x + y * y + z * z)
-
-
 @compiled()
 def search_tree(
     queries: FloatArray, rows: FloatArray, pieces: IntArray, boxes: FloatArray
@@ -148,7 +120,7 @@ def search_tree(
 
     Args:
         queries: Query points, padded to space [m], (n, 3).
-        rows: Segments from `pack`, (segments, 17).
+        rows: Segments from `pack`, (segments, 15).
         pieces: Index of the segment of each piece, in tree order.
         boxes: Lower and upper corners of the nodes' boxes in heap order, (2 m - 1, 6).
     """
@@ -159,8 +131,8 @@ def search_tree(
     for i in range(n):
         p = queries[i, 0], queries[i, 1], queries[i, 2]
         # The segment of the last query is a good first guess, as queries mostly follow a motion.
-        best = _gap2(p, rows[found])
-        depth, stack[0], bound[0] = 0, 0, _box_gap2(p, boxes, 0)
+        best, u = nearest_within(p, rows[found], 0.0, rows[found, 10], math.inf)
+        depth, stack[0], bound[0] = 0, 0, 0.0
         while depth >= 0:
             node = stack[depth]
             depth -= 1
@@ -171,24 +143,25 @@ def search_tree(
                 for j in range(leaf * len(pieces) // leaves, (leaf + 1) * len(pieces) // leaves):
                     if pieces[j] != previous:
                         previous = pieces[j]
-                        d2 = _gap2(p, rows[previous])
+                        g = rows[previous]
+                        d2, at = nearest_within(p, g, 0.0, g[10], best)
                         if d2 < best:
-                            best, found = d2, previous
+                            best, u, found = d2, at, previous
                 continue
+            before = depth
+            for child in (2 * node + 1, 2 * node + 2):
+                x = max(boxes[child, 0] - p[0], p[0] - boxes[child, 3], 0.0)
+                y = max(boxes[child, 1] - p[1], p[1] - boxes[child, 4], 0.0)
+                z = max(boxes[child, 2] - p[2], p[2] - boxes[child, 5], 0.0)
+                gap2 = x * x + y * y + z * z
+                if gap2 < best:
+                    depth += 1
+                    stack[depth], bound[depth] = child, gap2
             # The nearer one of both halves is searched first.
-            near = 2 * node + 1
-            gap2, other = _box_gap2(p, boxes, near), _box_gap2(p, boxes, near + 1)
-            step = 1
-            if other < gap2:
-                near, step, gap2, other = near + 1, -1, other, gap2
-            if other < best:
-                depth += 1
-                stack[depth], bound[depth] = near + step, other
-            if gap2 < best:
-                depth += 1
-                stack[depth], bound[depth] = near, gap2
-        distance[i] = math.sqrt(best)
-        s[i] = rows[found, 11] + nearest_within(p, rows[found], 0.0, rows[found, 10])[1]
+            if depth == before + 2 and bound[depth] > bound[depth - 1]:
+                stack[depth - 1], stack[depth] = stack[depth], stack[depth - 1]
+                bound[depth - 1], bound[depth] = bound[depth], bound[depth - 1]
+        distance[i], s[i] = math.sqrt(best), rows[found, 11] + u
     return distance, s
 
 
@@ -205,7 +178,7 @@ def search_along(
 
     Args:
         p: The point [m].
-        rows: Segments from `pack`, (n, 17).
+        rows: Segments from `pack`, (n, 15).
         around: Length of a closed path, on which the search passes the start point; 0 for an open
             path [m].
         segment: The segment at which the search starts.
@@ -213,32 +186,31 @@ def search_along(
         high: Largest arc length of the window [m].
     """
     n = len(rows)
-    best = _gap2(p, rows[segment])
+    best, _ = nearest_within(p, rows[segment], 0.0, rows[segment, 10], math.inf)
     found, far2 = segment, REACH * REACH * best
     for ahead in (True, False):
-        stop, near, far = (high, 0, 12) if ahead else (-low, 12, 0)
-        end = rows[segment, 11] + rows[segment, 10] if ahead else -rows[segment, 11]
-        if end > stop and _end_gap2(p, rows[segment], far) > far2:
-            continue
+        stop, near = (high, 0) if ahead else (-low, 12)
         j, turn, free, d = segment, 0.0, -math.inf, math.sqrt(best)
         for _ in range(n - 1):
             j += 1 if ahead else -1
-            if j == n or j < 0:
+            if not 0 <= j < n:
                 if around == 0.0:
                     break
                 j = 0 if ahead else n - 1
                 turn += around
-            length = rows[j, 10]
-            begin = turn + (rows[j, 11] if ahead else -rows[j, 11] - length)
-            if begin <= stop and begin + length <= free:
+            g = rows[j]
+            begin = turn + (g[11] if ahead else -g[11] - g[10])
+            end = begin + g[10]
+            if begin <= stop and end <= free:
                 continue
-            gap2 = _end_gap2(p, rows[j], near)
+            x, y, z = p[0] - g[near], p[1] - g[near + 1], p[2] - g[near + 2]
+            gap2 = x * x + y * y + z * z
             if begin > stop and gap2 > far2:
                 break
             free = max(free, begin + math.sqrt(gap2) - d)
-            if begin + length <= free:
+            if end <= free:
                 continue
-            d2 = _gap2(p, rows[j])
+            d2, _ = nearest_within(p, g, 0.0, g[10], best)
             if d2 < best:
                 best, found, d = d2, j, math.sqrt(d2)
     return best, found

@@ -25,7 +25,7 @@ class Pieces(NamedTuple):
     """The m pieces of a tube.
 
     Attributes:
-        rows: The pieces from `pack`, (m, 17).
+        rows: The pieces from `pack`, (m, 15).
         tolerance: Their tolerances [m], (m,).
         given_up: Whether each piece gives up its start, and its end, to a neighbour, (m, 2).
     """
@@ -44,53 +44,35 @@ def _excess(p: Point, pieces: Pieces, j: int, low: float, high: float) -> tuple[
     if low > high:
         return math.inf, 0.0
     g = pieces.rows[j]
-    d2, u = nearest_within(p, g, low, high)
+    d2, u = nearest_within(p, g, low, high, math.inf)
     if (pieces.given_up[j, 0] and u <= 0.0) or (pieces.given_up[j, 1] and u >= g[10]):
         return math.inf, u
     return math.sqrt(d2) - pieces.tolerance[j], u
 
 
 @compiled()
-def find_room(points: FloatArray, windows: IntArray, pieces: Pieces) -> FloatArray:
-    """Largest tolerance less distance over the pieces of each point's window [m], (n,).
-
-    Args:
-        points: Points, padded to space [m], (n, 3).
-        windows: First and last piece for each point, (n, 2).
-        pieces: The pieces.
-    """
-    room = np.full(len(points), -np.inf)
-    for i in range(len(points)):
-        p = points[i, 0], points[i, 1], points[i, 2]
-        for j in range(windows[i, 0], windows[i, 1] + 1):
-            room[i] = max(room[i], -_excess(p, pieces, j, 0.0, pieces.rows[j, 10])[0])
-    return room
-
-
-@compiled()
-def nearest_in_range(
-    points: FloatArray, ranges: FloatArray, windows: IntArray, rows: FloatArray
+def find_excess(
+    points: FloatArray, ranges: FloatArray, windows: IntArray, pieces: Pieces
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and arc length of the nearest place within a range of a path, for each point.
+    """Least distance less tolerance within a range of the path, and its arc length, per point.
 
     Args:
         points: Points, padded to space [m], (n, 3).
         ranges: Arc lengths at which the range of each point starts and ends [m], (n, 2).
-        windows: First and last segment of that range, (n, 2).
-        rows: Segments of the path from `pack`, (m, 17).
+        windows: First and last piece of that range, (n, 2).
+        pieces: The pieces.
     """
-    distance = np.full(len(points), np.inf)
-    s = np.zeros(len(points))
+    excess, s = np.full(len(points), np.inf), np.zeros(len(points))
     for i in range(len(points)):
         p = points[i, 0], points[i, 1], points[i, 2]
         for j in range(windows[i, 0], windows[i, 1] + 1):
-            g = rows[j]
+            g = pieces.rows[j]
             low = min(max(ranges[i, 0] - g[11], 0.0), g[10])
             high = min(max(ranges[i, 1] - g[11], low), g[10])
-            d2, u = nearest_within(p, g, low, high)
-            if math.sqrt(d2) < distance[i]:
-                distance[i], s[i] = math.sqrt(d2), g[11] + u
-    return distance, s
+            off, u = _excess(p, pieces, j, low, high)
+            if off < excess[i]:
+                excess[i], s[i] = off, g[11] + u
+    return excess, s
 
 
 @compiled()
@@ -129,38 +111,6 @@ def bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: flo
     return (abs(bend_g - bend_h) + min(bend_g, bend_h) * apart) / 8
 
 
-@compiled(inner=True)
-def _judge(
-    g: FloatArray, part: FloatArray, window: IntArray, pieces: Pieces
-) -> tuple[float, float, float, float]:
-    """Excess at both ends of a part of a path segment, and a bound of it over the whole part.
-
-    Args:
-        g: The path segment's row of `pack`.
-        part: Distance along the segment, place and reach at its start, then at its end [m], (6,).
-        window: First and last piece within reach of any of its places, (2,).
-        pieces: The pieces.
-
-    Returns:
-        Excess at the start, at the end, the bound, and the tolerance of its piece [m].
-    """
-    u0, u1 = part[0], part[3]
-    p, q = point_at(g, u0), point_at(g, u1)
-    at_start, at_end, bound, own = np.inf, np.inf, np.inf, 0.0
-    for j in range(window[0], window[1] + 1):
-        h = pieces.rows[j]
-        low = max(part[1] - part[2] - h[11], 0.0), max(part[4] - part[5] - h[11], 0.0)
-        high = min(part[1] + part[2] - h[11], h[10]), min(part[4] + part[5] - h[11], h[10])
-        d0, v0 = _excess(p, pieces, j, low[0], high[0])
-        d1, v1 = _excess(q, pieces, j, low[1], high[1])
-        at_start, at_end = min(at_start, d0), min(at_end, d1)
-        if max(d0, d1) < bound:
-            found = max(d0, d1) + bulge(g, u0, u1, h, v0, v1)
-            if found < bound:
-                bound, own = found, pieces.tolerance[j]
-    return at_start, at_end, bound, own
-
-
 @compiled()
 def bound_excess(
     rows: FloatArray,
@@ -173,10 +123,11 @@ def bound_excess(
     """Bounds of distance less tolerance over parts of a path, and the largest values found.
 
     Args:
-        rows: Segments of the path from `pack`, (n, 17).
+        rows: Segments of the path from `pack`, (n, 15).
         segment: The segment of each part, (k,).
-        parts: As in `_judge`, (k, 6).
-        windows: As in `_judge`, (k, 2).
+        parts: Distance along the segment, place and reach at the start of each part, then at its
+            end [m], (k, 6).
+        windows: First and last piece within reach of any of its places, (k, 2).
         pieces: The pieces.
         slack: A bound up to this is not made any closer [m].
 
@@ -197,11 +148,25 @@ def bound_excess(
             depth = depths[top]
             top -= 1
             count += 1
-            at_start, at_end, bound, own = _judge(g, part, windows[i], pieces)
+            # The excess at both ends, a bound over the whole part and the tolerance of its piece.
+            u0, u1 = part[0], part[3]
+            p, q = point_at(g, u0), point_at(g, u1)
+            at_start, at_end, bound, own = np.inf, np.inf, np.inf, 0.0
+            for j in range(windows[i, 0], windows[i, 1] + 1):
+                h = pieces.rows[j]
+                low = max(part[1] - part[2] - h[11], 0.0), max(part[4] - part[5] - h[11], 0.0)
+                high = min(part[1] + part[2] - h[11], h[10]), min(part[4] + part[5] - h[11], h[10])
+                d0, v0 = _excess(p, pieces, j, low[0], high[0])
+                d1, v1 = _excess(q, pieces, j, low[1], high[1])
+                at_start, at_end = min(at_start, d0), min(at_end, d1)
+                if max(d0, d1) < bound:
+                    more = max(d0, d1) + bulge(g, u0, u1, h, v0, v1)
+                    if more < bound:
+                        bound, own = more, pieces.tolerance[j]
             at_ends = max(at_start, at_end)
             if at_ends > found[i]:
                 found[i] = at_ends
-                where[i] = g[11] + (part[0] if at_start >= at_end else part[3])
+                where[i] = g[11] + (u0 if at_start >= at_end else u1)
             enough = max(enough, at_ends)
             left -= 1
             fine = at_ends <= slack / 2 and left > 0

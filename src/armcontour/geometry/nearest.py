@@ -79,11 +79,11 @@ def find_nearest(
 
 
 def pack(segments: Segments) -> FloatArray:
-    """Segments as an array for compiled functions, padded to space, (n, 17).
+    """Segments as an array for compiled functions, padded to space, (n, 15).
 
     Transitions are drawn as arcs (`draw_arcs`), so that there may be more rows than segments.
     Columns: start (3), tangent (3), normal (3), curvature, length, arc length at the start, end
-    (3), sine and cosine of the turn.
+    (3).
     """
     return pack_arcs(*draw_arcs(segments))
 
@@ -91,9 +91,7 @@ def pack(segments: Segments) -> FloatArray:
 def pack_arcs(arcs: Segments, begin: FloatArray) -> FloatArray:
     """What `pack` gives, from what `draw_arcs` gives."""
     vectors = [pad(x) for x in (arcs.starts, arcs.tangents, arcs.normals)]
-    turns = arcs.curvatures * arcs.lengths
-    numbers = [arcs.curvatures, arcs.lengths, begin]
-    return np.column_stack([*vectors, *numbers, pad(arcs.ends), np.sin(turns), np.cos(turns)])
+    return np.column_stack([*vectors, arcs.curvatures, arcs.lengths, begin, pad(arcs.ends)])
 
 
 def pad(points: FloatArray) -> FloatArray:

@@ -198,11 +198,9 @@ class Tube:
             low: Arc lengths on the objective at which the range of each point starts [m], (n,).
             high: Arc lengths at which the ranges end [m], (n,).
         """
-        from armcontour.geometry._tube import nearest_in_range
-
         ranges = np.stack([low, np.maximum(low, high)], axis=1)
         windows = self.windows_between(ranges[:, 0], ranges[:, 1])
-        _, found = nearest_in_range(pad(points), ranges, windows, self._pieces[0])
+        _, found = _nearest_in_range(points, ranges, windows, self._pieces[0])
         return np.asarray(np.clip(found, low, high))
 
     def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
@@ -213,9 +211,11 @@ class Tube:
             windows: First and last piece of each point's own part, as from `windows`, (n, 2); the
                 piece counts that leaves the most room.
         """
-        from armcontour.geometry._tube import Pieces, find_room
+        from armcontour.geometry._tube import Pieces, find_excess
 
-        return np.asarray(find_room(pad(points), windows, Pieces(*self._pieces)))
+        everywhere = np.tile([-np.inf, np.inf], (len(points), 1))
+        excess, _ = find_excess(pad(points), everywhere, windows, Pieces(*self._pieces))
+        return np.asarray(-excess)
 
     def prove(self, path: Path, places: npt.ArrayLike, reach: npt.ArrayLike) -> Proof:
         """Bound the distances of all points of a path, and of the objective's corners from it.
@@ -315,15 +315,30 @@ class Tube:
             places: As in `prove`, (n, 2).
             reach: As in `prove`, one per place [m], (n,).
         """
-        from armcontour.geometry._tube import nearest_in_range
-
         at = self.objective.breaks[self.vertex]
         own, along = places[:, 0], places[:, 1]
         around = np.interp(at, own, reach)
         ends = [np.interp(x, own, along) for x in (at - around, at + around)]
         windows = np.stack([path.locate(ends[0]), path.locate(ends[1])], axis=1)
-        points = pad(self.objective.vertices[self.vertex])
-        return nearest_in_range(points, np.stack(ends, axis=1), windows, pack(path.segments))
+        points = self.objective.vertices[self.vertex]
+        return _nearest_in_range(points, np.stack(ends, axis=1), windows, pack(path.segments))
+
+
+def _nearest_in_range(
+    points: FloatArray, ranges: FloatArray, windows: IntArray, rows: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Distance and arc length of the nearest place within a range of a path, for each point.
+
+    Args:
+        points: Points [m], (n, dimension).
+        ranges: Arc lengths at which the range of each point starts and ends [m], (n, 2).
+        windows: First and last segment of that range, (n, 2).
+        rows: Segments of the path from `pack`, (m, 15).
+    """
+    from armcontour.geometry._tube import Pieces, find_excess
+
+    pieces = Pieces(rows, np.zeros(len(rows)), np.zeros((len(rows), 2), np.bool_))
+    return find_excess(pad(points), ranges, windows, pieces)
 
 
 def _refuse_transitions(segments: Segments) -> None:

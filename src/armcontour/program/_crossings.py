@@ -1,150 +1,43 @@
-"""Where lines and arcs in the plane cross each other, compiled."""
+"""Where lines and arcs in the plane cross each other.
+
+A table of pieces has a row for each line or arc; its columns are named below.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
-from armcontour._kernels import compiled
+from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._sampling import number_parts
 
 # Points nearer than this are one [m].
 SAME_PLACE = 1e-9
 # Sine of the angle between two lines below which they are parallel.
 PARALLEL = 1e-12
+# Number of pairs of pieces that are intersected at a time, about, which bounds the memory.
+PAIRS = 200_000
 
 # Columns of a table of pieces: start x, y, unit tangent x, y, curvature, positive to the left,
 # and length.
 X, Y, TX, TY, CURVATURE, LENGTH = range(6)
+# Points in which two pieces meet, if both were continued: the middle between them, (n, 2), their
+# distance from it, (n,), its direction, (n, 2), and whether the pieces lie on one curve, (n,).
+_Meeting = tuple[FloatArray, FloatArray, FloatArray, BoolArray]
 
 
-@compiled(inner=True, allocates=True)
-def box_of(piece: FloatArray) -> FloatArray:
-    """Smallest and largest x, then y, of a piece, (4,)."""
-    k, length = piece[CURVATURE], piece[LENGTH]
-    angle = k * length
-    along = length * _sinc(angle)
-    across = length * _cosc(angle)
-    ex = piece[X] + along * piece[TX] - across * piece[TY]
-    ey = piece[Y] + along * piece[TY] + across * piece[TX]
-    found = np.array([min(piece[X], ex), max(piece[X], ex), min(piece[Y], ey), max(piece[Y], ey)])
-    if k != 0:
-        cx, cy, r = piece[X] - piece[TY] / k, piece[Y] + piece[TX] / k, 1 / abs(k)
-        for side in range(4):
-            px = cx + r * (1.0 if side == 0 else -1.0 if side == 1 else 0.0)
-            py = cy + r * (1.0 if side == 2 else -1.0 if side == 3 else 0.0)
-            if _place(piece, px, py) <= length:
-                found[0], found[1] = min(found[0], px), max(found[1], px)
-                found[2], found[3] = min(found[2], py), max(found[3], py)
-    return found
+def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
+    """Points of pieces, or their tangents, at distances u from their starts, (n, 2)."""
+    angle = pieces[:, CURVATURE] * u
+    tangents = pieces[:, TX : TY + 1]
+    normals = _left(tangents)
+    if order == 1:
+        return np.asarray(np.cos(angle)[:, None] * tangents + np.sin(angle)[:, None] * normals)
+    along = u * np.sinc(angle / np.pi)
+    across = u * (angle / 2) * np.sinc(angle / (2 * np.pi)) ** 2
+    return np.asarray(pieces[:, :2] + along[:, None] * tangents + across[:, None] * normals)
 
 
-@compiled(inner=True)
-def _sinc(x: float) -> float:
-    """The function sin(x) / x."""
-    return float(np.sinc(x / np.pi))
-
-
-@compiled(inner=True)
-def _cosc(x: float) -> float:
-    """The function (1 - cos(x)) / x."""
-    return float(2 * np.sin(x / 2) ** 2 / x) if abs(x) > 1e-8 else x / 2
-
-
-@compiled(inner=True)
-def _place(piece: FloatArray, x: float, y: float) -> float:
-    """Distance along a piece at which it comes to a point that lies on it or on its going on."""
-    k = piece[CURVATURE]
-    dx, dy = x - piece[X], y - piece[Y]
-    if k == 0:
-        return float(dx * piece[TX] + dy * piece[TY])
-    # The direction from the centre: angle 0 at the start, growing along the arc.
-    along = (dx * piece[TX] + dy * piece[TY]) * abs(k)
-    across = 1 - (dy * piece[TX] - dx * piece[TY]) * k
-    angle = np.arctan2(along, across)
-    if angle < 0:
-        angle += 2 * np.pi
-    r = 1 / abs(k)
-    u = angle * r
-    # Just before the start, and not after nearly a full turn.
-    if u > piece[LENGTH] and 2 * np.pi * r - u <= SAME_PLACE:
-        u -= 2 * np.pi * r
-    return float(u)
-
-
-@compiled(inner=True)
-def _common_points(a: FloatArray, b: FloatArray, out: FloatArray) -> int:
-    """Points that two pieces, gone on, have in common: how many; ends where they run together."""
-    ka, kb = a[CURVATURE], b[CURVATURE]
-    if ka == 0 and kb == 0:
-        return _on_lines(a, b, out)
-    if ka == 0 or kb == 0:
-        return _on_line_and_circle(a if ka == 0 else b, b if ka == 0 else a, out)
-    ax, ay, ra = a[X] - a[TY] / ka, a[Y] + a[TX] / ka, 1 / abs(ka)
-    bx, by, rb = b[X] - b[TY] / kb, b[Y] + b[TX] / kb, 1 / abs(kb)
-    dx, dy = bx - ax, by - ay
-    d = np.hypot(dx, dy)
-    if d <= SAME_PLACE and abs(ra - rb) <= SAME_PLACE:
-        return _ends_of(a, b, out)
-    if d == 0 or d > ra + rb + SAME_PLACE or d < abs(ra - rb) - SAME_PLACE:
-        return 0
-    along = (d * d + (ra - rb) * (ra + rb)) / (2 * d)
-    across = np.sqrt(max((ra - along) * (ra + along), 0.0))
-    for k, sign in enumerate((1.0, -1.0)):
-        out[k, 0] = ax + (along * dx - sign * across * dy) / d
-        out[k, 1] = ay + (along * dy + sign * across * dx) / d
-    return 2
-
-
-@compiled(inner=True)
-def _on_lines(a: FloatArray, b: FloatArray, out: FloatArray) -> int:
-    """Points in which two lines meet."""
-    sine = a[TX] * b[TY] - a[TY] * b[TX]
-    dx, dy = b[X] - a[X], b[Y] - a[Y]
-    if abs(sine) < PARALLEL:
-        apart = abs(a[TX] * dy - a[TY] * dx) > SAME_PLACE
-        return 0 if apart else _ends_of(a, b, out)
-    u = (dx * b[TY] - dy * b[TX]) / sine
-    out[0, 0], out[0, 1] = a[X] + u * a[TX], a[Y] + u * a[TY]
-    return 1
-
-
-@compiled(inner=True)
-def _on_line_and_circle(a: FloatArray, b: FloatArray, out: FloatArray) -> int:
-    """Points in which the line of a meets the circle of b."""
-    k = b[CURVATURE]
-    cx, cy, r = b[X] - b[TY] / k, b[Y] + b[TX] / k, 1 / abs(k)
-    dx, dy = cx - a[X], cy - a[Y]
-    along, across = dx * a[TX] + dy * a[TY], dy * a[TX] - dx * a[TY]
-    if abs(across) > r + SAME_PLACE:
-        return 0
-    half = np.sqrt(max((r - across) * (r + across), 0.0))
-    for i, sign in enumerate((1.0, -1.0)):
-        u = along + sign * half
-        out[i, 0], out[i, 1] = a[X] + u * a[TX], a[Y] + u * a[TY]
-    return 2
-
-
-@compiled(inner=True)
-def _ends_of(a: FloatArray, b: FloatArray, out: FloatArray) -> int:
-    """The four ends of two pieces on one line or circle."""
-    for i, piece in enumerate((a, b)):
-        angle, length = piece[CURVATURE] * piece[LENGTH], piece[LENGTH]
-        along, across = length * _sinc(angle), length * _cosc(angle)
-        out[2 * i, 0], out[2 * i, 1] = piece[X], piece[Y]
-        out[2 * i + 1, 0] = piece[X] + along * piece[TX] - across * piece[TY]
-        out[2 * i + 1, 1] = piece[Y] + along * piece[TY] + across * piece[TX]
-    return 4
-
-
-@compiled(inner=True)
-def _snap(u: float, length: float) -> float:
-    """A place along a piece; one near an end is this end."""
-    if u <= SAME_PLACE:
-        return 0.0
-    return length if length - u <= SAME_PLACE else u
-
-
-@compiled()
+@np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
 def crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     """All places at which pieces meet each other, their own ends included.
 
@@ -154,33 +47,130 @@ def crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     Returns:
         The two pieces of each meeting, (m, 2), and how far along each of them it is [m], (m, 2).
     """
-    n = len(pieces)
-    boxes = np.empty((n, 4))
-    for i in range(n):
-        boxes[i] = box_of(pieces[i])
-    order = np.argsort(boxes[:, 0])
-    which, places = np.empty((4 * n + 16, 2), dtype=np.intp), np.empty((4 * n + 16, 2))
-    count, points = 0, np.empty((4, 2))
-    for s in range(n):
-        i = order[s]
-        for t in range(s + 1, n):
-            j = order[t]
-            if boxes[j, 0] > boxes[i, 1] + SAME_PLACE:
-                break
-            apart = boxes[j, 2] > boxes[i, 3] + SAME_PLACE or boxes[i, 2] > boxes[j, 3] + SAME_PLACE
-            for p in range(0 if apart else _common_points(pieces[i], pieces[j], points)):
-                u = _place(pieces[i], points[p, 0], points[p, 1])
-                v = _place(pieces[j], points[p, 0], points[p, 1])
-                if not (
-                    -SAME_PLACE <= u <= pieces[i, LENGTH] + SAME_PLACE
-                    and -SAME_PLACE <= v <= pieces[j, LENGTH] + SAME_PLACE
-                ):
-                    continue
-                if count == len(which):
-                    which = np.concatenate((which, np.empty_like(which)))
-                    places = np.concatenate((places, np.empty_like(places)))
-                which[count, 0], which[count, 1] = i, j
-                places[count, 0] = _snap(u, pieces[i, LENGTH])
-                places[count, 1] = _snap(v, pieces[j, LENGTH])
-                count += 1
-    return which[:count], places[:count]
+    low, high = _boxes(pieces)
+    order = np.argsort(low[:, 0])
+    # Boxes of later pieces in this order overlap up to the first one that begins too far right.
+    last = np.searchsorted(low[order, 0], high[order, 0] + SAME_PLACE, side="right")
+    count = np.maximum(last - np.arange(len(order)) - 1, 0)
+    parts = np.cumsum(count) // PAIRS
+    which, places = [np.empty((0, 2), np.intp)], [np.empty((0, 2))]
+    for part in np.unique(parts):
+        of, number = number_parts(np.where(parts == part, count, 0))
+        i, j = order[of], order[of + 1 + number]
+        near = (low[j, 1] <= high[i, 1] + SAME_PLACE) & (low[i, 1] <= high[j, 1] + SAME_PLACE)
+        pairs = np.stack([i, j], axis=1)[near]
+        points = _common_points(pieces[pairs[:, 0]], pieces[pairs[:, 1]])
+        at = np.stack([_places(pieces[x], points) for x in pairs.T], axis=2)
+        ends = pieces[pairs, LENGTH][:, None, :]
+        row, point = np.nonzero(((at >= -SAME_PLACE) & (at <= ends + SAME_PLACE)).all(axis=2))
+        at, ends = at[row, point], ends[row, 0]
+        # A place near an end is this end.
+        at = np.where(ends - at <= SAME_PLACE, ends, at)
+        which.append(pairs[row])
+        places.append(np.where(at <= SAME_PLACE, 0.0, at))
+    return np.concatenate(which), np.concatenate(places)
+
+
+def _left(vectors: FloatArray) -> FloatArray:
+    """Vectors turned to the left by a right angle, (..., 2)."""
+    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross products of vectors, (...,)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _circles(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Centres and radii of arcs [m], (n, 2) and (n,); not finite for lines."""
+    radius = 1 / pieces[:, CURVATURE]
+    return pieces[:, :2] + radius[:, None] * _left(pieces[:, TX : TY + 1]), np.abs(radius)
+
+
+def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper corners of boxes around pieces, (n, 2) each."""
+    centers, radii = _circles(pieces)
+    sides = centers[:, None] + radii[:, None, None] * [[1, 0], [-1, 0], [0, 1], [0, -1]]
+    on_arc = _places(pieces, sides) <= pieces[:, LENGTH, None]
+    on_arc &= pieces[:, CURVATURE, None] != 0
+    starts = pieces[:, None, :2]
+    ends = points_at(pieces, pieces[:, LENGTH])[:, None]
+    points = np.concatenate([starts, ends, np.where(on_arc[:, :, None], sides, starts)], axis=1)
+    return points.min(axis=1), points.max(axis=1)
+
+
+def _places(pieces: FloatArray, points: FloatArray) -> FloatArray:
+    """Distances along pieces at which these, if continued, come to points on them, (n, m).
+
+    Args:
+        pieces: The pieces, (n, 6).
+        points: Points of each piece, (n, m, 2).
+    """
+    offset, tangents = points - pieces[:, None, :2], pieces[:, None, TX : TY + 1]
+    along, k = (offset * tangents).sum(axis=2), pieces[:, CURVATURE, None]
+    # The direction from the centre: angle 0 at the start, growing along the arc.
+    angle = np.arctan2(along * np.abs(k), 1 - _cross(tangents, offset) * k)
+    radius = 1 / np.where(k == 0, np.inf, np.abs(k))
+    u = np.where(angle < 0, angle + 2 * np.pi, angle) * radius
+    # Just before the start, and not after nearly a full turn.
+    before = (u > pieces[:, LENGTH, None]) & (2 * np.pi * radius - u <= SAME_PLACE)
+    return np.asarray(np.where(k == 0, along, np.where(before, u - 2 * np.pi * radius, u)))
+
+
+def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Points that pieces have in common two by two if continued; ends where they run together.
+
+    Returns:
+        The points, NaN where there are fewer than four, (n, 4, 2).
+    """
+    bent = (a[:, CURVATURE] != 0).astype(int) + (b[:, CURVATURE] != 0)
+    # A line comes first.
+    turned = ((a[:, CURVATURE] != 0) & (b[:, CURVATURE] == 0))[:, None]
+    a, b = np.where(turned, b, a), np.where(turned, a, b)
+    found = np.full((len(a), 4, 2), np.nan)
+    for arcs, meet in enumerate((_two_lines, _line_and_arc, _two_arcs)):
+        kind = np.flatnonzero(bent == arcs)
+        if not len(kind):
+            continue
+        middle, half, direction, together = meet(a[kind], b[kind])
+        apart = half[:, None] * direction
+        found[kind, 0], found[kind, 1] = middle + apart, middle - apart
+        same = kind[together]
+        ends = [x for p in (a[same], b[same]) for x in (p[:, :2], points_at(p, p[:, LENGTH]))]
+        found[same] = np.stack(ends, axis=1)
+    # Lines meet in one point.
+    found[(bent == 0) & np.isnan(found[:, 2, 0]), 1] = np.nan
+    return found
+
+
+def _two_lines(a: FloatArray, b: FloatArray) -> _Meeting:
+    """The point in which two lines meet."""
+    along, gap = a[:, TX : TY + 1], b[:, :2] - a[:, :2]
+    sine = _cross(along, b[:, TX : TY + 1])
+    parallel = np.abs(sine) < PARALLEL
+    u = _cross(gap, b[:, TX : TY + 1]) / np.where(parallel, np.nan, sine)
+    together = parallel & (np.abs(_cross(along, gap)) <= SAME_PLACE)
+    return a[:, :2] + u[:, None] * along, np.zeros(len(a)), along, together
+
+
+def _line_and_arc(a: FloatArray, b: FloatArray) -> _Meeting:
+    """Points in which lines meet circles."""
+    (centers, r), tangents = _circles(b), a[:, TX : TY + 1]
+    gap = centers - a[:, :2]
+    along, across = (gap * tangents).sum(axis=1), _cross(tangents, gap)
+    half = np.sqrt(np.maximum((r - across) * (r + across), 0.0))
+    half[np.abs(across) > r + SAME_PLACE] = np.nan
+    return a[:, :2] + along[:, None] * tangents, half, tangents, np.zeros(len(a), np.bool_)
+
+
+def _two_arcs(a: FloatArray, b: FloatArray) -> _Meeting:
+    """Points in which circles meet."""
+    (ca, ra), (cb, rb) = _circles(a), _circles(b)
+    gap = cb - ca
+    d = np.hypot(gap[:, 0], gap[:, 1])
+    together = (d <= SAME_PLACE) & (np.abs(ra - rb) <= SAME_PLACE)
+    meet = (d > 0) & (d <= ra + rb + SAME_PLACE) & (d >= np.abs(ra - rb) - SAME_PLACE)
+    d = np.where(meet, d, np.nan)
+    along = (d * d + (ra - rb) * (ra + rb)) / (2 * d)
+    half = np.sqrt(np.maximum((ra - along) * (ra + along), 0.0))
+    return ca + (along / d)[:, None] * gap, half, _left(gap) / d[:, None], together

@@ -1,4 +1,4 @@
-"""Short open tours over contours, compiled: local search, and the best places.
+"""Short open tours over contours, compiled: local search.
 
 Every contour has options: a closed one places where it may begin, an open one its directions. An
 option has a point of entry and a point of exit. Moves of the search are those of 2-opt and Or-opt;
@@ -7,7 +7,8 @@ Lin, Kernighan's double bridge with short parts leads out of local optima.
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,338 +19,212 @@ from armcontour._kernels import compiled
 LONGEST_PART = 3
 # Longest parts that are exchanged to leave a local optimum.
 LONGEST_EXCHANGE = 30
-# Up to this number of contours, an exchange also changes an option, and all are chosen anew after
-# it.
+# Up to this number of contours, an exchange also changes an option.
 FEW = 30
 # Changes of length below this share of a tour are rounding errors.
 NO_GAIN = 1e-12
 
 
-@compiled(inner=True)
-def distance(exits: FloatArray, a: int, entries: FloatArray, b: int) -> float:
-    """Distance from the exit of option a to the entry of option b; 0 if either is -1."""
-    if a < 0 or b < 0:
-        return 0.0
-    x = exits[a, 0] - entries[b, 0]
-    y = exits[a, 1] - entries[b, 1]
-    z = exits[a, 2] - entries[b, 2]
-    return float(np.sqrt(x * x + y * y + z * z))
+class Options(NamedTuple):
+    """The options of n contours.
 
-
-@compiled()
-def tour_length(exits: FloatArray, entries: FloatArray, tour: IntArray, option: IntArray) -> float:
-    """Length of all links of a tour."""
-    total = 0.0
-    for k in range(len(tour) - 1):
-        total += distance(exits, option[tour[k]], entries, option[tour[k + 1]])
-    return total
-
-
-@compiled()
-def nearest_tour(
-    exits: FloatArray, entries: FloatArray, first: IntArray, parent: IntArray, begin: int
-) -> tuple[IntArray, IntArray]:
-    """The tour that goes on to the nearest option of the contours left, and its options.
-
-    Args:
+    Attributes:
         exits: Exits of all options, (m, 3).
         entries: Their entries, (m, 3).
         first: Index of the first option of every contour, and m, (n + 1,).
-        parent: Contour that may only come after each contour, or -1, (n,).
-        begin: The first contour, if nothing has to come before it; else the first such one.
     """
-    n = len(first) - 1
-    waits = np.zeros(n, dtype=np.intp)
-    for c in range(n):
-        if parent[c] >= 0:
-            waits[parent[c]] += 1
-    left = np.ones(n, dtype=np.bool_)
-    tour, option = np.empty(n, dtype=np.intp), first[:n].copy()
-    while waits[begin] > 0:
-        begin = (begin + 1) % n
-    chosen = begin
-    for k in range(n):
-        if k > 0:
-            least, last = np.inf, option[tour[k - 1]]
-            for c in range(n):
-                if not left[c] or waits[c] > 0:
-                    continue
-                for o in range(first[c], first[c + 1]):
-                    d = distance(exits, last, entries, o)
-                    if d < least:
-                        least, chosen, option[c] = d, c, o
-        tour[k] = chosen
-        left[chosen] = False
-        if parent[chosen] >= 0:
-            waits[parent[chosen]] -= 1
-    return tour, option
+
+    exits: FloatArray
+    entries: FloatArray
+    first: IntArray
 
 
-@compiled()
-def choose_options(
-    exits: FloatArray, entries: FloatArray, first: IntArray, tour: IntArray, option: IntArray
-) -> None:
-    """Set the options with which a tour is the shortest in its order, by dynamic programming."""
-    n, m = len(tour), len(exits)
-    cost, before = np.zeros(m), np.full(m, -1, dtype=np.intp)
-    for k in range(1, n):
-        p, c = tour[k - 1], tour[k]
-        for o in range(first[c], first[c + 1]):
-            least = np.inf
-            for q in range(first[p], first[p + 1]):
-                d = cost[q] + distance(exits, q, entries, o)
-                if d < least:
-                    least, before[o] = d, q
-            cost[o] = least
-    c = tour[n - 1]
-    at = first[c] + np.argmin(cost[first[c] : first[c + 1]])
-    for k in range(n - 1, -1, -1):
-        option[tour[k]] = at
-        at = before[at]
+class _Tour(NamedTuple):
+    """A tour, whose positions count from 1.
+
+    Attributes:
+        order: The contour at each position, (n + 1,).
+        option: The option of every contour, (n,).
+        place: Position of every contour, (n,).
+        at: The option at each position; -1 before the first one and after the last, (n + 2,).
+        ahead: Length of the links up to each position, (n + 2,).
+        back: The same if they run backwards, (n + 2,).
+    """
+
+    order: IntArray
+    option: IntArray
+    place: IntArray
+    at: IntArray
+    ahead: FloatArray
+    back: FloatArray
 
 
 @compiled(inner=True)
-def _refresh(state: Any) -> None:
-    """Set the positions, and the lengths of links up to each position in both directions."""
-    exits, entries, _, _, _, tour, option, place, ahead, back = state
-    place[tour[0]] = 0
-    for k in range(1, len(tour)):
-        a, b = option[tour[k - 1]], option[tour[k]]
-        place[tour[k]] = k
-        ahead[k] = ahead[k - 1] + distance(exits, a, entries, b)
-        back[k] = back[k - 1] + distance(exits, b, entries, a)
+def distance(options: Options, a: int, b: int) -> float:
+    """Distance from the exit of option a to the entry of option b; 0 if either is -1."""
+    if a < 0 or b < 0:
+        return 0.0
+    x = options.exits[a, 0] - options.entries[b, 0]
+    y = options.exits[a, 1] - options.entries[b, 1]
+    z = options.exits[a, 2] - options.entries[b, 2]
+    return math.sqrt(x * x + y * y + z * z)
 
 
 @compiled(inner=True)
-def _at(state: Any, k: int) -> int:
-    """The option at position k of the tour; -1 before its start and after its end."""
-    tour, option = state[5], state[6]
-    return option[tour[k]] if 0 <= k < len(tour) else -1
+def _refresh(options: Options, tour: _Tour, first: int) -> None:
+    """Set what follows from the order and the options, from a position on."""
+    order, option, place, at, ahead, back = tour
+    for k in range(first, len(at)):
+        at[k] = -1
+        if k < len(order):
+            place[order[k]], at[k] = k, option[order[k]]
+        ahead[k] = ahead[k - 1] + distance(options, at[k - 1], at[k])
+        back[k] = back[k - 1] + distance(options, at[k], at[k - 1])
 
 
-@compiled(inner=True)
-def _may_swap(state: Any, i: int, j: int, k: int) -> bool:
-    """Whether the parts i to j-1 and j to k-1 of the tour may change places."""
-    parent, tour, place = state[3], state[5], state[7]
-    for t in range(i, j):
-        p = parent[tour[t]]
-        if p >= 0 and j <= place[p] < k:
+@compiled(inner=True, allocates=True)
+def _carry(
+    options: Options, parent: IntArray, tour: _Tour, start: int, end: int, to: int, least: float
+) -> bool:
+    """Carry a part of the tour elsewhere if that gains more than `least` and is allowed.
+
+    Args:
+        options: The options.
+        parent: As in `search`.
+        tour: The tour, changed if the move is made.
+        start: Position of the part's first contour.
+        end: Position of its last contour.
+        to: Position after which it goes, forwards or backwards; after one of its own it stays.
+        least: Smallest gain of length.
+    """
+    order, option, place, at, ahead, back = tour
+    if start < 1 or end >= len(order):
+        return False
+    before, after, a, z = at[start - 1], at[end + 1], at[start], at[end]
+    x, y = before, after
+    gain = distance(options, before, a) + distance(options, z, after)
+    if not start - 1 <= to <= end:
+        x, y = at[to], at[to + 1]
+        gain += distance(options, x, y) - distance(options, before, after)
+    onward = gain - distance(options, x, a) - distance(options, z, y)
+    backward = gain - distance(options, x, z) - distance(options, a, y)
+    backward += ahead[end] - ahead[start] - back[end] + back[start]
+    if max(onward, backward) <= least:
+        return False
+    # The part comes after the others, or before them.
+    low, high, size = min(start, to + 1), max(end, to), end - start + 1
+    old, part = order[low : high + 1].copy(), order[start : end + 1].copy()
+    others = order[end + 1 : to + 1].copy() if to > end else order[to + 1 : start].copy()
+    begin, middle = (to - size + 1, low) if to > end else (low, low + size)
+    order[begin : begin + size] = part[::-1] if backward > onward else part
+    order[middle : middle + len(others)] = others
+    for k in range(low, high + 1):
+        place[order[k]] = k
+    for k in range(low, high + 1):
+        p = parent[order[k]]
+        if p >= 0 and place[p] < k:
+            order[low : high + 1] = old
+            _refresh(options, tour, low)
             return False
-    return True
-
-
-@compiled(inner=True)
-def _may_reverse(state: Any, i: int, j: int) -> bool:
-    """Whether the part i to j of the tour may be run backwards."""
-    parent, tour, place = state[3], state[5], state[7]
-    for t in range(i, j + 1):
-        p = parent[tour[t]]
-        if p >= 0 and i <= place[p] <= j:
-            return False
+    _refresh(options, tour, low)
     return True
 
 
 @compiled(inner=True, allocates=True)
-def _swap(tour: IntArray, i: int, j: int, k: int) -> None:
-    """Exchange the parts i to j-1 and j to k-1 of a tour."""
-    part = tour[i:j].copy()
-    tour[i : i + k - j] = tour[j:k].copy()
-    tour[i + k - j : k] = part
-
-
-@compiled(inner=True)
-def _try_option(state: Any, c: int) -> bool:
-    """Take the best option of a contour between its neighbours; whether it is a better one."""
-    exits, entries, first, _, _, _, option, place, ahead, _ = state
-    before, after = _at(state, place[c] - 1), _at(state, place[c] + 1)
-    now = distance(exits, before, entries, option[c]) + distance(exits, option[c], entries, after)
-    least, best = now - NO_GAIN * (1 + ahead[-1]), option[c]
-    for o in range(first[c], first[c + 1]):
-        d = distance(exits, before, entries, o) + distance(exits, o, entries, after)
+def _improve_at(options: Options, parent: IntArray, near: IntArray, tour: _Tour, c: int) -> bool:
+    """Make one move that shortens the tour at contour c; whether there was one."""
+    order, option, place, at, ahead, _ = tour
+    n, i = len(order) - 1, place[c]
+    no_gain = NO_GAIN * (1 + ahead[-1])
+    before, after = distance(options, at[i - 1], at[i]), distance(options, at[i], at[i + 1])
+    least, best = before + after - no_gain, at[i]
+    for o in range(options.first[c], options.first[c + 1]):
+        d = distance(options, at[i - 1], o) + distance(options, o, at[i + 1])
         if d < least:
             least, best = d, o
-    if best == option[c]:
-        return False
-    option[c] = best
-    _refresh(state)
-    return True
-
-
-@compiled(inner=True, allocates=True)
-def _try_reversal(state: Any, i: int, j: int) -> bool:
-    """Run the part i to j of the tour backwards if that is shorter; whether it was."""
-    exits, entries, _, _, _, tour, _, _, ahead, back = state
-    a, b, c, d = _at(state, i - 1), _at(state, i), _at(state, j), _at(state, j + 1)
-    gain = distance(exits, a, entries, b) + distance(exits, c, entries, d) + ahead[j] - ahead[i]
-    gain -= distance(exits, a, entries, c) + distance(exits, b, entries, d) + back[j] - back[i]
-    if gain <= NO_GAIN * (1 + ahead[-1]) or not _may_reverse(state, i, j):
-        return False
-    tour[i : j + 1] = tour[i : j + 1][::-1].copy()
-    _refresh(state)
-    return True
-
-
-@compiled(inner=True, allocates=True)
-def _try_carrying(state: Any, i: int, j: int, p: int) -> bool:
-    """Carry the part i to j to between p and p + 1, forwards or backwards, if that is shorter."""
-    exits, entries, _, _, _, tour, _, _, ahead, back = state
-    before, start, end, after = _at(state, i - 1), _at(state, i), _at(state, j), _at(state, j + 1)
-    x, y = _at(state, p), _at(state, p + 1)
-    gain = distance(exits, before, entries, start) + distance(exits, end, entries, after)
-    gain += distance(exits, x, entries, y) - distance(exits, before, entries, after)
-    onward = gain - distance(exits, x, entries, start) - distance(exits, end, entries, y)
-    turned = gain - distance(exits, x, entries, end) - distance(exits, start, entries, y)
-    turned += ahead[j] - ahead[i] - back[j] + back[i]
-    if max(onward, turned) <= NO_GAIN * (1 + ahead[-1]):
-        return False
-    if not (_may_swap(state, i, j + 1, p + 1) if p > j else _may_swap(state, p + 1, i, j + 1)):
-        return False
-    if turned > onward:
-        if _may_reverse(state, i, j):
-            tour[i : j + 1] = tour[i : j + 1][::-1].copy()
-        elif onward <= NO_GAIN * (1 + ahead[-1]):
-            return False
-    if p > j:
-        _swap(tour, i, j + 1, p + 1)
-    else:
-        _swap(tour, p + 1, i, j + 1)
-    _refresh(state)
-    return True
-
-
-@compiled(inner=True, allocates=True)
-def _improve_at(state: Any, c: int) -> bool:
-    """Make one move that shortens the tour at a contour; whether there was one."""
-    exits, entries, _, _, near, tour, option, place, _, _ = state
-    if _try_option(state, c):
+    if best != at[i]:
+        option[c] = best
+        _refresh(options, tour, i)
         return True
-    n, i = len(tour), place[c]
-    before = distance(exits, _at(state, i - 1), entries, option[c])
-    after = distance(exits, option[c], entries, _at(state, i + 1))
     for m in near[c]:
-        k = place[m]
-        link = min(
-            distance(exits, option[c], entries, option[m]),
-            distance(exits, option[m], entries, option[c]),
-        )
+        k, o = place[m], option[m]
         # A move gains only if it adds a link that is shorter than one that it removes.
-        if link < max(before, after) and _bring_together(state, i, k):
-            return True
+        if min(distance(options, at[i], o), distance(options, o, at[i])) >= max(before, after):
+            continue
+        low, high = min(i, k), max(i, k)
+        for start, end in ((low + 1, high), (low, high - 1)):
+            if _carry(options, parent, tour, start, end, end, no_gain):
+                return True
+        for count in range(1, LONGEST_PART + 1):
+            for start in range(i - count + 1, i + 1):
+                for to in (k, k - 1):
+                    if _carry(options, parent, tour, start, start + count - 1, to, no_gain):
+                        return True
     # Ends of the tour are next to nothing.
-    return (i > 0 and (_try_reversal(state, 0, i) or _try_carrying(state, i, i, -1))) or (
-        i < n - 1 and (_try_reversal(state, i, n - 1) or _try_carrying(state, i, i, n - 1))
-    )
-
-
-@compiled(inner=True, allocates=True)
-def _bring_together(state: Any, i: int, k: int) -> bool:
-    """Make one move after which what is at positions i and k is adjacent; whether it is shorter."""
-    n = len(state[5])
-    low, high = min(i, k), max(i, k)
-    if high > low + 1 and (
-        _try_reversal(state, low + 1, high) or _try_reversal(state, low, high - 1)
-    ):
-        return True
-    for count in range(1, LONGEST_PART + 1):
-        for start in (i, i - count + 1):
-            end = start + count - 1
-            if start < 0 or end >= n or start <= k <= end or (count == 1 and start != i):
-                continue
-            for p in (k, k - 1):
-                if (p < start - 1 or p > end) and _try_carrying(state, start, end, p):
-                    return True
+    for start, end, to in ((1, i, i), (i, i, 0), (i, n, n), (i, i, n)):
+        if _carry(options, parent, tour, start, end, to, no_gain):
+            return True
     return False
-
-
-@compiled(inner=True, allocates=True)
-def _improve(state: Any, queue: IntArray, count: int, queued: Any) -> None:
-    """Make moves at the contours in the queue, and at what they touch, until none is shorter."""
-    tour, place = state[5], state[7]
-    n = len(tour)
-    while count > 0:
-        count -= 1
-        c = queue[count]
-        queued[c] = False
-        while True:
-            i = place[c]
-            low, high = max(i - 1, 0), min(i + 1, n - 1)
-            a, b = tour[low], tour[high]
-            if not _improve_at(state, c):
-                break
-            # Contours that were next to it, and those that are now.
-            i = place[c]
-            for m in (a, b, tour[max(i - 1, 0)], tour[min(i + 1, n - 1)]):
-                if m != c and not queued[m]:
-                    queue[count] = m
-                    queued[m] = True
-                    count += 1
 
 
 @compiled()
 def search(
-    exits: FloatArray,
-    entries: FloatArray,
-    first: IntArray,
+    options: Options,
     parent: IntArray,
     near: IntArray,
     tour: IntArray,
     option: IntArray,
-    tries: int,
+    numbers: IntArray,
 ) -> None:
     """Shorten a tour in place.
 
     Args:
-        exits: Exits of all options, (m, 3).
-        entries: Their entries, (m, 3).
-        first: Index of the first option of every contour, and m, (n + 1,).
+        options: The options.
         parent: Contour that may only come after each contour, or -1, (n,).
         near: The nearest contours of every contour, (n, k).
         tour: The contours in order, (n,).
         option: The option of every contour, (n,).
-        tries: Number of exchanges of two parts from which the search goes on.
+        numbers: Random numbers for exchanges of parts from which the search goes on, (tries, 4).
     """
     n = len(tour)
-    state = (
-        exits, entries, first, parent, near, tour, option,
-        np.zeros(n, dtype=np.intp), np.zeros(n), np.zeros(n),
-    )  # fmt: skip
-    _refresh(state)
-    queue, queued = tour.copy(), np.ones(n, dtype=np.bool_)
-    _improve(state, queue, n, queued)
-    best, best_option, least = tour.copy(), option.copy(), state[8][n - 1]
-    # Numbers of a fixed sequence, so that the same program has the same order.
-    seed = np.uint64(88172645463325252)
-    for _ in range(tries):
-        numbers = np.empty(4, dtype=np.intp)
-        for k in range(4):
-            seed ^= seed << np.uint64(13)
-            seed ^= seed >> np.uint64(7)
-            seed ^= seed << np.uint64(17)
-            numbers[k] = np.intp((seed >> np.uint64(11)) % np.uint64(1 << 30))
-        i = numbers[0] % (n - 1)
-        j = i + 1 + numbers[1] % min(LONGEST_EXCHANGE, n - 1 - i)
-        k = j + 1 + numbers[2] % min(LONGEST_EXCHANGE, n - j)
-        if not _may_swap(state, i, j, k):
-            continue
-        _swap(tour, i, j, k)
-        c = tour[i]
-        if n <= FEW:
-            option[c] = first[c] + numbers[3] % (first[c + 1] - first[c])
-        _refresh(state)
-        count = 0
-        for t in (i - 1, i, i + k - j - 1, i + k - j, k - 1, k):
-            if 0 <= t < n and not queued[tour[t]]:
-                queue[count] = tour[t]
-                queued[tour[t]] = True
-                count += 1
-        _improve(state, queue, count, queued)
-        if n <= FEW:
-            choose_options(exits, entries, first, tour, option)
-            _refresh(state)
-        if state[8][n - 1] < least - NO_GAIN * (1 + least):
-            least = state[8][n - 1]
-            best[:], best_option[:] = tour, option
+    order, place = np.append(-1, tour), np.zeros(n, dtype=np.intp)
+    now = _Tour(order, option.copy(), place, np.full(n + 2, -1), np.zeros(n + 2), np.zeros(n + 2))
+    _refresh(options, now, 1)
+    queue, queued, count = tour.copy(), np.ones(n, dtype=np.bool_), n
+    least = np.inf
+    for trial in range(len(numbers) + 1):
+        if trial:
+            number = numbers[trial - 1]
+            i = 1 + number[0] % (n - 1)
+            j = i + 1 + number[1] % min(LONGEST_EXCHANGE, n - i)
+            k = j + 1 + number[2] % min(LONGEST_EXCHANGE, n + 1 - j)
+            if not _carry(options, parent, now, i, j - 1, k - 1, -np.inf):
+                continue
+            if n <= FEW:
+                c = order[i]
+                first = options.first[c]
+                now.option[c] = first + number[3] % (options.first[c + 1] - first)
+                _refresh(options, now, i)
+            for t in (i - 1, i, i + k - j - 1, i + k - j, k - 1, k):
+                if 1 <= t <= n and not queued[order[t]]:
+                    queue[count] = order[t]
+                    queued[order[t]] = True
+                    count += 1
+        while count:
+            count -= 1
+            c = queue[count]
+            queued[c] = False
+            a, b = order[max(place[c] - 1, 1)], order[min(place[c] + 1, n)]
+            if _improve_at(options, parent, near, now, c):
+                # Contours that were next to it, and those that are now.
+                for m in (a, b, order[max(place[c] - 1, 1)], order[min(place[c] + 1, n)], c):
+                    if not queued[m]:
+                        queue[count] = m
+                        queued[m] = True
+                        count += 1
+        if now.ahead[-1] < least * (1 - NO_GAIN) - NO_GAIN:
+            least = now.ahead[-1]
+            tour[:], option[:] = order[1:], now.option
         else:
-            tour[:], option[:] = best, best_option
-            _refresh(state)
-    choose_options(exits, entries, first, tour, option)
+            order[1:], now.option[:] = tour, option
+            _refresh(options, now, 1)

@@ -83,13 +83,7 @@ def apply_kerf(program: Program, process: Process) -> Program:
     kerfs = [process.of_layer(x.layer).kerf or 0.0 for x in contours]
     if not any(kerfs):
         return program
-    sides = [process.kerf_side] * len(contours)
-    if process.kerf_side == WASTE:
-        sides = [
-            side if x.closed else ""
-            for x, side in zip(contours, waste_sides(contours, process), strict=True)
-        ]
-    sides = [side if kerf else "" for side, kerf in zip(sides, kerfs, strict=True)]
+    sides = _kerf_sides(contours, kerfs, process)
     contours = tuple(draw_with_arcs(x) if sides[i] else x for i, x in enumerate(contours))
     flat = [_flatten(x, i, process) if sides[i] else None for i, x in enumerate(contours)]
     parts: list[list[OffsetPart]] = [
@@ -99,17 +93,34 @@ def apply_kerf(program: Program, process: Process) -> Program:
     if process.kerf_side == WASTE:
         _refuse_near_ones(contours, flat, parts, kerfs)
     made = [
-        [x] if not own else _contours_of(x, i, own, process.up)
+        _contours_of(x, i, own, process.up)
         for i, (x, own) in enumerate(zip(contours, parts, strict=True))
     ]
     moves = _replaced(program.moves, made)
     left = [contour_called(x, i) for i, x in enumerate(contours) if kerfs[i] and not sides[i]]
-    notes = program.notes
-    if left:
-        more = f" and {len(left) - 1} more open contours stay" if len(left) > 1 else " stays"
-        note = f"{left[0]}{more} where drawn, because an open contour has no waste side: "
-        notes = (*notes, note + "kerf_side left or right puts the cut beside open contours too.")
-    return dataclasses.replace(program, moves=tuple(moves), notes=notes)
+    return dataclasses.replace(
+        program, moves=tuple(moves), notes=(*program.notes, *_notes_on_open(left))
+    )
+
+
+def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Process) -> list[str]:
+    """The side of each contour on which its kerf lies; "" for contours that stay where drawn."""
+    sides = [process.kerf_side] * len(contours)
+    if process.kerf_side == WASTE:
+        waste = waste_sides(contours, process)
+        sides = [side if x.closed else "" for x, side in zip(contours, waste, strict=True)]
+    return [side if kerf else "" for side, kerf in zip(sides, kerfs, strict=True)]
+
+
+def _notes_on_open(left: Sequence[str]) -> list[str]:
+    """A note on open contours, by their names, that a kerf in the waste leaves where drawn."""
+    if not left:
+        return []
+    more = f" and {len(left) - 1} more open contours stay" if len(left) > 1 else " stays"
+    return [
+        f"{left[0]}{more} where drawn, because an open contour has no waste side: "
+        "kerf_side left or right puts the cut beside open contours too."
+    ]
 
 
 def _flatten(contour: Contour, number: int, process: Process) -> Segments:
@@ -228,7 +239,12 @@ def _called_on_layer(contours: Sequence[Contour], number: int) -> str:
 def _contours_of(
     contour: Contour, number: int, parts: Sequence[OffsetPart], up: FloatArray
 ) -> list[Contour]:
-    """The contours that the parts of an offset make, the first one the nearest to the start."""
+    """The contours that the parts of an offset make, the first one the nearest to the start.
+
+    Without parts it is the contour itself.
+    """
+    if not parts:
+        return [contour]
     source = contour.path
     paths = [_lift(x, source, up) for x in parts]
     if len(paths) == 1:

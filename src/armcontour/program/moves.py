@@ -270,16 +270,7 @@ class Program:
             said = tuple(make_printable(shorten(x)) for x in getattr(self, name))
             object.__setattr__(self, name, said)
         for x in self.moves:
-            if not isinstance(x, Contour | Rapid | Dwell | Event):
-                raise InvalidInput(
-                    "A program is made of Contours, Rapids, Dwells and Events, not of "
-                    f"{type(x).__name__}."
-                )
-            if isinstance(x, Event) and (x.s or x.lead_distance):
-                raise InvalidInput(
-                    f"The event {x.name} is a move of its own, at which the tool is at rest, and "
-                    "can have no s and no lead distance: put it into a contour, or use a lead time."
-                )
+            _refuse_move(x)
         if not self.contours:
             raise InvalidInput(f"{self.source or 'A program'} has no contour to follow.")
         paths = (x.path for x in self.moves if isinstance(x, Contour | Rapid))
@@ -542,26 +533,12 @@ class Program:
         Raises:
             InvalidInput: An unknown layer or name, or no contour that is left.
         """
-        layers, names = ([x] if isinstance(x, str) else x for x in (layers, names))
-        for what, wanted, known in (
-            ("layer", layers, {x.layer for x in self.contours}),
-            ("contour", names, {x.name for x in self.contours}),
-        ):
-            if not isinstance(wanted, Collection | None):
-                raise InvalidInput(f"A {what} is chosen by its name, not by {wanted!r}.")
-            unknown = sorted(set(wanted or ()) - known, key=str)
-            if unknown:
-                listed = ", ".join(repr(x) for x in sorted(known)[:12])
-                raise InvalidInput(
-                    f"{self.source or 'The program'} has no {what} {unknown[0]!r}: it has {listed}"
-                    f"{', ...' if len(known) > 12 else ''}."
-                )
         if layers is None and names is None:
             return self
+        by_layer = self._chosen("layer", layers, [x.layer for x in self.contours])
+        by_name = self._chosen("contour", names, [x.name for x in self.contours])
         kept = tuple(
-            x
-            for x in self.contours
-            if (layers is None or x.layer in layers) and (names is None or x.name in names)
+            x for x, *chosen in zip(self.contours, by_layer, by_name, strict=True) if all(chosen)
         )
         if not kept:
             why = "fits both the layers and the names" if layers and names else "is chosen"
@@ -573,9 +550,50 @@ class Program:
         if len(self.contours) < len(self.moves):
             left = "rapids, dwells and events between the chosen contours are left out."
             notes = (*notes, left)
-        others = Counter(x.layer for x in self.contours if layers and x.layer not in layers)
+        others = Counter(
+            x.layer for x, chosen in zip(self.contours, by_layer, strict=True) if not chosen
+        )
         remarks = (*self.remarks, *describe_not_run(others))
         return dataclasses.replace(self, moves=kept, notes=notes, remarks=remarks)
+
+    def _chosen(
+        self, what: str, wanted: Collection[str] | None, known: Sequence[str]
+    ) -> Sequence[bool]:
+        """Whether each contour, by its layer or name in `known`, is one of those that are wanted.
+
+        Raises:
+            InvalidInput: No names are wanted, or one that no contour has.
+        """
+        if wanted is None:
+            return [True] * len(known)
+        wanted = [wanted] if isinstance(wanted, str) else wanted
+        if not isinstance(wanted, Collection):
+            raise InvalidInput(f"A {what} is chosen by its name, not by {wanted!r}.")
+        unknown = sorted(set(wanted) - set(known), key=str)
+        if unknown:
+            raise InvalidInput(
+                f"{self.source or 'The program'} has no {what} {unknown[0]!r}: it has "
+                f"{list_some([repr(x) for x in sorted(set(known))], 12)}."
+            )
+        return [x in wanted for x in known]
+
+
+def _refuse_move(move: object) -> None:
+    """Refuse what is no move of a program.
+
+    Raises:
+        InvalidInput: An object of another class, or an event with an arc length or lead distance.
+    """
+    if not isinstance(move, Contour | Rapid | Dwell | Event):
+        raise InvalidInput(
+            "A program is made of Contours, Rapids, Dwells and Events, not of "
+            f"{type(move).__name__}."
+        )
+    if isinstance(move, Event) and (move.s or move.lead_distance):
+        raise InvalidInput(
+            f"The event {move.name} is a move of its own, at which the tool is at rest, and "
+            "can have no s and no lead distance: put it into a contour, or use a lead time."
+        )
 
 
 def is_meant(moves: Sequence[Move], i: int) -> bool:

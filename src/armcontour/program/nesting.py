@@ -1,4 +1,8 @@
-"""Which closed contours hold which contours, seen from above."""
+"""Which closed contours hold which contours, seen from above; exact for lines and arcs.
+
+A point is inside a contour if its winding number is not zero. That is the winding number of the
+polygon of chords, plus one turn for every arc between whose chord and curve the point lies.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +23,8 @@ CHORDS = 32
 # A unit vector whose part across another is smaller is parallel to it.
 PARALLEL = 1e-6
 NONE = np.empty((0, 8))
+# Number of pairs of a point and a chord that are judged at a time, about, to bound the memory.
+PAIRS = 200_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,13 +54,10 @@ def nest(contours: Sequence[Contour], up: FloatArray) -> Nesting:
         contours: The contours.
         up: In space, the direction from which the contours are viewed, (3,).
     """
-    from armcontour.program._inside import holders
-
     chords = [_closed(chords_of(x.path, up)) if x.closed else NONE for x in contours]
     starts = np.array([seen_from_above(x.path(0.0), up) for x in contours])
-    boxes = np.array([_box(x) for x in chords])
-    first = np.concatenate([[0], np.cumsum([len(x) for x in chords])])
-    holds = holders(starts, np.concatenate(chords), first, boxes)
+    holds = np.array([_inside(x, starts) for x in chords])
+    np.fill_diagonal(holds, False)
     areas = np.array([_area(x) for x in chords])
     # Of two contours from which each seems to hold the other, the larger one holds.
     holds &= np.abs(areas)[:, None] > np.where(areas == 0, 0.0, np.abs(areas))[None, :]
@@ -74,7 +77,11 @@ def axes_across(up: FloatArray) -> FloatArray:
 
 
 def chords_of(path: Path, up: FloatArray) -> FloatArray:
-    """The segments of a path seen from above, as a table for `_inside`, (m, 8)."""
+    """The segments of a path seen from above as chords, (m, 8).
+
+    Columns: start x, y, end x, y, centre x, y, radius, and turn: 1 for arcs to the left, -1 to the
+    right, 0 for lines. Arcs turn by half a circle at most.
+    """
     rows = _halved(draw_arcs(path.segments)[0], up)
     a, b = seen_from_above(rows.starts, up), seen_from_above(rows.ends, up)
     bent = rows.curvatures > 0
@@ -117,16 +124,33 @@ def _closed(chords: FloatArray) -> FloatArray:
     return found
 
 
-def _box(chords: FloatArray) -> FloatArray:
-    """Smallest and largest x, then y, of a closed contour; nothing is in that of none, (4,)."""
+def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
+    """Whether points, (n, 2), are inside of a closed contour; none is in that without chords."""
     if not len(chords):
-        return np.array([np.inf, -np.inf, np.inf, -np.inf])
+        return np.zeros(len(points), np.bool_)
     # Circles of arcs bound them.
     centers, radius = chords[:, 4:6], chords[:, 6:7]
     bent = chords[:, 7:8] != 0
     low = np.minimum(chords[:, :2], np.where(bent, centers - radius, np.inf)).min(axis=0)
     high = np.maximum(chords[:, :2], np.where(bent, centers + radius, -np.inf)).max(axis=0)
-    return np.array([low[0], high[0], low[1], high[1]])
+    found: BoolArray = ((points >= low) & (points <= high)).all(axis=1)
+    near = np.flatnonzero(found)
+    for part in np.array_split(near, 1 + len(near) * len(chords) // PAIRS):
+        found[part] = _windings(chords, points[part]) != 0
+    return found
+
+
+def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
+    """Winding numbers of a closed contour around points, (n,)."""
+    x, y = points[:, :1], points[:, 1:]
+    ax, ay, bx, by, cx, cy, radius, turn = chords.T
+    # Points on a chord count as if they were a little higher, then a little to the right.
+    side = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
+    left = (side > 0) | ((side == 0) & ((by < ay) | ((by == ay) & (bx > ax))))
+    upward, downward = (ay <= y) & (y < by) & left, (by <= y) & (y < ay) & ~left
+    beyond = (left == (turn < 0)) & (np.hypot(x - cx, y - cy) < radius)
+    found = upward.astype(int) - downward + np.where(beyond, turn, 0).astype(int)
+    return np.asarray(found.sum(axis=1))
 
 
 def _area(chords: FloatArray) -> float:

@@ -24,6 +24,7 @@ from armcontour.program._crossings import (
     TX,
     TY,
     crossings,
+    points_at,
 )
 
 # By so much less than the offset a part may be away from the contour, by rounding [m]: points of
@@ -74,10 +75,12 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
         ends = _end_circles(pieces, abs(distance))
         knives = np.concatenate([other * [1, -1, 1, -1, -1, 1], ends])
     parts = _cut(pieces, rows, knives)
-    middles = _at(parts.pieces, parts.pieces[:, LENGTH] / 2)
+    middles = points_at(parts.pieces, parts.pieces[:, LENGTH] / 2)
     clear = find_nearest(source, middles * mirror).distance >= abs(distance) - SLACK
     parts = parts.only(clear)
-    parts = parts.joined(None if closed else _at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1]))
+    parts = parts.joined(
+        None if closed else points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1])
+    )
     return [_made(x, ring, mirror) for x, ring in parts.chains()]
 
 
@@ -96,7 +99,7 @@ def crosses_itself(source: Segments, *, closed: bool) -> FloatArray | None:
     if meant.all():
         return None
     k = int(np.argmin(meant))
-    return np.asarray(_at(table[which[k, :1]], places[k, :1])[0])
+    return np.asarray(points_at(table[which[k, :1]], places[k, :1])[0])
 
 
 def crossing_owners(paths: Sequence[Segments]) -> tuple[int, int] | None:
@@ -116,18 +119,6 @@ def _table(source: Segments, mirror: FloatArray) -> FloatArray:
     return np.column_stack([starts, tangents, turn * source.curvatures, source.lengths])
 
 
-def _at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
-    """Points of pieces, or their tangents, at distances u from their starts, (n, 2)."""
-    angle = pieces[:, CURVATURE] * u
-    tangents = pieces[:, [TX, TY]]
-    normals = np.column_stack([-pieces[:, TY], pieces[:, TX]])
-    if order == 1:
-        return np.asarray(np.cos(angle)[:, None] * tangents + np.sin(angle)[:, None] * normals)
-    along = u * np.sinc(angle / np.pi)
-    across = u * (angle / 2) * np.sinc(angle / (2 * np.pi)) ** 2
-    return np.asarray(pieces[:, :2] + along[:, None] * tangents + across[:, None] * normals)
-
-
 def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, IntArray]:
     """The offset segments to the left by d [m], with circles around vertices; and their rows."""
     n = len(table)
@@ -139,7 +130,7 @@ def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, 
     moved[:, :2] += d * normals
     moved[left, CURVATURE] /= grown[left]
     moved[:, LENGTH] *= grown
-    ends, leaving = _at(table, table[:, LENGTH]), _at(table, table[:, LENGTH], 1)
+    ends, leaving = points_at(table, table[:, LENGTH]), points_at(table, table[:, LENGTH], 1)
     following = np.roll(table, -1, axis=0)
     sine = leaving[:, 0] * following[:, TY] - leaving[:, 1] * following[:, TX]
     cosine = leaving[:, 0] * following[:, TX] + leaving[:, 1] * following[:, TY]
@@ -199,7 +190,7 @@ class _Parts:
             comes, goes = np.isin(starts, stops), np.isin(stops, starts)
             if ends is not None:
                 first = np.linalg.norm(found.pieces[:, :2] - ends[0], axis=1) <= SAME_PLACE
-                tips = _at(found.pieces, found.pieces[:, LENGTH])
+                tips = points_at(found.pieces, found.pieces[:, LENGTH])
                 comes |= first
                 goes |= np.linalg.norm(tips - ends[1], axis=1) <= SAME_PLACE
             kept = comes & goes
@@ -217,7 +208,7 @@ class _Parts:
         # Open chains first: their starts are where nothing arrives.
         order = np.argsort([x in arriving for x in self.nodes[:, 0].tolist()], kind="stable")
         used = np.zeros(len(self.pieces), dtype=bool)
-        tips = _at(self.pieces, self.pieces[:, LENGTH], 1)
+        tips = points_at(self.pieces, self.pieces[:, LENGTH], 1)
         found = []
         for start in order.tolist():
             chain: list[int] = []
@@ -242,7 +233,7 @@ class _Parts:
     def _is_thin(self) -> bool:
         """Whether a closed chain has no area."""
         p = self.pieces
-        a, b = p[:, :2] - p[0, :2], _at(p, p[:, LENGTH]) - p[0, :2]
+        a, b = p[:, :2] - p[0, :2], points_at(p, p[:, LENGTH]) - p[0, :2]
         angle = p[:, CURVATURE] * p[:, LENGTH]
         bent = p[:, CURVATURE] != 0
         radius = 1 / np.where(bent, p[:, CURVATURE], 1.0)
@@ -269,8 +260,8 @@ class _Parts:
 
 def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
     """Half circles with radius d [m] around the ends of the open contour of an offset, (4, 6)."""
-    ends = _at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1])
-    leaving = _at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1], 1)
+    ends = points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1])
+    leaving = points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1], 1)
     across = 2 * d * np.column_stack([leaving[:, 1], -leaving[:, 0]])
     halves = [(ends, leaving), (ends + across, -leaving)]
     more = np.tile([-1 / d, np.pi * d], (2, 1))
@@ -296,10 +287,10 @@ def _cut(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
     first, last = np.nonzero(long)[0], np.nonzero(long)[0] + 1
     own = owners[first]
     parts = pieces[own].copy()
-    parts[:, :2] = _at(pieces[own], at[first])
-    parts[:, [TX, TY]] = _at(pieces[own], at[first], 1)
+    parts[:, :2] = points_at(pieces[own], at[first])
+    parts[:, [TX, TY]] = points_at(pieces[own], at[first], 1)
     parts[:, LENGTH] = at[last] - at[first]
-    points = np.concatenate([parts[:, :2], _at(pieces[own], at[last])])
+    points = np.concatenate([parts[:, :2], points_at(pieces[own], at[last])])
     nodes = group_points(points, SAME_PLACE).reshape(2, -1).T
     return _Parts(pieces=parts, rows=rows[own], owners=own, nodes=nodes)
 
@@ -307,7 +298,7 @@ def _cut(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
 def _made(chain: _Parts, ring: bool, mirror: FloatArray) -> OffsetPart:
     """A chain of parts as segments."""
     p = chain.pieces
-    starts = _closed_up(p[:, :2], _at(p, p[:, LENGTH]), ring)
+    starts = _closed_up(p[:, :2], points_at(p, p[:, LENGTH]), ring)
     tangents = p[:, [TX, TY]]
     normals = np.sign(p[:, CURVATURE])[:, None] * np.column_stack([-p[:, TY], p[:, TX]])
     segments = Segments(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -30,7 +31,7 @@ NEIGHBOURS = 10
 # Exchanges from which the search goes on: per contour, at least, and the most of exchanges times
 # contours, which bounds the time of the search to a few seconds.
 # Without exchanges, tours of 6 to 100 random contours are 0.6 to 15 % longer on average.
-TRIES, LEAST_TRIES, MOST_WORK = 3, 100, 1_000_000
+TRIES, LEAST_TRIES, MOST_WORK = 3, 200, 1_000_000
 # Orientations at both ends of a contour that differ by less than this count as equal: summed turns
 # have rounding errors [rad].
 SAME_HOLD = 1e-6
@@ -145,28 +146,66 @@ class _Choices:
         table[:, :, : contours[0].path.dimension] = ends
         return cls(contours=contours, made=made, ends=table, first=np.array(first))
 
-    @property
-    def tables(self) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Exits and entries of all options, and the first option of every contour."""
-        entries, exits = (np.ascontiguousarray(self.ends[:, k]) for k in (0, 1))
-        return exits, entries, self.first
-
     def nearest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
         """The tour that begins as drawn and goes on to the nearest contour."""
-        from armcontour.program._tours import nearest_tour
+        from scipy.spatial.distance import cdist
 
-        return nearest_tour(*self.tables, parents, 0)
+        n, (exits, entries, first) = len(self.contours), self._options
+        owners = np.repeat(np.arange(n), np.diff(first))
+        waits = np.bincount(parents[parents >= 0], minlength=n)
+        # Entries of contours that may come next.
+        near = np.where((waits == 0)[owners, None], entries, np.inf)
+        tour, option = np.empty(n, dtype=np.intp), first[:-1].copy()
+        for k in range(n):
+            if k:
+                last = option[tour[k - 1]]
+                nearest = int(np.argmin(cdist(exits[last : last + 1], near, "sqeuclidean")))
+                option[owners[nearest]] = nearest
+            c = tour[k] = owners[nearest] if k else np.argmin(waits)
+            near[first[c] : first[c + 1]] = np.inf
+            parent = parents[c]
+            if parent >= 0:
+                waits[parent] -= 1
+                if not waits[parent]:
+                    own = slice(first[parent], first[parent + 1])
+                    near[own] = entries[own]
+        return tour, option
 
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
         """A short tour: 2-opt and Or-opt moves, repeated from many exchanges of parts."""
-        from armcontour.program._tours import choose_options, search
+        from armcontour.program._tours import Options, search
 
-        tour, option = self.nearest(parents)
-        choose_options(*self.tables, tour, option)
-        n = len(self.contours)
+        tour, _ = self.nearest(parents)
+        n, option = len(tour), self._best_options(tour)
         tries = min(max(TRIES * n, LEAST_TRIES), MOST_WORK // n)
-        search(*self.tables, parents, self._neighbours(), tour, option, tries)
-        return tour, option
+        # Numbers of a fixed sequence, so that the same program has the same order.
+        numbers = (np.random.PCG64(0).random_raw((tries, 4)) >> np.uint64(32)).astype(np.intp)
+        search(Options(*self._options), parents, self._neighbours(), tour, option, numbers)
+        return tour, self._best_options(tour)
+
+    def _best_options(self, tour: IntArray) -> IntArray:
+        """The options with which a tour is the shortest in its order, by dynamic programming."""
+        from scipy.spatial.distance import cdist
+
+        exits, entries, first = self._options
+        own = [slice(first[c], first[c + 1]) for c in tour]
+        length, before = np.zeros(own[0].stop - own[0].start), []
+        for last, now in itertools.pairwise(own):
+            lengths = length[:, None] + cdist(exits[last], entries[now])
+            before.append(np.argmin(lengths, axis=0))
+            length = lengths.min(axis=0)
+        chosen = [int(np.argmin(length))]
+        for k in reversed(before):
+            chosen.append(int(k[chosen[-1]]))
+        option = np.empty(len(tour), np.intp)
+        option[tour] = first[tour] + chosen[::-1]
+        return option
+
+    @property
+    def _options(self) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Exits and entries of all options, and the first option of every contour."""
+        entries, exits = (np.ascontiguousarray(self.ends[:, k]) for k in (0, 1))
+        return exits, entries, self.first
 
     def _neighbours(self) -> IntArray:
         """The nearest contours of every contour, by their ends, (n, k)."""
@@ -174,25 +213,21 @@ class _Choices:
         k = min(NEIGHBOURS, n - 1)
         owners = np.repeat(np.arange(n), np.diff(self.first) * 2)
         points = self.ends.reshape(-1, 3)
-        found = np.empty((n, k), dtype=np.intp)
         centers = np.array([points[owners == i].mean(axis=0) for i in range(n)])
         several = int(np.diff(self.first).max()) * 2
         near = owners[nearest_points(centers, points, min(len(points), several * (k + 1)))]
-        for i in range(n):
-            others = near[i][near[i] != i]
-            chosen = others[np.sort(np.unique(others, return_index=True)[1])][:k]
-            missing = k - len(chosen)
-            spare = np.setdiff1d(np.arange(n), [*chosen, i])[:missing] if missing else chosen[:0]
-            found[i] = np.concatenate([chosen, spare])
-        return found
+        # Where too few contours are near, the first ones of all.
+        found = (dict.fromkeys([*row, *range(k + 1)]) for row in near.tolist())
+        return np.array([[x for x in row if x != i][:k] for i, row in enumerate(found)])
 
     def describe(self, tour: IntArray, option: IntArray) -> str:
         """A sentence on the length of a tour."""
-        from armcontour.program._tours import tour_length
 
-        exits, entries, _ = self.tables
-        length = tour_length(exits, entries, tour, option)
-        drawn = tour_length(exits, entries, np.arange(len(tour)), self.first[:-1])
+        def length_of(options: IntArray) -> float:
+            links = self.ends[options[1:], 0] - self.ends[options[:-1], 1]
+            return float(np.linalg.norm(links, axis=1).sum())
+
+        length, drawn = length_of(option[tour]), length_of(self.first[:-1])
         return (
             f"In the order shortest, the straight ways between contours have {length:.4g} m in all "
             f"({drawn:.4g} m in the order of the file)."

@@ -322,20 +322,30 @@ def _add_leads(
         height = process.up * process.pierce.height
         parts.insert(0, _vertical(parts[0], 0.0, height, down=True, demand=drop))
         before += parts[0].length
-    whole = join_paths(parts)
-    wait = 0.0 if process.pierce is None else process.pierce.time
-    events: list[Event] = []
-    for x in contour.events:
-        s, advance = x.s + before, x.lead_time
-        if process.switch is not None and x.name == process.switch.name:
-            if x.value and x.s <= REPEATED_POINT:
-                s, advance = 0.0 if process.begins_on else s, advance + wait
-            elif process.ends_on and not x.value and x.s >= path.length - REPEATED_POINT:
-                s = whole.length
-        events.append(dataclasses.replace(x, s=s, lead_time=advance))
-    return dataclasses.replace(
-        contour, path=whole, events=tuple(events), work=(before, before + path.length)
-    )
+    whole, work = join_paths(parts), (before, before + path.length)
+    events = tuple(_move_to_lead(x, process, work, whole.length) for x in contour.events)
+    return dataclasses.replace(contour, path=whole, events=events, work=work)
+
+
+def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end: float) -> Event:
+    """An event on a contour with leads; switching at its ends moves to the ends of active leads.
+
+    Args:
+        event: The event on the contour without leads.
+        process: Requirements of the process.
+        work: Arc lengths at which the contour starts and ends between its leads [m].
+        end: Length of the contour with its leads [m].
+    """
+    moved = dataclasses.replace(event, s=event.s + work[0])
+    if process.switch is None or event.name != process.switch.name:
+        return moved
+    if event.value and event.s <= REPEATED_POINT:
+        wait = 0.0 if process.pierce is None else process.pierce.time
+        s = 0.0 if process.begins_on else moved.s
+        return dataclasses.replace(event, s=s, lead_time=event.lead_time + wait)
+    if process.ends_on and not event.value and moved.s >= work[1] - REPEATED_POINT:
+        return dataclasses.replace(moved, s=end)
+    return moved
 
 
 def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:
@@ -485,20 +495,21 @@ class Switching:
             events: Events of the process on the contour.
         """
         found = sorted((*contour.events, *events), key=lambda x: x.s)
+        layer = self.process.of_layer(contour.layer).switch
+        confined: list[Event] = []
         for name in self.names:
-            drawn = [x for x in contour.events if x.name == name]
-            switch = self.process.of_layer(contour.layer).switch
-            switch = switch if switch is not None and switch.name == name else None
+            switch = layer if layer is not None and layer.name == name else None
             state = self.states.get(name) if self.in_order else None
             if state is None and switch is not None:
-                state = Event(name=name, value=not (drawn and drawn[0].value))
+                drawn = next((x.value for x in contour.events if x.name == name), False)
+                state = Event(name=name, value=not drawn)
             own = [x for x in found if x.name == name]
             last = own[-1] if own else state
             if last is not None:
                 self.states[name] = last
-            found = [x for x in found if x.name != name]
-            found += _confined(own, state, switch, name, contour.path.length)
-        return dataclasses.replace(contour, events=tuple(found))
+            confined += _confined(own, state, switch, name, contour.path.length)
+        others = [x for x in found if x.name not in self.names]
+        return dataclasses.replace(contour, events=(*others, *confined))
 
 
 def _confined(

@@ -340,14 +340,7 @@ class Process:
         if self.kerf is not None:
             _checks.not_negative("kerf", self.kerf, "m")
         _checks.choice("kerf_side", self.kerf_side, (*SIDES, WASTE))
-        if isinstance(self.begin, str):
-            _checks.choice("begin", self.begin, (AUTO, DRAWN))
-        else:
-            begin = _checks.numbers("begin", self.begin, "m")
-            if begin.ndim > 1:
-                raise InvalidInput("begin must be one arc length or one point in m.")
-            listed = begin.tolist()
-            object.__setattr__(self, "begin", tuple(listed) if begin.ndim else listed)
+        object.__setattr__(self, "begin", _checked_begin(self.begin))
         self._make_tuple("events", Event, "Events")
         self._make_tuple("analog", Analog, "Analogs")
         names = [x.name for x in self.analog]
@@ -358,17 +351,26 @@ class Process:
             raise InvalidInput("up must be a direction in space.")
         object.__setattr__(self, "up", _checks.lock_floats(up / np.linalg.norm(up)))
         _checks.whole("passes", self.passes, 1, MOST_PASSES)
+        self._refuse_unswitched()
+        self._make_layers()
+
+    def _refuse_unswitched(self) -> None:
+        """Refuse tabs and a pierce that have no effect.
+
+        Raises:
+            InvalidInput: There is no switch, or it is off where the tool pierces.
+        """
         if self.tabs is not None and self.switch is None:
             raise InvalidInput("Tabs need a switch, which is off there: give switch, or no tabs.")
-        if self.pierce is not None:
-            if self.switch is None:
-                raise InvalidInput("A pierce needs a switch, which is on then: give switch.")
-            if self.lead_in is not None and not self.lead_in.active:
-                raise InvalidInput(
-                    "The tool pierces where the lead-in starts, but the process is off along the "
-                    "lead-in: give lead_in the value active: true."
-                )
-        self._make_layers()
+        if self.pierce is None:
+            return
+        if self.switch is None:
+            raise InvalidInput("A pierce needs a switch, which is on then: give switch.")
+        if self.lead_in is not None and not self.lead_in.active:
+            raise InvalidInput(
+                "The tool pierces where the lead-in starts, but the process is off along the "
+                "lead-in: give lead_in the value active: true."
+            )
 
     def _make_tuple(self, name: str, kind: type, what: str) -> None:
         """Make a tuple of a list.
@@ -466,3 +468,18 @@ class Leads:
     def __post_init__(self) -> None:
         _checks.not_negative("lead before a contour", self.before, "m")
         _checks.not_negative("lead after a contour", self.after, "m")
+
+
+def _checked_begin(begin: str | float | Sequence[float]) -> str | float | tuple[float, ...]:
+    """A start point of closed contours: a name, an arc length, or a point.
+
+    Raises:
+        InvalidInput: Something else.
+    """
+    if isinstance(begin, str):
+        _checks.choice("begin", begin, (AUTO, DRAWN))
+        return begin
+    found = _checks.numbers("begin", begin, "m")
+    if found.ndim > 1:
+        raise InvalidInput("begin must be one arc length or one point in m.")
+    return tuple(found.tolist()) if found.ndim else float(found)

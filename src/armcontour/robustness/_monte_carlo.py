@@ -131,79 +131,6 @@ class Errors(NamedTuple):
     end_peak: float
 
 
-@compiled(inner=True, fastmath=FUSED)
-def _sharpen(line: Line, k: int, segment: int, p: Point, d2: float, e: Errors) -> float:
-    """Largest squared error up to this result, with finer sampling since the last result.
-
-    Between the results the tool follows the parabola through the last three results.
-
-    Args:
-        line: The path.
-        k: Index of the command interval.
-        segment: Segment of the last nearest point.
-        p: Tool point of this result [m].
-        d2: Its squared error [m²].
-        e: Errors up to the last result.
-    """
-    peak, (x, y, z) = max(e.peak, d2), e.tool
-    dx, dy, dz = p[0] - x, p[1] - y, p[2] - z
-    moved = math.sqrt(dx * dx + dy * dy + dz * dz)
-    if math.sqrt(e.square) + math.sqrt(d2) + moved <= 2 * math.sqrt(peak):
-        return peak  # The distance to the path grows at most as fast as the tool moves.
-    for i in range(1, FINER):
-        a = i / FINER
-        b = a * (a - 1) / 2
-        between = (
-            x + a * dx + b * (dx - e.moved[0]),
-            y + a * dy + b * (dy - e.moved[1]),
-            z + a * dz + b * (dz - e.moved[2]),
-        )
-        found, _ = search_along(between, line.rows, line.around, segment, line.low[k], line.high[k])
-        peak = max(peak, found)
-    return peak
-
-
-@compiled(inner=True, fastmath=FUSED)
-def _add(clock: Clock, e: Errors, peak: float, t: float, p: Point, d2: float) -> Errors:
-    """Add the result at time t to the accumulated errors.
-
-    Args:
-        clock: The times.
-        e: Errors up to the last result.
-        peak: Largest squared error up to this result [m²].
-        t: Time of this result [s].
-        p: Its tool point [m].
-        d2: Its squared error [m²].
-    """
-    h = clock.period / clock.steps
-    moved = p[0] - e.tool[0], p[1] - e.tool[1], p[2] - e.tool[2]
-    end, end_integral, end_peak = e.end, e.end_integral, e.end_peak
-    # A result when errors start to count is before that, whatever the rounding of its time says.
-    begin = clock.begin + SNAP * h
-    if t <= begin:
-        # Errors do not count yet.
-        return Errors(0.0, d2, 0.0, p, moved, end, end_integral, end_peak)
-    square, width = e.square, h
-    if t - h <= begin:
-        # The first trapezoid begins between two results.
-        width = t - clock.begin
-        d = width / h * math.sqrt(e.square) + (1 - width / h) * math.sqrt(d2)
-        square = d * d
-        peak = max(peak, square)
-    if t - h < clock.finish <= t:
-        # The last trapezoid ends between two results.
-        share = (clock.finish - (t - width)) / width
-        d = (1 - share) * math.sqrt(square) + share * math.sqrt(d2)
-        end = clock.finish
-        end_integral = e.integral + 0.5 * share * width * (square + d * d)
-        end_peak = max(e.peak, square, d * d)
-    integral = e.integral + 0.5 * width * (square + d2)
-    far2 = moved[0] * moved[0] + moved[1] * moved[1] + moved[2] * moved[2]
-    if far2 > (REST_SPEED * h) ** 2 and t > clock.finish and not clock.fixed:
-        end, end_integral, end_peak = t, integral, peak
-    return Errors(integral, d2, peak, p, moved, end, end_integral, end_peak)
-
-
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def _measure(
     setting: Setting,
@@ -231,20 +158,59 @@ def _measure(
     # Tuples of arrays are unpacked outside of the loop: unpacking takes as long as all the rest.
     line, clock = setting.line, setting.clock
     rows, corners, around, low, high = line
-    q = np.empty(len(places))
+    h, q = clock.period / clock.steps, np.empty(len(places))
+    # A result when errors start to count is before that, whatever the rounding of its time says.
+    counted = clock.begin + SNAP * h
     for row in range(size * clock.steps):
         for j in range(len(q)):
             q[j] = places[j, row, 0]
         p = tool_point(setting.robot, q, anchors)
         k = min(begin + row // clock.steps, len(low) - 1)
         d2, now = search_along(p, rows, around, segment, low[k], high[k])
-        peak = max(e.peak, d2)
-        if now != segment:
-            if abs(now - segment) > 1 or corners[max(now, segment)] > CORNER:
-                peak = _sharpen(line, k, segment, p, d2, e)
-            segment = now
-        t = clock.start + (begin * clock.steps + row + 1) * (clock.period / clock.steps)
-        e = _add(clock, e, peak, t, p, d2)
+        t = clock.start + (begin * clock.steps + row + 1) * h
+        dx, dy, dz = p[0] - e.tool[0], p[1] - e.tool[1], p[2] - e.tool[2]
+        far2, last, peak = dx * dx + dy * dy + dz * dz, e.square, max(e.peak, d2)
+        # The distance to the path grows at most as fast as the tool moves.
+        higher = math.sqrt(last) + math.sqrt(d2) + math.sqrt(far2) > 2 * math.sqrt(peak)
+        if (
+            now != segment
+            and higher
+            and (abs(now - segment) > 1 or corners[max(now, segment)] > CORNER)
+        ):
+            # Between the results the tool follows the parabola through the last three results.
+            for i in range(1, FINER):
+                a = i / FINER
+                b = a * (a - 1) / 2
+                between = (
+                    e.tool[0] + a * dx + b * (dx - e.moved[0]),
+                    e.tool[1] + a * dy + b * (dy - e.moved[1]),
+                    e.tool[2] + a * dz + b * (dz - e.moved[2]),
+                )
+                found, _ = search_along(between, rows, around, segment, low[k], high[k])
+                peak = max(peak, found)
+        segment, moved = now, (dx, dy, dz)
+        end, end_integral, end_peak = e.end, e.end_integral, e.end_peak
+        if t <= counted:
+            # Errors do not count yet.
+            e = Errors(0.0, d2, 0.0, p, moved, end, end_integral, end_peak)
+            continue
+        width = h
+        if t - h <= counted:
+            # The first trapezoid begins between two results.
+            width = t - clock.begin
+            last = (width / h * math.sqrt(last) + (1 - width / h) * math.sqrt(d2)) ** 2
+            peak = max(peak, last)
+        if t - h < clock.finish <= t:
+            # The last trapezoid ends between two results.
+            share = (clock.finish - (t - width)) / width
+            final = ((1 - share) * math.sqrt(last) + share * math.sqrt(d2)) ** 2
+            end = clock.finish
+            end_integral = e.integral + 0.5 * share * width * (last + final)
+            end_peak = max(e.peak, last, final)
+        integral = e.integral + 0.5 * width * (last + d2)
+        if far2 > (REST_SPEED * h) ** 2 and t > clock.finish and not clock.fixed:
+            end, end_integral, end_peak = t, integral, peak
+        e = Errors(integral, d2, peak, p, moved, end, end_integral, end_peak)
     return segment, e
 
 

@@ -53,28 +53,30 @@ class Unknowns:
         """
         own = servo.for_joints(arm.dof)
         _refuse_unfit(box, arm, own)
-        found: list[tuple[str, int, float, float]] = []
-        for kind, (low, high) in _ranges(box, arm.dof).items():
-            found += [(kind, j, a, b) for j, (a, b) in enumerate(zip(low, high, strict=True))]
-        least, most = np.asarray(box.payload).tolist()
-        found.insert(0, ("payload", -1, least, most))
-        if box.dead_time_shared:
-            late = float(np.max(box.dead_time))
-            found = [x for x in found if x[0] != "dead time"] + [("dead time", -1, -late, late)]
+        # Those that all joints share, before and after those of joints.
+        first, last = {("payload", -1): np.asarray(box.payload)}, {}
         if box.friction_shared:
-            least, most = np.asarray(box.friction).tolist()
             rubs = np.any(box.viscous) or np.any(box.coulomb)
-            found = [x for x in found if x[0] != "friction"]
-            found.insert(1, ("friction", -1, least * rubs, most * rubs))
-        found = [x for x in found if x[3] > x[2]]
+            first["friction", -1] = np.asarray(box.friction) * rubs
+        if box.dead_time_shared:
+            last["dead time", -1] = np.max(box.dead_time) * np.array([-1.0, 1.0])
+        each = {
+            (kind, j): ends
+            for kind, (low, high) in _ranges(box, arm.dof).items()
+            if (kind, -1) not in first | last
+            for j, ends in enumerate(zip(low, high, strict=True))
+        }
+        found = (first | each | last).items()
+        varied = [(*key, *ends) for key, ends in found if ends[1] > ends[0]]
+        kinds, joints, least, most = zip(*varied, strict=True) if varied else ((),) * 4
         return cls(
             box=box,
             arm=arm,
             servo=own,
-            kinds=tuple(x[0] for x in found),
-            joints=tuple(x[1] for x in found),
-            low=_checks.lock_floats([x[2] for x in found]),
-            high=_checks.lock_floats([x[3] for x in found]),
+            kinds=kinds,
+            joints=joints,
+            low=_checks.lock_floats(least),
+            high=_checks.lock_floats(most),
         )
 
     def __len__(self) -> int:

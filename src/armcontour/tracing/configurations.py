@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar
@@ -132,29 +132,45 @@ def find_solutions(
         followed = _rank(arm, s, knot_poses, task, followed, start)
     found: list[Solution] = []
     different = _Different(arm, knot_poses, task)
-
-    def smoothed(ways: list[FloatArray]) -> list[tuple[FloatArray, float]]:
-        stays = start is not None
-        return _smooth(arm, s, knot_poses, task, ways, start_stays=stays) if redundant else []
-
-    first = smoothed(followed[:MOST_SMOOTHED])
-    for i, q in enumerate(followed):
-        if redundant and found and i >= MOST_SMOOTHED:
-            break
-        if redundant:
-            q, cost = first[i] if i < len(first) else smoothed([q])[0]
-        else:
-            cost = _joint_distance(arm, q)
+    candidates = _with_costs(arm, s, knot_poses, task, followed, start)
+    for count, (q, cost) in enumerate(candidates, start=1):
         in_range = _turn_into_range(arm, q, start)
         if isinstance(in_range, _Failure):
             failures.append(dataclasses.replace(in_range, reached=int(at[in_range.reached])))
         elif different.add(in_range):
             found.append(Solution(q=in_range, cost=cost))
+        if redundant and found and count >= MOST_SMOOTHED:
+            break
     if not found:
         _refuse(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
     # Elbow up and down often cost the same: the one whose joints start nearer to 0 comes first.
     found.sort(key=lambda x: (float(f"{x.cost:.9e}"), float(np.abs(x.q[0]).sum())))
     return found[:MOST_SOLUTIONS] if redundant else found
+
+
+def _with_costs(
+    arm: SerialArm,
+    s: FloatArray,
+    poses: FloatArray,
+    task: int,
+    ways: list[FloatArray],
+    start: FloatArray | None,
+) -> Iterator[tuple[FloatArray, float]]:
+    """Joint paths with their costs; those of a redundant arm are smoothed when they are taken.
+
+    Args:
+        arm: The arm.
+        s: The knots [m], (n,).
+        poses: Poses of the tool at the knots, (n, 3, 4).
+        task: Task dimension.
+        ways: The joint paths [rad], (n, dof) each.
+        start: Joint positions at the start that stay, or None.
+    """
+    if task == arm.dof:
+        yield from ((q, _joint_distance(arm, q)) for q in ways)
+        return
+    for some in (ways[:MOST_SMOOTHED], *([q] for q in ways[MOST_SMOOTHED:])):
+        yield from _smooth(arm, s, poses, task, some, start_stays=start is not None)
 
 
 def _follow(

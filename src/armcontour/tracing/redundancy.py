@@ -17,7 +17,6 @@ from armcontour._banded import solve_banded
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import SerialArm, _newton
 from armcontour.motion import quintic
-from armcontour.tracing._guide import solve_tridiagonal
 
 # A spline overshoots if it leaves a chord by more than this fraction of the largest step next to
 # it, and by more than the floor [rad].
@@ -144,13 +143,15 @@ def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
     if len(s) == 3:
         bend = (chord[1] - chord[0]) / first
         return np.stack([chord[0] - bend * h[0], chord[0] + bend * h[0], chord[1] + bend * h[1]])
-    own = np.concatenate([h[1], 2 * (h[:-1, 0] + h[1:, 0]), h[-2]])
-    right = np.empty_like(values)
-    right[1:-1] = 3 * (h[1:] * chord[:-1] + h[:-1] * chord[1:])
-    right[0] = ((h[0] + 2 * first) * h[1] * chord[0] + h[0] ** 2 * chord[1]) / first
-    right[-1] = (h[-1] ** 2 * chord[-2] + (2 * last + h[-1]) * h[-2] * chord[-1]) / last
-    below, above = np.append(h[1:], last), np.append(first, h[:-1])
-    solve_tridiagonal(below, own, above, right)
+    # Rows are scaled so that the matrix is symmetric.
+    bands, right = np.zeros((len(s), 2)), np.empty_like(values)
+    bands[1:-1, 0] = 2 / h[:-1, 0] + 2 / h[1:, 0]
+    bands[[0, -1], 0] = np.concatenate([h[1] / (first * h[0]), h[-2] / (last * h[-1])])
+    bands[:-1, 1] = 1 / h[:, 0]
+    right[1:-1] = 3 * (chord[:-1] / h[:-1] + chord[1:] / h[1:])
+    right[0] = ((1 / first + 2 / h[0]) * h[1] * chord[0] + h[0] / first * chord[1]) / first
+    right[-1] = (h[-1] / last * chord[-2] + (2 / h[-1] + 1 / last) * h[-2] * chord[-1]) / last
+    solve_banded(bands, right)
     return right
 
 
