@@ -130,10 +130,11 @@ class ChainArm(Arm):
 
     def _twist_jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Velocity and angular velocity of the tool per joint velocity, (..., 6, dof)."""
-        frames = self._frames(q)
-        axes, points = frames[..., :-1, :, 2], frames[..., 3]
-        rows = np.concatenate([_cross(axes, points[..., -1:, :] - points[..., :-1, :]), axes], -1)
-        return np.ascontiguousarray(np.swapaxes(rows, -1, -2))
+        leading, (rows,) = self._rows(q)
+        # Its columns are the twists of the tool at unit velocities of the joints.
+        units = np.tile(np.eye(self.dof), (len(rows), 1))
+        found = self._motion(np.repeat(rows, self.dof, axis=0), units)
+        return np.swapaxes(found.reshape(*leading, self.dof, 6), -1, -2).copy()
 
 
 class SerialArm(ChainArm):
