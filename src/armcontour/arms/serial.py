@@ -130,11 +130,10 @@ class ChainArm(Arm):
 
     def _twist_jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Velocity and angular velocity of the tool per joint velocity, (..., 6, dof)."""
+        from armcontour.arms._kinematics import jacobians
+
         leading, (rows,) = self._rows(q)
-        # Its columns are the twists of the tool at unit velocities of the joints.
-        units = np.tile(np.eye(self.dof), (len(rows), 1))
-        found = self._motion(np.repeat(rows, self.dof, axis=0), units)
-        return np.swapaxes(found.reshape(*leading, self.dof, 6), -1, -2).copy()
+        return np.asarray(jacobians(self.link_table, rows).reshape(*leading, 6, self.dof))
 
 
 class SerialArm(ChainArm):
