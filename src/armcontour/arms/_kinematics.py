@@ -159,6 +159,22 @@ def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
     return found
 
 
+@compiled()
+def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
+    """Tool velocity and angular velocity per joint velocity for many states, (n, 6, dof)."""
+    n, dof = q.shape
+    out, frames = np.empty((n, 6, dof)), np.empty((dof + 1, 3, 4))
+    for i in range(n):
+        write_frames(links, q[i], frames)
+        for k in range(dof):
+            own, tool = frames[k], frames[dof]
+            axis = own[0, 2], own[1, 2], own[2, 2]
+            way = tool[0, 3] - own[0, 3], tool[1, 3] - own[1, 3], tool[2, 3] - own[2, 3]
+            out[i, 0, k], out[i, 1, k], out[i, 2, k] = cross(axis, way)
+            out[i, 3, k], out[i, 4, k], out[i, 5, k] = axis
+    return out
+
+
 @compiled(inner=True, fastmath=FUSED)
 def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
     """Take velocities and angular velocities of a block, and their derivatives, to the next frame.

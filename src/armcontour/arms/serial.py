@@ -130,10 +130,10 @@ class ChainArm(Arm):
 
     def _twist_jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Velocity and angular velocity of the tool per joint velocity, (..., 6, dof)."""
-        frames = self._frames(q)
-        axes, points = frames[..., :-1, :, 2], frames[..., 3]
-        rows = np.concatenate([_cross(axes, points[..., -1:, :] - points[..., :-1, :]), axes], -1)
-        return np.ascontiguousarray(np.swapaxes(rows, -1, -2))
+        from armcontour.arms._kinematics import jacobians
+
+        leading, (rows,) = self._rows(q)
+        return np.asarray(jacobians(self.link_table, rows).reshape(*leading, 6, self.dof))
 
 
 class SerialArm(ChainArm):

@@ -9,7 +9,6 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
-from armcontour.motion._motion import value_and_slopes
 
 # Below this angle, hyperbolic and circular functions are computed by their series.
 SMALL = 1e-2
@@ -74,6 +73,20 @@ def path_motions(
         found[2, k] = ds[j] * slope[j] * h + dds[j] * c + jerk[j] * u
         found[3, k] = slope[j] * speed + jerk[j]
     return found
+
+
+@compiled(inner=True, inline="always")
+def value_and_slopes(
+    a0: float, a1: float, a2: float, a3: float, a4: float, a5: float, x: float
+) -> tuple[float, float, float]:
+    """The polynomial with these coefficients at x, and its first and second derivative."""
+    # Horner's rule for all three.
+    slope, value, bend = a5, a5 * x + a4, 0.0
+    bend, slope, value = bend * x + 2 * slope, slope * x + value, value * x + a3
+    bend, slope, value = bend * x + 2 * slope, slope * x + value, value * x + a2
+    bend, slope, value = bend * x + 2 * slope, slope * x + value, value * x + a1
+    bend, slope, value = bend * x + 2 * slope, slope * x + value, value * x + a0
+    return value, slope, bend
 
 
 @compiled()

@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._banded import solve_banded
 from armcontour._checks import BoolArray, FloatArray, IntArray, Value
 from armcontour._describing import brief, digits, joint_rows, line_up, several
 from armcontour._quintics import evaluate, quintic
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._joint_path import examine
-from armcontour.motion._motion import motion
+from armcontour.motion._laws import Motion, joint_motions
+from armcontour.motion._spline import spline_pieces
 
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)
@@ -167,7 +167,7 @@ class JointPath(Value):
             raise InvalidInput(
                 "Spline parameters must be one per point and increase: leave repeated points out."
             )
-        coefficients = _spline(at, knots, clamped)
+        coefficients = spline_pieces(at, np.ascontiguousarray(knots), clamped)
         # Nobody else has these arrays, so locking needs no copies.
         for values in (at, coefficients):
             values.setflags(write=False)
@@ -250,35 +250,13 @@ class JointPath(Value):
                 f"A joint path needs one interval for each arc length, from 0 to {last}, but got "
                 f"{len(pieces)} for {len(at)}."
             )
-        found = motion(self.breaks, self.coefficients, pieces, at)
-        q, first, second = (x.reshape(*np.shape(s), self.dof) for x in found)
+        q, first, second = np.empty((3, len(at), self.dof))
+        # By the chain rule with s for the time; each piece is a path of its own.
+        along, end = np.zeros((4, len(at))), self.breaks[pieces + 1]
+        along[0], along[1] = at, 1.0
+        end.setflags(write=False)
+        out = Motion(q, first, second, np.empty((0, self.dof)))
+        rows = np.arange(last + 2)
+        joint_motions(along, end, pieces, rows, self.breaks, self.coefficients, out)
+        q, first, second = (x.reshape(*np.shape(s), self.dof) for x in (q, first, second))
         return q, first, second
-
-
-def _spline(at: FloatArray, points: FloatArray, clamped: bool) -> FloatArray:
-    """Coefficients of the cubic spline through points, (n, 6, dof).
-
-    The second derivatives solve symmetric equations whose diagonal outweighs the rest of each row.
-
-    Args:
-        at: Parameters of the points, which increase, (n + 1,).
-        points: The points, (n + 1, dof).
-        clamped: Whether the slopes are zero at both ends; otherwise the second derivatives are.
-    """
-    n, dof = len(at) - 1, points.shape[1]
-    width, slopes = np.zeros((n + 2, 1)), np.zeros((n + 2, dof))
-    # Beyond a clamped end the spline is constant.
-    width[1:-1, 0] = at[1:] - at[:-1]
-    slopes[1:-1] = (points[1:] - points[:-1]) / width[1:-1]
-    bend = 6 * (slopes[1:] - slopes[:-1])
-    inner = slice(None) if clamped else slice(1, -1)
-    bands = np.concatenate([2 * (width[:-1] + width[1:]), width[1:]], axis=1)
-    bend[[0, -1]] *= clamped
-    solve_banded(bands[inner], bend[inner])
-    width, slopes = width[1:-1], slopes[1:-1]
-    found = np.zeros((n, 6, dof))
-    found[:, 0] = points[:-1]
-    found[:, 2] = bend[:-1] / 2 * width**2
-    found[:, 3] = (bend[1:] - bend[:-1]) / 6 * width**2
-    found[:, 1] = slopes * width - found[:, 2] - found[:, 3]
-    return found

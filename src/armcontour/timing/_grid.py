@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour._kernels import compiled
-from armcontour.motion._motion import value_and_slopes
+from armcontour.motion._laws import value_and_slopes
 
 
 @compiled()
