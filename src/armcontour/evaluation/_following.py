@@ -95,6 +95,7 @@ def _reach(
             if curvature != 0.0 and room >= 0.0:
                 laps, turn = 2, 2 * math.pi / curvature
                 nearest = math.atan2(foot.along, foot.across) / curvature
+                # Squared distance of the farthest place of the circle, less that of the nearest.
                 most = distance2(foot, curvature, turn / 2) - foot.off2
                 share = room / most if room < most else 1.0
                 half = 2 * math.asin(math.sqrt(share)) / curvature

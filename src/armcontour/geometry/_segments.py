@@ -71,7 +71,7 @@ def distance2(foot: Foot, k: float, away: float) -> float:
     return foot.off2 + 4 * product * math.sin(k * away / 2) ** 2
 
 
-@compiled(inner=True, fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED, inline="always")
 def nearest_within(
     p: Point, g: FloatArray, low: float, high: float, most: float
 ) -> tuple[float, float]:
