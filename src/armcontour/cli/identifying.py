@@ -257,7 +257,9 @@ def _print_verdict(
     if len(refused) == 1:
         console.say(refused[0].note)
     elif refused:
-        shares = ", ".join(x.name + f" ({x.share:.0%})" * math.isfinite(x.share) for x in refused)
+        shares = ", ".join(
+            f"{x.name} ({x.share:.0%})" if math.isfinite(x.share) else x.name for x in refused
+        )
         console.say(f"No model (error above {SHARE:.0%} of the tracking error): {shares}.")
 
 
