@@ -13,10 +13,9 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.tracing.configurations import CHORD_TURN, find_solutions
 from armcontour.tracing.knots import Knots, first_knots
-from armcontour.tracing.numeric import Numeric
 from armcontour.tracing.poses import FirstPoses, row_of_poses, task_dimension
 from armcontour.tracing.ranges import refuse_out_of_range, turn_into_range
-from armcontour.tracing.solver import Analytic, refine
+from armcontour.tracing.solver import Analytic, Numeric, refine
 
 # With redundant degrees of freedom the first knots lie closer together by this factor, as the
 # null-space motion is interpolated between them.
