@@ -7,7 +7,7 @@ PYTHON ?= $(shell for p in python3.14 python3.13 python3.12 python3.11 python3 p
 	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 15))' \
 	2>/dev/null && echo $$p && break; done)
 
-# What programs import is compiled once, not by every process: hundreds of the suite's begin anew.
+# Python keeps what it compiled of imported modules; the suite's processes would compile it again.
 export PYTHONDONTWRITEBYTECODE :=
 
 # Install the package with the extras $(1) and the tested versions: by uv, or by pip where uv fails.
