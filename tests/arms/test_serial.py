@@ -340,6 +340,10 @@ def test_limits_are_replaced_added_lifted_and_spread_over_joints():
     np.testing.assert_array_equal(spread.joint_acceleration, [0.7, 0.7])
     np.testing.assert_array_equal(spread.joint_velocity, [1.0, 2.0])
     assert ac.Limits().for_joints(3).joint_acceleration is None
+    # One pair is for all joints.
+    pair = ac.Limits(joint_velocity=[[-1.0, 2.0]])
+    for own in (pair, pair.for_joints(3)):
+        np.testing.assert_array_equal(own.velocity_bounds(3), [[-1.0] * 3, [2.0] * 3])
     np.testing.assert_array_equal(or_unlimited(None, 2), [np.inf, np.inf])
     np.testing.assert_array_equal(or_unlimited([1.0, 2.0], 2), [1.0, 2.0])
 

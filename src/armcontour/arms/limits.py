@@ -129,8 +129,7 @@ class Limits(Value):
                 f"(dof,), or one for all, which limits both directions{pair}.",
                 limit=name,
             )
-        # Not `any`, which NaN would pass.
-        if all(x >= _checks.SMALLEST for x in amounts.flat):
+        if (amounts >= _checks.SMALLEST).all():
             return
         needed = f"at least {_checks.SMALLEST:g} {unit}"
         if (amounts <= 0).any():
@@ -305,7 +304,8 @@ def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:
 def _bounds(values: FloatArray | None, dof: int) -> tuple[FloatArray, FloatArray]:
     """Lower and upper bound of every joint, (dof,) each, of a limit that may have directions."""
     if values is not None and values.ndim == 2:
-        return values[:, 0].copy(), values[:, 1].copy()
+        low, high = np.array(np.broadcast_to(values, (dof, 2)).T, order="C")
+        return low, high
     upper = np.full(dof, np.inf if values is None else values)
     return -upper, upper
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
+from armcontour.arms.limits import by_direction
 from armcontour.motion import Execution, Trajectory
 from armcontour.studio.thinning import evenly, thin
 from armcontour.studio.view import short
@@ -63,8 +64,7 @@ def demand_shares(ddq: FloatArray, limits: Limits) -> FloatArray:
 
 
 def _signed_shares(values: FloatArray, bounds: tuple[FloatArray, FloatArray]) -> FloatArray:
-    low, high = bounds
-    return np.asarray(np.where(values > 0, values / high, values / -low))
+    return np.asarray(values / by_direction(values, bounds)[1])
 
 
 def largest_demand(demand_range: FloatArray, limits: Limits) -> list[float]:
