@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.timing.constraints import Constraint, JointMotion
+from armcontour.timing.constraints import Constraint, JointMotion, SecondOrder
 from armcontour.timing.grid import grid_through
 from armcontour.timing.optimal import plan_optimal
-from armcontour.timing.topp.limits import AA, Rounds
+from armcontour.timing.topp.limits import A, Rounds
 
 
 class TwoJoints:
@@ -69,8 +69,8 @@ class Round(Constraint):
         self.radius = radius
 
     def on(self, path):
-        ends = np.zeros((len(path), 2, 1, 3))
-        ends[..., AA] = 1.0
+        ends = np.zeros((len(path), 2, 1, 2, 3))
+        ends[..., A, 0] = 1.0
         return (Rounds(ends, np.full((len(path), 1), self.radius), np.zeros((len(path), 1, 4))),)
 
 
@@ -81,6 +81,72 @@ def test_the_smaller_of_two_radii_limits():
         own = [Round(x) for x in radii]
         planned = plan_optimal(path, TwoJoints(), limits, constraints=own)
         assert planned.duration == pytest.approx(2 * np.sqrt(1 / 0.5), rel=1e-6)
+
+
+WIDTH = 2.0**-5
+# Joint 1 moves evenly and then takes off: a limit that ends at the break in the middle jumps there.
+EVEN = ac.JointPath(
+    breaks=np.array([0.0, 2.0, 4.0]),
+    coefficients=np.array(
+        [[[0.0], [2.0], [0.0], [0.0], [0.0], [0.0]], [[2.0], [2.0]] + 4 * [[0.0]]]
+    ),
+)
+
+
+class Vectors(Constraint):
+    """|a u + b x| within 1 until the middle, for vectors a = share 2 w b + off."""
+
+    name = "vectors"
+
+    def __init__(self, share, off):
+        self.b = np.array([3.0, 2.0, 0.0])
+        self.a = -2 * WIDTH * share * self.b + np.array([0.0, 0.0, off])
+
+    def on(self, path):
+        before = (path.grid.s[:-1] < 2.0).astype(float)[:, None]
+        places = np.concatenate(
+            [before, before, np.zeros((len(path.places[1]) - 2 * len(path), 1))]
+        )
+        places[path.after] = before
+        return (path.round(places * self.a, places * self.b, 1.0),)
+
+
+def near_the_middle(planned):
+    """u and x of a plan shortly before its middle, and in all of its first half."""
+    end = planned.time_at(2.0)
+    t = end - np.concatenate([np.geomspace(1e-9, 0.1, 500) * end, np.linspace(1e-9, 1, 5000) * end])
+    return planned.s(t, 2), planned.s(t, 1) ** 2
+
+
+# Of the interval whose end is the middle, of the one before it, and of its start.
+@pytest.mark.parametrize("steps", [1, 2, -1])
+@pytest.mark.parametrize("share", [1.0, 1 + 1e-16, 1 - 1e-12, 1 + 1e-12, 1 - 1e-8, 1 + 1e-8])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_row_whose_part_of_the_mean_cancels_still_limits(steps, share, sign):
+    w = WIDTH * steps
+
+    def coefficients(s, side):
+        before = ((s < 2) | ((s == 2) & (side == "left"))).astype(float)[:, None]
+        return -2 * w * share * sign * before, sign * before, 0 * before
+
+    bounds = ([-1e3], [1.0]) if sign > 0 else ([-1.0], [1e3])
+    limits, grid = ac.Limits(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
+    own = SecondOrder("own", coefficients, *bounds)
+    planned = ac.plan(EVEN, limits=limits, constraints=[own], grid=grid)
+    u, x = near_the_middle(planned)
+    assert (-2 * w * share * u + x).max() <= 1 + 1e-9
+    assert (-2 * w * share * u + x).max() > 0.99
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-16, 1e-12, 1e-8, 1e-5])
+@pytest.mark.parametrize("share", [1.0, 1 - 1e-12, 1 + 1e-8, 0.5])
+def test_a_vector_whose_part_of_the_mean_cancels_still_limits(share, off):
+    limits, grid = ac.Limits(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
+    own = Vectors(share, off)
+    u, x = near_the_middle(ac.plan(EVEN, limits=limits, constraints=[own], grid=grid))
+    size = np.linalg.norm(own.a * u[:, None] + own.b * x[:, None], axis=1)
+    assert size.max() <= 1 + 1e-9
+    assert size.max() > 0.99
 
 
 def test_refusals(refuses):

@@ -177,7 +177,7 @@ class Own(Constraint):
 RIGHT = {
     Rows: {"ends": (5, 2, 3, 4), "rise": (5, 3, 4)},
     Squares: {"ends": (5, 2, 3), "most": (5, 3), "rise": (5, 3, 4)},
-    Rounds: {"ends": (5, 2, 3, 3), "radius": (5, 3), "rise": (5, 3, 4)},
+    Rounds: {"ends": (5, 2, 3, 2, 3), "radius": (5, 3), "rise": (5, 3, 4)},
     Friction: {"viscous": (5, 2, 3), "within": (5, 3, 3)},
     Ceiling: {"x": (5, 2)},
 }

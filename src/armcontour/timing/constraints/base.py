@@ -159,9 +159,8 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
         case Squares():
             return np.sqrt(form.ends * x)
         case Rounds():
-            aa, ab, bb = np.moveaxis(form.ends, -1, 0)
-            size = np.sqrt(np.maximum(aa * u * u + 2 * ab * u * x + bb * x * x, 0.0))
-            return np.asarray(size / form.radius[:, None])
+            value = form.ends[..., A, :] * u[..., None] + form.ends[..., B, :] * x[..., None]
+            return np.asarray(np.linalg.norm(value, axis=-1) / form.radius[:, None])
         case Ceiling():
             return np.sqrt(x / form.x[..., None])
     return np.zeros_like(x)

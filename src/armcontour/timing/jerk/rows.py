@@ -224,12 +224,13 @@ class Rows:
     def _round(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
         """Round rows, (n, l, 3, 3), their radii and margins, (n, l), and control points, (l,)."""
         n, rounds = len(self.mesh.grid), self.limits.rounds
+        products = rounds.products
         vectors, radius = [np.zeros((n, 0, 3, 3))], []
         for r in range(rounds.radius.shape[1]):
             for e in range(2):
                 # In the plane of both vectors: the first one is along the first axis.
                 square, rate = (x[:, None] for x in self.basis.at_end(e))
-                aa, ab, bb = rounds.ends[:, e, r, :, None].swapaxes(0, 1)
+                aa, ab, bb = (x[:, e, r, None] for x in products)
                 along = np.sqrt(aa)
                 with np.errstate(invalid="ignore", divide="ignore"):
                     part = np.where(aa > 0, ab / along, 0.0)
@@ -324,7 +325,7 @@ class Rows:
                 up += np.maximum(sign * general[..., B], 0).max(axis=1)
                 left = np.maximum((sign * general[..., which]).min(axis=1), 0)
                 found.append(np.where(up > 0, left / up, np.inf).min(axis=1, initial=np.inf))
-            aa, ab, bb = np.moveaxis(rounds.ends, -1, 0)
+            aa, ab, bb = rounds.products
             turned = rate[:, None, None]
             size = np.sqrt(np.maximum(aa * turned**2 + 2 * ab * turned + bb, 0.0)).max(axis=1)
             found.append((rounds.radius / size).min(axis=1, initial=np.inf))

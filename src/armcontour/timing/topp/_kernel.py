@@ -17,10 +17,7 @@ from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import FUSED, compiled
 from armcontour.motion._intervals import interval_time
 from armcontour.timing.topp.limits import (
-    AA,
-    AB,
     ALONE,
-    BB,
     BY_SLOPE,
     BY_U,
     BY_X,
@@ -43,7 +40,7 @@ LARGEST_X = 1e100  # from which Newton starts without a ceiling
 FAR, ROUNDED = 1e-3, 1e-12  # a step to less than the share FAR of x has the error ROUNDED of it
 SLACK = 1e-9  # ends of a range of u that differ by this share differ by rounding
 PLAY = 1e-7  # share by which x at an end may miss what was asked for
-TINY = 1e-14  # share of a coefficient below which it is zero
+TINY = 1e-14  # share of its terms, each with rounding, below which a coefficient is zero
 BINDS = 0.98  # a limit binds from this use on
 BELOW_CEILING = 1 - 1e-6  # where x is at its ceiling, nothing else binds
 LARGEST_TURN = 0.1  # a slope changes what binds by less than this share of its limit
@@ -168,17 +165,25 @@ def _draw_row(
     motion: tuple[float, float],
     end: int,
 ) -> None:
-    """Draw `low <= a u + b x <= high` at one end of an interval; without a it is a ceiling of x."""
+    """Draw `low <= a u + b x <= high` at one end; where no m is left, it is a ceiling of x."""
     a, b, low, high = of
     w, turn = motion
-    if abs(a) <= TINY * w * abs(b):
+    shift = a * turn
+    if end == 1:
+        shift = -shift
+    low, high, bends = low + shift, high + shift, 2 * w * abs(b)
+    by_mean = a if end == 0 else a + 2 * w * b
+    side = -1
+    if abs(by_mean) <= TINY * (abs(a) + bends):
+        side = 0
+    elif abs(a) <= TINY * bends:
+        side = end
+    if side >= 0:
         if b != 0.0:
-            lines.cap[i, end] = min(lines.cap[i, end], max((high if b > 0.0 else low) / b, 0.0))
-        a = b = 0.0
-    if end == 0:
-        _draw_line(lines, i, line, a, b, low + a * turn, high + a * turn)
-    else:
-        _draw_line(lines, i, line, a + 2 * w * b, b, low - a * turn, high - a * turn)
+            most = (high if b > 0.0 else low) / b
+            lines.cap[i, side] = min(lines.cap[i, side], max(most, 0.0))
+        by_mean = 0.0
+    _draw_line(lines, i, line, by_mean, b, low, high)
 
 
 class Bracket(NamedTuple):
@@ -254,39 +259,54 @@ def friction_rise(
     return slope * abs(v1 - v0) * w / 2, slope * off, by_slope, offset * off
 
 
-@compiled(inner=True, fastmath=FUSED)
+@compiled(inner=True)
+def _products(ends: FloatArray, i: int, end: int, r: int) -> tuple[float, float, float]:
+    """The products a a, a b and b b of the vectors at one end of an interval."""
+    aa = ab = bb = 0.0
+    for d in range(3):
+        a, b = ends[i, end, r, A, d], ends[i, end, r, B, d]
+        aa, ab, bb = aa + a * a, ab + a * b, bb + b * b
+    return aa, ab, bb
+
+
+@compiled(inner=True)
 def _draw_conic(
     lines: Lines,
     i: int,
-    conic: int,
-    of: tuple[float, float, float, float],
+    r: int,
+    ends: FloatArray,
+    square: float,
     motion: tuple[float, float],
     end: int,
 ) -> None:
-    """Draw `aa u² + 2 ab u x + bb x² <= square` at one end of an interval."""
-    aa, ab, bb, square = of
+    """Draw `|a u + b x|² <= square` at one end of an interval."""
     w, turn = motion
-    a, b, out = aa, ab, lines.conics[i, conic]
-    if end == 1:
-        # u = m + t and x + 2 w m take the place of m - t and x.
-        a, b = aa + 4 * w * (ab + w * bb), ab + 2 * w * bb
-    for m in range(5):
-        out[m] = 0.0
-    if a <= (TINY * w) ** 2 * bb or a == 0.0:
+    out = lines.conics[i, 2 * r + end]
+    for d in range(5):
+        out[d] = 0.0
+    # The vector that multiplies m is a at the start, and a + 2 w b at the end.
+    step = 2 * w * end
+    a0, a1, a2 = ends[i, end, r, A, 0], ends[i, end, r, A, 1], ends[i, end, r, A, 2]
+    b0, b1, b2 = ends[i, end, r, B, 0], ends[i, end, r, B, 1], ends[i, end, r, B, 2]
+    e0, e1, e2 = a0 + step * b0, a1 + step * b1, a2 + step * b2
+    ee, eb = e0 * e0 + e1 * e1 + e2 * e2, e0 * b0 + e1 * b1 + e2 * b2
+    aa, bb = a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2
+    if ee <= TINY**2 * (aa + 4 * w * w * bb):
         # x alone, at the start.
         out[2] = math.inf
         if bb > 0.0:
             most = math.sqrt(square / bb) - 2 * w * abs(turn)
             lines.cap[i, 0] = min(lines.cap[i, 0], max(most, 0.0))
         return
-    spread = max(aa * bb - ab * ab, 0.0) / (a * a)
-    out[0], out[4] = b / a, spread
+    c0, c1, c2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    spread = (c0 * c0 + c1 * c1 + c2 * c2) / (ee * ee)
+    out[0], out[4] = eb / ee, spread
     if end == 0:
-        out[1], out[2] = -turn, square / a
+        out[1], out[2] = -turn, square / ee
     else:
-        out[1] = turn * (aa + 2 * w * ab) / a
-        out[2] = square / a - 4 * w * w * spread * turn * turn
-        out[3] = 2 * w * spread * turn
+        out[1] = turn * (1 - step * out[0])
+        out[2] = square / ee - spread * (step * turn) ** 2
+        out[3] = step * spread * turn
     # Beyond this x there is no m.
     if spread > 0.0:
         root = math.sqrt(max(out[3] * out[3] + spread * out[2], 0.0))
@@ -438,13 +458,12 @@ def _draw(
             radius = rounds.radius[i, r]
             if margins:
                 room = _margin(rounds.rise, i, r, bounds)
-                size = math.sqrt(max(rounds.ends[i, 0, r, AA], rounds.ends[i, 1, r, AA]))
-                _lose(lines, i, room, size * abs(turn), radius)
+                first, _, _ = _products(rounds.ends, i, 0, r)
+                last, _, _ = _products(rounds.ends, i, 1, r)
+                _lose(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
             square = max(radius - room, 0.0) ** 2
             for end in range(2):
-                e = rounds.ends
-                of = e[i, end, r, AA], e[i, end, r, AB], e[i, end, r, BB], square
-                _draw_conic(lines, i, 2 * r + end, of, (w, turn), end)
+                _draw_conic(lines, i, r, rounds.ends, square, (w, turn), end)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -535,8 +554,9 @@ def _sweep(
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _root(aa: float, ab: float, bb: float, square: float, x: float, mean: float) -> float:
+def _root(products: tuple[float, float, float], square: float, x: float, mean: float) -> float:
     """The u nearer to a mean with `aa u² + 2 ab u x + bb x² = square`; nan without one."""
+    aa, ab, bb = products
     half = ab * x
     left = half * half - aa * (bb * x * x - square)
     if left <= 0.0 or aa <= 0.0:
@@ -574,12 +594,12 @@ def _steer(
                 if abs(a0 * turn) < LARGEST_TURN * abs(at0) and 8 * turn * w <= x0 + x1:
                     used, k = use, turn / w
         for r in range(rounds.radius.shape[1]):
-            e, square = rounds.ends, rounds.radius[i, r] ** 2
-            aa, ab, bb = e[i, 0, r, AA], e[i, 0, r, AB], e[i, 0, r, BB]
+            square = rounds.radius[i, r] ** 2
+            aa, ab, bb = _products(rounds.ends, i, 0, r)
             use = math.sqrt((mean * (aa * mean + 2 * ab * x0) + bb * x0 * x0) / square)
             if use > used:
-                first = _root(aa, ab, bb, square, x0, mean)
-                last = _root(e[i, 1, r, AA], e[i, 1, r, AB], e[i, 1, r, BB], square, x1, mean)
+                first = _root((aa, ab, bb), square, x0, mean)
+                last = _root(_products(rounds.ends, i, 1, r), square, x1, mean)
                 turn = last - first
                 small = math.sqrt(aa) * abs(turn) < LARGEST_TURN * rounds.radius[i, r]
                 if small and 8 * turn * w <= x0 + x1:
@@ -649,7 +669,9 @@ def _unlimited(limits: Limits) -> int:
             if limited:
                 break
         for r in range(rounds.shape[2]):
-            limited |= rounds[i, 0, r, AA] > 0.0 or rounds[i, 1, r, AA] > 0.0
+            for end in range(2):
+                aa, _, _ = _products(rounds, i, end, r)
+                limited |= aa > 0.0
         if not limited:
             return i
     return -1

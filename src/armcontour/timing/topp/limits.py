@@ -16,9 +16,8 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray, for_kernel
 from armcontour.errors import InvalidInput
 
-# Columns of `Rows.ends`, of `Rounds.ends`, and of all rises.
+# Columns of `Rows.ends`, of the vectors of `Rounds.ends`, and of all rises.
 A, B, LOW, HIGH = range(4)
-AA, AB, BB = range(3)
 BY_U, BY_X, BY_SLOPE, ALONE = range(4)
 # Columns of `Friction.within`.
 LARGEST, OFF, SIGN = range(3)
@@ -67,8 +66,8 @@ class Rounds(NamedTuple):
     """`|a u + b x| <= radius` for vectors a and b.
 
     Args:
-        ends: The products a a, a b and b b at the starts and ends of the intervals,
-            (n, 2, rounds, 3).
+        ends: a and b at the starts and ends of the intervals, (n, 2, rounds, 2, 3). Products of
+            vectors would lose the difference of two vectors that are almost equal.
         radius: Radii, (n, rounds).
         rise: Of the length of each vector, (n, rounds, 4).
     """
@@ -76,6 +75,12 @@ class Rounds(NamedTuple):
     ends: FloatArray
     radius: FloatArray
     rise: FloatArray
+
+    @property
+    def products(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The products a a, a b and b b at the starts and ends, (n, 2, rounds) each."""
+        a, b = self.ends[..., A, :], self.ends[..., B, :]
+        return (a * a).sum(axis=-1), (a * b).sum(axis=-1), (b * b).sum(axis=-1)
 
 
 class Friction(NamedTuple):
@@ -118,7 +123,7 @@ Form = Rows | Squares | Rounds | Friction | Ceiling
 SHAPES: dict[type, dict[str, tuple[int | None, ...]]] = {
     Rows: {"ends": (2, None, 4), "rise": (None, 4)},
     Squares: {"ends": (2, None), "most": (None,), "rise": (None, 4)},
-    Rounds: {"ends": (2, None, 3), "radius": (None,), "rise": (None, 4)},
+    Rounds: {"ends": (2, None, 2, 3), "radius": (None,), "rise": (None, 4)},
     Friction: {"viscous": (2, None), "within": (None, 3)},
     Ceiling: {"x": (2,)},
 }
@@ -159,7 +164,7 @@ def collect(forms: Iterable[Form], n: int) -> Limits:
     return Limits(
         Rows(*_joined(found.get(Rows), (n, 2, 0, 4), (n, 0, 4))),
         Squares(*_joined(found.get(Squares), (n, 2, 0), (n, 0), (n, 0, 4))),
-        Rounds(*_joined(found.get(Rounds), (n, 2, 0, 3), (n, 0), (n, 0, 4))),
+        Rounds(*_joined(found.get(Rounds), (n, 2, 0, 2, 3), (n, 0), (n, 0, 4))),
         Friction(*_joined(found.get(Friction), (n, 2, 0), (n, 0, 3))),
         lowest,
     )
@@ -184,7 +189,7 @@ def largest_u(limits: Limits) -> FloatArray:
     ends, rounds = limits.rows.ends, limits.rounds
     with np.errstate(divide="ignore"):
         rows = np.maximum(ends[..., HIGH], -ends[..., LOW]) / np.abs(ends[..., A])
-        along = rounds.radius[:, None] / np.sqrt(rounds.ends[..., AA])
+        along = rounds.radius[:, None] / np.linalg.norm(rounds.ends[..., A, :], axis=-1)
     return np.asarray(np.concatenate([rows, along], axis=2).min(axis=(1, 2), initial=np.inf))
 
 

@@ -11,12 +11,11 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.timing.grid import Grid
 from armcontour.timing.topp._forms import ROUNDING, derivatives, write_sampled
 from armcontour.timing.topp.limits import (
-    AA,
-    AB,
-    BB,
     BY_SLOPE,
     BY_U,
     BY_X,
+    A,
+    B,
     Intervals,
     Rounds,
     Rows,
@@ -107,18 +106,19 @@ class OnGrid:
         return np.stack([values[: len(self)], values[self.after]], axis=1)
 
     def round(self, a: FloatArray, b: FloatArray, radius: float) -> Rounds:
-        """`|a u + b x| <= radius` for vectors that are known at all places, (places, m) each.
+        """`|a u + b x| <= radius` for vectors known at all places, (places, 2 or 3) each.
 
         The rise is bounded as in `rows`, with lengths of vectors.
         """
-        ends, rise, w = np.empty((len(self), 2, 1, 3)), np.zeros((len(self), 1, 4)), self.grid.width
-        for column, one, other in ((AA, a, a), (AB, a, b), (BB, b, b)):
-            ends[:, :, 0, column] = self.at_ends(np.einsum("ij,ij->i", one, other))
-        (a0, a1), (b0, b1) = (np.moveaxis(self.at_ends(x), 1, 0) for x in (a, b))
-        rise[:, 0, BY_U] = self._bend(a) + _length(b1 - b0) * w / 2
-        largest_a, largest_b = (np.sqrt(ends[:, :, 0, k].max(axis=1)) for k in (AA, BB))
-        rise[:, 0, BY_X] = self._bend(b) + ROUNDING * largest_a / w
-        rise[:, 0, BY_SLOPE] = w / 4 * (_length(a1 - a0) + w * largest_b)
+        n, w = len(self), self.grid.width
+        ends, rise = np.zeros((n, 2, 1, 2, 3)), np.zeros((n, 1, 4))
+        for column, vectors in ((A, a), (B, b)):
+            ends[:, :, 0, column, : a.shape[1]] = self.at_ends(vectors)
+        change = _length(ends[:, 1, 0] - ends[:, 0, 0])
+        size = _length(ends[:, :, 0]).max(axis=1)
+        rise[:, 0, BY_U] = self._bend(a) + change[:, B] * w / 2
+        rise[:, 0, BY_X] = self._bend(b) + ROUNDING * size[:, A] / w
+        rise[:, 0, BY_SLOPE] = w / 4 * (change[:, A] + w * size[:, B])
         return Rounds(ends, np.full((len(self), 1), radius), rise)
 
     def square(self, b: FloatArray) -> Squares:
@@ -142,4 +142,4 @@ class OnGrid:
 
 
 def _length(vectors: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.norm(vectors, axis=1))
+    return np.asarray(np.linalg.norm(vectors, axis=-1))
