@@ -42,7 +42,7 @@ def test_friction_is_kept_where_joints_turn_round():
         arm = ur5e(viscous=viscous * VISCOUS, coulomb=coulomb * COULOMB)
         limits = torque_only(arm, joint_velocity=arm.limits.joint_velocity)
         planned = ac.plan(path, arm, limits)
-        assert judged(planned, arm, limits)["joint_torque"].ratio == pytest.approx(1, abs=1e-6)
+        assert 1 - 1e-5 <= judged(planned, arm, limits)["joint_torque"].ratio <= 1 + 1e-9
         rate = planned(np.linspace(0, planned.duration, 1000), 1)
         assert (rate.min(axis=0) < 0).all() and (rate.max(axis=0) > 0).all()
     for intervals in (10, 50, 300):

@@ -18,10 +18,6 @@ DEFAULT_INTERVALS = 4000
 FEWEST_PER_PIECE = 2
 # Some GB of data for an arm with six joints.
 MOST_INTERVALS = 5_000_000
-# The interval next to a rest is split into the square of this many parts, the following one into
-# this many, further ones into fewer. All rests together get at most this share of the intervals.
-PARTS_AT_REST = 8
-SHARE_AT_RESTS = 0.25
 # Share of the intervals that is spread evenly over the length. The other intervals go where the
 # joint path turns.
 EVEN_SHARE = 0.5
@@ -124,32 +120,24 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
     return grid if fewest > 1 else split(grid, np.where(np.bincount(piece)[piece] == 1, 2, 1))
 
 
-def split(grid: Grid, parts: FloatArray | IntArray) -> Grid:
-    """Split every interval of a grid into equal parts; `parts` has their numbers, (n,)."""
-    s, of = cut(grid.s, np.maximum(1, parts).astype(np.intp))
-    return _locked(grid.joint_path, s, grid.piece[of])
-
-
-def finer_at_rests(grid: Grid, rests: FloatArray) -> Grid:
-    """Refine a grid next to rests.
-
-    A motion from rest takes long for its first interval, however short. If intervals are wider
-    farther from a rest, all take about the same time.
+def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = None) -> Grid:
+    """Split the intervals of a grid.
 
     Args:
         grid: The grid.
-        rests: Arc lengths at which the tool is at rest [m]; all are grid points.
+        parts: Into how many equal parts to split each interval, (n,).
+        points: In place of equal parts: the point [m] at which to split each interval that has more
+            than one part, where it lies inside, (n,).
     """
-    n = len(grid)
-    parts = min(PARTS_AT_REST, int(np.sqrt(SHARE_AT_RESTS * n / max(3 * len(rests), 1))))
-    if parts < 2 or not len(rests):
-        return grid
-    at, i = np.sort(np.searchsorted(grid.s, rests)), np.arange(n)
-    after = np.searchsorted(at, i, side="right")
-    bounded = np.concatenate([[-n], at, [2 * n]])
-    away = np.minimum(i - bounded[after], bounded[after + 1] - 1 - i)
-    near = np.ceil(parts / np.sqrt(np.maximum(away, 1)))
-    return split(grid, np.where(away == 0, parts**2, near))
+    parts = np.maximum(1, parts).astype(np.intp)
+    if points is None:
+        s, interval = cut(grid.s, parts)
+        return _locked(grid.joint_path, s, grid.piece[interval])
+    inside = (parts > 1) & (points > grid.s[:-1]) & (points < grid.s[1:])
+    parts[inside] = 2
+    s, interval = cut(grid.s, parts)
+    s[(np.cumsum(parts) - 1)[inside]] = points[inside]
+    return _locked(grid.joint_path, s, grid.piece[interval])
 
 
 def _locked(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:

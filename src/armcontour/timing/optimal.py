@@ -8,6 +8,7 @@ happen between them. See docs/concepts/optimal.md for the proof.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NoReturn
 
@@ -35,10 +36,10 @@ from armcontour.timing.constraints import (
 )
 from armcontour.timing.end_speeds import END, START, Ends, refuse_speed
 from armcontour.timing.grid import (
+    DEFAULT_INTERVALS,
     MOST_INTERVALS,
     Grid,
     cut_pieces,
-    finer_at_rests,
     grid_through,
     share_out,
     split,
@@ -46,6 +47,7 @@ from armcontour.timing.grid import (
 from armcontour.timing.jerk.task import MOST_ITERATIONS, JerkLimits, Task
 from armcontour.timing.topp import _kernel
 from armcontour.timing.topp._kernel import Plan, Rules, plan_on_grid
+from armcontour.timing.topp._losses import estimate_losses
 from armcontour.timing.topp.limits import Limits as LimitsOnGrid
 from armcontour.timing.vanishing import reparametrize, standing
 
@@ -61,6 +63,10 @@ MOST_REFINEMENTS = 12
 # A refinement that would make the grid this many times as large at once is not tried.
 MOST_GROWTH = 200
 MOST_PARTS = 100
+# The grid is refined, too, while it loses more than this share of the duration, by an estimate that
+# is right within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
+LARGEST_LOSS = 2e-4
+MOST_PARTS_AT_ONCE = 8
 
 
 def plan_optimal(
@@ -102,6 +108,7 @@ def plan_optimal(
         joint_path = reparametrize(joint_path)
     if grid is None:
         count = share_out(joint_path, intervals)
+        loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
     else:
         placed = grid_through(joint_path, _checks.numbers("grid", grid, "m"))
     active = [*constraints_of(joint_path, arm, limits), *constraints]
@@ -109,8 +116,10 @@ def plan_optimal(
     jerk = JerkLimits.of(limits, joint_path.dof)
 
     def solve(start: float, end: float) -> PathLaw:
-        first = cut_pieces(joint_path, count) if grid is None else placed
-        law = time_optimal(first, active, arm, start, end)
+        if grid is None:
+            law = time_optimal(cut_pieces(joint_path, count), active, arm, start, end, loss)
+        else:
+            law = time_optimal(placed, active, arm, start, end)
         if jerk is None:
             return law
         # Most plans have no limits of jerk.
@@ -183,9 +192,14 @@ def _tool_constraints(
 
 
 def time_optimal(
-    grid: Grid, active: Sequence[Constraint], arm: Arm, start_speed: float, end_speed: float
+    grid: Grid,
+    active: Sequence[Constraint],
+    arm: Arm,
+    start_speed: float,
+    end_speed: float,
+    largest_loss: float = math.inf,
 ) -> PathLaw:
-    """Plan on a grid, which is refined where margins are too large.
+    """Plan on a grid, which is refined where margins or the estimated loss of time are too large.
 
     Args:
         grid: The grid.
@@ -193,6 +207,7 @@ def time_optimal(
         arm: The arm, for messages.
         start_speed: ds at the start [m/s].
         end_speed: ds at the end [m/s].
+        largest_loss: Share of the duration that the grid may lose.
 
     Raises:
         InvalidInput: Nothing limits the acceleration.
@@ -202,18 +217,29 @@ def time_optimal(
     at = standing(grid.joint_path)
     start = np.inf if start_speed == 0 and grid.s[0] in at else start_speed**2
     end = np.inf if end_speed == 0 and grid.s[-1] in at else end_speed**2
-    if any(x.finer_at_rests for x in active):
-        rests = [grid.s[:1] if start_speed == 0 else at[:0], grid.joint_path.stops]
-        at = np.union1d(at, np.concatenate([*rests, grid.s[-1:] if end_speed == 0 else at[:0]]))
-    grid = finer_at_rests(grid, at)
     most = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
     rules, s = Rules(float(start), float(end), most), 0.0
+    best: tuple[Grid, Plan] | None = None
+    shortest = math.inf
     for k in range(MOST_REFINEMENTS):
         path = OnGrid(grid)
         limits = _with_stops(limits_on(path, active), grid)
         found = plan_on_grid(path.intervals, limits, rules)
         if found.outcome == _kernel.FOUND:
-            return _law(grid, found)
+            if math.isinf(largest_loss):
+                return _law(grid, found)
+            duration, loss, points = estimate_losses(grid.s, limits, found)
+            gained = shortest - duration
+            if duration < shortest:
+                best, shortest = (grid, found), duration
+            if loss.sum() <= largest_loss * duration or gained < largest_loss / 20 * duration:
+                break
+            parts = np.sqrt(loss * len(grid) / (largest_loss * duration))
+            parts = np.clip(np.ceil(parts), 1.0, MOST_PARTS_AT_ONCE)
+            if parts.sum() > MOST_INTERVALS:
+                break
+            grid = split(grid, parts, points)
+            continue
         s = float(grid.s[found.place])
         if found.outcome != _kernel.FINER:
             _refuse(grid, found, arm, rules)
@@ -223,6 +249,8 @@ def time_optimal(
         grid = split(grid, parts)
         most = min(MORE_EACH_TIME ** (k + 1) * LARGEST_MARGIN, LARGEST_MARGIN_EVER)
         rules = rules._replace(most=most, steady=0.0)
+    if best is not None:
+        return _law(*best)
     raise NotRealizable(
         f"At {s:.6g} m along the path the limits cannot be kept between grid points, however fine "
         "the grid: the joint path is too uneven there; smooth it or trace it more exactly.",

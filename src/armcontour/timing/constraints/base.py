@@ -103,7 +103,6 @@ class Constraint:
         limit: Largest value; one number, or one per joint.
         joints: Whether there is one limit per joint, which explanations then name.
         curved: Whether it has viscous friction, which rows bound for a range of x only.
-        finer_at_rests: Whether plans need a grid that is finer next to rests.
     """
 
     name = ""
@@ -111,7 +110,6 @@ class Constraint:
     limit: float | FloatArray = np.inf
     joints = False
     curved = False
-    finer_at_rests = False
 
     def on(self, path: OnGrid) -> Iterable[Form]:
         """The limit on a grid.

@@ -94,9 +94,6 @@ class JointTorque(Constraint):
     limit_name = "joint_torque"
     limit: FloatArray
     joints = True
-    # Next to rests the binding joint changes within a few intervals, and friction, a function of
-    # the root of x, changes most.
-    finer_at_rests = True
 
     def __init__(self, arm: Arm, limit: FloatArray) -> None:
         self.dynamics = arm.dynamics

@@ -31,6 +31,7 @@ from armcontour.timing.topp.limits import (
     Friction,
     Intervals,
     Limits,
+    Rounds,
     Rows,
 )
 
@@ -41,10 +42,11 @@ FAR, ROUNDED = 1e-3, 1e-12  # a step to less than the share FAR of x has the err
 SLACK = 1e-9  # ends of a range of u that differ by this share differ by rounding
 PLAY = 1e-7  # share by which x at an end may miss what was asked for
 TINY = 1e-14  # share of its terms, each with rounding, below which a coefficient is zero
-BINDS = 0.98  # a limit binds from this use on
+NEAR = 0.01  # nearer to its bound than this share of its range, u is at the bound
 BELOW_CEILING = 1 - 1e-6  # where x is at its ceiling, nothing else binds
-LARGEST_TURN = 0.1  # a slope changes what binds by less than this share of its limit
+LARGEST_TURN = 0.25  # a slope changes u by less than this share of its range
 NO_WAY = 4e-2  # the share that stands for margins that leave no plan: a finer grid may have one
+AROUND = 10  # intervals next to one that leaves no plan, that are made finer with it
 SHARE_AT_REST = 0.5  # a line above friction takes at most this share of what is left at rest
 LEAST = 1e-300  # keeps divisions finite; its root is far below any path speed
 
@@ -554,57 +556,73 @@ def _sweep(
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _root(products: tuple[float, float, float], square: float, x: float, mean: float) -> float:
-    """The u nearer to a mean with `aa u² + 2 ab u x + bb x² = square`; nan without one."""
-    aa, ab, bb = products
-    half = ab * x
-    left = half * half - aa * (bb * x * x - square)
-    if left <= 0.0 or aa <= 0.0:
-        return math.nan
-    return (math.copysign(math.sqrt(left), aa * mean + half) - half) / aa
+def _roots(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
+    """The smallest and the largest u that a vector allows."""
+    aa = ab = bb = 0.0
+    for d in range(3):
+        a, b = rounds.ends[i, end, r, A, d], rounds.ends[i, end, r, B, d] * x
+        aa, ab, bb = aa + a * a, ab + a * b, bb + b * b
+    if aa == 0.0:
+        return -math.inf, math.inf
+    root = math.sqrt(max(ab * ab - aa * (bb - rounds.radius[i, r] ** 2), 0.0))
+    return (-ab - root) / aa, (-ab + root) / aa
+
+
+@compiled(inner=True, fastmath=FUSED)
+def range_of(limits: Limits, i: int, end: int, x: float) -> tuple[float, float, int, int]:
+    """The smallest and the largest u at one end of an interval, and the bounds that do so."""
+    rows, viscous, rounds = limits.rows.ends, limits.friction.viscous, limits.rounds
+    low, high, below, above = -math.inf, math.inf, -1, -1
+    for r in range(rows.shape[2]):
+        a, by_x = rows[i, end, r, A], rows[i, end, r, B] * x
+        if a == 0.0:
+            continue
+        if r < viscous.shape[2]:
+            by_x += viscous[i, end, r] * math.sqrt(x)
+        inverse = 1.0 / a
+        first = (rows[i, end, r, LOW] - by_x) * inverse
+        last = (rows[i, end, r, HIGH] - by_x) * inverse
+        bottom, top = 2 * r, 2 * r + 1
+        if inverse < 0.0:
+            first, last, bottom, top = last, first, top, bottom
+        if first > low:
+            low, below = first, bottom
+        if last < high:
+            high, above = last, top
+    for r in range(rounds.radius.shape[1]):
+        first, last = _roots(rounds, i, end, r, x)
+        if first > low:
+            low, below = first, 2 * (rows.shape[2] + r)
+        if last < high:
+            high, above = last, 2 * (rows.shape[2] + r) + 1
+    return low, high, below, above
 
 
 @compiled(inner=True, fastmath=FUSED)
 def _steer(
     width: FloatArray, limits: Limits, cap: FloatArray, x: FloatArray, bounds: Bounds
 ) -> None:
-    """Write slopes with which the limit that binds does so on the whole interval."""
-    rows, rounds, viscous = limits.rows.ends, limits.rounds, limits.friction.viscous
+    """Write slopes with which u stays at its bound on the whole interval."""
     for i in range(len(width)):
-        w, x0, x1, used, k = width[i], x[i], x[i + 1], BINDS, 0.0
+        w, x0, x1 = width[i], x[i], x[i + 1]
+        bounds.k[i] = 0.0
         if not (0.0 < x0 < cap[i] * BELOW_CEILING and 0.0 < x1 < cap[i + 1] * BELOW_CEILING):
             continue
         mean = (x1 - x0) / (2 * w)
-        for r in range(rows.shape[2]):
-            a0, a1 = rows[i, 0, r, A], rows[i, 1, r, A]
-            by_x0, by_x1 = rows[i, 0, r, B] * x0, rows[i, 1, r, B] * x1
-            if r < viscous.shape[2]:
-                by_x0 += viscous[i, 0, r] * math.sqrt(x0)
-                by_x1 += viscous[i, 1, r] * math.sqrt(x1)
-            value0, value1 = a0 * mean + by_x0, a1 * mean + by_x1
-            side = HIGH if value0 > 0.0 else LOW
-            at0, at1 = rows[i, 0, r, side], rows[i, 1, r, side]
-            # Few rows need the divisions.
-            if abs(value0) <= used * abs(at0) and abs(value1) <= used * abs(at1):
-                continue
-            use = max(value0 / at0, value1 / at1)
-            if a0 * a1 > 0.0 and use > used:
-                turn = (at1 - by_x1) / a1 - (at0 - by_x0) / a0
-                # x must not dip deeply.
-                if abs(a0 * turn) < LARGEST_TURN * abs(at0) and 8 * turn * w <= x0 + x1:
-                    used, k = use, turn / w
-        for r in range(rounds.radius.shape[1]):
-            square = rounds.radius[i, r] ** 2
-            aa, ab, bb = _products(rounds.ends, i, 0, r)
-            use = math.sqrt((mean * (aa * mean + 2 * ab * x0) + bb * x0 * x0) / square)
-            if use > used:
-                first = _root((aa, ab, bb), square, x0, mean)
-                last = _root(_products(rounds.ends, i, 1, r), square, x1, mean)
-                turn = last - first
-                small = math.sqrt(aa) * abs(turn) < LARGEST_TURN * rounds.radius[i, r]
-                if small and 8 * turn * w <= x0 + x1:
-                    used, k = use, turn / w
-        bounds.k[i] = k
+        low0, high0, _, _ = range_of(limits, i, 0, x0)
+        low1, high1, _, _ = range_of(limits, i, 1, x1)
+        near0, near1 = NEAR * (high0 - low0), NEAR * (high1 - low1)
+        turn = 0.0
+        if high0 - mean < near0 or high1 - mean < near1:
+            turn = high1 - high0
+            if mean - low0 < near0 or mean - low1 < near1:
+                turn = 0.0
+        elif mean - low0 < near0 or mean - low1 < near1:
+            turn = low1 - low0
+        small = abs(turn) < LARGEST_TURN * min(high0 - low0, high1 - low1)
+        # x must not dip deeply.
+        if small and 8 * turn * w <= x0 + x1:
+            bounds.k[i] = turn / w
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -768,9 +786,14 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
         stuck = _sweep(width, lines, rules, cap, most, x)
         outcome, allowed = _judge_ends(stuck, rules, most, x)
         if outcome != FOUND:
-            if kind == 2 and (n <= rules.enough or shortest < math.inf):
-                lines.lost[:] = max(lines.lost[worst], NO_WAY)
+            if shortest < math.inf:
                 break
+            if kind == 2 and n <= rules.enough:
+                # Near the place where the motion gets stuck; anywhere if an end is too fast.
+                for i in range(n):
+                    if stuck < 0 or abs(i - stuck) < AROUND:
+                        lines.lost[i] = max(lines.lost[i], NO_WAY)
+                return Plan(x, bounds.k, lines.lost, FINER, max(stuck, 0), 0.0)
             return Plan(x, bounds.k, lines.lost, outcome, stuck, allowed)
         if kind < 2:
             near = _is_near(x, bounds, rules.near)
@@ -798,5 +821,8 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
         return Plan(found, slopes, lost, FOUND, -1, 0.0)
     worst = _worst(lines.lost)
     if lines.lost[worst] <= rules.most:
-        lines.lost[:] = NO_WAY
+        for i in range(n):
+            if changed[i]:
+                lines.lost[i] = NO_WAY
+        worst = _worst(lines.lost)
     return Plan(x, bounds.k, lines.lost, FINER, worst, 0.0)

@@ -1,0 +1,118 @@
+"""The compiled estimate of the time that a plan loses by its grid and its slopes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._kernels import FUSED, compiled
+from armcontour.motion._intervals import interval_time
+from armcontour.timing.topp._kernel import Plan, range_of
+from armcontour.timing.topp.limits import Limits
+
+BINDS = 0.02  # nearer to its bound than this share of its range, u is at the bound
+# Share of what an interval leaves of the range of u that its time is longer, as measured against
+# finer grids; it is less where the range is small against u.
+BY_GAP, BY_GAP_AT_REST = 0.25, 1.5
+# Where u is at both bounds, at different ends, the speed is too low by any factor.
+CROSSED, WEIGHT = 0.4, 1000.0
+INSIDE = 0.02  # a point that is nearer to an end of an interval than this share gains nothing
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _ceiling(limits: Limits, i: int, end: int) -> float:
+    """The largest x at one end of an interval."""
+    steepest = 0.0
+    for r in range(limits.squares.most.shape[1]):
+        steepest = max(steepest, limits.squares.ends[i, end, r])
+    return min(limits.ceiling[i, end], 1.0 / steepest)
+
+
+@compiled(inner=True)
+def _detour(
+    w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
+) -> tuple[float, float]:
+    """The shortest time from x to x with given rates of u up and down, and where u changes [share].
+
+    Args:
+        w: Length of the interval.
+        x: At both ends.
+        rates: Largest u, and largest -u.
+        ceiling: Largest x.
+    """
+    up, down = 2 * rates[0], 2 * rates[1]
+    first = min(max((x[1] - x[0] + down * w) / (up + down), 0.0), w)
+    top = x[0] + up * first
+    last = first
+    if top > ceiling:
+        top = max(ceiling, x[0], x[1])
+        first, last = min((top - x[0]) / up, w), w - min((top - x[1]) / down, w)
+    speeds = math.sqrt(x[0]), math.sqrt(top), math.sqrt(x[1])
+    time = interval_time(first, speeds[0], speeds[1], 0.0) if first > 0.0 else 0.0
+    if last < w:
+        time += interval_time(w - last, speeds[1], speeds[2], 0.0)
+    if last > first:
+        time += (last - first) / speeds[1]
+    share = first / w if first > INSIDE * w else last / w
+    return time, share
+
+
+@compiled(fastmath=FUSED)
+def estimate_losses(
+    s: FloatArray, limits: Limits, plan: Plan
+) -> tuple[float, FloatArray, FloatArray]:
+    """Estimate the time that a plan loses by its grid and its slopes.
+
+    Args:
+        s: Ends of the intervals [m], (n + 1,).
+        limits: The limits.
+        plan: The plan.
+
+    Returns:
+        The duration of the plan [s]; the time lost on each interval [s], (n,); and the point of
+        each interval at which a grid point would gain most [m], its start if there is none, (n,).
+    """
+    x, k, lost, n, duration = plan.x, plan.k, plan.lost, len(plan.k), 0.0
+    loss, point = np.empty(n), np.empty(n)
+    for i in range(n):
+        w, x0, x1 = s[i + 1] - s[i], x[i], x[i + 1]
+        time = interval_time(w, math.sqrt(x0), math.sqrt(x1), k[i])
+        duration += time
+        loss[i], point[i] = time * lost[i] / 2, s[i]
+        near, by_gap = BINDS + lost[i], BY_GAP if x0 > 0.0 and x1 > 0.0 else BY_GAP_AT_REST
+        top0, top1 = _ceiling(limits, i, 0), _ceiling(limits, i, 1)
+        if x0 > 0.0 and x1 > 0.0 and x0 >= (1 - near) * top0 and x1 >= (1 - near) * top1:
+            use = (math.sqrt(x0 / top0) + math.sqrt(x1 / top1)) / 2
+            loss[i] = time * max(1 - use, 0.0)
+            continue
+        mean, turn = (x1 - x0) / (2 * w), k[i] * w / 2
+        low0, high0, below0, above0 = range_of(limits, i, 0, x0)
+        low1, high1, below1, above1 = range_of(limits, i, 1, x1)
+        # From 0 at the upper bound to 1 at the lower one; an end that does not limit u counts as the
+        # other one.
+        up0, up1 = (high0 - mean + turn) / (high0 - low0), (high1 - mean - turn) / (high1 - low1)
+        if not abs(up0) < math.inf:
+            up0 = up1
+        if not abs(up1) < math.inf:
+            up1 = up0
+        if not abs(up0) < math.inf:
+            continue
+        rising, falling = min(up0, up1) < near, max(up0, up1) > 1 - near
+        up = (up0 + up1) / 2
+        if rising and falling:
+            gap = min(up, 1 - up)
+            if gap > CROSSED and above0 != below1 and below0 != above1:
+                gap *= WEIGHT
+            loss[i] += by_gap * gap * time
+        elif rising or falling:
+            loss[i] += by_gap * time * (up if rising else 1 - up)
+        else:
+            rates = (high0 + high1) / 2, -(low0 + low1) / 2
+            if rates[0] > mean and -rates[1] < mean:
+                shortest, share = _detour(w, (x0, x1), rates, max(top0, top1))
+                loss[i] += max(time - shortest, 0.0)
+                if INSIDE < share < 1 - INSIDE:
+                    point[i] += share * w
+    return duration, loss, point
