@@ -67,6 +67,8 @@ MOST_PARTS = 100
 # is right within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
 LARGEST_LOSS = 2e-4
 MOST_PARTS_AT_ONCE = 8
+# No more intervals than these are made for it, nor by less than LEAST_GROWTH at once near so many.
+INTERVALS_BY_LOSS, LEAST_GROWTH = 300_000, 1.1
 
 
 def plan_optimal(
@@ -232,11 +234,10 @@ def time_optimal(
             gained = shortest - duration
             if duration < shortest:
                 best, shortest = (grid, found), duration
-            if loss.sum() <= largest_loss * duration or gained < largest_loss / 20 * duration:
+            if loss.sum() <= largest_loss * duration or gained < largest_loss / 4 * duration:
                 break
-            parts = np.sqrt(loss * len(grid) / (largest_loss * duration))
-            parts = np.clip(np.ceil(parts), 1.0, MOST_PARTS_AT_ONCE)
-            if parts.sum() > MOST_INTERVALS:
+            parts = _parts_by_loss(loss, largest_loss * duration)
+            if parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > INTERVALS_BY_LOSS / 2:
                 break
             grid = split(grid, parts, points)
             continue
@@ -256,6 +257,16 @@ def time_optimal(
         "the grid: the joint path is too uneven there; smooth it or trace it more exactly.",
         s=s,
     )
+
+
+def _parts_by_loss(loss: FloatArray, most: float) -> FloatArray:
+    """Into how many parts to split intervals with such losses, to lose at most so much on all."""
+    parts = np.sqrt(loss * len(loss) / most)
+    while True:
+        found = np.clip(np.ceil(parts), 1.0, MOST_PARTS_AT_ONCE)
+        if found.sum() <= max(INTERVALS_BY_LOSS, len(loss)):
+            return np.asarray(found)
+        parts /= 2
 
 
 def _with_stops(limits: LimitsOnGrid, grid: Grid) -> LimitsOnGrid:

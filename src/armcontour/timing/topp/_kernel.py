@@ -402,10 +402,10 @@ def _draw_caps(
 ) -> None:
     """Write the ceilings of x on interval i; arguments as in `_draw`."""
     squares, cap0, cap1 = limits.squares, limits.ceiling[i, 0], limits.ceiling[i, 1]
-    plain, lost = min(cap0, cap1), 0.0
+    lowest, steepest = min(cap0, cap1), 0.0
     for r in range(squares.most.shape[1]):
         b0, b1, most = squares.ends[i, 0, r], squares.ends[i, 1, r], squares.most[i, r]
-        room = 1.0
+        room, steepest = 1.0, max(steepest, b0, b1)
         if margins:
             room -= _margin(squares.rise, i, r, bounds)
         if most == 0.0 or room >= most * max(cap0, cap1):
@@ -416,12 +416,12 @@ def _draw_caps(
         if margins and at0 + at1 < 2 * tight:
             at0 = at1 = tight
         cap0, cap1 = min(cap0, at0), min(cap1, at1)
-        plain = min(plain, 1.0 / max(b0, b1))
-        lost = max(lost, 1.0 - min(cap0, cap1) / plain)
     # Where u falls, x lies above its chord.
     sag = max(-bounds.k[i], 0.0) * w * w / 4
     lines.cap[i, 0], lines.cap[i, 1] = cap0 - sag, cap1 - sag
-    lines.lost[i] = lost
+    lines.lost[i] = 0.0
+    if steepest > 0.0 and lowest > 0.0:
+        lines.lost[i] = 1.0 - min(cap0, cap1) / min(lowest, 1.0 / steepest)
 
 
 @compiled(inner=True, fastmath=FUSED)

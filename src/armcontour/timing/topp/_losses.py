@@ -9,15 +9,17 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._kernels import FUSED, compiled
 from armcontour.motion._intervals import interval_time
-from armcontour.timing.topp._kernel import Plan, range_of
+from armcontour.timing.topp._kernel import LEAST, Plan, range_of
 from armcontour.timing.topp.limits import Limits
 
 BINDS = 0.02  # nearer to its bound than this share of its range, u is at the bound
 # Share of what an interval leaves of the range of u that its time is longer, as measured against
 # finer grids; it is less where the range is small against u.
 BY_GAP, BY_GAP_AT_REST = 0.25, 1.5
-# Where u is at both bounds, at different ends, the speed is too low by any factor.
-CROSSED, WEIGHT = 0.4, 1000.0
+# Where u is at both bounds, at different ends, and a larger x would leave a range of u at both, the
+# speed is too low by any factor: what it takes to reach it may be lost.
+CROSSED, MORE = 0.4, 1.02
+AROUND = 0.05  # and so it would be within this share of the length in which x changes by itself
 INSIDE = 0.02  # a point that is nearer to an end of an interval than this share gains nothing
 
 
@@ -75,7 +77,7 @@ def estimate_losses(
         each interval at which a grid point would gain most [m], its start if there is none, (n,).
     """
     x, k, lost, n, duration = plan.x, plan.k, plan.lost, len(plan.k), 0.0
-    loss, point = np.empty(n), np.empty(n)
+    loss, point, valley = np.empty(n), np.empty(n), np.zeros(n)
     for i in range(n):
         w, x0, x1 = s[i + 1] - s[i], x[i], x[i + 1]
         time = interval_time(w, math.sqrt(x0), math.sqrt(x1), k[i])
@@ -104,7 +106,17 @@ def estimate_losses(
         if rising and falling:
             gap = min(up, 1 - up)
             if gap > CROSSED and above0 != below1 and below0 != above1:
-                gap *= WEIGHT
+                low0, high0, _, _ = range_of(limits, i, 0, MORE * x0)
+                low1, high1, _, _ = range_of(limits, i, 1, MORE * x1)
+                if low0 < high0 and low1 < high1:
+                    wrong = by_gap * gap * math.sqrt(x0) / min(high0 - low0, high1 - low1)
+                    reach = max(AROUND * min(x0, x1) / max(abs(mean), LEAST), w)
+                    first = last = i
+                    while first > 0 and s[i] - s[first] < reach:
+                        first -= 1
+                    while last < n - 1 and s[last] - s[i] < reach:
+                        last += 1
+                    valley[first : last + 1] = np.maximum(valley[first : last + 1], wrong)
             loss[i] += by_gap * gap * time
         elif rising or falling:
             loss[i] += by_gap * time * (up if rising else 1 - up)
@@ -115,4 +127,6 @@ def estimate_losses(
                 loss[i] += max(time - shortest, 0.0)
                 if INSIDE < share < 1 - INSIDE:
                     point[i] += share * w
+    for i in range(n):
+        loss[i] += valley[i]
     return duration, loss, point
