@@ -52,6 +52,9 @@ def compiled(
     options |= {"no_cfunc_wrapper": True, "no_cpython_wrapper": inner}
     # Said of all functions, as numba takes what is not said from the function that calls.
     options["_nrt"] = allocates or not inner
+    if inner and not allocates:
+        # Calls with tuples of arrays put a hundred words on the stack.
+        options.setdefault("forceinline", True)
     decorate = njit(error_model="numpy", nogil=True, **options)
 
     def keep(function: Function) -> Function:

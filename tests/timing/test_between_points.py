@@ -112,7 +112,7 @@ class Vectors(Constraint):
 
 
 def near_the_middle(planned):
-    """u and x of a plan shortly before its middle, and in all of its first half."""
+    """U and x of a plan shortly before its middle, and in all of its first half."""
     end = planned.time_at(2.0)
     t = end - np.concatenate([np.geomspace(1e-9, 0.1, 500) * end, np.linspace(1e-9, 1, 5000) * end])
     return planned.s(t, 2), planned.s(t, 1) ** 2

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 import armcontour as ac
+from armcontour.timing.constraints import SecondOrder
 
 LINE_1 = np.array(
     [-0.00038593, 0.00013093, 0.00064752, 0.00116383, 0.00167987]
@@ -152,12 +153,15 @@ def test_pieces_in_which_nothing_moves_are_left_out(refuses):
     planned = ac.plan(path, limits=limits)
     assert planned.duration >= 2 * np.sqrt(2 / 2.0)
     np.testing.assert_allclose(planned(planned.duration), 2.0)
-    # A grid counts in s, so that nothing is left out; it is said which piece is at fault.
+    given = ac.plan(path, limits=limits, grid=np.linspace(0, 3, 50))
+    assert given.duration == pytest.approx(planned.duration, rel=5e-3)
+    # A constraint counts in s, so that nothing is left out; it is said which piece is at fault.
+    idle = SecondOrder("idle", lambda s, side: 3 * (np.zeros((len(s), 1)),), [-1.0], [1.0])
     still[:, 1], still[:, 0] = 0.0, 1.0
     nothing = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
     bent, flat = (of([(0.0, 0.0), (1.0, 2.0)]) for of in (ac.JointPath.spline, ac.Path.polyline))
     for given, own, options, words in (
-        (path, limits, {"grid": np.linspace(0, 3, 50)}, "No joint moves from s = 1 to"),
+        (path, limits, {"constraints": [idle]}, "No joint moves from s = 1 to"),
         (nothing, limits, {}, "No joint moves"),
         # Without an arm.
         (bent, limits.replace(joint_torque=1.0), {}, "an arm with masses"),
@@ -166,3 +170,20 @@ def test_pieces_in_which_nothing_moves_are_left_out(refuses):
     ):
         call = functools.partial(ac.plan, given, limits=own, **options)
         refuses(call, ac.InvalidInput, words)
+
+
+@pytest.mark.parametrize("extra", [[], [1e-9], list(np.logspace(-9, -6, 10))])
+@pytest.mark.parametrize("count", [20, 200])
+def test_a_given_grid_plans_a_cusp_that_the_default_grid_plans(count, extra):
+    q = np.array([[0, 0], [0.5, 0.3], [0.2, 0.9], [-0.4, 0.5]])
+    slopes, none = np.array([[1, 0.5], [0, 0], [-1, 0.4], [-0.8, -1.0]]), np.zeros((3, 2))
+    begin, end = (q[:-1], slopes[:-1], none), (q[1:], slopes[1:], none)
+    path = ac.JointPath.hermite(np.array([0.0, 0.5, 1.0, 1.6]), begin, end)
+    limits = ac.Limits(joint_acceleration=[1.0, 1.0], joint_velocity=[1.0, 1.0])
+    grid = np.sort(np.concatenate([np.linspace(0, 1.6, count), extra]))
+    expected = ac.plan(path, limits=limits).duration
+    assert ac.plan(path, limits=limits, grid=grid).duration == pytest.approx(expected, rel=5e-3)
+    idle = SecondOrder("idle", lambda s, side: 3 * (np.zeros((len(s), 1)),), [-1.0], [1.0])
+    with pytest.raises(ac.NotRealizable) as refused:
+        ac.plan(path, limits=limits, grid=grid, constraints=[idle])
+    assert refused.value.s == 0.5

@@ -19,7 +19,7 @@ from armcontour.timing.constraints import (
 )
 from armcontour.timing.grid import Grid, place_grid
 from armcontour.timing.optimal import plan_optimal
-from armcontour.timing.topp.limits import HIGH, LOW, Ceiling, Form, Rows
+from armcontour.timing.topp.limits import Ceiling, Form
 from armcontour.tracing import refuse_out_of_range
 
 # What limits are derated for: the demand and the plan's own acceleration, what bounds the speed of
@@ -122,11 +122,7 @@ class DeratedAcceleration(JointMotion):
 
     def on(self, path: OnGrid) -> Iterable[Form]:
         """The accelerations with their own bounds on every interval."""
-        low, high = self.bounds(path.grid)
-        for form in super().on(path):
-            if isinstance(form, Rows):
-                form.ends[..., LOW], form.ends[..., HIGH] = low[:, None], high[:, None]
-            yield form
+        return (self.rows(path),)
 
 
 class Cap(Constraint):

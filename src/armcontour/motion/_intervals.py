@@ -42,3 +42,33 @@ def interval_times(
     for i in range(len(width)):
         times[i] = interval_time(width[i], begin[i], end[i], slope[i])
     return times
+
+
+@compiled()
+def write_law(
+    s: FloatArray,
+    x: FloatArray,
+    slope: FloatArray,
+    breaks: FloatArray,
+    ds: FloatArray,
+    dds: FloatArray,
+) -> int:
+    """Write the law of squares of path speeds; return the first interval at rest, or -1.
+
+    Args:
+        s: Arc lengths at the breaks [m], (n + 1,).
+        x: ds² at the breaks [m²/s²], (n + 1,).
+        slope: Slopes of dds over s [1/s²], (n,).
+        breaks: Takes the breaks [s], (n + 1,).
+        ds: Takes the path speeds at the starts of the intervals [m/s], (n,).
+        dds: Takes the path accelerations there [m/s²], (n,).
+    """
+    stuck, begin, breaks[0] = -1, math.sqrt(x[0]), 0.0
+    for i in range(len(slope)):
+        width, end = s[i + 1] - s[i], math.sqrt(x[i + 1])
+        if begin + end == 0.0 and stuck < 0:
+            stuck = i
+        ds[i], dds[i] = begin, (x[i + 1] - x[i]) / (2 * width) - slope[i] * width / 2
+        breaks[i + 1] = breaks[i] + interval_time(width, begin, end, slope[i])
+        begin = end
+    return stuck

@@ -13,7 +13,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Value
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.motion._intervals import interval_times
+from armcontour.motion._intervals import interval_times, write_law
 from armcontour.motion._laws import Motion, joint_motions, path_motions
 from armcontour.motion.joint_path import JointPath
 
@@ -258,16 +258,13 @@ class PathLaw(LawAlongPath):
         Raises:
             InvalidInput: Two neighbouring breaks are at rest; with the index of the interval.
         """
-        speeds, width = np.sqrt(x), s[1:] - s[:-1]
-        ds, end = speeds[:-1].copy(), speeds[1:]
-        if (ds + end).min() == 0.0:
-            stuck = int(np.argmin(ds + end))
+        n = len(slope)
+        breaks, ds, dds = np.empty(n + 1), np.empty(n), np.empty(n)
+        stuck = write_law(s, x, _checks.for_kernel(slope), breaks, ds, dds)
+        if stuck >= 0:
             raise InvalidInput(
                 f"From s = {s[stuck]:g} to {s[stuck + 1]:g} m a law would be at rest.", index=stuck
             )
-        dds = (x[1:] - x[:-1]) / (2 * width) - slope * width / 2
-        breaks = np.zeros(len(x))
-        np.cumsum(interval_times(width, ds, end, _checks.for_kernel(slope)), out=breaks[1:])
         # Zeros of a new array take no memory until they are written.
         rates = Rates(ds=ds, dds=dds, slope=slope, jerk=np.zeros(len(slope)))
         # Nobody else has these arrays, so locking needs no copies.

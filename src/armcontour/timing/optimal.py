@@ -92,7 +92,8 @@ def plan_optimal(
             kept too.
         intervals: Approximate number of grid intervals; 4000 by default.
         grid: Grid points [m], in place of `intervals`; the breaks of the joint path are added. With
-            limits of jerk it is the grid of the plan without them only.
+            limits of jerk it is the grid of the plan without them only. Where a joint path needs
+            another parameter than s, points keep their shares of the pieces.
         start_speed: Path speed ds at the start [m/s].
         end_speed: Path speed ds at the end [m/s].
         constraints: Further constraints.
@@ -105,20 +106,28 @@ def plan_optimal(
     """
     for name, speed in (("start_speed", start_speed), ("end_speed", end_speed)):
         _checks.not_negative(name, speed, "m/s")
-    if grid is None and not constraints and limits.path_jerk is None:
-        # All three count in s.
-        joint_path = reparametrize(joint_path)
-    if grid is None:
+    points = None if grid is None else _checks.numbers("grid", grid, "m")
+    suited, places = reparametrize(joint_path)
+    at_rest = joint_path.breaks[:0]
+    if constraints or limits.path_jerk is not None:
+        # Both count in s.
+        at_rest = at_rest if suited is joint_path else standing(joint_path)
+    elif suited is not joint_path:
+        if points is not None:
+            grid_through(joint_path, points)
+            points = np.interp(points, joint_path.breaks, places)
+        joint_path = suited
+    if points is None:
         count = share_out(joint_path, intervals)
         loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
     else:
-        placed = grid_through(joint_path, _checks.numbers("grid", grid, "m"))
+        placed = grid_through(joint_path, points)
     active = [*constraints_of(joint_path, arm, limits), *constraints]
     most_steps = _checks.whole("iterations", iterations, 1, MOST_ITERATIONS)
     jerk = JerkLimits.of(limits, joint_path.dof)
 
     def solve(start: float, end: float) -> PathLaw:
-        if grid is None:
+        if points is None:
             law = time_optimal(cut_pieces(joint_path, count), active, arm, start, end, loss)
         else:
             law = time_optimal(placed, active, arm, start, end)
@@ -133,6 +142,8 @@ def plan_optimal(
         law = solve(start_speed, end_speed)
     except NotRealizable as error:
         if error.limit not in (START, END):
+            if len(at_rest):
+                _refuse_standing(float(at_rest[0]))
             raise
         raise Ends(solve, start_speed, end_speed).refuse(error) from None
     return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
@@ -230,7 +241,7 @@ def time_optimal(
         if found.outcome == _kernel.FOUND:
             if math.isinf(largest_loss):
                 return _law(grid, found)
-            duration, loss, points = estimate_losses(grid.s, limits, found)
+            duration, loss, points = estimate_losses(path.intervals, limits, found)
             gained = shortest - duration
             if duration < shortest:
                 best, shortest = (grid, found), duration
@@ -311,6 +322,16 @@ def _refuse(grid: Grid, found: Plan, arm: Arm, rules: Rules) -> NoReturn:
     raise InvalidInput(
         "Nothing limits the acceleration along the path: give joint_acceleration, "
         f"joint_torque or tool_acceleration{f'; {hint}' if hint else ''}."
+    )
+
+
+def _refuse_standing(s: float) -> NoReturn:
+    """Refuse constraints that count in s along a path on which the joints stand at some s."""
+    raise NotRealizable(
+        f"At {s:.6g} m along the path no joint moves with s, so that nothing bounds ds there, and "
+        "constraints that are functions of s cannot be kept: leave them out, or give the joint "
+        "path a parameter along which the joints go on.",
+        s=s,
     )
 
 

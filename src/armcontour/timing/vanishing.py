@@ -43,8 +43,10 @@ def standing(joint_path: JointPath) -> FloatArray:
     return joint_path.breaks[standing_breaks(joint_path.coefficients, VANISHED)]
 
 
-def reparametrize(joint_path: JointPath) -> JointPath:
+def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
     """The same curve with a parameter in which a plan can be made; most paths are returned as is.
+
+    And the places of the breaks of the path in the new parameter, (pieces + 1,).
 
     Args:
         joint_path: A joint path without a tool path; traced ones, along which the tool moves
@@ -53,13 +55,14 @@ def reparametrize(joint_path: JointPath) -> JointPath:
     Raises:
         InvalidInput: No joint moves along the whole path.
     """
+    same = joint_path, joint_path.breaks
     if joint_path.tool_path is not None:
-        return joint_path
+        return same
     coefficients = joint_path.coefficients
     size = np.linalg.norm(_terms(coefficients), axis=2)
     # The first term alone outweighs all others unless dq_ds comes near zero.
     if (size[:, 0] > size[:, 1:].sum(axis=1)).all():
-        return joint_path
+        return same
     if not size.any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
     # Only straight pieces, and those that begin or end with x³ or more, may be unsuited.
@@ -70,13 +73,13 @@ def reparametrize(joint_path: JointPath) -> JointPath:
     found = {int(i): _Piece.of(joint_path, int(i)) for i in suspect}
     unsuited = {i for i, x in found.items() if x.is_unsuited((i == 0, i == last))}
     if not unsuited:
-        return joint_path
+        return same
     pieces = {i: _Piece.of(joint_path, i) for i in range(last + 1)}
     return _with(joint_path, {i: x for i, x in pieces.items() if x.is_straight or i in unsuited})
 
 
-def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> JointPath:
-    """The path with some of its pieces replaced; stops stay where they are."""
+def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> tuple[JointPath, FloatArray]:
+    """The path with some of its pieces replaced, and the places of its breaks; stops stay."""
     straight = [x for x in changed.values() if x.is_straight]
     # Where nothing else says how fast p is, straight pieces keep their length on the whole.
     total = sum(x.width for x in straight)
@@ -101,9 +104,10 @@ def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> JointPath:
     breaks = joint_path.breaks[0] + np.concatenate([[0.0], np.cumsum(np.concatenate(lengths))])
     stops = breaks[np.array(starts)[np.searchsorted(joint_path.breaks, joint_path.stops)]]
     inner = stops[(stops > breaks[0]) & (stops < breaks[-1])]
-    return JointPath(
+    path = JointPath(
         breaks=breaks, coefficients=np.concatenate(coefficients), stops=np.unique(inner)
     )
+    return path, breaks[[*starts, count]]
 
 
 @dataclass(frozen=True, slots=True)

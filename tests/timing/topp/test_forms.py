@@ -76,20 +76,14 @@ def motions(path, count=20):
 def test_joint_motion_rises_no_more_than_its_form_says():
     path = on_grid(200)
     (motion,) = optimal.constraints_of(PATH, UR5E, LIMITS)
-    rows, squares = motion.on(path)
+    rows = motion.rows(path)
     first, second = inside(path, 1), inside(path, 2)
     assert np.abs(rows.ends[:, 0, :, A] - first[0]).max() < 1e-9
     assert np.abs(rows.ends[:, 1, :, B] - second[-1]).max() < 1e-9
     assert (rows.ends[..., HIGH] == 8).all() and (rows.ends[..., LOW] == -8).all()
-    np.testing.assert_allclose(squares.ends[:, 0], first[0] ** 2 / 4, rtol=1e-9, atol=1e-12)
-    assert (squares.most >= (first**2 / 4).max(axis=0) * (1 - 1e-9)).all()
     for x, u, bounds in motions(path):
-        for value, rise in (
-            (first * u + second * x, rows.rise),
-            (first**2 * x / 4, squares.rise),
-        ):
-            bound = np.einsum("nrk,nk->nr", rise, bounds)
-            assert (rise_of(value) <= bound * (1 + 1e-9) + 1e-12).all()
+        bound = np.einsum("nrk,nk->nr", rows.rise, bounds)
+        assert (rise_of(first * u + second * x) <= bound * (1 + 1e-9) + 1e-12).all()
 
 
 def test_sampled_coefficients_and_friction_rise_no_more_than_their_forms_say():
@@ -126,9 +120,10 @@ def test_sampled_coefficients_and_friction_rise_no_more_than_their_forms_say():
             assert (worst <= np.maximum(*used) + margin + 1e-9).mean() > 0.999
 
 
-def largest_by_programs(width, limits):
+def largest_by_programs(path, ends):
     """The largest x by a linear program for each interval, backward and forward."""
-    ends, n = limits.rows.ends, len(width)
+    width = path.grid.width
+    n, ceilings = len(width), (4 / path.derivatives[0][0] ** 2).min(axis=2)
 
     def lines(i):
         """Rows, of x at the start and of the mean u, and their bounds."""
@@ -136,7 +131,7 @@ def largest_by_programs(width, limits):
         a, b = ends[i, :, :, A], ends[i, :, :, B]
         rows = np.concatenate([np.stack([b[0], a[0]], 1), np.stack([b[1], a[1] + 2 * w * b[1]], 1)])
         high, low = ends[i, :, :, HIGH].ravel(), ends[i, :, :, LOW].ravel()
-        cap = (1 / limits.squares.ends[i].max(axis=1)).tolist()
+        cap = ceilings[i].tolist()
         rows = np.concatenate([rows, -rows, [[1, 0], [1, 2 * w], [0, 0], [-1, -2 * w]]])
         return rows, np.concatenate([high, -low, cap, [0, 0]]), w
 
@@ -156,9 +151,9 @@ def largest_by_programs(width, limits):
 
 def test_the_pass_finds_what_linear_programs_find():
     path = on_grid(60)
-    limits = limits_on(path, optimal.constraints_of(PATH, UR5E, LIMITS))
-    found = plan_on_grid(path.intervals, limits, Rules(tries=1))
-    expected = largest_by_programs(path.grid.width, limits)
+    (motion,) = optimal.constraints_of(PATH, UR5E, LIMITS)
+    found = plan_on_grid(path.intervals, limits_on(path, [motion]), Rules(tries=1))
+    expected = largest_by_programs(path, motion.rows(path).ends)
     np.testing.assert_allclose(found.x, expected, rtol=1e-6, atol=1e-9)
 
 

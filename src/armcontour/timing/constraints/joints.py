@@ -11,8 +11,20 @@ from armcontour.arms import Arm
 from armcontour.timing.constraints.base import Constraint, IntervalEnds
 from armcontour.timing.constraints.second_order import refuse_excess_at_rest
 from armcontour.timing.grid import Grid
-from armcontour.timing.topp._forms import write_joints
-from armcontour.timing.topp.limits import HIGH, LOW, Form, Friction, Rows, Squares
+from armcontour.timing.topp._forms import ROUNDING
+from armcontour.timing.topp.limits import (
+    BY_SLOPE,
+    BY_U,
+    BY_X,
+    HIGH,
+    LOW,
+    A,
+    B,
+    Form,
+    Friction,
+    Joints,
+    Rows,
+)
 from armcontour.timing.topp.on_grid import OnGrid
 
 
@@ -49,15 +61,24 @@ class JointMotion(Constraint):
         return np.asarray(np.where(slopes.min(axis=1) > certain, high, back))
 
     def on(self, path: OnGrid) -> Iterable[Form]:
-        """The accelerations, and the squares of the velocities."""
-        n, moved, fast = len(path), len(self.low), self.velocity.shape[1]
-        rows = Rows(np.empty((n, 2, moved, 4)), np.empty((n, moved, 4)))
-        squares = Squares(np.empty((n, 2, fast)), np.empty((n, fast)), np.empty((n, fast, 4)))
-        limits = self.low, self.high, *(1 / self.velocity**2)
-        joint_path = path.grid.joint_path
-        own = joint_path.breaks, joint_path.coefficients
-        write_joints(*own, path.intervals, limits, rows, squares)
-        return rows, squares
+        """The bounds, of which the planner makes rows."""
+        none = np.full(0, np.inf), np.full(0, np.inf)
+        accelerations = (self.low, self.high) if len(self.low) else none
+        return (Joints.of(path.grid.joint_path.dof, *accelerations, *(1 / self.velocity**2)),)
+
+    def rows(self, path: OnGrid) -> Rows:
+        """The accelerations as rows: g = q' u + q'' x has g'' = 5 q''' u + q'''' x + 4 q'' k."""
+        (first, second), (third, fourth) = path.derivatives
+        w, n = path.grid.width[:, None], len(path)
+        ends, rise = np.empty((n, 2, len(self.low), 4)), np.zeros((n, len(self.low), 4))
+        ends[..., A], ends[..., B] = first, second
+        ends[..., LOW], ends[..., HIGH] = (x[:, None] for x in self.bounds(path.grid))
+        q1 = np.abs(first).max(axis=1) + w**2 / 8 * third
+        q2 = np.abs(second).max(axis=1) + w * third
+        rise[..., BY_U] = w**2 / 8 * 5 * third
+        rise[..., BY_X] = w**2 / 8 * fourth + ROUNDING / w * q1
+        rise[..., BY_SLOPE] = w**2 / 8 * 4 * q2
+        return Rows(ends, rise)
 
     @property
     def names(self) -> list[tuple[str, int | None]]:

@@ -114,9 +114,8 @@ class Rows:
     @property
     def exact(self) -> bool:
         """Whether all limits are polynomials, which need no margins."""
-        rows, _, rounds, _, ceiling = self.limits
-        others = rows.rise.size or self.limits.squares.rise.size or rounds.rise.size
-        return not (others or self.tool or np.isfinite(ceiling).any())
+        others = any(x.rise.size for x in self.limits[:3])
+        return not (others or self.tool or np.isfinite(self.limits.ceiling).any())
 
     def of_section(self, k: int) -> Section:
         """The rows of one section, without its cells of uniform jerk."""

@@ -6,11 +6,11 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.motion import PathLaw
-from armcontour.timing.constraints import OnGrid, limits_on
+from armcontour.timing.constraints import JointMotion, OnGrid, limits_on
 from armcontour.timing.grid import Grid
 from armcontour.timing.jerk.mesh import End
 from armcontour.timing.jerk.task import Task
-from armcontour.timing.topp.limits import largest_u
+from armcontour.timing.topp.limits import collect, largest_u
 
 # A jump of d2q_ds2, or of what it means for the tool, counts if it is this share of its size, and
 # if at the plan's speed the jerk needs longer than this share of the duration for it.
@@ -65,6 +65,9 @@ def find_ends(
     path = OnGrid(grid)
     (first, second), (third, _) = path.derivatives
     acceleration = largest_u(limits_on(path, task.active))
+    for x in task.active:
+        if isinstance(x, JointMotion) and len(x.low):
+            acceleration = np.minimum(acceleration, largest_u(collect([x.rows(path)], len(path))))
     with np.errstate(divide="ignore"):
         jerk = (task.jerk.joint / np.abs(first).max(axis=1)).min(axis=1)
     jerk = np.minimum(jerk, min(task.jerk.path, task.jerk.tool))

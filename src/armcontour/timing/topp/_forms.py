@@ -17,7 +17,6 @@ from armcontour.timing.topp.limits import (
     B,
     Intervals,
     Rows,
-    Squares,
 )
 
 ROUNDING = 2e-15  # of x, in differences of x
@@ -71,61 +70,6 @@ def derivatives(
             ends[0, i, 0, j], ends[1, i, 0, j] = _slopes(coefficients, k, j, x, scale)
             ends[0, i, 1, j], ends[1, i, 1, j] = _slopes(coefficients, k, j, y, scale)
             most[0, i, j], most[1, i, j] = _largest(coefficients, k, j, x, y, scale)
-
-
-@compiled(fastmath=FUSED)
-def write_joints(
-    breaks: FloatArray,
-    coefficients: FloatArray,
-    grid: Intervals,
-    bounds: tuple[FloatArray, ...],
-    rows: Rows,
-    squares: Squares,
-) -> None:
-    """Write the rows of joint accelerations and the squares of joint velocities.
-
-    g = q' u + q'' x has g'' = 5 q''' u + q'''' x + 4 q'' k, and h = q'² x has
-    h'' = 8 q' q'' u + 2 (q''² + q' q''') x + 2 q'² k.
-
-    Args:
-        breaks: Of the joint path [m], (pieces + 1,).
-        coefficients: Of the joint path, (pieces, 6, dof).
-        grid: The intervals.
-        bounds: Lower and upper bounds of accelerations [rad/s²], and 1 / v² of lower and upper
-            bounds v of velocities [s²/rad²], (dof,) each, or (0,) for none.
-        rows: Takes those of accelerations.
-        squares: Takes those of velocities.
-    """
-    low, high, back, forth = bounds
-    ends, rise = rows
-    square, most, rise_square = squares
-    for i in range(len(grid.piece)):
-        k = grid.piece[i]
-        scale, w = 1.0 / (breaks[k + 1] - breaks[k]), grid.s[i + 1] - grid.s[i]
-        x, y = (grid.s[i] - breaks[k]) * scale, (grid.s[i + 1] - breaks[k]) * scale
-        share, rounding = w * w / 8, ROUNDING / w
-        for j in range(coefficients.shape[2]):
-            a0, b0 = _slopes(coefficients, k, j, x, scale)
-            a1, b1 = _slopes(coefficients, k, j, y, scale)
-            q3, q4 = _largest(coefficients, k, j, x, y, scale)
-            q1, q2 = max(abs(a0), abs(a1)) + share * q3, max(abs(b0), abs(b1)) + w * q3
-            if j < len(low):
-                ends[i, 0, j, A], ends[i, 0, j, B] = a0, b0
-                ends[i, 0, j, LOW], ends[i, 0, j, HIGH] = low[j], high[j]
-                ends[i, 1, j, A], ends[i, 1, j, B] = a1, b1
-                ends[i, 1, j, LOW], ends[i, 1, j, HIGH] = low[j], high[j]
-                rise[i, j, BY_U], rise[i, j, BY_X] = share * 5 * q3, share * q4 + rounding * q1
-                rise[i, j, BY_SLOPE], rise[i, j, ALONE] = share * 4 * q2, 0.0
-            if j < len(forth):
-                by, certain = forth[j], share * q3
-                # Where a joint may turn round, it keeps both bounds.
-                if min(a0, a1) <= certain:
-                    by = back[j] if max(a0, a1) < -certain else max(by, back[j])
-                square[i, 0, j], square[i, 1, j] = a0 * a0 * by, a1 * a1 * by
-                most[i, j], by = q1 * q1 * by, by * share
-                rise_square[i, j, BY_U] = by * 8 * q1 * q2
-                rise_square[i, j, BY_X] = by * 2 * (q2 * q2 + q1 * q3)
-                rise_square[i, j, BY_SLOPE], rise_square[i, j, ALONE] = by * 2 * q1 * q1, 0.0
 
 
 @compiled(fastmath=FUSED)

@@ -9,22 +9,29 @@ mathematics.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._kernels import FUSED, compiled
+from armcontour._vectors import LANES, choose, higher, highest, load, lower, lowest, size, store
 from armcontour.motion._intervals import interval_time
 from armcontour.timing.topp.limits import (
     ALONE,
+    BACK,
     BY_SLOPE,
     BY_U,
     BY_X,
+    FORTH,
     HIGH,
+    HIGHEST,
+    LANE,
     LARGEST,
     LOW,
+    LOWEST,
     OFF,
+    ROWS,
     SIGN,
     A,
     B,
@@ -35,12 +42,15 @@ from armcontour.timing.topp.limits import (
     Rows,
 )
 
+Vector = Any  # of LANES numbers
+
 FOUND, FINER, STUCK, START, END, UNLIMITED = range(6)
 INSIDE = 1 - 1e-14  # a step of Newton ends inside by this share, far more than rounding
 LARGEST_X = 1e100  # from which Newton starts without a ceiling
 FAR, ROUNDED = 1e-3, 1e-12  # a step to less than the share FAR of x has the error ROUNDED of it
 SLACK = 1e-9  # ends of a range of u that differ by this share differ by rounding
 PLAY = 1e-7  # share by which x at an end may miss what was asked for
+ROUNDING = 2e-15  # of x, in differences of x
 TINY = 1e-14  # share of its terms, each with rounding, below which a coefficient is zero
 NEAR = 0.01  # nearer to its bound than this share of its range, u is at the bound
 BELOW_CEILING = 1 - 1e-6  # where x is at its ceiling, nothing else binds
@@ -48,6 +58,8 @@ LARGEST_TURN = 0.25  # a slope changes u by less than this share of its range
 NO_WAY = 4e-2  # the share that stands for margins that leave no plan: a finer grid may have one
 AROUND = 10  # intervals next to one that leaves no plan, that are made finer with it
 SHARE_AT_REST = 0.5  # a line above friction takes at most this share of what is left at rest
+NOTHING = 1e-150  # a coefficient below this is zero
+BLOCK = 1 << 13  # so many intervals are drawn at a time, which bounds the memory
 LEAST = 1e-300  # keeps divisions finite; its root is far below any path speed
 
 
@@ -118,21 +130,24 @@ class Lines(NamedTuple):
     """The limits of one try, in the plane of x at the start and the mean u of each interval.
 
     Args:
-        of: `bottom <= m + tilt x <= top`: tilt, bottom and top, (n, lines, 3).
-        conics: `|m + p x + q|² <= d0 + 2 d1 x - d2 x²`: p, q, d0, d1 and d2, (n, conics, 5).
+        of: `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the drawn intervals, flat.
+            Each has LANES for the starts and LANES for the ends of every LANES joints or rows.
+        width: Number of lines of an interval.
+        drawn: The intervals that are drawn, (BLOCK,) or for fewer all.
+        conics: `|m + p x + q|² <= d0 + 2 d1 x - d2 x²`: p, q, d0, d1 and d2 of the drawn intervals,
+            (len(drawn), conics, 5).
         cap: Largest x at the start and at the end, (n, 2).
         lost: Share of limits that margins take, (n,).
+        scratch: Takes rows, side by side.
     """
 
     of: FloatArray
+    width: int
+    drawn: IntArray
     conics: FloatArray
     cap: FloatArray
     lost: FloatArray
-
-
-@compiled(inner=True)
-def _row(ends: FloatArray, i: int, end: int, r: int) -> tuple[float, float, float, float]:
-    return ends[i, end, r, A], ends[i, end, r, B], ends[i, end, r, LOW], ends[i, end, r, HIGH]
+    scratch: FloatArray
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -142,50 +157,64 @@ def _margin(rise: FloatArray, i: int, r: int, bounds: Bounds) -> float:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _draw_line(
-    lines: Lines, i: int, line: int, by_mean: float, by_x: float, low: float, high: float
+def _draw_end(
+    lines: Lines,
+    place: tuple[int, int, int],
+    motion: tuple[float, float],
+    row: tuple[Vector, Vector, Vector, Vector],
 ) -> None:
-    """Draw `low <= by_mean m + by_x x <= high`."""
-    if by_mean == 0.0:
-        lines.of[i, line, 0], lines.of[i, line, 1], lines.of[i, line, 2] = 0.0, -math.inf, math.inf
-        return
-    inverse = 1.0 / by_mean
+    """Draw `low <= a u + b x <= high` of LANES rows at one end of an interval.
+
+    Where no m is left it is a ceiling of x, since rest is allowed.
+
+    Args:
+        lines: Output.
+        place: The interval, the end, and the first line.
+        motion: Length of the interval, and half of the change of u.
+        row: a, b, low and high.
+    """
+    (i, end, line), (w, turn), (a, b, low, high) = place, motion, row
+    shift = turn - 2 * turn * end
+    low, high = low + shift * a, high + shift * a
+    by_mean, bends = a + (2 * w * end) * b, 2 * w * size(b)
+    some, least = size(by_mean), TINY * (size(a) + bends)
+    alone = size(a) - TINY * bends
+    if lowest(lower(some - least, alone)) <= 0.0:
+        most = choose(NOTHING, size(b), higher(low / b, high / b), math.inf)
+        ceiling = higher(choose(least, some, math.inf, most), 0.0)
+        lines.cap[i, 0] = min(lines.cap[i, 0], lowest(ceiling))
+        ceiling = higher(choose(0.0, alone, math.inf, most), 0.0)
+        lines.cap[i, end] = min(lines.cap[i, end], lowest(ceiling))
+        some = choose(least, some, choose(0.0, alone, some, 0.0), 0.0)
+    inverse = 1.0 / choose(NOTHING, some, by_mean, 1.0)
     low, high = low * inverse, high * inverse
-    lines.of[i, line, 0] = by_x * inverse
-    if inverse > 0.0:
-        lines.of[i, line, 1], lines.of[i, line, 2] = low, high
-    else:
-        lines.of[i, line, 1], lines.of[i, line, 2] = high, low
+    first = 3 * lines.width * (i & (len(lines.drawn) - 1)) + line
+    last = first + 2 * lines.width
+    store(lines.of, first, choose(NOTHING, some, b * inverse, 0.0))
+    store(lines.of, first + lines.width, choose(NOTHING, some, lower(low, high), -math.inf))
+    store(lines.of, last, choose(NOTHING, some, higher(low, high), math.inf))
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _draw_row(
+def _draw_both(
     lines: Lines,
     i: int,
     line: int,
-    of: tuple[float, float, float, float],
     motion: tuple[float, float],
-    end: int,
+    rows: tuple[tuple[Vector, Vector, Vector, Vector], tuple[Vector, Vector, Vector, Vector]],
+    room: Vector,
+    margins: bool,
 ) -> None:
-    """Draw `low <= a u + b x <= high` at one end; where no m is left, it is a ceiling of x."""
-    a, b, low, high = of
-    w, turn = motion
-    shift = a * turn
-    if end == 1:
-        shift = -shift
-    low, high, bends = low + shift, high + shift, 2 * w * abs(b)
-    by_mean = a if end == 0 else a + 2 * w * b
-    side = -1
-    if abs(by_mean) <= TINY * (abs(a) + bends):
-        side = 0
-    elif abs(a) <= TINY * bends:
-        side = end
-    if side >= 0:
-        if b != 0.0:
-            most = (high if b > 0.0 else low) / b
-            lines.cap[i, side] = min(lines.cap[i, side], max(most, 0.0))
-        by_mean = 0.0
-    _draw_line(lines, i, line, by_mean, b, low, high)
+    """Draw LANES rows at both ends of interval i, less margins, and count what these take."""
+    (a0, b0, low0, high0), (a1, b1, low1, high1) = rows
+    if margins:
+        rest = lower(lower(high0, 0.0 - low0), lower(high1, 0.0 - low1))
+        used = room + abs(motion[1]) * higher(size(a0), size(a1))
+        # All is lost where rest may not be allowed.
+        share = choose(0.0, room, choose(rest, used, 1.0, room / rest), 0.0)
+        lines.lost[i] = max(lines.lost[i], highest(share))
+    _draw_end(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
+    _draw_end(lines, (i, 1, line + LANES), motion, (a1, b1, low1 + room, high1 - room))
 
 
 class Bracket(NamedTuple):
@@ -283,7 +312,7 @@ def _draw_conic(
 ) -> None:
     """Draw `|a u + b x|² <= square` at one end of an interval."""
     w, turn = motion
-    out = lines.conics[i, 2 * r + end]
+    out = lines.conics[i & (len(lines.drawn) - 1), 2 * r + end]
     for d in range(5):
         out[d] = 0.0
     # The vector that multiplies m is a at the start, and a + 2 w b at the end.
@@ -352,41 +381,6 @@ def rows_with_friction(width: FloatArray, limits: Limits, bounds: Bounds, margin
     return found
 
 
-@compiled(inner=True, fastmath=FUSED)
-def _draw_friction(
-    lines: Lines, limits: Limits, bounds: Bounds, i: int, motion: tuple[float, float], margins: bool
-) -> None:
-    """Draw the rows with friction on interval i; arguments as in `_draw`."""
-    ends, friction, rises = limits.rows.ends, limits.friction, limits.rows.rise
-    within = bracket(bounds.least[i], bounds.x[i])
-    for j in range(friction.within.shape[1]):
-        a0, a1, b0, b1 = ends[i, 0, j, A], ends[i, 1, j, A], ends[i, 0, j, B], ends[i, 1, j, B]
-        rise = _margin(rises, i, j, bounds) if margins else 0.0
-        turn = max(abs(a0), abs(a1)) * abs(motion[1])
-        v0, v1 = friction.viscous[i, 0, j], friction.viscous[i, 1, j]
-        for side in range(2):
-            towards = 1.0 - 2.0 * side
-            which = HIGH if side == 0 else LOW
-            limit0, limit1 = ends[i, 0, j, which], ends[i, 1, j, which]
-            rest = min(towards * limit0, towards * limit1)
-            most, offset, slope = friction_row(friction, i, j, towards, rest, within)
-            room = rise
-            if margins:
-                of = friction_rise(friction, i, j, offset, slope, motion[0])
-                room += of[0] * bounds.u[i] + of[1] * bounds.x[i] + of[2] * abs(bounds.k[i]) + of[3]
-                left = rest - towards * most - offset * max(towards * v0, towards * v1, 0.0)
-                _lose(lines, i, room, turn, left)
-            else:
-                most = 0.0  # rest is allowed where gravity takes all of the torque
-            limit0 -= most + v0 * offset + towards * room
-            limit1 -= most + v1 * offset + towards * room
-            low0, high0 = (-math.inf, limit0) if side == 0 else (limit0, math.inf)
-            low1, high1 = (-math.inf, limit1) if side == 0 else (limit1, math.inf)
-            line = 2 * (j + side * rises.shape[1])
-            _draw_row(lines, i, line, (a0, b0 + v0 * slope, low0, high0), motion, 0)
-            _draw_row(lines, i, line + 1, (a1, b1 + v1 * slope, low1, high1), motion, 1)
-
-
 @compiled(inner=True)
 def _lose(lines: Lines, i: int, room: float, turn: float, rest: float) -> None:
     """Count the share `room` of what a limit leaves at rest; all where rest may not be allowed."""
@@ -424,66 +418,185 @@ def _draw_caps(
         lines.lost[i] = 1.0 - min(cap0, cap1) / min(lowest, 1.0 / steepest)
 
 
+@compiled(inner=True)
+def _piece(grid: Intervals, i: int, joint: int) -> tuple[FloatArray, int, float]:
+    """Where the coefficients of LANES joints are on the piece of an interval; 1 / its length."""
+    k = grid.piece[i]
+    scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
+    if k == len(grid.breaks) - 2:
+        return grid.last, joint, scale
+    return grid.coefficients, 6 * grid.dof * k + joint, scale
+
+
+@compiled(inner=True, fastmath=FUSED)
+def slopes_of(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Vector]:
+    """dq_ds and d2q_ds2 of LANES joints, from one on, at an end of an interval."""
+    (table, at, scale), dof = _piece(grid, i, joint), grid.dof
+    x = (grid.s[i + end] - grid.breaks[grid.piece[i]]) * scale
+    c1, c2, c3 = load(table, at + dof), load(table, at + 2 * dof), load(table, at + 3 * dof)
+    c4, c5 = load(table, at + 4 * dof), load(table, at + 5 * dof)
+    first = c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + (5.0 * x) * c5)))
+    second = 2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + (20.0 * x) * c5))
+    return scale * first, (scale * scale) * second
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _largest(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vector]:
+    """Bounds of |d3q_ds3| and |d4q_ds4| on an interval, by Taylor about its middle."""
+    (table, at, scale), dof = _piece(grid, i, joint), grid.dof
+    cube, begin = scale * scale * scale, grid.breaks[grid.piece[i]]
+    middle = ((grid.s[i] + grid.s[i + 1]) / 2 - begin) * scale
+    half = (grid.s[i + 1] - grid.s[i]) / 2 * scale
+    c3, c4, c5 = load(table, at + 3 * dof), load(table, at + 4 * dof), load(table, at + 5 * dof)
+    q5 = 120.0 * size(c5)
+    q4 = size(24.0 * c4 + (120.0 * middle) * c5) + half * q5
+    q3 = size(6.0 * c3 + middle * (24.0 * c4 + (60.0 * middle) * c5))
+    return cube * (q3 + half * (q4 - (half / 2) * q5)), (cube * scale) * q4
+
+
+@compiled(inner=True)
+def next_joint(grid: Intervals, joint: int) -> int:
+    """The first joint of the group of bounds that follows one that begins with a joint."""
+    return joint + LANES if joint + LANES < grid.dof else 0
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _draw_joints(
+    lines: Lines,
+    grid: Intervals,
+    limits: Limits,
+    bounds: Bounds,
+    i: int,
+    place: tuple[int, int],
+    margins: bool,
+) -> None:
+    """Draw a group of bounds on interval i; `place` has the group and its first joint.
+
+    With the derivatives q1 to q4, g = q1 u + q2 x has g'' = 5 q3 u + q4 x + 4 q2 k, and h = q1² x
+    has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
+    """
+    (group, joint), table = place, limits.joints
+    at = ROWS * group
+    (a0, b0), (a1, b1) = slopes_of(grid, i, joint, 0), slopes_of(grid, i, joint, 1)
+    q3, q4 = _largest(grid, i, joint)
+    w, slope = grid.s[i + 1] - grid.s[i], bounds.k[i]
+    share = w * w / 8
+    certain = share * q3
+    q1 = higher(size(a0), size(a1)) + certain
+    # Where a joint may turn round, it keeps both bounds.
+    back, forth = load(table, at + BACK), load(table, at + FORTH)
+    by = choose(higher(a0, a1), 0.0 - certain, back, higher(forth, back))
+    by = choose(certain, lower(a0, a1), forth, by)
+    room, e0, e1 = 0.0 * q1, a0 * a0 * by, a1 * a1 * by
+    if margins:
+        u, x, k = bounds.u[i], bounds.x[i], abs(slope)
+        q2 = higher(size(b0), size(b1)) + w * q3
+        room = (share * 5 * u) * q3 + (share * x) * q4 + (share * 4 * k) * q2
+        room = room + (ROUNDING / w * x) * q1
+        bend = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
+        rest, most, plain = 1.0 - share * by * bend, q1 * q1 * by, higher(e0, e1)
+        # Both ends with the margin, or both slow enough for the largest h / x of the interval.
+        chord = choose(2.0 * e0 * e1, rest * (e0 + e1) * most, 1.0, 0.0)
+        chord = choose(0.0, rest, chord, 0.0)
+        over = choose(0.0, chord, rest, 1.0)
+        e0, e1 = choose(0.0, chord, e0, most) / over, choose(0.0, chord, e1, most) / over
+        gone = choose(0.0, plain, 1.0 - plain / higher(e0, e1), 0.0)
+        lines.lost[i] = max(lines.lost[i], highest(gone))
+    # Where u falls, x lies above its chord.
+    sag = max(-slope, 0.0) * w * w / 4
+    lines.cap[i, 0] = min(lines.cap[i, 0], 1.0 / highest(e0) - sag)
+    lines.cap[i, 1] = min(lines.cap[i, 1], 1.0 / highest(e1) - sag)
+    low, high = load(table, at + LOWEST), load(table, at + HIGHEST)
+    rows = (a0, b0, low, high), (a1, b1, low, high)
+    _draw_both(lines, i, 2 * LANES * group, (w, slope * w / 2), rows, room, margins)
+
+
+@compiled(inner=True)
+def _draw_rows(
+    lines: Lines, rows: Rows, bounds: Bounds, i: int, first: int, line: int, w: float, margins: bool
+) -> None:
+    """Draw LANES rows on interval i from one row on."""
+    by = lines.scratch
+    for lane in range(LANES):
+        r = first + lane
+        if r < rows.rise.shape[1]:
+            for k in range(4):
+                by[k * LANES + lane] = rows.ends[i, 0, r, k]
+                by[(4 + k) * LANES + lane] = rows.ends[i, 1, r, k]
+            by[8 * LANES + lane] = _margin(rows.rise, i, r, bounds) if margins else 0.0
+        else:
+            for k in range(9):
+                by[k * LANES + lane] = 0.0
+            by[LOW * LANES + lane] = by[(4 + LOW) * LANES + lane] = -math.inf
+            by[HIGH * LANES + lane] = by[(4 + HIGH) * LANES + lane] = math.inf
+    start = load(by, 0), load(by, LANES), load(by, 2 * LANES), load(by, 3 * LANES)
+    end = load(by, 4 * LANES), load(by, 5 * LANES), load(by, 6 * LANES), load(by, 7 * LANES)
+    room = load(by, 8 * LANES)
+    _draw_both(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
+
+
 @compiled(inner=True, fastmath=FUSED)
 def _draw(
-    width: FloatArray, limits: Limits, bounds: Bounds, changed: BoolArray, kind: int, lines: Lines
+    grid: Intervals, limits: Limits, bounds: Bounds, i: int, margins: bool, lines: Lines
 ) -> None:
-    """Draw the limits for a plan within bounds, on the intervals that changed.
+    """Draw the limits on interval i for a plan within bounds, with or without margins."""
+    rows, rounds, groups = limits.rows, limits.rounds, len(limits.joints) // ROWS
+    w = grid.s[i + 1] - grid.s[i]
+    turn, line = bounds.k[i] * w / 2, 2 * LANES * groups
+    lines.drawn[i & (len(lines.drawn) - 1)] = i
+    _draw_caps(lines, limits, bounds, i, w, margins)
+    joint = 0
+    for group in range(groups):
+        _draw_joints(lines, grid, limits, bounds, i, (group, joint), margins)
+        joint = next_joint(grid, joint)
+    for r in range(0, rows.rise.shape[1], LANES):
+        _draw_rows(lines, rows, bounds, i, r, line + 2 * r, w, margins)
+    for r in range(rounds.radius.shape[1]):
+        radius, room = rounds.radius[i, r], 0.0
+        if margins:
+            room = _margin(rounds.rise, i, r, bounds)
+            first, _, _ = _products(rounds.ends, i, 0, r)
+            last, _, _ = _products(rounds.ends, i, 1, r)
+            _lose(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
+        square = max(radius - room, 0.0) ** 2
+        for end in range(2):
+            _draw_conic(lines, i, r, rounds.ends, square, (w, turn), end)
 
-    Args:
-        width: Lengths of the intervals, (n,).
-        limits: The limits.
-        bounds: The bounds.
-        changed: Whether to draw each interval, (n,).
-        kind: 2 with margins, 1 without them, 0 without viscous friction too.
-        lines: Output.
-    """
-    rows, rounds, margins = limits.rows, limits.rounds, kind == 2
-    count, rubs = rows.rise.shape[1], limits.friction.within.shape[1] if kind > 0 else 0
-    for i in range(len(width)):
-        if not changed[i]:
-            continue
-        w, turn, room = width[i], bounds.k[i] * width[i] / 2, 0.0
-        _draw_caps(lines, limits, bounds, i, w, margins)
-        if rubs > 0:
-            _draw_friction(lines, limits, bounds, i, (w, turn), margins)
-        for r in range(rubs, count):
-            a0, b0, low0, high0 = _row(rows.ends, i, 0, r)
-            a1, b1, low1, high1 = _row(rows.ends, i, 1, r)
-            if margins:
-                room = _margin(rows.rise, i, r, bounds)
-                rest = min(min(high0, -low0), min(high1, -low1))
-                _lose(lines, i, room, max(abs(a0), abs(a1)) * abs(turn), rest)
-            _draw_row(lines, i, 2 * r, (a0, b0, low0 + room, high0 - room), (w, turn), 0)
-            _draw_row(lines, i, 2 * r + 1, (a1, b1, low1 + room, high1 - room), (w, turn), 1)
-        for r in range(rounds.radius.shape[1]):
-            radius = rounds.radius[i, r]
-            if margins:
-                room = _margin(rounds.rise, i, r, bounds)
-                first, _, _ = _products(rounds.ends, i, 0, r)
-                last, _, _ = _products(rounds.ends, i, 1, r)
-                _lose(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
-            square = max(radius - room, 0.0) ** 2
-            for end in range(2):
-                _draw_conic(lines, i, r, rounds.ends, square, (w, turn), end)
+
+@compiled(inner=True, fastmath=FUSED)
+def _mean_range(lines: Lines, i: int, x: float) -> tuple[float, float]:
+    """Range of the mean u for x."""
+    of, count, at = lines.of, lines.width, i & (len(lines.drawn) - 1)
+    first = 3 * count * at
+    tilted = x * load(of, first)
+    bottom, top = load(of, first + count) - tilted, load(of, first + 2 * count) - tilted
+    for line in range(first + LANES, first + count, LANES):
+        tilted = x * load(of, line)
+        bottom = higher(bottom, load(of, line + count) - tilted)
+        top = lower(top, load(of, line + 2 * count) - tilted)
+    low, high = highest(bottom), lowest(top)
+    for k in range(lines.conics.shape[1]):
+        p, q, d0, d1, d2 = lines.conics[at, k]
+        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), LEAST))
+        low, high = max(low, -p * x - q - root), min(high, -p * x - q + root)
+    return low, high
 
 
 @compiled(inner=True, fastmath=FUSED)
 def _means(lines: Lines, i: int, x: float) -> tuple[float, float, float, float, int]:
     """Range of the mean u for x, how fast its bottom and its top fall with x, the line below."""
-    of = lines.of
+    of, count, at = lines.of, lines.width, i & (len(lines.drawn) - 1)
     low, high, below, above = -math.inf, math.inf, -1, -1
-    for k in range(of.shape[1]):
-        moved = of[i, k, 0] * x
-        bottom, top = of[i, k, 1] - moved, of[i, k, 2] - moved
+    for k in range(3 * count * at, 3 * count * at + count):
+        moved = of[k] * x
+        bottom, top = of[k + count] - moved, of[k + 2 * count] - moved
         if top < high:
             high, above = top, k
         if bottom > low:
             low, below = bottom, k
-    low_tilt = of[i, below, 0] if below >= 0 else 0.0
-    high_tilt = of[i, above, 0] if above >= 0 else 0.0
+    low_tilt, high_tilt = of[below] if below >= 0 else 0.0, of[above] if above >= 0 else 0.0
     for k in range(lines.conics.shape[1]):
-        p, q, d0, d1, d2 = lines.conics[i, k]
+        p, q, d0, d1, d2 = lines.conics[at, k]
         root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), LEAST))
         bend = (d1 - d2 * x) / root
         bottom, top = -p * x - q - root, -p * x - q + root
@@ -491,67 +604,103 @@ def _means(lines: Lines, i: int, x: float) -> tuple[float, float, float, float, 
             high, high_tilt = top, p - bend
         if bottom > low:
             low, low_tilt, below = bottom, p + bend, -1
-    return low, high, low_tilt, high_tilt, below
+    return low, high, low_tilt, high_tilt, below - 3 * count * at
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def _sweep(
-    width: FloatArray, lines: Lines, rules: Rules, cap: FloatArray, most: FloatArray, x: FloatArray
+    grid: Intervals,
+    limits: Limits,
+    bounds: Bounds,
+    state: tuple[BoolArray, bool],
+    lines: Lines,
+    rules: Rules,
+    cap: FloatArray,
+    most: FloatArray,
+    x: FloatArray,
 ) -> int:
-    """Write the largest x that lead from start to end, backward and forward.
+    """Draw limits, and write the largest x that lead from start to end, backward and forward.
 
     Backward: the range of the mean u is concave in x and not empty for x = 0, so Newton's steps
     come down from the cap to the largest x that has a range.
 
     Args:
-        width: Lengths of the intervals, (n,).
-        lines: The limits.
+        grid: The intervals.
+        limits: The limits.
+        bounds: The bounds.
+        state: Whether to draw each interval, (n,), and whether with margins.
+        lines: Take the limits.
         rules: The rules.
         cap: Takes the lower cap of both sides of every point, (n + 1,).
         most: Takes the largest x from which the end is reached, (n + 1,).
         x: Takes the plan, (n + 1,).
 
     Returns:
-        -1, or the interval on which no motion is allowed.
+        -1, the interval on which no motion is allowed, or n more than one where nothing limits u.
     """
-    n, below, mean = len(width), -1, np.empty(len(width))
-    cap[0], cap[n] = lines.cap[0, 0], lines.cap[n - 1, 1]
-    for i in range(1, n):
-        cap[i] = min(lines.cap[i - 1, 1], lines.cap[i, 0])
-    most[n] = min(rules.end, cap[n])
-    if most[n] == math.inf:
-        most[n] = 0.0
-    for i in range(n - 1, -1, -1):
-        steep, y = 0.5 / width[i], most[i + 1]
+    (changed, margins), n, below, stuck = state, len(grid.piece), -1, -1
+    mean, slots = np.empty(n), len(lines.drawn) - 1
+    # While the processor waits for an interval, it draws the one before.
+    for i in range(n, -1, -1):
+        here = math.inf
+        if i > 0:
+            if changed[i - 1] or lines.drawn[(i - 1) & slots] != i - 1:
+                _draw(grid, limits, bounds, i - 1, margins, lines)
+            here = lines.cap[i - 1, 1]
+        if i < n:
+            here = min(here, lines.cap[i, 0])
+        cap[i] = here
+        if i == n:
+            most[n] = min(rules.end, here) if min(rules.end, here) < math.inf else 0.0
+            continue
+        if stuck >= n:
+            low, high = _mean_range(lines, i, 0.0)
+            if low > -math.inf and high < math.inf:
+                break
+            stuck = n + i
+        if stuck >= 0:
+            continue
+        steep, y = 0.5 / (grid.s[i + 1] - grid.s[i]), most[i + 1]
+        here = min(here, LARGEST_X)
         # The line of y and one that bounds m from below bound x: the one of the interval before.
-        here = min(cap[i], LARGEST_X)
         if below >= 0:
-            tilt, bottom = lines.of[i, below, 0], lines.of[i, below, 1]
+            line = 3 * lines.width * (i & slots) + below
+            tilt, bottom = lines.of[line], lines.of[line + lines.width]
             if tilt < steep and y * steep - bottom < (steep - tilt) * here:
                 here = max((y * steep - bottom) / (steep - tilt) * INSIDE, 0.0)
         for _ in range(100):
+            low, high = _mean_range(lines, i, here)
+            if low == -math.inf or high == math.inf:
+                stuck = n + i
+                break
+            high = min(high, (y - here) * steep)
+            if max(low, -here * steep) <= high:
+                break
             low, high, low_tilt, high_tilt, below = _means(lines, i, here)
             if (y - here) * steep < high:
                 high, high_tilt = (y - here) * steep, steep
             if -here * steep > low:
                 low, low_tilt = -here * steep, steep
-            if low <= high:
-                break
             there = here - (low - high) / (high_tilt - low_tilt)
             # Next to nothing, a difference of large numbers: a step ends a little above it.
             here = there * INSIDE if there > FAR * here else max(there, 0.0) + ROUNDED * here
         else:
-            return i
+            stuck = i
         most[i], mean[i] = here, high
+    if stuck >= 0:
+        return stuck
     x[0] = min(rules.start, most[0])
     for i in range(n):
-        steep, high = 0.5 / width[i], mean[i]
+        w, high = grid.s[i + 1] - grid.s[i], mean[i]
         if x[i] < most[i]:
-            low, high, _, _, _ = _means(lines, i, x[i])
+            if lines.drawn[i & slots] != i:
+                _draw(grid, limits, bounds, i, margins, lines)
+            low, high = _mean_range(lines, i, x[i])
+            steep = 0.5 / w
             high = min(high, (most[i + 1] - x[i]) * steep)
             if low > high + SLACK * (abs(low) + abs(high) + most[i + 1] * steep):
                 return i
-        x[i + 1] = min(max(x[i] + 2 * width[i] * high, 0.0), most[i + 1])
+        x[i + 1] = min(max(x[i] + 2 * w * high, 0.0), most[i + 1])
     return -1
 
 
@@ -569,10 +718,42 @@ def _roots(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, f
 
 
 @compiled(inner=True, fastmath=FUSED)
-def range_of(limits: Limits, i: int, end: int, x: float) -> tuple[float, float, int, int]:
+def _joint_range(
+    grid: Intervals, limits: Limits, place: tuple[int, int, int, int], x: float
+) -> tuple[float, float, int, int]:
+    """As `range_of`, of one group of bounds, with its first joint."""
+    i, end, group, joint = place
+    at = ROWS * group
+    a, b = slopes_of(grid, i, joint, end)
+    some = size(a)
+    inverse = 1.0 / choose(NOTHING, some, a, 1.0)
+    least, most = load(limits.joints, at + LOWEST), load(limits.joints, at + HIGHEST)
+    one, other = (least - x * b) * inverse, (most - x * b) * inverse
+    bottom = choose(NOTHING, some, lower(one, other), -math.inf)
+    top = choose(NOTHING, some, higher(one, other), math.inf)
+    low, high = highest(bottom), lowest(top)
+    # Twice the joint, and one more for an upper bound.
+    lane = load(limits.joints, at + LANE)
+    below = highest(choose(bottom, low, -1.0, lane + choose(a, 0.0, 1.0, 0.0)))
+    above = highest(choose(high, top, -1.0, lane + choose(a, 0.0, 0.0, 1.0)))
+    return low, high, int(below) + 2 * LANES * group, int(above) + 2 * LANES * group
+
+
+@compiled(inner=True, fastmath=FUSED)
+def range_of(
+    grid: Intervals, limits: Limits, i: int, end: int, x: float
+) -> tuple[float, float, int, int]:
     """The smallest and the largest u at one end of an interval, and the bounds that do so."""
     rows, viscous, rounds = limits.rows.ends, limits.friction.viscous, limits.rounds
     low, high, below, above = -math.inf, math.inf, -1, -1
+    joint = 0
+    for group in range(len(limits.joints) // ROWS):
+        first, last, bottom, top = _joint_range(grid, limits, (i, end, group, joint), x)
+        joint = next_joint(grid, joint)
+        if first > low:
+            low, below = first, -2 - bottom
+        if last < high:
+            high, above = last, -2 - top
     for r in range(rows.shape[2]):
         a, by_x = rows[i, end, r, A], rows[i, end, r, B] * x
         if a == 0.0:
@@ -599,18 +780,16 @@ def range_of(limits: Limits, i: int, end: int, x: float) -> tuple[float, float, 
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _steer(
-    width: FloatArray, limits: Limits, cap: FloatArray, x: FloatArray, bounds: Bounds
-) -> None:
+def _steer(grid: Intervals, limits: Limits, cap: FloatArray, x: FloatArray, bounds: Bounds) -> None:
     """Write slopes with which u stays at its bound on the whole interval."""
-    for i in range(len(width)):
-        w, x0, x1 = width[i], x[i], x[i + 1]
+    for i in range(len(grid.piece)):
+        w, x0, x1 = grid.s[i + 1] - grid.s[i], x[i], x[i + 1]
         bounds.k[i] = 0.0
         if not (0.0 < x0 < cap[i] * BELOW_CEILING and 0.0 < x1 < cap[i + 1] * BELOW_CEILING):
             continue
         mean = (x1 - x0) / (2 * w)
-        low0, high0, _, _ = range_of(limits, i, 0, x0)
-        low1, high1, _, _ = range_of(limits, i, 1, x1)
+        low0, high0, _, _ = range_of(grid, limits, i, 0, x0)
+        low1, high1, _, _ = range_of(grid, limits, i, 1, x1)
         near0, near1 = NEAR * (high0 - low0), NEAR * (high1 - low1)
         turn = 0.0
         if high0 - mean < near0 or high1 - mean < near1:
@@ -672,27 +851,6 @@ def _widen(
         changed[i] = out
         holds &= not out
     return holds
-
-
-@compiled(inner=True)
-def _unlimited(limits: Limits) -> int:
-    """The first interval on which nothing limits the acceleration; -1 for none."""
-    ends, rounds = limits.rows.ends, limits.rounds.ends
-    for i in range(ends.shape[0]):
-        limited = False
-        for r in range(ends.shape[2]):
-            for end in range(2):
-                both = ends[i, end, r, LOW] > -math.inf and ends[i, end, r, HIGH] < math.inf
-                limited |= both and ends[i, end, r, A] != 0.0
-            if limited:
-                break
-        for r in range(rounds.shape[2]):
-            for end in range(2):
-                aa, _, _ = _products(rounds, i, end, r)
-                limited |= aa > 0.0
-        if not limited:
-            return i
-    return -1
 
 
 @compiled(inner=True)
@@ -759,31 +917,49 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
         limits: The limits.
         rules: The rules.
     """
-    n, count = len(grid.piece), limits.rows.rise.shape[1]
-    rubbing, rounds = limits.friction.within.shape[1], limits.rounds.radius.shape[1]
+    n, rubbing = len(grid.piece), limits.friction.within.shape[1]
     width, x, most, cap = np.empty(n), np.zeros(n + 1), np.empty(n + 1), np.empty(n + 1)
     bounds = Bounds(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
-    changed = np.ones(n, np.bool_)
-    of, conics = np.empty((n, 2 * (count + rubbing), 3)), np.empty((n, 2 * rounds, 5))
-    lines = Lines(of, conics, np.empty((n, 2)), np.zeros(n))
+    changed, slots = np.ones(n, np.bool_), 1
+    while slots < min(n, BLOCK):
+        slots *= 2
+    groups = (limits.rows.rise.shape[1] + rubbing + LANES - 1) // LANES
+    count = 2 * LANES * max(1, len(limits.joints) // ROWS + groups)
+    lines = Lines(
+        np.empty(3 * count * slots),
+        count,
+        np.full(slots, -1),
+        np.empty((slots, 2 * limits.rounds.radius.shape[1], 5)),
+        np.empty((n, 2)),
+        np.zeros(n),
+        np.empty(9 * LANES),
+    )
     found, lost, shortest = np.zeros(n + 1), np.zeros(n), math.inf
     slopes, kind, tangents = np.zeros(n), 0, 0
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
-        # Without friction there are no lines for it.
-        for line in range(2 * count, of.shape[1]):
-            of[i, line, 0], of[i, line, 1], of[i, line, 2] = 0.0, -math.inf, math.inf
-    place = _unlimited(limits)
-    if place >= 0:
-        return Plan(x, bounds.k, lost, UNLIMITED, place, 0.0)
+    if rubbing > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
+        # Lines that no try draws limit nothing.
+        for line in range(3 * count * slots):
+            lines.of[line] = 0.0
+        for slot in range(slots):
+            for line in range(3 * count * slot + count, 3 * count * slot + 2 * count):
+                lines.of[line], lines.of[line + count] = -math.inf, math.inf
     for _ in range(rules.tries):
-        _draw(width, limits, bounds, changed, kind, lines)
+        drawn = limits
+        if rubbing > 0 and kind > 0:
+            rows = rows_with_friction(width, limits, bounds, kind == 2)
+            drawn = Limits(
+                rows, limits.squares, limits.rounds, limits.friction, limits.ceiling, limits.joints
+            )
+        stuck = _sweep(grid, drawn, bounds, (changed, kind == 2), lines, rules, cap, most, x)
+        if stuck >= n:
+            return Plan(x, bounds.k, lost, UNLIMITED, stuck - n, 0.0)
         worst = _worst(lines.lost)
         if kind == 2 and lines.lost[worst] > rules.most:
             if _drop_slopes(bounds, lines.lost, max(rules.most, rules.steady), changed):
                 continue
             break
-        stuck = _sweep(width, lines, rules, cap, most, x)
         outcome, allowed = _judge_ends(stuck, rules, most, x)
         if outcome != FOUND:
             if shortest < math.inf:
@@ -801,7 +977,7 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
             if rubbing and not near and tangents < rules.tangents:
                 tangents += 1
                 continue
-            _steer(width, limits, cap, x, bounds)
+            _steer(grid, limits, cap, x, bounds)
             _enclose(width, x, rules, rules.headroom, bounds)
             changed[:] = True
             kind = 2

@@ -8,9 +8,10 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._kernels import FUSED, compiled
+from armcontour._vectors import choose, highest, load
 from armcontour.motion._intervals import interval_time
-from armcontour.timing.topp._kernel import LEAST, Plan, range_of
-from armcontour.timing.topp.limits import Limits
+from armcontour.timing.topp._kernel import LEAST, Plan, next_joint, range_of, slopes_of
+from armcontour.timing.topp.limits import BACK, FORTH, ROWS, Intervals, Limits
 
 BINDS = 0.02  # nearer to its bound than this share of its range, u is at the bound
 # Share of what an interval leaves of the range of u that its time is longer, as measured against
@@ -24,12 +25,21 @@ INSIDE = 0.02  # a point that is nearer to an end of an interval than this share
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _ceiling(limits: Limits, i: int, end: int) -> float:
+def _ceiling(grid: Intervals, limits: Limits, i: int, end: int) -> float:
     """The largest x at one end of an interval."""
     steepest = 0.0
+    joint = 0
+    for group in range(len(limits.joints) // ROWS):
+        a, _ = slopes_of(grid, i, joint, end)
+        joint = next_joint(grid, joint)
+        back, forth = (
+            load(limits.joints, ROWS * group + BACK),
+            load(limits.joints, ROWS * group + FORTH),
+        )
+        steepest = max(steepest, highest(a * a * choose(a, 0.0, back, forth)))
     for r in range(limits.squares.most.shape[1]):
         steepest = max(steepest, limits.squares.ends[i, end, r])
-    return min(limits.ceiling[i, end], 1.0 / steepest)
+    return float(min(limits.ceiling[i, end], 1.0 / steepest))
 
 
 @compiled(inner=True)
@@ -63,12 +73,12 @@ def _detour(
 
 @compiled(fastmath=FUSED)
 def estimate_losses(
-    s: FloatArray, limits: Limits, plan: Plan
+    grid: Intervals, limits: Limits, plan: Plan
 ) -> tuple[float, FloatArray, FloatArray]:
     """Estimate the time that a plan loses by its grid and its slopes.
 
     Args:
-        s: Ends of the intervals [m], (n + 1,).
+        grid: The intervals.
         limits: The limits.
         plan: The plan.
 
@@ -76,7 +86,7 @@ def estimate_losses(
         The duration of the plan [s]; the time lost on each interval [s], (n,); and the point of
         each interval at which a grid point would gain most [m], its start if there is none, (n,).
     """
-    x, k, lost, n, duration = plan.x, plan.k, plan.lost, len(plan.k), 0.0
+    s, x, k, lost, n, duration = grid.s, plan.x, plan.k, plan.lost, len(plan.k), 0.0
     loss, point, valley = np.empty(n), np.empty(n), np.zeros(n)
     for i in range(n):
         w, x0, x1 = s[i + 1] - s[i], x[i], x[i + 1]
@@ -84,16 +94,16 @@ def estimate_losses(
         duration += time
         loss[i], point[i] = time * lost[i] / 2, s[i]
         near, by_gap = BINDS + lost[i], BY_GAP if x0 > 0.0 and x1 > 0.0 else BY_GAP_AT_REST
-        top0, top1 = _ceiling(limits, i, 0), _ceiling(limits, i, 1)
+        top0, top1 = _ceiling(grid, limits, i, 0), _ceiling(grid, limits, i, 1)
         if x0 > 0.0 and x1 > 0.0 and x0 >= (1 - near) * top0 and x1 >= (1 - near) * top1:
             use = (math.sqrt(x0 / top0) + math.sqrt(x1 / top1)) / 2
             loss[i] = time * max(1 - use, 0.0)
             continue
         mean, turn = (x1 - x0) / (2 * w), k[i] * w / 2
-        low0, high0, below0, above0 = range_of(limits, i, 0, x0)
-        low1, high1, below1, above1 = range_of(limits, i, 1, x1)
-        # From 0 at the upper bound to 1 at the lower one; an end that does not limit u counts as the
-        # other one.
+        low0, high0, below0, above0 = range_of(grid, limits, i, 0, x0)
+        low1, high1, below1, above1 = range_of(grid, limits, i, 1, x1)
+        # From 0 at the upper bound to 1 at the lower one; an end that does not limit u counts as
+        # the other one.
         up0, up1 = (high0 - mean + turn) / (high0 - low0), (high1 - mean - turn) / (high1 - low1)
         if not abs(up0) < math.inf:
             up0 = up1
@@ -106,8 +116,8 @@ def estimate_losses(
         if rising and falling:
             gap = min(up, 1 - up)
             if gap > CROSSED and above0 != below1 and below0 != above1:
-                low0, high0, _, _ = range_of(limits, i, 0, MORE * x0)
-                low1, high1, _, _ = range_of(limits, i, 1, MORE * x1)
+                low0, high0, _, _ = range_of(grid, limits, i, 0, MORE * x0)
+                low1, high1, _, _ = range_of(grid, limits, i, 1, MORE * x1)
                 if low0 < high0 and low1 < high1:
                     wrong = by_gap * gap * math.sqrt(x0) / min(high0 - low0, high1 - low1)
                     reach = max(AROUND * min(x0, x1) / max(abs(mean), LEAST), w)

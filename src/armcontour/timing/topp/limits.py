@@ -14,25 +14,59 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray, for_kernel
+from armcontour._vectors import LANES
 from armcontour.errors import InvalidInput
 
 # Columns of `Rows.ends`, of the vectors of `Rounds.ends`, and of all rises.
 A, B, LOW, HIGH = range(4)
 BY_U, BY_X, BY_SLOPE, ALONE = range(4)
+# Rows of `Joints`, each of LANES joints: bounds of accelerations, inverse squares of those of
+# velocities, and twice the number of the lane; and the length of all.
+LOWEST, HIGHEST, BACK, FORTH, LANE, ROWS = range(0, 6 * LANES, LANES)
+LANE_CODES = 2.0 * np.arange(LANES)
 # Columns of `Friction.within`.
 LARGEST, OFF, SIGN = range(3)
 
 
 class Intervals(NamedTuple):
-    """The intervals of a grid.
+    """The intervals of a grid, and the joint path that they cut.
 
     Args:
         s: Ends of the intervals [m], (n + 1,).
         piece: Piece of the joint path that holds each interval, (n,).
+        breaks: Of the joint path [m], (pieces + 1,).
+        coefficients: Of the joint path, flat.
+        last: Those of the last piece, and LANES numbers more.
+        dof: Number of joints.
     """
 
     s: FloatArray
     piece: IntArray
+    breaks: FloatArray
+    coefficients: FloatArray
+    last: FloatArray
+    dof: int
+
+
+class Joints(NamedTuple):
+    """Bounds of velocities and accelerations of joints, of which the planner itself makes rows.
+
+    Args:
+        bounds: The rows LOWEST, HIGHEST, BACK, FORTH and LANE of each LANES joints, flat. Lanes
+            without a joint have no bounds.
+    """
+
+    bounds: FloatArray
+
+    @classmethod
+    def of(cls, dof: int, *limits: FloatArray) -> Joints:
+        """Make the table from bounds of accelerations and inverse squares of velocities, if any."""
+        groups = -(-dof // LANES)
+        table = np.zeros((ROWS // LANES, groups * LANES))
+        table[0], table[1], table[4] = -np.inf, np.inf, np.tile(LANE_CODES, groups)
+        for row, values in enumerate(limits):
+            table[row, : len(values)] = values
+        return cls(table.reshape(-1, groups, LANES).swapaxes(0, 1).ravel())
 
 
 class Rows(NamedTuple):
@@ -107,16 +141,20 @@ class Ceiling(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """All limits on a grid; each field as in its class, `ceiling` the lowest one, (n, 2)."""
+    """All limits on a grid; each field as in its class, `ceiling` the lowest one, (n, 2).
+
+    `joints` are the bounds of all `Joints`.
+    """
 
     rows: Rows
     squares: Squares
     rounds: Rounds
     friction: Friction
     ceiling: FloatArray
+    joints: FloatArray
 
 
-Form = Rows | Squares | Rounds | Friction | Ceiling
+Form = Joints | Rows | Squares | Rounds | Friction | Ceiling
 
 
 # Arrays of a form have n intervals, and these other axes; None is the number of rows.
@@ -140,6 +178,8 @@ def checked(form: Form, n: int, name: str) -> Form:
     Raises:
         InvalidInput: An array has another shape than it should.
     """
+    if isinstance(form, Joints):
+        return form
     rows = form[-1].shape[1] if form[-1].ndim > 1 else 0
     for field, values in zip(form._fields, form, strict=True):
         shape = n, *(rows if x is None else x for x in SHAPES[type(form)][field])
@@ -167,6 +207,7 @@ def collect(forms: Iterable[Form], n: int) -> Limits:
         Rounds(*_joined(found.get(Rounds), (n, 2, 0, 2, 3), (n, 0), (n, 0, 4))),
         Friction(*_joined(found.get(Friction), (n, 2, 0), (n, 0, 3))),
         lowest,
+        np.concatenate([*(x[0] for x in found.get(Joints, [])), np.empty(0)]),
     )
 
 
@@ -185,7 +226,7 @@ def _joined(
 
 
 def largest_u(limits: Limits) -> FloatArray:
-    """Largest |u| at rest on every interval, without friction, (n,)."""
+    """Largest |u| at rest on every interval, without friction and `Joints`, (n,)."""
     ends, rounds = limits.rows.ends, limits.rounds
     with np.errstate(divide="ignore"):
         rows = np.maximum(ends[..., HIGH], -ends[..., LOW]) / np.abs(ends[..., A])

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour._vectors import LANES
 from armcontour.timing.grid import Grid
 from armcontour.timing.topp._forms import ROUNDING, derivatives, write_sampled
 from armcontour.timing.topp.limits import (
@@ -44,7 +45,11 @@ class OnGrid:
     @cached_property
     def intervals(self) -> Intervals:
         """The intervals, as kernels take them."""
-        return Intervals(self.grid.s, self.grid.piece)
+        path = self.grid.joint_path
+        flat, dof = path.coefficients.ravel(), path.dof
+        last = np.zeros(6 * dof + LANES)
+        last[: 6 * dof] = flat[-6 * dof :]
+        return Intervals(self.grid.s, self.grid.piece, path.breaks, flat, last, dof)
 
     @cached_property
     def derivatives(self) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,155 @@
+"""Vectors of eight numbers for compiled functions: the processor takes them all at once.
+
+Compilers find such vectors in loops only where no array may overlap another, which they cannot know
+of arguments.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+LANES = 8
+_KIND = ir.VectorType(ir.DoubleType(), LANES)
+_INDEX = ir.IntType(32)
+_FUSED = ("contract",)
+
+
+class _Vector(types.Type):
+    def __init__(self) -> None:
+        super().__init__("Vector")
+
+
+VECTOR = _Vector()
+
+
+@register_model(_Vector)
+class _Model(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _KIND)
+
+
+def _spread(builder: Any, value: Any, kind: Any) -> Any:
+    """A vector as it is; a number in all lanes."""
+    if kind is VECTOR:
+        return value
+    none = ir.Constant(_KIND, ir.Undefined)
+    one = builder.insert_element(none, value, ir.Constant(_INDEX, 0))
+    return builder.shuffle_vector(one, none, ir.Constant(ir.VectorType(_INDEX, LANES), [0] * LANES))
+
+
+def _lanewise(make: Callable[..., Any], count: int) -> Any:
+    """A function of vectors and numbers, lane by lane."""
+
+    def typed(typing: Any, *args: Any) -> Any:
+        def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
+            return make(builder, *map(_spread, [builder] * count, values, of.args))
+
+        return VECTOR(*(x if x is VECTOR else types.float64 for x in args)), build
+
+    shapes = {
+        1: lambda typing, a: typed(typing, a),
+        2: lambda typing, a, b: typed(typing, a, b),
+        4: lambda typing, a, b, c, d: typed(typing, a, b, c, d),
+    }
+    return intrinsic(shapes[count])
+
+
+def _pick(sign: str) -> Callable[..., Any]:
+    return lambda builder, a, b: builder.select(builder.fcmp_ordered(sign, a, b), a, b)
+
+
+def _size(builder: Any, a: Any) -> Any:
+    # Without the bit of its sign.
+    bits = ir.VectorType(ir.IntType(64), LANES)
+    mask = ir.Constant(bits, [(1 << 63) - 1] * LANES)
+    return builder.bitcast(builder.and_(builder.bitcast(a, bits), mask), _KIND)
+
+
+lower, higher, size = _lanewise(_pick("<"), 2), _lanewise(_pick(">"), 2), _lanewise(_size, 1)
+# `c if a < b else d`.
+choose = _lanewise(
+    lambda builder, a, b, c, d: builder.select(builder.fcmp_ordered("<", a, b), c, d), 4
+)
+
+
+def _load(typing: Any, array: Any, at: Any) -> Any:
+    """Eight numbers of an array from one place on."""
+
+    def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
+        data = context.make_array(of.args[0])(context, builder, values[0]).data
+        place = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
+        return builder.load(place, align=8)
+
+    return VECTOR(array, types.intp), build
+
+
+def _store(typing: Any, array: Any, at: Any, value: Any) -> Any:
+    """Write eight numbers to an array from one place on."""
+
+    def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
+        data = context.make_array(of.args[0])(context, builder, values[0]).data
+        place = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
+        builder.store(values[2], place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, VECTOR), build
+
+
+load: Any = intrinsic(_load)
+store: Any = intrinsic(_store)
+
+
+def _across(sign: str) -> Any:
+    """The lowest or highest number of a vector."""
+
+    def of(typing: Any, a: Any) -> Any:
+        def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
+            (v,), n = values, LANES
+            while n > 1:
+                n //= 2
+                halves = [
+                    builder.shuffle_vector(
+                        v, v, ir.Constant(ir.VectorType(_INDEX, n), list(range(k, k + n)))
+                    )
+                    for k in (0, n)
+                ]
+                v = _pick(sign)(builder, *halves)
+            return builder.extract_element(v, ir.Constant(_INDEX, 0))
+
+        return types.float64(VECTOR), build
+
+    return intrinsic(of)
+
+
+lowest, highest = _across("<"), _across(">")
+
+
+def _define(symbol: Any, make: Callable[..., Any]) -> None:
+    """Let compiled functions use an operator on vectors."""
+
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            if VECTOR in args and all(x is VECTOR or isinstance(x, types.Number) for x in args):
+                return signature(VECTOR, *(x if x is VECTOR else types.float64 for x in args))
+            return None
+
+    infer_global(symbol)(Template)
+
+    def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
+        return make(builder, *map(_spread, [builder] * 2, values, of.args))
+
+    for kinds in ((_Vector, _Vector), (_Vector, types.Float), (types.Float, _Vector)):
+        lower_builtin(symbol, *kinds)(build)
+
+
+_define(operator.add, lambda builder, a, b: builder.fadd(a, b, _FUSED))
+_define(operator.sub, lambda builder, a, b: builder.fsub(a, b, _FUSED))
+_define(operator.mul, lambda builder, a, b: builder.fmul(a, b, _FUSED))
+_define(operator.truediv, lambda builder, a, b: builder.fdiv(a, b))
