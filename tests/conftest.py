@@ -5,8 +5,11 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from collections.abc import Callable, Generator
+import threading
+from collections.abc import Callable, Generator, Iterator
+from contextlib import suppress
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -98,6 +101,45 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, Any]:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Note the file whose test imports modules now."""
     Pinocchio.module = item.path
+
+
+# Dask keeps the thread in which it packs messages until Python ends.
+KEPT_THREADS = ("Dask-Offload",)
+# Longest time for which a thread that was told to end is waited for [s].
+ENDING = 20.0
+
+
+def _threads() -> set[threading.Thread]:
+    return {x for x in threading.enumerate() if not x.name.startswith(KEPT_THREADS)}
+
+
+def _resources() -> set[str]:
+    """What is open: threads; on Linux files, sockets, pipes and child processes, too."""
+    resources = {f"thread {x.name} ({x.ident})" for x in _threads()}
+    # Entries end while they are read: the folder that lists them is an open file, too.
+    for entry in Path("/proc/self/fd").glob("*"):
+        with suppress(OSError):
+            resources.add(f"file {entry.name}: {entry.readlink()}")
+    for entry in Path("/proc/self/task").glob("*/children"):
+        with suppress(OSError):
+            for child in entry.read_text().split():
+                line = Path("/proc", child, "cmdline").read_bytes().replace(b"\0", b" ")
+                resources.add(f"process {child}: {line.decode(errors='replace')}")
+    return resources
+
+
+@pytest.fixture(autouse=True, scope="module")
+def nothing_left_open() -> Iterator[None]:
+    """Fail where a module leaves something open, which another module's test would suffer from."""
+    threads, before = _threads(), _resources()
+    yield
+    for thread in _threads() - threads:
+        thread.join(ENDING)
+    if _resources() - before:
+        # A file or socket that nobody closed warns when it is collected, and fails here.
+        gc.collect()
+    left = sorted(_resources() - before)
+    assert not left, "Left open by the tests of this module:\n" + "\n".join(left)
 
 
 # Paper, Sec. IV-A.

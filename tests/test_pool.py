@@ -164,7 +164,8 @@ def test_this_process_works_when_an_item_is_given():
 
 
 def test_options_that_do_not_go_together_are_refused(monkeypatch):
-    assert workers_of(ProcessPool(3)) == 3 and workers_of(InProcess()) == 1
+    with ProcessPool(3) as pool:
+        assert workers_of(pool) == 3 and workers_of(InProcess()) == 1
     monkeypatch.setattr(_pool, "find_spec", lambda name: None)
     for arguments, words in (
         ((2, "tcp://127.0.0.1:1", None), "A cluster or an executor has its own workers"),

@@ -93,23 +93,18 @@ def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
     try:
         if _allowed:
             _allowed[-1].check(place, what)
-        # Not blocking: opening a pipe without a writer would wait for ever.
-        handle = os.open(place, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | _BINARY)
-    except FileNotFoundError:
-        raise InvalidInput(f"There is no {what} {place}.") from None
-    except InvalidInput:
-        raise
-    except (OSError, ValueError) as error:
-        raise _unreadable(what, place, error) from None
-    try:
-        with open(handle, "rb") as stream:
-            state = os.fstat(handle)
+        with open(place, "rb", opener=open_at_once) as stream:
+            state = os.fstat(stream.fileno())
             if not stat.S_ISREG(state.st_mode):
                 raise InvalidInput(f"The {what} {place} is not a regular file.")
             # Some system files report the size 0, so the number of bytes read counts, too.
             content = b"" if state.st_size > most else stream.read(most + 1)
             size = max(state.st_size, len(content))
-    except OSError as error:
+    except FileNotFoundError:
+        raise InvalidInput(f"There is no {what} {place}.") from None
+    except InvalidInput:
+        raise
+    except (OSError, ValueError) as error:
         raise _unreadable(what, place, error) from None
     if size > most:
         raise InvalidInput(
@@ -121,6 +116,18 @@ def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
             raise InvalidInput(f"The {what} {place} is {kind}.")
     tell_content(place, content)
     return content
+
+
+def open_at_once(place: str, flags: int) -> int:
+    """Open a file without blocking, as `opener` of `open`.
+
+    Opening a pipe without a writer would wait for ever.
+
+    Args:
+        place: The file.
+        flags: Flags of `os.open`.
+    """
+    return os.open(place, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def tell_content(place: FilePath, content: bytes) -> None:
@@ -153,9 +160,6 @@ def read_text(file: str | FilePath, what: str, *, most: int = SMALL, latin: bool
         if latin and b"\0" not in content:
             return content.decode("latin-1")
         raise InvalidInput(f"The {what} {file} cannot be read: it is not UTF-8 text.") from None
-
-
-_BINARY = getattr(os, "O_BINARY", 0)
 
 
 def _unreadable(what: str, place: FilePath, error: Exception) -> InvalidInput:

@@ -6,7 +6,7 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from operator import truediv
 from threading import Timer
 
@@ -27,6 +27,8 @@ from armcontour.errors import ExecutionError
 halve = partial(truediv, 1.0)
 PID = "__import__('os').getpid()"
 SLEEP = "__import__('time').sleep({})"
+# A process that multiprocessing starts once, and keeps until Python ends.
+resource_tracker.ensure_running()
 
 
 def test_moves_are_shared_by_all_processes(monkeypatch):

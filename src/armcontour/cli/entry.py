@@ -84,7 +84,5 @@ def _complain(text: str) -> None:
 
 def _mute() -> None:
     """Discard output that cannot be written, so that Python does not try again when it ends."""
-    with suppress(OSError, ValueError, AttributeError):
-        null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, sys.stdout.fileno())
-        os.close(null)
+    with suppress(OSError, ValueError, AttributeError), open(os.devnull, "wb") as null:
+        os.dup2(null.fileno(), sys.stdout.fileno())

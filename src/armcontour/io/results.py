@@ -241,12 +241,12 @@ def _is_unchanged(file: FilePath, checksum: object) -> bool:
 
 def _checksum(file: FilePath) -> str:
     """The SHA-256 of a regular file; empty for links and for anything else."""
-    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    no_link = getattr(os, "O_NOFOLLOW", 0)
     try:
-        handle = os.open(file, flags | getattr(os, "O_BINARY", 0))
+        stream = open(file, "rb", opener=lambda x, flags: _files.open_at_once(x, flags | no_link))
     except OSError:
         return ""
-    with open(handle, "rb") as stream:
-        if not stat.S_ISREG(os.fstat(handle).st_mode):
+    with stream:
+        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
             return ""
         return hashlib.file_digest(stream, "sha256").hexdigest()

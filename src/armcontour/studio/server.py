@@ -213,17 +213,18 @@ def serve(
         ArmContourError: The session cannot be made.
     """
     require_server()
-    listening = listen(port)
-    door = Door(listening.getsockname()[1])
-    announce(door.page)
-    desk = Desk(make)
-    opened(desk)
-    try:
-        asyncio.run(_serve(listening, door, desk, exit_when_closed))
-    finally:
-        gc.unfreeze()
-        if desk.session is not None:
-            desk.session.close()
+    # Early versions of uvicorn leave the port open if the server is to end before it has started.
+    with listen(port) as listening:
+        door = Door(listening.getsockname()[1])
+        announce(door.page)
+        desk = Desk(make)
+        opened(desk)
+        try:
+            asyncio.run(_serve(listening, door, desk, exit_when_closed))
+        finally:
+            gc.unfreeze()
+            if desk.session is not None:
+                desk.session.close()
     if desk.failure is not None:
         raise desk.failure
 

@@ -49,10 +49,13 @@ def test_whoever_works_the_results_are_the_same(command, tmp_path, name):
 
 
 def test_a_cluster_that_does_not_answer_is_refused(monkeypatch):
-    pytest.importorskip("distributed")
+    distributed = pytest.importorskip("distributed")
     monkeypatch.setattr("armcontour._pool.PATIENCE", "1s")
     with (
         pytest.raises(ExecutionError, match="No Dask scheduler answers at tcp://127.0.0.1:1 "),
         open_executor(None, "tcp://127.0.0.1:1"),
     ):
         pass
+    # Dask leaves the loop of a client running that found no scheduler.
+    for _, runner in list(distributed.utils.LoopRunner._all_loops.values()):
+        runner.stop()
