@@ -37,7 +37,7 @@ class Foot(NamedTuple):
     across: float
 
 
-@compiled(inner=True, fastmath=FUSED, inline="always")
+@compiled(inner=True, fastmath=FUSED, forceinline=True)
 def find_foot(p: Point, g: FloatArray) -> Foot:
     """The foot of a point on the line or full circle of segment `g`."""
     x, y, z = p[0] - g[0], p[1] - g[1], p[2] - g[2]
@@ -71,7 +71,7 @@ def distance2(foot: Foot, k: float, away: float) -> float:
     return foot.off2 + 4 * product * math.sin(k * away / 2) ** 2
 
 
-@compiled(inner=True, fastmath=FUSED, inline="always")
+@compiled(inner=True, fastmath=FUSED, forceinline=True)
 def nearest_within(
     p: Point, g: FloatArray, low: float, high: float, most: float
 ) -> tuple[float, float]:
