@@ -179,9 +179,10 @@ def newton(
         Whether a solution was found for each pose, (n,).
     """
     n, dof = q.shape
-    found, a, b = np.zeros(n, np.bool_), np.empty((dof, dof)), np.empty(dof)
+    found, a, b = np.empty(n, np.bool_), np.empty((dof, dof)), np.empty(dof)
     own = Equations(np.empty((dof + 1, 3, 4)), a, b)
     for i in range(n):
+        found[i] = False
         for _ in range(MOST_STEPS):
             write_equations(links, task, q[i], targets[i], own)
             for r in range(task, dof):
@@ -394,9 +395,9 @@ def approach(
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
     best = Equations(frames, np.empty((6, dof)), np.empty(6))
     tried = Equations(frames, np.empty((6, dof)), np.empty(6))
-    step, trial, residual = np.empty(dof), np.empty(dof), np.full((n, 2), np.inf)
+    step, trial, residual = np.empty(dof), np.empty(dof), np.empty((n, 2))
     for i in range(n):
-        damping, cost = 0.05, math.inf
+        damping, cost, residual[i, 0], residual[i, 1] = 0.05, math.inf, math.inf, math.inf
         write_row(q[i], trial)
         for _ in range(most):
             write_equations(links, task, trial, target, tried)

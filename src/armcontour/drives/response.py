@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,6 +53,15 @@ class Response:
         """Time between two times [s]."""
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
+    def of_drives(self, drives: Drives, others: Drives) -> Response:
+        """The response with other drives of the same arm, from that with some drives."""
+        return replace(
+            self,
+            damping=self.damping + np.diag(others.damping - drives.damping),
+            stiffness=self.stiffness + np.diag(others.stiffness - drives.stiffness),
+            gain=others.stiffness,
+        )
+
     def to_torque(self, torque: FloatArray) -> FloatArray:
         """Deviations of the joints under additional torque [rad], same shape as `torque`.
 
@@ -69,21 +78,30 @@ class Response:
         found, _ = spread(mass, damping, stiffness, self.step, means, free, free[1:], free[0])
         return found.reshape(torque.shape)
 
-    def equations(self) -> tuple[csc_array, csc_array]:
-        """The matrices of `A x = S f` for deviations and torques as vectors, time first.
+    def equations(self) -> csc_array:
+        """The matrix A of `A x = S u` for deviations and commands as vectors, time first.
 
-        A is lower triangular but for blocks of (dof, dof) on its diagonal. The first dof rows say
-        that the joints start at rest.
+        S is `mean_over_three`. A is lower triangular but for blocks of (dof, dof) on its diagonal.
+        The first dof rows say that the joints start in equilibrium at the first command.
         """
         m, d, k = (
             self.mass[:-1] / self.step**2,
             self.damping[:-1] / (2 * self.step),
             self.stiffness[:-1] / 4,
         )
-        unit = np.eye(len(self.gain))
-        left = _banded(unit, np.stack([m - d + k, 2 * k - 2 * m, m + d + k], axis=1))
-        means = np.multiply.outer([1 / 4, 1 / 2, 1 / 4], unit)
-        return left, _banded(0 * unit, np.broadcast_to(means, (len(self.t) - 1, *means.shape)))
+        blocks = np.stack([m - d + k, 2 * k - 2 * m, m + d + k], axis=1)
+        gain = self.gain[:, None]
+        return _banded(self.stiffness[0] / gain, blocks / gain)
+
+
+def mean_over_three(count: int, dof: int) -> csc_array:
+    """The matrix of means over neighbouring times, for vectors with time first.
+
+    The means of three neighbours, with the weights 1/4, 1/2 and 1/4, follow the first time.
+    """
+    unit = np.eye(dof)
+    means = np.multiply.outer([1 / 4, 1 / 2, 1 / 4], unit)
+    return _banded(unit, np.broadcast_to(means, (count - 1, *means.shape)))
 
 
 def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:

@@ -257,7 +257,9 @@ def _measure_parts(
     parts: IntArray,
     places: FloatArray,
     bounds: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+    far: FloatArray,
+    where: FloatArray,
+) -> None:
     """Largest distance from parts of the path to the tool, for each point that starts a step.
 
     A part is measured at its ends and halved while a bound exceeds the largest distance found so
@@ -271,14 +273,12 @@ def _measure_parts(
             step's last one, (m, 3).
         places: Arc lengths at which each part starts and ends [m], (m, 2).
         bounds: Bounds of the distances in each part [m], (m,).
-
-    Returns:
-        Distances [m], -1 where no place was measured, and places [m], (n,) each. The largest
-        distance is at most SURE below the largest of all places.
+        far: Distances [m], (n,), initially -1, which stays where no place is measured; updated. The
+            largest distance is at most SURE below the largest of all places.
+        where: Places of these distances [m], (n,); updated.
     """
     n = len(way.points)
-    far, where, halves = np.full(n, -1.0), np.zeros(n), np.empty((MOST_HALVES, 2))
-    worst = -1.0
+    halves, worst = np.empty((MOST_HALVES, 2)), -1.0
     for m in order:
         if bounds[m] <= worst + SURE:
             continue
@@ -308,7 +308,6 @@ def _measure_parts(
                 halves[count, 0], halves[count, 1] = middle, right
                 halves[count + 1, 0], halves[count + 1, 1] = left, middle
                 count += 2
-    return far, where
 
 
 def measure_missed(
@@ -347,4 +346,10 @@ def measure_missed(
     worst = np.flatnonzero(step == np.argmax(way.distance))
     order = np.concatenate([worst, np.arange(len(step))])
     parts = np.stack([step, k, last == high[step]], axis=1)
-    return _measure_parts(way, rows, order, parts, np.stack([first, last], axis=1), bounds)
+    places, far, where = (
+        np.stack([first, last], axis=1),
+        np.full(len(low), -1.0),
+        np.zeros(len(low)),
+    )
+    _measure_parts(way, rows, order, parts, places, bounds, far, where)
+    return far, where

@@ -37,7 +37,7 @@ class Foot(NamedTuple):
     across: float
 
 
-@compiled(inner=True, fastmath=FUSED, inline="always")
+@compiled(inner=True, fastmath=FUSED, forceinline=True)
 def find_foot(p: Point, g: FloatArray) -> Foot:
     """The foot of a point on the line or full circle of segment `g`."""
     x, y, z = p[0] - g[0], p[1] - g[1], p[2] - g[2]
@@ -71,7 +71,7 @@ def distance2(foot: Foot, k: float, away: float) -> float:
     return foot.off2 + 4 * product * math.sin(k * away / 2) ** 2
 
 
-@compiled(inner=True, fastmath=FUSED, inline="always")
+@compiled(inner=True, fastmath=FUSED, forceinline=True)
 def nearest_within(
     p: Point, g: FloatArray, low: float, high: float, most: float
 ) -> tuple[float, float]:
@@ -112,6 +112,15 @@ def point_at(g: FloatArray, u: float) -> Point:
     )
 
 
+@compiled(inner=True, forceinline=True)
+def box_gap2(p: Point, boxes: FloatArray, k: int) -> float:
+    """Squared distance of a point to box k [m²], 0 inside it."""
+    x = max(boxes[k, 0] - p[0], p[0] - boxes[k, 3], 0.0)
+    y = max(boxes[k, 1] - p[1], p[1] - boxes[k, 4], 0.0)
+    z = max(boxes[k, 2] - p[2], p[2] - boxes[k, 5], 0.0)
+    return x * x + y * y + z * z
+
+
 @compiled()
 def search_tree(
     queries: FloatArray, rows: FloatArray, pieces: IntArray, boxes: FloatArray
@@ -134,33 +143,27 @@ def search_tree(
         best, u = nearest_within(p, rows[found], 0.0, rows[found, 10], math.inf)
         depth, stack[0], bound[0] = 0, 0, 0.0
         while depth >= 0:
-            node = stack[depth]
+            node, gap2 = stack[depth], bound[depth]
             depth -= 1
-            if bound[depth + 1] >= best:
-                continue
-            if node >= leaves - 1:
-                leaf, previous = node - (leaves - 1), -1
-                for j in range(leaf * len(pieces) // leaves, (leaf + 1) * len(pieces) // leaves):
-                    if pieces[j] != previous:
-                        previous = pieces[j]
-                        g = rows[previous]
-                        d2, at = nearest_within(p, g, 0.0, g[10], best)
-                        if d2 < best:
-                            best, u, found = d2, at, previous
-                continue
-            before = depth
-            for child in (2 * node + 1, 2 * node + 2):
-                x = max(boxes[child, 0] - p[0], p[0] - boxes[child, 3], 0.0)
-                y = max(boxes[child, 1] - p[1], p[1] - boxes[child, 4], 0.0)
-                z = max(boxes[child, 2] - p[2], p[2] - boxes[child, 5], 0.0)
-                gap2 = x * x + y * y + z * z
-                if gap2 < best:
+            # Down to the nearest leaf; the other half of each node waits.
+            while node < leaves - 1 and gap2 < best:
+                node, other = 2 * node + 1, 2 * node + 2
+                gap2, far2 = box_gap2(p, boxes, node), box_gap2(p, boxes, other)
+                if far2 < gap2:
+                    node, gap2, other, far2 = other, far2, node, gap2
+                if far2 < best:
                     depth += 1
-                    stack[depth], bound[depth] = child, gap2
-            # The nearer one of both halves is searched first.
-            if depth == before + 2 and bound[depth] > bound[depth - 1]:
-                stack[depth - 1], stack[depth] = stack[depth], stack[depth - 1]
-                bound[depth - 1], bound[depth] = bound[depth], bound[depth - 1]
+                    stack[depth], bound[depth] = other, far2
+            if gap2 >= best:
+                continue
+            leaf, previous = node - (leaves - 1), -1
+            for j in range(leaf * len(pieces) // leaves, (leaf + 1) * len(pieces) // leaves):
+                if pieces[j] != previous:
+                    previous = pieces[j]
+                    g = rows[previous]
+                    d2, at = nearest_within(p, g, 0.0, g[10], best)
+                    if d2 < best:
+                        best, u, found = d2, at, previous
         distance[i], s[i] = math.sqrt(best), rows[found, 11] + u
     return distance, s
 

@@ -5,18 +5,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.sparse import block_array, coo_array, csc_array, diags_array, eye_array
+from scipy.sparse import block_array, block_diag, coo_array, csc_array, eye_array
 from scipy.sparse.linalg import splu
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
-from armcontour.drives import Drives, respond_along
+from armcontour.drives import Drives, mean_over_three, respond_along
 from armcontour.geometry import Path
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
@@ -29,7 +30,7 @@ LONGEST_STEP = 1e-3
 AFTER = 3.0
 # Penalties are powers of ten within these, so that few factors serve all runs; the search starts at
 # the first one.
-PENALTIES, FIRST = (-8, 6), -3
+PENALTIES, FIRST = (-8, 6), 1e-3
 
 
 class ToolError(NamedTuple):
@@ -64,6 +65,14 @@ class Nominal(NamedTuple):
         return Drives(**self._asdict()) if moved else None
 
 
+class _Term(NamedTuple):
+    """The interpolated set-points at shifted times [s], times a factor (one, or one per joint)."""
+
+    factor: FloatArray | float
+    interpolation: str
+    shift: float
+
+
 class Lifted:
     """The lifted response of the nominal closed loop along a plan.
 
@@ -73,6 +82,8 @@ class Lifted:
         taught: Set-points; their times and plan count, not their values.
         nominal: The nominal robot.
         t: Regular times of the plan [s], (n,); by default at most 1 ms apart.
+        near: A model of the same set-points and robot with another servo and the same times, which
+            shares its motion and its linearisation.
 
     Attributes:
         t: Regular times of the plan [s], (n,).
@@ -82,7 +93,17 @@ class Lifted:
         InvalidInput: The motion is too long, or the gains do not fit the arm.
     """
 
-    def __init__(self, taught: TaughtData, nominal: Nominal, t: FloatArray | None = None) -> None:
+    _motion: tuple[FloatArray, FloatArray, FloatArray]
+    _means: csc_array
+
+    def __init__(
+        self,
+        taught: TaughtData,
+        nominal: Nominal,
+        t: FloatArray | None = None,
+        *,
+        near: Lifted | None = None,
+    ) -> None:
         self.plan = taught.trajectory
         self.period, self.start = taught.period, taught.start_time
         self.count, self.dof = taught.q.shape
@@ -97,60 +118,60 @@ class Lifted:
             len(t) * self.dof**2,
             "learn contour by contour or at a higher speed",
         )
-        self.nominal, self.planned = nominal, self.plan.with_rests(t)
-        q, dq, ddq = self.plan.motion_with_rests(t)
-        dq[0] = ddq[0] = 0.0
-        self._needed = (nominal.drives or nominal.servo).command(q, dq, ddq)
-        # The equations of x by the command: `A x = S c`, in units of the command.
-        response = respond_along(self.plan.with_rests, t, **nominal._asdict())
-        left, right = response.equations()
-        # The first rows of `equations` let the joints start where the plan does; here they start
-        # in equilibrium at the first set-point.
-        joints = np.arange(self.dof)
-        first = response.stiffness[0] - np.eye(self.dof)
-        where = np.repeat(joints, self.dof), np.tile(joints, self.dof)
-        left = left + coo_array((first.ravel(), where), shape=left.shape)
-        right = right + coo_array((np.ones(self.dof), (joints, joints)), shape=right.shape)
-        gain = np.tile(response.gain, len(t))
-        self._left = csc_array(diags_array(1 / gain) @ left)
-        self._by_command = csc_array(diags_array(1 / gain) @ right @ diags_array(gain))
+        self.nominal, drives = nominal, nominal.drives
+        if near is None:
+            q, dq, ddq = self.plan.motion_with_rests(t)
+            dq[0] = ddq[0] = 0.0
+            self._motion, self._means = (q, dq, ddq), mean_over_three(len(t), self.dof)
+        else:
+            self._motion, self._means = near._motion, near._means
+        self.planned = self._motion[0]
+        self._needed = (drives or nominal.servo).command(*self._motion)
+        # The equations `A x = S c` of x by the command.
+        if near is None or drives is None or near.nominal.drives is None:
+            self._response = respond_along(self.plan.with_rests, t, **nominal._asdict())
+        else:
+            self._response = near._response.of_drives(near.nominal.drives, drives)
+        self._left = self._response.equations()
         self._solve = splu(self._left, permc_spec="NATURAL")
-        self._weights = self._weights_at()
-        self._right = csc_array(self._by_command @ self._weights)
-        self._factors: dict[float, tuple[Any, Any]] = {}
+        self._factors: dict[float, tuple[Any, IntArray, float]] = {}
 
-    def _weights_at(self, shift: float = 0.0) -> csc_array:
-        """Weights of the set-points in the command that reaches the drives, with feed-forward."""
-        kind = self.nominal.servo.interpolation
-        a, b = (np.tile(x, len(self.t)) for x in self.nominal.servo.lead)
-        found = self._interpolated(kind, shift)
+    def _terms(self, shift: float = 0.0) -> list[_Term]:
+        """Terms of the command that reaches the drives, with feed-forward."""
+        servo, found = self.nominal.servo, [_Term(1.0, self.nominal.servo.interpolation, shift)]
+        a, b = servo.lead
         if a.any():
-            found = found + diags_array(a) @ self._rates_at(shift)
+            found += self._rate_terms(a, shift)
         if b.any():
-            late, span = (0.0, self.period) if kind == "linear" else (self.step / 2, self.step)
-            change = self._rates_at(shift + late) - self._rates_at(shift + late - span)
-            found = found + diags_array(b / span) @ change
-        return csc_array(found)
+            linear = servo.interpolation == "linear"
+            late, span = (0.0, self.period) if linear else (self.step / 2, self.step)
+            found += self._rate_terms(b / span, shift + late)
+            found += self._rate_terms(-b / span, shift + late - span)
+        return found
 
-    def _rates_at(self, shift: float) -> csc_array:
-        """Weights of the set-points in the velocity of the command, mean over one step [1/s].
+    def _rate_terms(self, factor: FloatArray | float, shift: float) -> list[_Term]:
+        """Terms of a multiple of the command's velocity, mean over one step [1/s].
 
         For interpolation "step" it is the velocity of the line one interval before.
         """
         kind, half = self.nominal.servo.interpolation, self.step / 2
         if kind == "step":
             kind, shift = "linear", shift - self.period
-        after, before = (self._interpolated(kind, shift + x) for x in (half, -half))
-        return csc_array((after - before) / self.step)
+        return [_Term(x * factor / self.step, kind, shift + x * half) for x in (1, -1)]
 
-    def _interpolated(self, kind: str, shift: float) -> csc_array:
-        """Weights of the set-points in the delayed command without feed-forward."""
-        at = (self.t[:, None] - self.start - self.nominal.servo.dead_time + shift).ravel()
-        index, weight = command_weights(self.count, self.period, kind, at)
-        columns = index * self.dof + np.arange(at.size)[:, None] % self.dof
-        where = np.repeat(np.arange(at.size), index.shape[1]), columns.ravel()
-        shape = at.size, self.count * self.dof
-        return csc_array(coo_array((weight.ravel(), where), shape=shape))
+    def _interpolated(self, term: _Term) -> tuple[IntArray, FloatArray]:
+        """Indices of set-points, in the order of `q.ravel()`, and weights, (n dof, 2 or 4) each."""
+        at = (self.t[:, None] - self.start - self.nominal.servo.dead_time + term.shift).ravel()
+        index, weight = command_weights(self.count, self.period, term.interpolation, at)
+        factor = np.tile(np.broadcast_to(term.factor, self.dof), len(self.t))[:, None]
+        return index * self.dof + np.arange(at.size)[:, None] % self.dof, weight * factor
+
+    def _command(self, q: FloatArray, terms: Sequence[_Term]) -> FloatArray:
+        """The sum of terms for set-points, (n, dof)."""
+        found, values = np.zeros(self.planned.size), q.ravel()
+        for index, weight in map(self._interpolated, terms):
+            found += (weight * values[index]).sum(axis=1)
+        return found.reshape(self.planned.shape)
 
     def rates(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Velocities of the command: of the set-points, and with feed-forward [rad/s], (n, dof).
@@ -158,7 +179,7 @@ class Lifted:
         Args:
             q: Set-points [rad], (count, dof).
         """
-        plain = (self._rates_at(0.0) @ q.ravel()).reshape(self.planned.shape)
+        plain = self._command(q, self._rate_terms(1.0, 0.0))
         after, before = (self.reaching(q, x * self.step / 2) for x in (1, -1))
         return plain, (after - before) / self.step
 
@@ -177,8 +198,7 @@ class Lifted:
             change: Change of the set-points [rad], (count, dof).
             shift: Added to the times [s].
         """
-        weights = self._weights_at(shift) if shift else self._weights
-        return np.asarray((weights @ change.ravel()).reshape(self.planned.shape))
+        return self._command(change, self._terms(shift))
 
     def respond_to(self, command: FloatArray) -> FloatArray:
         """Change of the joints by a change of the command that reaches the drives [rad].
@@ -187,7 +207,7 @@ class Lifted:
             command: Change of the command at the times [rad], (n, dof) or (n, dof, cases).
         """
         cases = command.reshape(len(self.t) * self.dof, -1)
-        return np.asarray(self._solve.solve(self._by_command @ cases)).reshape(command.shape)
+        return np.asarray(self._solve.solve(self._means @ cases)).reshape(command.shape)
 
     def expected(self, q: FloatArray) -> FloatArray:
         """Joint positions of the nominal robot at the times for set-points [rad], (n, dof).
@@ -210,14 +230,15 @@ class Lifted:
         Returns:
             Changes of the set-points [rad], (count, dof) or (count, dof, cases), and of the joints.
         """
-        solver, order = self._factored(penalty)
+        factors, order, _ = self._factored(penalty)
         rows, cases = len(self.t) * self.dof, error.shape[2:]
+        flat = error.reshape(rows, *cases)
         right = np.zeros((len(order), *cases))
-        right[:rows] = -error.reshape(rows, *cases)
+        right[:rows] = -(self._left @ flat)
         found = np.empty_like(right)
-        found[order] = solver.solve(right[order])
-        change = found[rows : rows + self.count * self.dof]
-        return change.reshape(self.count, self.dof, *cases), found[:rows].reshape(error.shape)
+        found[order] = factors.solve(right[order])
+        change = found[rows:].reshape(self.count, self.dof, *cases)
+        return change, (-flat - self._left.T @ found[:rows]).reshape(error.shape)
 
     def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
         """The part of an error that a disturbance of the drives explains [rad], (n, dof).
@@ -228,38 +249,56 @@ class Lifted:
         """
         return -self.correct(error, penalty)[1]
 
-    def _factored(self, penalty: float) -> tuple[Any, Any]:
-        """The factors of the optimality conditions, in the order of time, and that order.
+    def _factored(self, penalty: float) -> tuple[Any, IntArray, float]:
+        """Factors of the optimality conditions, the order of time, and the log of the determinant.
 
-        The conditions are those of a minimum over du and x with the multipliers of `A x = B du`.
+        The conditions are those of a minimum over x and du with the multipliers y of
+        `A x = B du`, from which `x = -error - A' y` is eliminated: AA' and B above B' and
+        -penalty L'L. They are quasi-definite, so that no pivots are needed.
         """
         if penalty not in self._factors:
-            n, size = len(self.t) * self.dof, self.count * self.dof
-            jump = eye_array(size - self.dof, size, k=self.dof) - eye_array(size - self.dof, size)
-            blocks: Any = [
-                [eye_array(n), None, self._left.T],
-                [None, penalty * (jump.T @ jump), -self._right.T],
-                [self._left, -self._right, None],
-            ]
-            conditions = csc_array(block_array(blocks))
-            moments = np.repeat(self.t, self.dof)
-            taught = np.repeat(self.start + np.arange(self.count) * self.period, self.dof)
-            part = self.step / 3
-            times = np.concatenate([moments, taught + part, moments + 2 * part])
-            order = np.argsort(times, kind="stable")
-            ordered = csc_array(conditions[order][:, order])
-            self._factors[penalty] = splu(ordered, permc_spec="NATURAL"), order
+            conditions, jumps, order = self._conditions
+            factors = splu(
+                conditions - penalty * jumps,
+                permc_spec="NATURAL",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+            size = float(np.log(np.abs(factors.U.diagonal())).sum())
+            self._factors[penalty] = factors, order, size
         return self._factors[penalty]
 
-    def choose_penalty(self, error: FloatArray, variance: float) -> float:
+    @cached_property
+    def _conditions(self) -> tuple[csc_array, csc_array, IntArray]:
+        """The conditions of `_factored` without penalty, L'L, and the order of time."""
+        n, size = len(self.t) * self.dof, self.count * self.dof
+        rows = size - self.dof
+        jump = eye_array(rows, size, k=self.dof) - eye_array(rows, size)
+        # An array of no entries has the shape of the multipliers.
+        jumps = block_diag([csc_array((n, n)), jump.T @ jump], format="csc")
+        index, weight = (
+            np.hstack(x) for x in zip(*map(self._interpolated, self._terms()), strict=True)
+        )
+        where = np.repeat(np.arange(n), index.shape[1]), index.ravel()
+        weights = csc_array(coo_array((weight.ravel(), where), shape=(n, size)))
+        right = self._means @ weights
+        blocks: Any = [[self._left @ self._left.T, right], [right.T, None]]
+        taught = self.start + np.arange(self.count)[:, None] * self.period
+        reached = (taught + self.nominal.servo.dead_time).ravel()
+        order = np.argsort(np.append(np.repeat(self.t, self.dof), reached), kind="stable")
+        conditions = csc_array(block_array(blocks))[order][:, order]
+        return csc_array(conditions), csc_array(jumps[order][:, order]), order
+
+    def choose_penalty(self, error: FloatArray, variance: float, first: float = FIRST) -> float:
         """The power of ten that explains an error best, with which noise is not learned.
 
         Args:
             error: Errors of the joints [rad], (n, dof).
             variance: Variance of the noise in them [rad²].
+            first: The penalty from which the search starts, a power of ten.
         """
         surprise = cache(lambda k: self.surprise(error, 10.0**k, max(variance, 1e-300)))
-        power, last = FIRST, None
+        power, last = round(np.log10(first)), None
         while power != last:
             last = power
             around = range(max(power - 1, PENALTIES[0]), min(power + 1, PENALTIES[1]) + 1)
@@ -279,9 +318,8 @@ class Lifted:
         """
         change, response = self.correct(error, penalty)
         left = np.sum((error + response) ** 2) + penalty * np.sum(np.diff(change, axis=0) ** 2)
-        factors, _order = self._factored(penalty)
         # The determinant is that of `P'P + penalty L'L` but for a factor that does not change.
-        size = float(np.log(np.abs(factors.U.diagonal())).sum())
+        size = self._factored(penalty)[2]
         rank = (self.count - 1) * self.dof
         return float(left / variance + size - rank * np.log(penalty))
 

@@ -62,12 +62,13 @@ def fit_servo(
     dof, starts = lifted.dof, np.zeros((1 + len(STARTS), len(fit.spread)))
     starts[1:, dof : 2 * dof] = np.subtract.outer(STARTS, fit.nominal.velocity_feedforward)
     found = min((coarse.solve(x, FIRST) for x in np.unique(starts, axis=0)), key=coarse.cost)
-    fit.penalty = 0.0
+    # The search at all times is short from the penalty at few times.
+    before, fit.penalty = 0.0, few.choose_penalty(coarse.rest(found), variance)
     for _ in range(ROUNDS):
-        before, fit.penalty = fit.penalty, lifted.choose_penalty(fit.rest(found), variance)
+        fit.penalty = lifted.choose_penalty(fit.rest(found), variance, fit.penalty)
         if fit.penalty == before:
             break
-        found = fit.solve(found, NEXT)
+        before, found = fit.penalty, fit.solve(found, NEXT)
     # The nominal servo with the most probable friction.
     alone, of = starts[0], slice(2 * dof, 3 * dof)
     columns = fit.derivatives(alone)[:, of]
@@ -113,7 +114,7 @@ class _Fit:
         """The response with the servo of parameters."""
         if not np.array_equal(x, self._last[0]):
             nominal = self.lifted.nominal._replace(servo=self.servo(x))
-            self._last = x.copy(), Lifted(self.taught, nominal, self.lifted.t)
+            self._last = x.copy(), Lifted(self.taught, nominal, self.lifted.t, near=self.lifted)
         return self._last[1]
 
     def rest(self, x: FloatArray) -> FloatArray:

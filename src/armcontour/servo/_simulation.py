@@ -148,11 +148,19 @@ def march(
         State at the end; not finite if time steps as short as the servo needs make no progress.
     """
     m, delays, last, now = motion, math.isinf(servo.kp), len(starts), times[0]
-    # The number of pieces that have begun.
-    at = np.searchsorted(starts, now + NEAR, side="right")
+    # The number of pieces that have begun, by bisection.
+    at, high = 0, last
+    while at < high:
+        middle = (at + high) // 2
+        if starts[middle] <= now + NEAR:
+            at = middle + 1
+        else:
+            high = middle
     if kind == 2 and not delays:
         return march_held(servo, pieces, starts, times, m, at, out)
-    kept, oldest = np.full((KEPT, COLUMNS), -1.0), 0
+    kept, oldest = np.empty((KEPT, COLUMNS)), 0
+    for i in range(KEPT):
+        kept[i, 0] = -1.0
     for row in range(1, len(times)):
         until = times[row]
         u = piece_at(pieces, starts, at, now)

@@ -438,18 +438,18 @@ def command_weights(
         t: Times since the first set-point [s], (n,).
 
     Returns:
-        Indices of four set-points, which may repeat, and their weights, (n, 4) each.
+        Indices of two set-points, of four for "cubic", which may repeat, and their weights,
+        (n, 2) or (n, 4) each.
     """
     at = np.clip(t / period, 0.0, count - 1)
     k = np.minimum(np.floor(at + SNAP), max(count - 2, 0)).astype(np.intp)
     x = np.clip(at - k, 0.0, 1.0)
-    index = np.clip(k[:, None] + np.arange(-1, 3), 0, count - 1)
-    weight = np.zeros((len(t), 4))
     if interpolation != "cubic":
         # The last set-point is reached at the end of the last interval.
         end = x if interpolation == "linear" else (x >= 1 - SNAP).astype(np.float64)
-        weight[:, 1], weight[:, 2] = 1 - end, end
-        return index, weight
+        return np.minimum(k[:, None] + [0, 1], count - 1), np.column_stack([1 - end, end])
+    index = np.clip(k[:, None] + np.arange(-1, 3), 0, count - 1)
+    weight = np.zeros((len(t), 4))
     end = x * x * (3 - 2 * x)
     weight[:, 1], weight[:, 2] = 1 - end, end
     # The slopes at the first and the last set-point are 0.
