@@ -17,11 +17,16 @@ from armcontour._kernels import compiled
 
 # Share of the way to the nearest row that a step may go.
 NEAREST = 0.995
-# A step is shortened by this factor, at most so often, until it keeps all curved rows.
-SHORTER, MOST_SHORTER = 0.7, 60
+# The same for rows of the length of a vector, whose bounds are round.
+NEAREST_ROUND = 0.9
+# A step that breaks a row by rounding errors is shortened by this factor, at most so often.
+SHORTER, MOST_SHORTER = 0.5, 30
 # The barrier falls by this factor, once Newton's decrement is below this share of the gap and the
-# step was longer than this share: faster rules end in tiny steps.
-FALL, CENTERED, LONG = 0.15, 0.1, 0.3
+# step was longer than this share: faster rules end in tiny steps. It also falls once the decrement
+# is below the last share, where a single row may keep steps short.
+FALL, CENTERED, LONG, NEARLY = 0.15, 0.1, 0.3, 0.03
+# Tangents move where rows keep this share of their slack.
+KEPT = 0.5
 # Gauss-Legendre nodes and weights on [0, 1], of the duration of a cell.
 NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
@@ -52,6 +57,7 @@ class Section(NamedTuple):
         of: The control point of each, (l,).
         raised: Rows of the control points of a on each part, as a polynomial of the degree of the
             curved rows, (m, j, 3).
+        about: Where the tangent of each part touches a^(-1/2) [m²/s²], (m,); the search moves it.
         round: Vectors of rows, `|vector| <= radius`, or `<= radius f - margin`, (m, o, 3, 3).
         radius, margin: Of the round rows, (m, o).
         round_of: The control point of each, or -1 for a fixed radius, (o,).
@@ -69,6 +75,7 @@ class Section(NamedTuple):
     jerk: FloatArray
     of: IntArray
     raised: FloatArray
+    about: FloatArray
     round: FloatArray
     radius: FloatArray
     margin: FloatArray
@@ -123,15 +130,22 @@ def _axis(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray) -> fl
 def _tangents(p: Section, c: int, d: FloatArray, found: FloatArray) -> None:
     """Write the control points of the tangent below a^(-1/2) in part c, and slopes, (j, 4)."""
     i = p.cell[c]
-    x = d[i + 1]
-    root = 1.0 / math.sqrt(x)
-    half = 0.5 * root / x
+    root = 1.0 / math.sqrt(p.about[c])
+    half = 0.5 * root / p.about[c]
     for k in range(p.raised.shape[1]):
-        point = _of(p.raised, c, k, i, d)
-        found[k, 0] = 1.5 * root - half * point
+        found[k, 0] = 1.5 * root - half * _of(p.raised, c, k, i, d)
         found[k, 1] = -half * p.raised[c, k, 0]
-        found[k, 2] = 1.5 * half * (point / x - 1.0) - half * p.raised[c, k, 1]
+        found[k, 2] = -half * p.raised[c, k, 1]
         found[k, 3] = -half * p.raised[c, k, 2]
+
+
+@compiled(inner=True, inline="always")
+def _mean(p: Section, c: int, d: FloatArray) -> float:
+    """The mean of a over part c."""
+    total = 0.0
+    for k in range(p.raised.shape[1]):
+        total += _of(p.raised, c, k, p.cell[c], d)
+    return float(total / p.raised.shape[1])
 
 
 @compiled(inner=True, inline="always")
@@ -145,52 +159,79 @@ def _radius(p: Section, c: int, r: int, tangents: FloatArray) -> Any:
 
 
 @compiled(inner=True, inline="always")
-def _square(p: Section, c: int, r: int, d: FloatArray) -> float:
-    """The square of the length of a vector of a round row."""
-    total = 0.0
-    for k in range(3):
-        total += _axis(p.round, c, r, k, p.cell[c], d) ** 2
-    return total
+def _vector(p: Section, c: int, r: int, i: int, d: FloatArray) -> Any:
+    """The vector of a round row."""
+    return (
+        _axis(p.round, c, r, 0, i, d),
+        _axis(p.round, c, r, 1, i, d),
+        _axis(p.round, c, r, 2, i, d),
+    )
 
 
-@compiled(inner=True, allocates=True)
-def _slacks(p: Section, d: FloatArray, free: int, found: _Duals) -> None:
-    """Write how far d is from every bound; an end that is not free has none."""
-    n = len(p.width)
-    tangents = np.empty((p.raised.shape[1], 4))
+@compiled(inner=True, inline="always")
+def _room(bound: float, vector: Any) -> float:
+    """How far a vector is from its bound; without a radius the row is broken."""
+    x, y, z = vector
+    return bound - (x * x + y * y + z * z) / bound if bound > 0.0 else -1.0
+
+
+@compiled(inner=True)
+def _slacks(p: Section, d: FloatArray, free: int, tangents: FloatArray, found: _Duals) -> bool:
+    """Write how far d is from every bound, and return whether it is within all.
+
+    An end that is not free has no bound.
+    """
+    n, least = len(p.width), math.inf
     for c in range(len(p.cell)):
         i = p.cell[c]
         _tangents(p, c, d, tangents)
         for r in range(p.plain.shape[1]):
             f = _of(p.plain, c, r, i, d)
             found.high[c, r], found.low[c, r] = p.high[c, r] - f, f - p.low[c, r]
+            least = min(least, found.high[c, r], found.low[c, r])
         for r in range(p.curved.shape[1]):
-            bound = p.jerk[r] * tangents[p.of[r], 0]
-            f = _of(p.curved, c, r, i, d)
+            bound, f = p.jerk[r] * tangents[p.of[r], 0], _of(p.curved, c, r, i, d)
             found.curved[c, r, 0], found.curved[c, r, 1] = bound - f, bound + f
+            least = min(least, found.curved[c, r, 0], found.curved[c, r, 1])
         for r in range(p.round.shape[1]):
-            bound = _radius(p, c, r, tangents)[0]
-            # Without a radius the row is broken, whatever the vector.
-            found.round[c, r] = bound - _square(p, c, r, d) / bound if bound > 0.0 else -1.0
+            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
+            found.round[c, r] = _room(radius[0], vector)
+            least = min(least, found.round[c, r])
     for i in range(n + 2):
         found.positive[i] = d[i]
+        if 0 < i <= n:
+            least = min(least, d[i])
     if free != START:
         found.positive[0] = 0.0
     if free != END:
         found.positive[n + 1] = 0.0
+    # False for what is no number, too.
+    return least > 0.0
 
 
 @compiled()
-def least_slack(p: Section, d: FloatArray) -> float:
-    """The least share of any bound that d leaves; positive where d keeps every row."""
-    slack = _duals(p)
-    _slacks(p, d, DURATION, slack)
-    least = 1.0
-    tangents = np.empty((p.raised.shape[1], 4))
+def limit_steps(values: FloatArray, steps: FloatArray) -> None:
+    """Lower values in place until neighbours differ by no more than these steps, (n - 1,)."""
+    for i in range(1, len(values)):
+        values[i] = min(values[i], values[i - 1] + steps[i - 1])
+    for i in range(len(values) - 1, 0, -1):
+        values[i - 1] = min(values[i - 1], values[i] + steps[i - 1])
+
+
+@compiled()
+def least_slacks(p: Section, d: FloatArray) -> FloatArray:
+    """The least share of any bound that d leaves in each cell, (n,); positive where rows hold.
+
+    Tangents are put at d, where `improve` begins.
+    """
+    for c in range(len(p.cell)):
+        p.about[c] = _mean(p, c, d)
+    slack, tangents = _duals(p), np.empty((p.raised.shape[1], 4))
+    _slacks(p, d, DURATION, tangents, slack)
+    found = np.ones(len(p.width))
     for c in range(len(p.cell)):
         i = p.cell[c]
-        if d[i + 1] <= 0.0:
-            return -1.0
+        least = found[i] if d[i + 1] > 0.0 else -1.0
         _tangents(p, c, d, tangents)
         for r in range(p.plain.shape[1]):
             f = abs(_of(p.plain, c, r, i, d))
@@ -205,7 +246,8 @@ def least_slack(p: Section, d: FloatArray) -> float:
         for r in range(p.round.shape[1]):
             bound = abs(_radius(p, c, r, tangents)[0])
             least = min(least, slack.round[c, r] / max(bound, TINY))
-    return least
+        found[i] = least
+    return found
 
 
 @compiled(inner=True, inline="always")
@@ -279,10 +321,11 @@ def _add_durations(p: Section, d: FloatArray, bands: FloatArray, right: FloatArr
     return total
 
 
-@compiled(inner=True, allocates=True)
+@compiled(inner=True)
 def _add_bounds(
     p: Section,
     d: FloatArray,
+    tangents: FloatArray,
     slack: _Duals,
     dual: _Duals,
     mu: float,
@@ -291,7 +334,6 @@ def _add_bounds(
 ) -> None:
     """Add what the barriers of all bounds contribute to Newton's system."""
     n = len(p.width)
-    tangents = np.empty((p.raised.shape[1], 4))
     for c in range(len(p.cell)):
         i = p.cell[c]
         _tangents(p, c, d, tangents)
@@ -322,11 +364,12 @@ def _add_bounds(
                 )
                 h, g = _more(h, g, row, dual.curved[c, r, side] * one, mu * one)
         for r in range(p.round.shape[1]):
-            bound, x, y, z = _radius(p, c, r, tangents)
+            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
+            bound, x, y, z = radius
             one, weight = 1.0 / slack.round[c, r], dual.round[c, r]
-            h, g = _more(h, g, _round_slope(p, c, r, d, tangents), weight * one, mu * one)
+            h, g = _more(h, g, _round_slope(p, c, r, radius, vector), weight * one, mu * one)
             for k in range(3):
-                share = _axis(p.round, c, r, k, p.cell[c], d) / bound
+                share = vector[k] / bound
                 row = (
                     p.round[c, r, k, 0] - share * x,
                     p.round[c, r, k, 1] - share * y,
@@ -341,17 +384,17 @@ def _add_bounds(
 
 
 @compiled(inner=True, inline="always")
-def _round_slope(p: Section, c: int, r: int, d: FloatArray, tangents: FloatArray) -> Any:
+def _round_slope(p: Section, c: int, r: int, radius: Any, vector: Any) -> Any:
     """The slope of `bound - |vector|² / bound`, (x, y, z)."""
-    bound, x, y, z = _radius(p, c, r, tangents)
-    more = 1.0 + _square(p, c, r, d) / (bound * bound)
-    x, y, z = more * x, more * y, more * z
-    for k in range(3):
-        share = 2.0 * _axis(p.round, c, r, k, p.cell[c], d) / bound
-        x -= share * p.round[c, r, k, 0]
-        y -= share * p.round[c, r, k, 1]
-        z -= share * p.round[c, r, k, 2]
-    return x, y, z
+    bound, x, y, z = radius
+    u, v, w = vector[0] / bound, vector[1] / bound, vector[2] / bound
+    more = 1.0 + u * u + v * v + w * w
+    rows = p.round
+    return (
+        more * x - 2.0 * (u * rows[c, r, 0, 0] + v * rows[c, r, 1, 0] + w * rows[c, r, 2, 0]),
+        more * y - 2.0 * (u * rows[c, r, 0, 1] + v * rows[c, r, 1, 1] + w * rows[c, r, 2, 1]),
+        more * z - 2.0 * (u * rows[c, r, 0, 2] + v * rows[c, r, 1, 2] + w * rows[c, r, 2, 2]),
+    )
 
 
 @compiled(inner=True, inline="always")
@@ -365,11 +408,30 @@ def _reach(slack: float, dual: float, rise: float, change: float, reach: Any) ->
     return one, other
 
 
-@compiled(inner=True, allocates=True)
+@compiled(inner=True, inline="always")
+def _round_reach(bound: float, rise: float, vector: Any, change: Any, slack: float) -> float:
+    """The longest step that leaves a share of the slack of a round row.
+
+    `bound² - |vector|² - left bound >= 0` is quadratic in the step.
+    """
+    start = NEAREST_ROUND * bound * slack
+    linear = (2.0 * bound - (1.0 - NEAREST_ROUND) * slack) * rise
+    linear -= 2.0 * (vector[0] * change[0] + vector[1] * change[1] + vector[2] * change[2])
+    square = rise * rise - change[0] ** 2 - change[1] ** 2 - change[2] ** 2
+    inner = linear * linear - 4.0 * square * start
+    if inner < 0.0 or (linear > 0.0 and square >= 0.0):
+        return math.inf
+    root = math.sqrt(inner)
+    found = (linear + root) / (-2.0 * square) if linear > 0.0 else 2.0 * start / (root - linear)
+    return float(found)
+
+
+@compiled(inner=True)
 def _changes(
     p: Section,
     d: FloatArray,
     step: FloatArray,
+    tangents: FloatArray,
     slack: _Duals,
     dual: _Duals,
     mu: float,
@@ -378,7 +440,6 @@ def _changes(
     """Write the changes of all multipliers; returns the longest steps of slacks and multipliers."""
     n = len(p.width)
     reach = (1.0, 1.0)
-    tangents = np.empty((p.raised.shape[1], 4))
     for c in range(len(p.cell)):
         i = p.cell[c]
         _tangents(p, c, d, tangents)
@@ -406,11 +467,15 @@ def _changes(
                 reach = _reach(room, old, own, new, reach)
                 change.curved[c, r, side] = new
         for r in range(p.round.shape[1]):
-            x, y, z = _round_slope(p, c, r, d, tangents)
+            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
+            x, y, z = _round_slope(p, c, r, radius, vector)
             rise = x * step[i] + y * step[i + 1] + z * step[i + 2]
             room, old = slack.round[c, r], dual.round[c, r]
             new = (mu - old * rise) / room - old
-            reach = _reach(room, old, rise, new, reach)
+            one, other = _reach(room, old, 0.0, new, reach)
+            turn = radius[1] * step[i] + radius[2] * step[i + 1] + radius[3] * step[i + 2]
+            change_of = _vector(p, c, r, i, step)
+            reach = min(one, _round_reach(radius[0], turn, vector, change_of, room)), other
             change.round[c, r] = new
     for i in range(n + 2):
         if slack.positive[i] > 0.0:
@@ -421,26 +486,30 @@ def _changes(
     return reach
 
 
-@compiled(inner=True, allocates=True)
-def _near_enough(p: Section, d: FloatArray, old: _Duals) -> bool:
-    """Whether d keeps a share of its old slack on every curved and round row."""
-    share = 1.0 - NEAREST
-    tangents = np.empty((p.raised.shape[1], 4))
+@compiled(inner=True)
+def _move_tangents(p: Section, d: FloatArray, tangents: FloatArray, slack: _Duals) -> None:
+    """Put tangents at d where that leaves most of the slack of every row; writes the new slack."""
     for c in range(len(p.cell)):
-        i = p.cell[c]
+        i, before = p.cell[c], p.about[c]
+        p.about[c] = _mean(p, c, d)
         _tangents(p, c, d, tangents)
+        good = True
         for r in range(p.curved.shape[1]):
-            bound = p.jerk[r] * tangents[p.of[r], 0]
-            f = _of(p.curved, c, r, i, d)
-            left, right = bound - f, bound + f
-            # Also false for what is no number.
-            if not (left >= share * old.curved[c, r, 0] and right >= share * old.curved[c, r, 1]):
-                return False
+            bound, f = p.jerk[r] * tangents[p.of[r], 0], _of(p.curved, c, r, i, d)
+            good &= bound - f >= KEPT * slack.curved[c, r, 0]
+            good &= bound + f >= KEPT * slack.curved[c, r, 1]
         for r in range(p.round.shape[1]):
-            bound = _radius(p, c, r, tangents)[0]
-            if not (bound > 0.0 and bound - _square(p, c, r, d) / bound >= share * old.round[c, r]):
-                return False
-    return True
+            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
+            good &= _room(radius[0], vector) >= KEPT * slack.round[c, r]
+        if not good:
+            p.about[c] = before
+            continue
+        for r in range(p.curved.shape[1]):
+            bound, f = p.jerk[r] * tangents[p.of[r], 0], _of(p.curved, c, r, i, d)
+            slack.curved[c, r, 0], slack.curved[c, r, 1] = bound - f, bound + f
+        for r in range(p.round.shape[1]):
+            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
+            slack.round[c, r] = _room(radius[0], vector)
 
 
 @compiled(inner=True, allocates=True)
@@ -557,9 +626,10 @@ def improve(
     """
     n = len(p.width)
     slack, dual, change = _duals(p), _duals(p), _duals(p)
+    tangents = np.empty((p.raised.shape[1], 4))
     bands, right, trial = np.zeros((3, n + 2)), np.zeros(n + 2), np.empty(n + 2)
     end = 0 if goal == START else n + 1
-    _slacks(p, d, goal, slack)
+    _slacks(p, d, goal, tangents, slack)
     size = _add_durations(p, d, bands, right)
     pull = weight * size / target if goal != DURATION else 0.0
     bounds = _count(p, dual)
@@ -570,31 +640,30 @@ def improve(
         size = _add_durations(p, d, bands, right)
         if goal != DURATION:
             right[end] += pull
-        _add_bounds(p, d, slack, dual, mu, bands, right)
+        _add_bounds(p, d, tangents, slack, dual, mu, bands, right)
         _hold(bands, right, goal)
         trial[:] = right
         _solve_bands(bands, right)
         decrement = 0.0
         for i in range(n + 2):
             decrement += trial[i] * right[i]
-        reach = _changes(p, d, right, slack, dual, mu, change)
+        reach = _changes(p, d, right, tangents, slack, dual, mu, change)
         share = reach[0]
         landed = goal != DURATION and d[end] + share * right[end] >= target
         if landed:
             share = (target - d[end]) / right[end]
         _move(d, right, share, trial)
-        shortened = 0
-        while not _near_enough(p, trial, slack):
-            share *= SHORTER
-            shortened += 1
-            landed = False
-            if shortened > MOST_SHORTER:
+        shorter = 0
+        while not _slacks(p, trial, goal, tangents, slack):
+            # Rounding errors next to a bound.
+            shorter, share, landed = shorter + 1, share * SHORTER, False
+            if shorter > MOST_SHORTER:
                 return iteration
             _move(d, right, share, trial)
         d[:] = trial
         if landed:
             d[end] = target
-        _slacks(p, d, goal, slack)
+        _move_tangents(p, d, tangents, slack)
         if landed:
             return iteration + 1
         _climb(dual.low, change.low, reach[1])
@@ -602,7 +671,8 @@ def improve(
         _climb(dual.curved, change.curved, reach[1])
         _climb(dual.round, change.round, reach[1])
         _climb(dual.positive, change.positive, reach[1])
-        if decrement < CENTERED * bounds * mu and min(share, reach[1]) > LONG:
+        near = decrement / (bounds * mu)
+        if near < NEARLY or near < CENTERED and min(share, reach[1]) > LONG:
             if bounds * mu <= 0.5 * tolerance * size:
                 return iteration + 1
             mu *= FALL

@@ -18,7 +18,8 @@ from armcontour.timing.jerk._interior_point import (
     START,
     Section,
     improve,
-    least_slack,
+    least_slacks,
+    limit_steps,
 )
 from armcontour.timing.jerk.mesh import End, Mesh, place_mesh
 from armcontour.timing.jerk.rows import Rows
@@ -30,17 +31,23 @@ from armcontour.timing.jerk.sections import (
 from armcontour.timing.jerk.task import MOST_ITERATIONS, Task
 from armcontour.timing.topp._kernel import Bounds
 
-# Cells of a plan by default: so many while an acceleration builds up, but within these numbers.
-PER_BUILD_UP, FEWEST_CELLS, MOST_CELLS = 2.0, 1000, 20_000
+# Cells of a plan by default: so many while an acceleration builds up, but at least and at most as
+# many as these, and never more than MOST_CELLS. Each polynomial of the joint path adds to the
+# fewest and the most, and each section as much as several polynomials, for the cells at its ends.
+PER_BUILD_UP, FEWEST_CELLS, MANY_CELLS, MOST_CELLS = 2.0, 1000, 4000, 20_000
+FEWEST_PER_PIECE, MANY_PER_PIECE, PIECES_OF_STOP = 3, 8, 10
 # Motion is even below this share of the largest path acceleration.
 EVEN = 0.01
 # The first pass has this share of the cells, and at least so many.
 COARSER, FEWEST = 5, 60
 # Shares of the optimum within which the passes end.
 ROUGH, EXACT = 1e-2, 1e-4
-# A pass starts from this share of the plan before, or from smaller ones.
+# The second pass starts from this share of ds² of the first plan.
 INSIDE = 0.9
-LESS, MOST_LESS = 0.5, 400
+# A start is lowered next to broken rows by factors between these, at most so often. Away from them
+# it rises with this share of the slopes that jerk and acceleration allow, which INSIDE leaves free.
+LESS, MORE, MOST_LESS = 0.5, 0.95, 400
+ROOM = 0.1
 # A start must be this far from every bound, as a share of the bound.
 CLEAR = 1e-4
 # Margins are computed for so many times the ds², dds and slope of the first pass, and for ds² down
@@ -49,8 +56,9 @@ HEADROOM, HEADROOM_RATE, HEADROOM_SLOPE = 1.5, 2.0, 4.0
 LEAST = 0.3
 # Bounds of dds are at least this share of the largest dds.
 LEAST_RATE = 0.02
-# A plan that comes nearer to these bounds than this share is made again with wider ones.
-TOO_NEAR, WIDER, WIDEST = 0.02, 2.0, 16.0
+# A plan is made again with wider bounds if those that it comes nearer to than this share may cost
+# more than this share of the duration. Distances below the last number are rounding errors.
+TOO_NEAR, WIDER, WIDEST, LEAST_GAIN, TINY = 0.02, 2.0, 16.0, 1e-5, 1e-9
 # Cells whose margins take more than this share of a limit are split.
 LARGEST_MARGIN, MOST_PARTS, MOST_SPLITS = 1e-2, 10, 6
 # The largest share of a limit that margins may take on cells of uniform jerk.
@@ -75,9 +83,11 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     places, at_rest = find_sections(law, task)
     ends = find_ends(law, task, places, at_rest)
     cells = _default_cells(law, ends) if task.cells is None else task.cells
-    mesh = place_mesh(law, law.s, max(cells // COARSER, FEWEST), places, ends)
+    # Rows are as many as the polynomials of the joint path, however few the cells.
+    coarse = max(cells // COARSER, FEWEST, len(law.joint_path.breaks) // 2)
+    mesh = place_mesh(law, law.s, coarse, places, ends)
     rough = _rows(task, mesh, law)
-    found = _solve(rough, (law, 0.0), task, ROUGH)
+    found = _solve(rough, (law, 1.0), task, ROUGH)
     mesh = place_mesh(found, law.s, cells, places, find_ends(found, task, places, at_rest))
     if rough.exact:
         return _solve(_rows(task, mesh, found), (found, INSIDE), task, EXACT)
@@ -113,7 +123,7 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
             continue
         if best is None or found.breaks[-1] < best.breaks[-1]:
             best = found
-        if wider >= WIDEST or not _touches(mesh, bounds, found):
+        if wider >= WIDEST or _gain(rows, bounds, found) < LEAST_GAIN:
             return best
         near, wider = found, wider * WIDER
 
@@ -147,7 +157,9 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
     active = float(times[largest > EVEN * acceleration].sum())
     with np.errstate(divide="ignore"):
         wanted = PER_BUILD_UP * active * np.divide(jerk, acceleration)
-    return int(np.clip(np.nan_to_num(wanted), FEWEST_CELLS, MOST_CELLS))
+    pieces = len(law.joint_path.breaks) - 1 + PIECES_OF_STOP * (len(ends) - 1)
+    fewest, many = FEWEST_CELLS + FEWEST_PER_PIECE * pieces, MANY_CELLS + MANY_PER_PIECE * pieces
+    return int(min(np.clip(np.nan_to_num(wanted), fewest, many), MOST_CELLS))
 
 
 def _squares(law: PathLaw, mesh: Mesh) -> FloatArray:
@@ -190,15 +202,26 @@ def _bounds(mesh: Mesh, near: PathLaw, wider: float, curved: bool) -> Bounds:
     )
 
 
-def _touches(mesh: Mesh, bounds: Bounds, law: PathLaw) -> bool:
-    """Whether a plan comes near the bounds from which its margins follow."""
-    inner = mesh.ramps[mesh.cell] == 0
-    speed, (_, dds, slope, _) = law.speeds**2, law.rates
-    near = 1 - TOO_NEAR
-    x = np.maximum(speed[:-1], speed[1:]) > near * bounds.x
-    low = np.minimum(speed[:-1], speed[1:]) * near < bounds.least
-    u = np.abs(dds) > near * bounds.u
-    return bool(((x | low | u | (np.abs(slope) > near * bounds.k)) & inner).any())
+def _gain(rows: Rows, bounds: Bounds, law: PathLaw) -> float:
+    """The share of the duration that wider bounds of a plan may save.
+
+    At the end of the search the product of each slack and its multiplier is the same share of the
+    duration, and the multiplier times the bound is the gain of a bound that is twice as wide.
+    """
+    inner = rows.mesh.ramps[rows.mesh.cell] == 0
+    square, (_, dds, slope, _) = law.speeds**2, law.rates
+    low = np.minimum(square[:-1], square[1:])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left = np.stack(
+            [
+                1 - np.maximum(square[:-1], square[1:]) / bounds.x,
+                np.where(bounds.least > 0, low / bounds.least - 1, 1.0),
+                1 - np.abs(dds) / bounds.u,
+                1 - np.abs(slope) / bounds.k,
+            ]
+        )[:, inner]
+    near = left[left < TOO_NEAR]
+    return float(0.5 * EXACT / rows.count * (1 / np.maximum(near, TINY)).sum())
 
 
 def _solve(rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:
@@ -206,7 +229,7 @@ def _solve(rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float
 
     Args:
         rows: The rows of all sections.
-        near: A plan to start from, as in `_start`.
+        near: A plan to start from, and the share of its ds², as in `_start`.
         task: The problem.
         tolerance: Share of the optimum.
 
@@ -219,7 +242,7 @@ def _solve(rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float
         p = rows.of_section(k)
         s = mesh.nodes[mesh.sections[k] : mesh.sections[k + 1] + 1]
         targets = np.where(at_rest, 0.0, speeds)
-        d = _start(p, s, at_rest, near, targets)
+        d = _start(p, s, at_rest, near, targets, rows.steep(k))
         for goal, end, target in ((START, 0, targets[0]), (END, -1, targets[1])):
             most = float(p.high[end, 0 if end == 0 else 2])
             if (1 - CLOSE_TO_LIMIT) * target <= most:
@@ -241,43 +264,54 @@ def _start(
     at_rest: BoolArray,
     near: tuple[PathLaw, float],
     targets: FloatArray,
+    steep: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
     """Control points of ds² of one section that keep every row, with its ends.
+
+    A start is the given plan, lowered where it breaks rows. `ds^1.5` of a motion of uniform jerk
+    from a rest is a line, so a slope that it may have everywhere bounds how fast a start rises.
 
     Args:
         p: The rows.
         s: Ends of the cells of the section [m].
         at_rest: Whether the motion rests at its ends.
-        near: A plan, and the share of its ds² to begin with; for the share 0 its largest ds².
+        near: A plan, and the share of its ds² to begin with.
         targets: ds² at both ends [m²/s²].
+        steep: The slope of ds^1.5, and that of ds², on every cell, (n,) each.
 
     Raises:
         NotRealizable: No motion keeps the rows, however slow.
     """
+    law, share = near
     inner = s[int(at_rest[0]) : len(s) - int(at_rest[1])]
     middle = (inner[:-1] + inner[1:]) / 2
-    law, share = near
+    way = np.diff(middle)
     d = np.empty(len(middle) + 2)
-    d[1:-1] = square_at(law, middle)
-    if share == 0:
-        # Even motion from one given speed to the other, or slowly to a rest.
-        way, share = (middle - s[0]) / (s[-1] - s[0]), 1.0
-        if at_rest.all():
-            d[1:-1] = d[1:-1].max() * (4 * way * (1 - way)) ** (4 / 3)
-        elif at_rest.any():
-            d[1:-1] = targets.max() * np.where(at_rest[0], way, 1 - way) ** (4 / 3)
-        else:
-            d[1:-1] = targets[0] + (targets[1] - targets[0]) * way
-    else:
-        # Where ds² more than doubles from cell to cell, the tangent may be negative at any scale.
-        height, cell = np.log2(d[1:-1]), np.arange(len(middle))
-        height = np.minimum.accumulate(height - cell) + cell
-        d[1:-1] = 2 ** (np.minimum.accumulate((height + cell)[::-1])[::-1] - cell)
-    d[[0, -1]] = np.where(at_rest, 0.0, np.minimum(d[[1, -2]], targets))
+    whole = share * square_at(law, middle)
+    if share == 1:
+        power = whole**0.75
+        for end in (0, -1):
+            away = abs(middle[end] - s[end]) if at_rest[end] else 0.0
+            least = steep[0][end] * away + targets[end] ** 0.75
+            power[end] = min(power[end], least)
+        limit_steps(power, np.minimum(steep[0][1:], steep[0][:-1]) * way)
+        whole = power ** (4 / 3)
+        limit_steps(whole, np.minimum(steep[1][1:], steep[1][:-1]) * way)
+    ratio = ROOM * np.minimum(steep[0] / whole**0.75, steep[1] / whole)
+    steps, doubled = np.minimum(ratio[1:], ratio[:-1]) * way, np.ones(len(way))
+    part = np.ones(len(middle))
     for _ in range(MOST_LESS):
-        if least_slack(p, share * d) > CLEAR:
-            return np.asarray(share * d)
-        share *= LESS
+        # Where ds² more than doubles from cell to cell, the tangent may be negative at any scale.
+        height = np.log2(whole * part ** (4 / 3))
+        limit_steps(height, doubled)
+        d[1:-1] = 2**height
+        d[[0, -1]] = np.where(at_rest, 0.0, np.minimum(d[[1, -2]], targets))
+        room = least_slacks(p, d)
+        if (room > CLEAR).all():
+            return d
+        room[1:-1] = np.minimum(room[1:-1], np.minimum(room[:-2], room[2:]))
+        part *= np.where(room > CLEAR, 1.0, np.clip(1 + room, LESS, MORE))
+        limit_steps(part, steps)
     where = float(inner[int(p.cell[int(np.argmin(p.high.min(axis=1)))])])
     raise NotRealizable(
         f"At {where:.6g} m along the path the limits allow no motion at all, however slow.", s=where

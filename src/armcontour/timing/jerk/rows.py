@@ -117,6 +117,13 @@ class Rows:
         others = any(x.rise.size for x in self.limits[:3])
         return not (others or self.tool or np.isfinite(self.limits.ceiling).any())
 
+    @property
+    def count(self) -> int:
+        """Number of bounds of all rows."""
+        p = self.section
+        finite = sum(int(np.isfinite(x).sum()) for x in (p.low, p.high, p.radius))
+        return finite + 2 * len(p.curved) * int(p.curved.shape[1])
+
     def of_section(self, k: int) -> Section:
         """The rows of one section, without its cells of uniform jerk."""
         mesh, p = self.mesh, self.section
@@ -132,9 +139,39 @@ class Rows:
         cells = {name: getattr(p, name)[first:last] for name in ("width", "begin", "end")}
         parts = {
             name: getattr(p, name)[start:end]
-            for name in ("plain", "low", "high", "curved", "raised", "round", "radius", "margin")
+            for name in (
+                "plain",
+                "low",
+                "high",
+                "curved",
+                "raised",
+                "about",
+                "round",
+                "radius",
+                "margin",
+            )
         }
         return p._replace(ramps=ramps, cell=mesh.cell[start:end] - first, **cells, **parts)
+
+    def steep(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """Slopes of ds^1.5 and ds² that leave half of jerk and acceleration on straight paths.
+
+        Of the cells of a section but those of uniform jerk, (n,) each.
+        """
+        mesh, found = self.mesh, []
+        first = int(mesh.sections[k]) + int(mesh.at_rest[k, 0])
+        last = int(mesh.sections[k + 1]) - int(mesh.at_rest[k, 1])
+        start, end = np.searchsorted(mesh.cell, [first, last])
+        slopes = np.abs(self.path.derivatives[0][0][start:end]).max(axis=1)
+        begins = np.searchsorted(mesh.cell[start:end], np.arange(first, last))
+        with np.errstate(divide="ignore"):
+            jerk = np.minimum((self.jerk.joint / slopes).min(axis=1), self.jerk.path)
+            rate = (self.bounded[:, start:end].min(axis=0) / slopes).min(axis=1)
+        if self.tool is not None:
+            jerk = np.minimum(jerk, self.jerk.tool / self.tool.largest[0, start:end])
+        for x in (np.sqrt(4.5 * jerk) / 2, rate):
+            found.append(np.minimum.reduceat(x, begins))
+        return found[0], found[1]
 
     def _whole(self) -> Section:
         """The rows of all cells."""
@@ -169,6 +206,7 @@ class Rows:
             jerk=np.concatenate(limits),
             of=np.tile(np.arange(self.degree), rows.shape[1] // self.degree),
             raised=local(raised(on, self.degree - 1)),
+            about=np.zeros(len(of)),
             round=local(vectors),
             radius=radius,
             margin=margin,
