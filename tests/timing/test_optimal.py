@@ -397,3 +397,57 @@ def test_a_speed_that_a_refusal_names_is_had(kept):
         refusals, planned = plan_what_is_allowed(path, robot(4), limits, **options)
         assert refusals <= 2, seed
         kept(planned, limits)
+
+
+def one_joint(seed):
+    """A path of one joint whose dq_ds varies by a factor of ten and more, and a rest."""
+    rng = np.random.default_rng(seed)
+    breaks = np.concatenate([[0.0], np.cumsum(10 ** rng.uniform(-1, 0, 4))])
+    q, slopes, none = rng.uniform(-1, 1, (5, 1)), rng.normal(0, 4, (5, 1)), np.zeros((4, 1))
+    ends = (q[:-1], slopes[:-1], none), (q[1:], slopes[1:], none)
+    path = ac.JointPath.hermite(breaks, *ends)
+    return ac.JointPath(breaks=path.breaks, coefficients=path.coefficients, stops=breaks[2:3])
+
+
+def turns_of(path):
+    """Positions of a joint at its ends, stops and turns."""
+    found = []
+    for i, c in enumerate(path.coefficients[:, :, 0]):
+        piece = np.polynomial.Polynomial(c)
+        roots = piece.deriv().roots()
+        inner = np.sort(roots.real[(abs(roots.imag) < 1e-9) & (0 < roots.real) & (roots.real < 1)])
+        begins = i == 0 or path.breaks[i] in path.stops
+        found += [*([c[0]] if begins else []), *piece(inner)]
+    return np.array([*found, path.coefficients[-1, :, 0].sum()])
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_one_joint_moves_as_fast_as_it_can_along_uneven_paths(seed):
+    path, acceleration = one_joint(seed), 2.0
+    best = (2 * np.sqrt(abs(np.diff(turns_of(path))) / acceleration)).sum()
+    planned = ac.plan(path, limits=ac.Limits(joint_acceleration=acceleration))
+    assert best * (1 - 1e-9) <= planned.duration <= best * (1 + 1e-3)
+
+
+def test_two_thousand_stops_take_no_longer_than_each_of_them():
+    breaks, q = np.arange(2001.0), 0.01 * (np.arange(2001) % 2)
+    coefficients = np.zeros((2000, 6, 1))
+    coefficients[:, 0, 0], coefficients[:, 1, 0] = q[:-1], np.diff(q)
+    path = ac.JointPath(breaks=breaks, coefficients=coefficients, stops=breaks[1:-1])
+    limits = ac.Limits(joint_velocity=0.1, joint_acceleration=10.0)
+    best = 2000 * (0.01 / 0.1 + 0.1 / 10.0)
+    assert ac.plan(path, limits=limits).duration == pytest.approx(best, rel=1e-3)
+
+
+def test_the_order_of_joints_does_not_change_the_duration():
+    rng = np.random.default_rng(3)
+    q, order = rng.uniform(-1, 1, (6, 5)), rng.permutation(5)
+    velocity, acceleration = rng.uniform(0.5, 2, 5), rng.uniform(1, 20, 5)
+    durations = [
+        ac.plan(
+            ac.JointPath.spline(q[:, x]),
+            limits=ac.Limits(joint_velocity=velocity[x], joint_acceleration=acceleration[x]),
+        ).duration
+        for x in (np.arange(5), order)
+    ]
+    assert durations[0] == pytest.approx(durations[1], rel=1e-6)
