@@ -1,7 +1,7 @@
 """Arguments of compiled functions as text, such as `float64[:, ::1], const(float64[::1]), int64`.
 
-The text is Python in the words of `numba.types`, and two more: `const`, for an array that is
-read-only, and `named`, for a named tuple.
+The text is Python in the words of `numba.types`, and three more: `const`, for an array that is
+read-only, `named`, for a named tuple, and `Vector`, of `_vectors`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ def from_text(text: str) -> tuple[Any, ...]:
     """The types of arguments that a text of `to_text` stands for."""
     from numba import types
 
-    words = {**vars(types), "const": _const, "named": _named, "__builtins__": {}}
+    from armcontour._vectors import VECTOR
+
+    own = {"const": _const, "named": _named, "Vector": VECTOR, "__builtins__": {}}
+    words = vars(types) | own
     # The text comes from this package.
     found: tuple[Any, ...] = eval(f"({text},)" if text else "()", words)
     return found
@@ -62,7 +65,7 @@ def _text(kind: Any) -> str:
     if kind == types.boolean:
         # Its own name differs between versions of numba.
         return "boolean"
-    if getattr(types, str(kind), None) == kind:
+    if str(kind) == "Vector" or getattr(types, str(kind), None) == kind:
         return str(kind)
     raise ValueError(f"The type {kind} of an argument has no text yet.")
 

@@ -117,8 +117,10 @@ def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -
 def _parts(velocity: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, ...]:
     """Speeds, and accelerations along the motion and at right angles to it, (n,) each."""
     speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
-    along = np.einsum("ij,ij->i", acceleration, velocity) / speed
-    across = acceleration - velocity * (along / speed)[:, None]
+    # Where the tool stands, all of the acceleration counts as across.
+    direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
+    along = np.einsum("ij,ij->i", acceleration, direction)
+    across = acceleration - along[:, None] * direction
     return speed, along, np.sqrt(np.einsum("ij,ij->i", across, across))
 
 
