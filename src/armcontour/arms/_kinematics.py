@@ -35,8 +35,6 @@ JOINT_ROWS = 5
 # First rows of the vectors of a state: columns of the rotation, position, vector from the joint
 # before, axis; then velocity and angular velocity, and their first and second derivatives.
 PLACE, WAY, AXIS, MOTION, ROWS = 9, 12, 15, 18, 36
-# A state before the first joint: the rotation is none.
-AT_FIRST = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0) + (ROWS - PLACE) * (0.0,)
 UNTURNED = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 # Up to this angle [rad] from a known angle, sine and cosine come from a series, which is exact to
 # rounding there.
@@ -233,17 +231,24 @@ def tool_motion(
     found = np.empty((n, 6 * order if order else 12))
     joint, state = np.empty(JOINT_ROWS * B), np.empty(ROWS * B)
     for begin in range(0, n, B):
+        # Before the first joint the rotation is none, and nothing moves.
         for i in range(ROWS * B):
-            state[i] = AT_FIRST[i // B]
+            state[i] = 0.0
+        for k in range(3):
+            for i in range(B):
+                state[4 * k * B + i] = 1.0
         for j in range(dof + 1):
-            for i in range(JOINT_ROWS * B):
-                joint[i] = 0.0
+            if j == dof:
+                # The tool does not turn against the last link.
+                for i in range(JOINT_ROWS * B):
+                    joint[i] = 1.0 if i < B else 0.0
             for i in range(B if j < dof else 0):
                 # The last block is filled up with the last state.
                 at = min(begin + i, n - 1)
                 joint[i], joint[2 * B + i] = q[at, j], first[at, j]
                 joint[3 * B + i], joint[4 * B + i] = second[at, j], third[at, j]
-            write_sines(joint)
+            if j < dof:
+                write_sines(joint)
             r, p0, p1, p2 = rotation_of(links, j), links[j, 9], links[j, 10], links[j, 11]
             for i in range(B):
                 c, s = joint[i], joint[B + i]

@@ -115,9 +115,9 @@ def point_at(g: FloatArray, u: float) -> Point:
 @compiled(inner=True, forceinline=True)
 def box_gap2(p: Point, boxes: FloatArray, k: int) -> float:
     """Squared distance of a point to box k [m²], 0 inside it."""
-    x = max(boxes[k, 0] - p[0], p[0] - boxes[k, 3], 0.0)
-    y = max(boxes[k, 1] - p[1], p[1] - boxes[k, 4], 0.0)
-    z = max(boxes[k, 2] - p[2], p[2] - boxes[k, 5], 0.0)
+    x: float = max(boxes[k, 0] - p[0], p[0] - boxes[k, 3], 0.0)
+    y: float = max(boxes[k, 1] - p[1], p[1] - boxes[k, 4], 0.0)
+    z: float = max(boxes[k, 2] - p[2], p[2] - boxes[k, 5], 0.0)
     return x * x + y * y + z * z
 
 
