@@ -10,7 +10,7 @@ from armcontour._checks import FloatArray
 from armcontour._kernels import FUSED, compiled
 from armcontour._vectors import choose, highest, load
 from armcontour.motion._intervals import interval_time
-from armcontour.timing.topp._kernel import LEAST, Plan, next_joint, range_of, slopes_of
+from armcontour.timing.topp._kernel import Plan, next_joint, range_of, slopes_of
 from armcontour.timing.topp.limits import BACK, FORTH, ROWS, Intervals, Limits
 
 BINDS = 0.02  # nearer to its bound than this share of its range, u is at the bound
@@ -27,15 +27,12 @@ INSIDE = 0.02  # a point that is nearer to an end of an interval than this share
 @compiled(inner=True, fastmath=FUSED)
 def _ceiling(grid: Intervals, limits: Limits, i: int, end: int) -> float:
     """The largest x at one end of an interval."""
-    steepest = 0.0
-    joint = 0
+    steepest, joint = 0.0, 0
     for group in range(len(limits.joints) // ROWS):
         a, _ = slopes_of(grid, i, joint, end)
         joint = next_joint(grid, joint)
-        back, forth = (
-            load(limits.joints, ROWS * group + BACK),
-            load(limits.joints, ROWS * group + FORTH),
-        )
+        at = ROWS * group
+        back, forth = load(limits.joints, at + BACK), load(limits.joints, at + FORTH)
         steepest = max(steepest, highest(a * a * choose(a, 0.0, back, forth)))
     for r in range(limits.squares.most.shape[1]):
         steepest = max(steepest, limits.squares.ends[i, end, r])
@@ -116,11 +113,12 @@ def estimate_losses(
         if rising and falling:
             gap = min(up, 1 - up)
             if gap > CROSSED and above0 != below1 and below0 != above1:
+                rate = max(max(abs(low0), abs(high0)), max(abs(low1), abs(high1)))
                 low0, high0, _, _ = range_of(grid, limits, i, 0, MORE * x0)
                 low1, high1, _, _ = range_of(grid, limits, i, 1, MORE * x1)
                 if low0 < high0 and low1 < high1:
                     wrong = by_gap * gap * math.sqrt(x0) / min(high0 - low0, high1 - low1)
-                    reach = max(AROUND * min(x0, x1) / max(abs(mean), LEAST), w)
+                    reach = max(AROUND * min(x0, x1) / rate, w)
                     first = last = i
                     while first > 0 and s[i] - s[first] < reach:
                         first -= 1
