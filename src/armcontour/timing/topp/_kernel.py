@@ -493,6 +493,9 @@ def _draw_joints(
         q2 = higher(size(b0), size(b1)) + w * q3
         room = (share * 5 * u) * q3 + (share * x) * q4 + (share * 4 * k) * q2
         room = room + (ROUNDING / w * x) * q1
+        # What the rounding of s changes.
+        off = ROUNDING * max(abs(grid.s[i]), abs(grid.s[i + 1]))
+        room = room + (off * u) * q2 + (off * x) * q3
         bend = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
         rest, most, plain = 1.0 - share * by * bend, q1 * q1 * by, higher(e0, e1)
         # Both ends with the margin, or both slow enough for the largest h / x of the interval.
