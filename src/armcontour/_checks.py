@@ -246,8 +246,9 @@ def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
     # No number is too large if the sum of their squares is not, which is found sooner. NaN fails
     # the comparison.
     row = array.ravel("K")
-    if row.dot(row) <= LARGEST**2:
-        return array
+    with np.errstate(over="ignore", invalid="ignore"):
+        if row.dot(row) <= LARGEST**2:
+            return array
     sound = np.abs(array) <= LARGEST
     if not sound.all():
         where = np.argwhere(~sound)[0]

@@ -419,22 +419,22 @@ def _draw_caps(
 
 
 @compiled(inner=True)
-def _piece(grid: Intervals, i: int, joint: int) -> tuple[FloatArray, int, float]:
-    """Where the coefficients of LANES joints are on the piece of an interval; 1 / its length."""
-    k = grid.piece[i]
-    scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
-    if k == len(grid.breaks) - 2:
-        return grid.last, joint, scale
-    return grid.coefficients, 6 * grid.dof * k + joint, scale
+def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
+    """The coefficients of a power of LANES joints, from one on, on the piece of an interval."""
+    if grid.piece[i] == len(grid.breaks) - 2:
+        return load(grid.last, power * grid.dof + joint)
+    return load(grid.coefficients, (6 * grid.piece[i] + power) * grid.dof + joint)
 
 
 @compiled(inner=True, fastmath=FUSED)
 def slopes_of(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Vector]:
     """dq_ds and d2q_ds2 of LANES joints, from one on, at an end of an interval."""
-    (table, at, scale), dof = _piece(grid, i, joint), grid.dof
-    x = (grid.s[i + end] - grid.breaks[grid.piece[i]]) * scale
-    c1, c2, c3 = load(table, at + dof), load(table, at + 2 * dof), load(table, at + 3 * dof)
-    c4, c5 = load(table, at + 4 * dof), load(table, at + 5 * dof)
+    k = grid.piece[i]
+    scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
+    x = (grid.s[i + end] - grid.breaks[k]) * scale
+    c1, c2 = _coefficients(grid, i, joint, 1), _coefficients(grid, i, joint, 2)
+    c3, c4 = _coefficients(grid, i, joint, 3), _coefficients(grid, i, joint, 4)
+    c5 = _coefficients(grid, i, joint, 5)
     first = c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + (5.0 * x) * c5)))
     second = 2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + (20.0 * x) * c5))
     return scale * first, (scale * scale) * second
@@ -443,11 +443,12 @@ def slopes_of(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Ve
 @compiled(inner=True, fastmath=FUSED)
 def _largest(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vector]:
     """Bounds of |d3q_ds3| and |d4q_ds4| on an interval, by Taylor about its middle."""
-    (table, at, scale), dof = _piece(grid, i, joint), grid.dof
-    cube, begin = scale * scale * scale, grid.breaks[grid.piece[i]]
+    k = grid.piece[i]
+    scale, begin = 1.0 / (grid.breaks[k + 1] - grid.breaks[k]), grid.breaks[k]
     middle = ((grid.s[i] + grid.s[i + 1]) / 2 - begin) * scale
-    half = (grid.s[i + 1] - grid.s[i]) / 2 * scale
-    c3, c4, c5 = load(table, at + 3 * dof), load(table, at + 4 * dof), load(table, at + 5 * dof)
+    half, cube = (grid.s[i + 1] - grid.s[i]) / 2 * scale, scale * scale * scale
+    c3, c4 = _coefficients(grid, i, joint, 3), _coefficients(grid, i, joint, 4)
+    c5 = _coefficients(grid, i, joint, 5)
     q5 = 120.0 * size(c5)
     q4 = size(24.0 * c4 + (120.0 * middle) * c5) + half * q5
     q3 = size(6.0 * c3 + middle * (24.0 * c4 + (60.0 * middle) * c5))
