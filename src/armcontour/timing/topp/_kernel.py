@@ -26,6 +26,7 @@ from armcontour.timing.topp.limits import (
     FORTH,
     HIGH,
     HIGHEST,
+    KEPT,
     LANE,
     LARGEST,
     LOW,
@@ -421,9 +422,11 @@ def _draw_caps(
 @compiled(inner=True)
 def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
     """The coefficients of a power of LANES joints, from one on, on the piece of an interval."""
-    if grid.piece[i] == len(grid.breaks) - 2:
-        return load(grid.last, power * grid.dof + joint)
-    return load(grid.coefficients, (6 * grid.piece[i] + power) * grid.dof + joint)
+    k = grid.piece[i]
+    k_last = k - (len(grid.breaks) - 1 - KEPT)
+    if k_last >= 0:
+        return load(grid.last, (6 * k_last + power) * grid.dof + joint)
+    return load(grid.coefficients, (6 * k + power) * grid.dof + joint)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -724,7 +727,7 @@ def _roots(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, f
 @compiled(inner=True, fastmath=FUSED)
 def _joint_range(
     grid: Intervals, limits: Limits, place: tuple[int, int, int, int], x: float
-) -> tuple[float, float, int, int]:
+) -> tuple[float, float, float, int, int]:
     """As `range_of`, of one group of bounds, with its first joint."""
     i, end, group, joint = place
     at = ROWS * group
@@ -740,20 +743,24 @@ def _joint_range(
     lane = load(limits.joints, at + LANE)
     below = highest(choose(bottom, low, -1.0, lane + choose(a, 0.0, 1.0, 0.0)))
     above = highest(choose(high, top, -1.0, lane + choose(a, 0.0, 0.0, 1.0)))
-    return low, high, int(below) + 2 * LANES * group, int(above) + 2 * LANES * group
+    wide = lowest(choose(NOTHING, some, size((most - least) * inverse), math.inf))
+    return low, high, wide, int(below) + 2 * LANES * group, int(above) + 2 * LANES * group
 
 
 @compiled(inner=True, fastmath=FUSED)
 def range_of(
     grid: Intervals, limits: Limits, i: int, end: int, x: float
-) -> tuple[float, float, int, int]:
-    """The smallest and the largest u at one end of an interval, and the bounds that do so."""
+) -> tuple[float, float, float, int, int]:
+    """The smallest and the largest u at one end of an interval, and the bounds that do so.
+
+    And, between these two, the range of u that the tightest limit alone leaves.
+    """
     rows, viscous, rounds = limits.rows.ends, limits.friction.viscous, limits.rounds
-    low, high, below, above = -math.inf, math.inf, -1, -1
+    low, high, wide, below, above = -math.inf, math.inf, math.inf, -1, -1
     joint = 0
     for group in range(len(limits.joints) // ROWS):
-        first, last, bottom, top = _joint_range(grid, limits, (i, end, group, joint), x)
-        joint = next_joint(grid, joint)
+        first, last, range_, bottom, top = _joint_range(grid, limits, (i, end, group, joint), x)
+        joint, wide = next_joint(grid, joint), min(wide, range_)
         if first > low:
             low, below = first, -2 - bottom
         if last < high:
@@ -765,6 +772,7 @@ def range_of(
         if r < viscous.shape[2]:
             by_x += viscous[i, end, r] * math.sqrt(x)
         inverse = 1.0 / a
+        wide = min(wide, (rows[i, end, r, HIGH] - rows[i, end, r, LOW]) * abs(inverse))
         first = (rows[i, end, r, LOW] - by_x) * inverse
         last = (rows[i, end, r, HIGH] - by_x) * inverse
         bottom, top = 2 * r, 2 * r + 1
@@ -776,11 +784,12 @@ def range_of(
             high, above = last, top
     for r in range(rounds.radius.shape[1]):
         first, last = _roots(rounds, i, end, r, x)
+        wide = min(wide, last - first)
         if first > low:
             low, below = first, 2 * (rows.shape[2] + r)
         if last < high:
             high, above = last, 2 * (rows.shape[2] + r) + 1
-    return low, high, below, above
+    return low, high, wide, below, above
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -792,17 +801,18 @@ def _steer(grid: Intervals, limits: Limits, cap: FloatArray, x: FloatArray, boun
         if not (0.0 < x0 < cap[i] * BELOW_CEILING and 0.0 < x1 < cap[i + 1] * BELOW_CEILING):
             continue
         mean = (x1 - x0) / (2 * w)
-        low0, high0, _, _ = range_of(grid, limits, i, 0, x0)
-        low1, high1, _, _ = range_of(grid, limits, i, 1, x1)
-        near0, near1 = NEAR * (high0 - low0), NEAR * (high1 - low1)
+        low0, high0, wide0, _, _ = range_of(grid, limits, i, 0, x0)
+        low1, high1, wide1, _, _ = range_of(grid, limits, i, 1, x1)
+        falling = min((mean - low0) / wide0, (mean - low1) / wide1) < NEAR
         turn = 0.0
-        if high0 - mean < near0 or high1 - mean < near1:
+        if min((high0 - mean) / wide0, (high1 - mean) / wide1) < NEAR:
             turn = high1 - high0
-            if mean - low0 < near0 or mean - low1 < near1:
-                turn = 0.0
-        elif mean - low0 < near0 or mean - low1 < near1:
+            if falling:
+                # Both bounds, as where two joints limit u from both sides: by the middle.
+                turn = (turn + low1 - low0) / 2
+        elif falling:
             turn = low1 - low0
-        small = abs(turn) < LARGEST_TURN * min(high0 - low0, high1 - low1)
+        small = abs(turn) < LARGEST_TURN * min(wide0, wide1)
         # x must not dip deeply.
         if small and 8 * turn * w <= x0 + x1:
             bounds.k[i] = turn / w

@@ -97,25 +97,25 @@ def estimate_losses(
             loss[i] = time * max(1 - use, 0.0)
             continue
         mean, turn = (x1 - x0) / (2 * w), k[i] * w / 2
-        low0, high0, below0, above0 = range_of(grid, limits, i, 0, x0)
-        low1, high1, below1, above1 = range_of(grid, limits, i, 1, x1)
-        # From 0 at the upper bound to 1 at the lower one; an end that does not limit u counts as
-        # the other one.
-        up0, up1 = (high0 - mean + turn) / (high0 - low0), (high1 - mean - turn) / (high1 - low1)
-        if not abs(up0) < math.inf:
-            up0 = up1
-        if not abs(up1) < math.inf:
-            up1 = up0
-        if not abs(up0) < math.inf:
+        low0, high0, wide0, below0, above0 = range_of(grid, limits, i, 0, x0)
+        low1, high1, wide1, below1, above1 = range_of(grid, limits, i, 1, x1)
+        if not (wide0 < math.inf or wide1 < math.inf):
             continue
-        rising, falling = min(up0, up1) < near, max(up0, up1) > 1 - near
-        up = (up0 + up1) / 2
+        # What is left to the bounds, as a share; an end that does not limit u counts as the other.
+        up0, up1 = (high0 - mean + turn) / wide0, (high1 - mean - turn) / wide1
+        down0, down1 = (mean - turn - low0) / wide0, (mean + turn - low1) / wide1
+        if not wide0 < math.inf:
+            up0, down0 = up1, down1
+        if not wide1 < math.inf:
+            up1, down1 = up0, down0
+        rising, falling = min(up0, up1) < near, min(down0, down1) < near
+        up, down = (up0 + up1) / 2, (down0 + down1) / 2
         if rising and falling:
-            gap = min(up, 1 - up)
+            gap = min(up, down)
             if gap > CROSSED and above0 != below1 and below0 != above1:
                 rate = max(max(abs(low0), abs(high0)), max(abs(low1), abs(high1)))
-                low0, high0, _, _ = range_of(grid, limits, i, 0, MORE * x0)
-                low1, high1, _, _ = range_of(grid, limits, i, 1, MORE * x1)
+                low0, high0, _, _, _ = range_of(grid, limits, i, 0, MORE * x0)
+                low1, high1, _, _, _ = range_of(grid, limits, i, 1, MORE * x1)
                 if low0 < high0 and low1 < high1:
                     wrong = by_gap * gap * math.sqrt(x0) / min(high0 - low0, high1 - low1)
                     reach = max(AROUND * min(x0, x1) / rate, w)
@@ -125,9 +125,9 @@ def estimate_losses(
                     while last < n - 1 and s[last] - s[i] < reach:
                         last += 1
                     valley[first : last + 1] = np.maximum(valley[first : last + 1], wrong)
-            loss[i] += by_gap * gap * time
+            loss[i] += by_gap * max(gap, 0.0) * time
         elif rising or falling:
-            loss[i] += by_gap * time * (up if rising else 1 - up)
+            loss[i] += by_gap * time * max(up if rising else down, 0.0)
         else:
             rates = (high0 + high1) / 2, -(low0 + low1) / 2
             if rates[0] > mean and -rates[1] < mean:

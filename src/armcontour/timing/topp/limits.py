@@ -23,6 +23,8 @@ BY_U, BY_X, BY_SLOPE, ALONE = range(4)
 # Rows of `Joints`, each of LANES joints: bounds of accelerations, inverse squares of those of
 # velocities, and twice the number of the lane; and the length of all.
 LOWEST, HIGHEST, BACK, FORTH, LANE, ROWS = range(0, 6 * LANES, LANES)
+# Vectors of one joint reach beyond the next piece.
+KEPT = 2
 LANE_CODES = 2.0 * np.arange(LANES)
 # Columns of `Friction.within`.
 LARGEST, OFF, SIGN = range(3)
@@ -36,7 +38,7 @@ class Intervals(NamedTuple):
         piece: Piece of the joint path that holds each interval, (n,).
         breaks: Of the joint path [m], (pieces + 1,).
         coefficients: Of the joint path, flat.
-        last: Those of the last piece, and LANES numbers more.
+        last: Those of the last KEPT pieces, after which LANES numbers can be read.
         dof: Number of joints.
     """
 

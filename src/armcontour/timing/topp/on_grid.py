@@ -15,6 +15,7 @@ from armcontour.timing.topp.limits import (
     BY_SLOPE,
     BY_U,
     BY_X,
+    KEPT,
     A,
     B,
     Intervals,
@@ -47,8 +48,9 @@ class OnGrid:
         """The intervals, as kernels take them."""
         path = self.grid.joint_path
         flat, dof = path.coefficients.ravel(), path.dof
-        last = np.zeros(6 * dof + LANES)
-        last[: 6 * dof] = flat[-6 * dof :]
+        last = np.zeros(6 * dof * KEPT + LANES)
+        kept = flat[-6 * dof * KEPT :]
+        last[6 * dof * KEPT - len(kept) : -LANES] = kept
         return Intervals(self.grid.s, self.grid.piece, path.breaks, flat, last, dof)
 
     @cached_property
