@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import partial
 from types import MappingProxyType
@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Value
-from armcontour._describing import brief, line_up, mm
+from armcontour._describing import brief, line_up, mm, several
 from armcontour._quintics import evaluate
 from armcontour.errors import InvalidInput
 from armcontour.geometry.path import Path, check_arc_length
@@ -35,6 +35,7 @@ class Outcome:
         note: Why the path has the shape of a start, one clause; None if another was looked for.
         joints: Joint positions at the start of the program with this path, near which an arm in
             space has these durations [rad]; None for those that it would have anyway.
+        unfinished: Whether the search ended early, because a smaller tolerance takes more steps.
     """
 
     start: str
@@ -42,6 +43,7 @@ class Outcome:
     history: tuple[float, ...] = ()
     note: str | None = None
     joints: tuple[float, ...] | None = None
+    unfinished: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "durations", MappingProxyType(dict(self.durations)))
@@ -173,6 +175,20 @@ class ShapedPath(Path):
             _checks.floats("arc lengths", s, "m"), self.places[:, 0], self.places[:, 1]
         )
         return np.asarray(np.clip(found, 0.0, self.length))
+
+
+def doubt_search(paths: Iterable[Path]) -> list[str]:
+    """A sentence on paths whose search for a shape ended early, or none."""
+    found = [x for x in paths if isinstance(x, ShapedPath)]
+    early = [x for x in found if x.outcome.unfinished]
+    if not early:
+        return []
+    which = f" of {several(len(early), 'contour')}" if len(found) > 1 else ""
+    return [
+        f"the search for the shape{which} ended early, because a tolerance of "
+        f"{mm(early[0].tolerance)} needs too many nodes. The path is the fastest one so far. A "
+        "larger tolerance lets the search end, and rounded corners need no search."
+    ]
 
 
 def check_places(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArray:

@@ -14,7 +14,7 @@ from armcontour.errors import ExecutionError
 from armcontour.evaluation import Evaluation
 from armcontour.execution import RigidBodyPlant
 from armcontour.geometry import ShapedPath, count_full_stops
-from armcontour.geometry.shaped import SHAPED
+from armcontour.geometry.shaped import SHAPED, doubt_search
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.warnings import (
     CURVATURE_JUMPS,
@@ -339,6 +339,7 @@ class RunResult:
                 for x in self.objective.contours
             )
             found += next(filter(None, doubts), [])
+            found += doubt_search(x.path for x in self.path.contours)
         found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
         found += stopping(self.jerk_stops, self.run)
         found += [sentence for x in self.weaves for sentence in x.warnings]

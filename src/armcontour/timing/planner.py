@@ -13,9 +13,11 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._describing import several
 from armcontour._progress import Progress
+from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
+from armcontour.geometry.shaped import doubt_search
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
 from armcontour.timing.common import RESERVED, with_reserve
@@ -167,6 +169,8 @@ def plan(
         options = {name: x for name, x in options.items() if name not in SHAPE_OPTIONS}
         shaping = Shaping(arm, bounds, reserve, wishes, branch, intervals)
         path = shaping.shape(objective, start, progress, named=objective is path)
+        for doubt in doubt_search(x.path for x in path.contours):
+            warnings.warn(capitalise(doubt), stacklevel=2)
     if isinstance(path, JointPath | Tracing):
         traced = _refuse_foreign(path, arm, bounds, branch, start)
     else:

@@ -155,3 +155,16 @@ def test_each_contour_has_the_tolerance_that_its_lines_bear_whatever_chords_of_c
     chords = np.stack([0.3 + 0.02 * np.cos(angle), 0.2 + 0.02 * np.sin(angle)], axis=1)
     found = ac.shape(ac.Path.polyline(chords), arm, limits, tolerance=1e-3, iterations=0)
     assert found.outcome.durations["shaped"] <= min(found.outcome.durations.values())
+
+
+@pytest.mark.parametrize("tolerance", [1e-7, 1e-9])
+def test_a_tiny_tolerance_ends_the_search_early_with_a_warning(arm, limits, tolerance):
+    objective = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30), (0.35, 0.35)])
+    with pytest.warns(UserWarning):
+        path = shape(objective, arm, limits, tolerance=tolerance)
+    assert path.outcome.unfinished
+    assert path.outcome.durations["shaped"] <= min(path.outcome.durations.values())
+    s = np.linspace(0, path.length, 2001)
+    places = path.objective(np.interp(s, path.places[:, 1], path.places[:, 0]))
+    assert np.linalg.norm(path(s) - places, axis=1).max() <= tolerance * (1 + 1e-6)
+    assert not ac.check(ac.plan(path, arm, limits), arm, limits).violated

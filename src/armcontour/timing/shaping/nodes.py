@@ -31,6 +31,11 @@ SAG = 0.03
 LONGEST = 0.027
 # A stretch from rest to rest has at least about this many nodes.
 FEWEST = 64
+# Below this relative growth from sample to sample the logarithm is replaced by its series.
+EVEN = 1e-5
+# A stretch has at most so many nodes on average: the distance between nodes falls with the square
+# root of the tolerance, so that an iteration would take ever longer.
+MOST_NODES = 4000
 # Samples for the distances between nodes: at first between two marks, then for each node.
 SAMPLES, PER_NODE = 32, 8
 # Offsets are looked for up to this many tolerances, in steps of this share of the tolerance.
@@ -152,8 +157,8 @@ def _farthest(
     return low
 
 
-def place_nodes(start: Candidate, tube: Tube, arm: Arm, branch: str | None) -> Nodes:
-    """Nodes along a start, dense at corners and rests.
+def place_nodes(start: Candidate, tube: Tube, arm: Arm, branch: str | None) -> Nodes | None:
+    """Nodes along a start, dense at corners and rests; None if they are too many.
 
     Args:
         start: The start, with its timing.
@@ -163,7 +168,10 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, branch: str | None) -> N
     """
     path, places, joint_path = start.path, start.places, start.joint_path
     marks = _Marks.of(path, places, tube)
-    s, index = _spread(start, arm, tube, marks)
+    spread = _spread(start, arm, tube, marks)
+    if spread is None:
+        return None
+    s, index = spread
     # A rest between two stretches has a node on either side.
     row = np.repeat(np.arange(len(s)), 1 + np.isin(index, np.flatnonzero(marks.rest)[1:-1]))
     doubled = np.concatenate([[False], row[1:] == row[:-1], [False]])
@@ -277,8 +285,10 @@ def _bend(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(even, axis=1))
 
 
-def _spread(start: Candidate, arm: Arm, tube: Tube, marks: _Marks) -> tuple[FloatArray, IntArray]:
-    """Arc lengths of nodes, and the mark at which each is; -1 for none.
+def _spread(
+    start: Candidate, arm: Arm, tube: Tube, marks: _Marks
+) -> tuple[FloatArray, IntArray] | None:
+    """Arc lengths of nodes, and the mark at which each is; -1 for none. None if they are too many.
 
     The distance between nodes grows from that at a mark by GROWTH from node to node.
     """
@@ -298,10 +308,15 @@ def _spread(start: Candidate, arm: Arm, tube: Tube, marks: _Marks) -> tuple[Floa
         # Neighbouring distances differ by no more than the growth.
         step = GROWTH * at + np.minimum.accumulate(step - GROWTH * at)
         step = np.minimum.accumulate((step + GROWTH * at)[::-1])[::-1] - GROWTH * at
-        density = 1 / step
-        total = np.append(0.0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(at)))
+        # The number of nodes over a distance along which the step grows evenly.
+        growth = np.diff(step) / step[:-1]
+        safe = np.where(np.abs(growth) > EVEN, growth, 1.0)
+        mean = np.where(np.abs(growth) > EVEN, np.log1p(safe) / safe, 1 - growth / 2)
+        total = np.append(0.0, np.cumsum(mean / step[:-1] * np.diff(at)))
         least = np.where(marks.rest[:-1] | marks.rest[1:], 3, 1)
         count = np.maximum(np.ceil(np.diff(total[k])), least).astype(np.intp)
+        if count.sum() > MOST_NODES * len(count):
+            return None
         if not parts:
             break
         # Samples are denser where nodes will be.

@@ -87,6 +87,11 @@ class Search:
     wishes: Wishes
     state: _State = field(init=False)
 
+    @property
+    def size(self) -> float:
+        """Number of control points of the joints, for each corner or rest."""
+        return self.nodes.q.size / float(self.nodes.group[-1] + 1)
+
     def __post_init__(self) -> None:
         n, k = len(self.nodes), self.nodes.frames.shape[2]
         inside = np.full(n, INSIDE)
@@ -406,8 +411,12 @@ def why_not(objective: Path, tube: Tube) -> str | None:
     return None
 
 
-def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> Iterator[Search]:
+def make_searches(
+    objective: Path, tube: Tube, timer: Timer, wishes: Wishes
+) -> Iterator[Search | None]:
     """Searches from parabolas and from arcs that the arm can follow, the faster ones first.
+
+    None stands for a search that would need too many nodes.
 
     Args:
         objective: The objective path.
@@ -419,7 +428,9 @@ def make_searches(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> 
     found = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
         nodes = place_nodes(start, tube, timer.arm, timer.branch)
-        if not nodes.fixed.all():
+        if nodes is None:
+            yield None
+        elif not nodes.fixed.all():
             yield Search(nodes, start, tube, timer, wishes)
 
 

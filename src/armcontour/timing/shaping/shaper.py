@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
+from itertools import islice
 from typing import cast, overload
 
 import numpy as np
@@ -15,10 +17,11 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._pool import map_in_processes
 from armcontour._progress import Progress, Step
+from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.errors import ArmContourError, locate_errors
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
-from armcontour.geometry.shaped import ARCS, SHAPED, STOPS
+from armcontour.geometry.shaped import ARCS, SHAPED, STOPS, doubt_search
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.timing.common import with_reserve
@@ -32,6 +35,9 @@ from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes, tube_of
 ENOUGH = 0.01
 # From so many contours on other processes shape them, which take a few seconds to start.
 MANY = 24
+# The search ends after so many control points of the joints in all iterations, for each corner or
+# rest. Only tolerances below about 1 µm need more.
+WORK = 30_000
 # Why a contour that could be shaped has arcs.
 ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
 
@@ -116,6 +122,9 @@ def shape(
         Unreachable: The arm cannot follow the objective.
         NotRealizable: No motion along the objective keeps the limits, or there are limits of jerk,
             which would stop the tool where the curvature of a shaped path jumps.
+
+    Warns:
+        UserWarning: The search along a path ended early, because the tolerance is tiny.
     """
     _checks.refuse_other("shape", arm, Arm, "such as load_arm('ur5e')")
     bounds = choose_limits("shape", arm, limits)
@@ -130,8 +139,12 @@ def shape(
     program = Program.of(path, "shape needs a Path or a Program")
     shaping = Shaping(arm, bounds, reserve, wishes, branch, intervals)
     found = shaping.shape(program, start, progress, named=program is path)
+    if program is path:
+        return found
+    for doubt in doubt_search([found.path]):
+        warnings.warn(capitalise(doubt), stacklevel=2)
     # Whoever gives a path gets a path.
-    return found if program is path else found.path
+    return found.path
 
 
 @dataclass(frozen=True, slots=True)
@@ -384,17 +397,31 @@ def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
     best, history = first, [first.duration]
     note = why_not(objective, tube)
     searches = make_searches(objective, tube, timer, wishes) if note is None else iter(())
+    unfinished, work = False, float(WORK)
     for search in searches:
+        if search is None:
+            unfinished = True
+            continue
         left = wishes.iterations - len(history) + 1
-        for _, found in zip(range(left), search.run(), strict=False):
+        most = min(left, int(work / search.size))
+        before = len(history)
+        for found in islice(search.run(), most):
             best = min(best, found, key=lambda x: x.duration)
             history.append(best.duration)
             tell((len(history) - 1) / wishes.iterations)
+        work -= (len(history) - before) * search.size
+        unfinished |= len(history) - before == most < left
         # Another start mostly leads to the same shape.
         if best.duration < (1 - ENOUGH) * first.duration:
             break
     durations[SHAPED] = best.duration
-    outcome = Outcome(start=first.name, durations=durations, history=tuple(history), note=note)
+    outcome = Outcome(
+        start=first.name,
+        durations=durations,
+        history=tuple(history),
+        note=note,
+        unfinished=unfinished,
+    )
     tell(1.0)
     return _shaped_path(objective, best.path, best.places, wishes, outcome)
 
