@@ -217,3 +217,20 @@ def test_a_plan_warns_of_stops_that_limits_of_jerk_add(arm):
     with warnings.catch_warnings(action="error"):
         ac.plan(arcs, arm, limits.replace(joint_jerk=None))
         ac.plan(ac.round_corners(path, tolerance=5e-3, continuity="curvature"), arm, limits)
+
+
+def test_path_jerk_limits_the_arc_length_of_the_tool_itself(ur5e):
+    corners = [(0.4, -0.1, 0.2), (0.5, -0.1, 0.2), (0.5, 0.1, 0.2), (0.4, 0.1, 0.25)]
+    path = ac.Path.polyline(corners).pointing((0.0, 0.0, -1.0))
+    path = ac.round_corners(path, tolerance=2e-3, continuity="curvature")
+    limits = ur5e.limits.replace(speed=0.5, path_jerk=1.0)
+    planned = ac.plan(path, ur5e, limits)
+    t = np.linspace(0, planned.duration, 20_001)[1:-1]
+    q, dq, ddq, dddq = (planned(t, order) for order in range(4))
+    velocity, acceleration = ur5e.tool_velocity(q, dq), ur5e.tool_acceleration(q, dq, ddq)
+    jerk = ur5e.tool_jerk(q, dq, ddq, dddq)
+    speed = np.linalg.norm(velocity, axis=1)
+    along = np.sum(acceleration * velocity, axis=1) / speed
+    across = np.sum(acceleration**2, axis=1) - along**2
+    third = (np.sum(jerk * velocity, axis=1) + across) / speed
+    assert 0.95 < np.abs(third).max() <= 1 + 1e-6

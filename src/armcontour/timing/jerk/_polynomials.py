@@ -68,7 +68,13 @@ def to_bernstein(degree: int) -> FloatArray:
 
 def raised(on: Basis, degree: int) -> FloatArray:
     """Control points of ds² as a polynomial of a degree of at least two, (m, degree + 1, 3)."""
-    return np.asarray(np.einsum("cm,pbm->pcb", to_bernstein(degree)[:, :3], on.square))
+    return elevated(on.square, degree)
+
+
+def elevated(powers: FloatArray, degree: int) -> FloatArray:
+    """Control points of polynomials of a lower degree, given by powers, (m, degree + 1, 3)."""
+    own = to_bernstein(degree)[:, : powers.shape[2]]
+    return np.asarray(np.einsum("cm,pbm->pcb", own, powers))
 
 
 @compiled()

@@ -10,10 +10,17 @@ from armcontour._checks import FloatArray, IntArray, for_kernel
 from armcontour.arms import Arm
 from armcontour.timing.constraints import Constraint, JointMotion, OnGrid, limits_on
 from armcontour.timing.jerk._interior_point import Section
-from armcontour.timing.jerk._polynomials import Basis, basis, motion_rows, raised, to_bernstein
+from armcontour.timing.jerk._polynomials import (
+    Basis,
+    basis,
+    elevated,
+    motion_rows,
+    raised,
+    to_bernstein,
+)
 from armcontour.timing.jerk.mesh import Mesh
 from armcontour.timing.jerk.task import JerkLimits
-from armcontour.timing.jerk.tool import DEGREE, ToolMotion
+from armcontour.timing.jerk.tool import DEGREE, ToolMotion, arc_length_bounds, largest_at_ramps
 from armcontour.timing.topp._kernel import Bounds, rows_with_friction
 from armcontour.timing.topp.limits import HIGH, LOW, A, B, Limits, margins_of
 
@@ -55,6 +62,9 @@ class Rows:
         if np.isfinite(jerk.tool):
             # The tangents have as many control points as the jerk of the tool.
             self.tool, self.degree = ToolMotion.on(grid, arm), DEGREE + 1
+        self.length: FloatArray | None = None
+        if np.isfinite(jerk.path) and grid.joint_path.tool_path is not None:
+            self.length = arc_length_bounds(grid, arm)
         self.lost = np.zeros(len(grid))  # largest share of any limit that margins take
         self.bounded = np.full((2, len(grid), grid.joint_path.dof), np.inf)
         self.speeds = np.full((len(grid), grid.joint_path.dof), np.inf)
@@ -182,8 +192,8 @@ class Rows:
         plain, low, high = self._plain(acceleration)
         curved, limits = [jerk], [np.repeat(self.jerk.joint[self.joints[1]], self.degree)]
         if np.isfinite(self.jerk.path):
-            curved.append(np.repeat(on.slope[:, None], self.degree, axis=1))
-            limits.append(np.full(self.degree, self.jerk.path))
+            curved += self._path_jerk()
+            limits.append(np.full(self.degree * (len(curved) - 1), self.jerk.path))
         rows = np.concatenate(curved, axis=1)
         vectors, radius, margin, points = self._round()
 
@@ -213,6 +223,21 @@ class Rows:
             margin=margin,
             round_of=points,
         )
+
+    def _path_jerk(self) -> list[FloatArray]:
+        """Rows of the third derivative of the tool's arc length, over ds.
+
+        It is `m slope + 3 m' dds + m'' ds²` with the derivative m of the arc length over s. All
+        signs of m' and m'' are allowed for.
+        """
+        on, last = self.basis, self.degree - 1
+        slope = np.repeat(on.slope[:, None], self.degree, axis=1)
+        if self.length is None:
+            return [slope]
+        first, second, third = self.length[..., None, None]
+        rate = 3 * second * elevated(on.rate, last)
+        square = third * raised(on, last)
+        return [first * slope + x + y for x in (-rate, rate) for y in (-square, square)]
 
     def _motion(self) -> tuple[FloatArray, FloatArray]:
         """Rows of the accelerations and jerks of the limited joints, joint after joint."""
@@ -355,7 +380,8 @@ class Rows:
             found.append((self.bounded.min(axis=0) / pull).min(axis=1))
             jerk = third + 2 * second / wide + 2 / 9 * first / wide**2
             found.append(((self.jerk.joint / jerk) ** (2 / 3)).min(axis=1))
-            found.append((self.jerk.path * 4.5 * h**2) ** (2 / 3))
+            length = np.array([[1.0], [0.0], [0.0]]) if self.length is None else self.length
+            found.append(largest_at_ramps(length, self.jerk.path, h))
             general, rounds = self.limits.rows.ends, self.limits.rounds
             for sign, which in ((1, HIGH), (-1, LOW)):
                 up = np.maximum(sign * general[..., A], 0).max(axis=1) * rate[:, None]
@@ -367,7 +393,7 @@ class Rows:
             size = np.sqrt(np.maximum(aa * turned**2 + 2 * ab * turned + bb, 0.0)).max(axis=1)
             found.append((rounds.radius / size).min(axis=1, initial=np.inf))
             if self.tool is not None:
-                found.append(self.tool.largest_at_ramps(self.jerk.tool, h))
+                found.append(largest_at_ramps(self.tool.largest, self.jerk.tool, h))
             if self.bounds is not None:
                 found += [self.bounds.x, self.bounds.u / rate]
         return np.asarray(np.nanmin(found, axis=0))
