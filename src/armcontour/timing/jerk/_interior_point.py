@@ -22,11 +22,10 @@ NEAREST_ROUND = 0.9
 # A step that breaks a row by rounding errors is shortened by this factor, at most so often.
 SHORTER, MOST_SHORTER = 0.5, 30
 # The barrier falls by this factor, once Newton's decrement is below this share of the gap and the
-# step was longer than this share: faster rules end in tiny steps. It also falls once the decrement
-# is below the last share, where a single row may keep steps short.
-FALL, CENTERED, LONG, NEARLY = 0.15, 0.1, 0.3, 0.03
+# step was longer than this share: faster rules end in tiny steps.
+FALL, CENTERED, LONG = 0.15, 0.1, 0.3
 # Tangents move where rows keep this share of their slack.
-KEPT = 0.5
+KEPT = 0.1
 # Gauss-Legendre nodes and weights on [0, 1], of the duration of a cell.
 NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
@@ -671,8 +670,7 @@ def improve(
         _climb(dual.curved, change.curved, reach[1])
         _climb(dual.round, change.round, reach[1])
         _climb(dual.positive, change.positive, reach[1])
-        near = decrement / (bounds * mu)
-        if near < NEARLY or near < CENTERED and min(share, reach[1]) > LONG:
+        if decrement < CENTERED * bounds * mu and min(share, reach[1]) > LONG:
             if bounds * mu <= 0.5 * tolerance * size:
                 return iteration + 1
             mu *= FALL

@@ -31,11 +31,12 @@ from armcontour.timing.jerk.sections import (
 from armcontour.timing.jerk.task import MOST_ITERATIONS, Task
 from armcontour.timing.topp._kernel import Bounds
 
-# Cells of a plan by default: so many while an acceleration builds up, but at least and at most as
-# many as these, and never more than MOST_CELLS. Each polynomial of the joint path adds to the
-# fewest and the most, and each section as much as several polynomials, for the cells at its ends.
-PER_BUILD_UP, FEWEST_CELLS, MANY_CELLS, MOST_CELLS = 2.0, 1000, 4000, 20_000
-FEWEST_PER_PIECE, MANY_PER_PIECE, PIECES_OF_STOP = 3, 8, 10
+# Cells of a plan by default: so many while an acceleration builds up, but at least as many as the
+# fewest, to which each polynomial of the joint path adds.
+PER_BUILD_UP, FEWEST_CELLS, FEWEST_PER_PIECE = 2.0, 1000, 3
+# Where more cells than the most are wanted, jerk is so large that fewer resolve its effect. Each
+# polynomial adds to these, and each section as much as several, for the cells at its ends.
+MOST_CELLS, MANY_CELLS, MANY_PER_PIECE, PIECES_OF_SECTION = 20_000, 4000, 8, 10
 # Motion is even below this share of the largest path acceleration.
 EVEN = 0.01
 # The first pass has this share of the cells, and at least so many.
@@ -157,9 +158,12 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
     active = float(times[largest > EVEN * acceleration].sum())
     with np.errstate(divide="ignore"):
         wanted = PER_BUILD_UP * active * np.divide(jerk, acceleration)
-    pieces = len(law.joint_path.breaks) - 1 + PIECES_OF_STOP * (len(ends) - 1)
-    fewest, many = FEWEST_CELLS + FEWEST_PER_PIECE * pieces, MANY_CELLS + MANY_PER_PIECE * pieces
-    return int(min(np.clip(np.nan_to_num(wanted), fewest, many), MOST_CELLS))
+    pieces = len(law.joint_path.breaks) - 1
+    found = max(np.nan_to_num(wanted), FEWEST_CELLS + FEWEST_PER_PIECE * pieces)
+    if found > MOST_CELLS:
+        pieces += PIECES_OF_SECTION * (len(ends) - 1)
+        found = min(MANY_CELLS + MANY_PER_PIECE * pieces, MOST_CELLS)
+    return int(found)
 
 
 def _squares(law: PathLaw, mesh: Mesh) -> FloatArray:
