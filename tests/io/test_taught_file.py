@@ -91,7 +91,7 @@ def test_other_set_points_are_refused(job, plan, tmp_path):
         ((dataclasses.replace(still, q=still.q[:-1]),), "taught.csv ... set-points of 2 joints"),
         ((changed(plan, by=0.0, period=0.005),), "taught.csv ... at other times"),
         # Histories of other set-points, and of another job.
-        ((plan.taught, lesson), "lesson.npz beside it ... joint 1"),
+        ((plan.taught, lesson), "lesson.npz beside it ... joint 2"),
         ((other, other), "give the job as it was"),
     ]
     refusals(lambda x: read_taught(put(tmp_path, job, *x), job, plan), table)

@@ -65,7 +65,7 @@ MOST_GROWTH = 200
 MOST_PARTS = 100
 # The grid is refined, too, while it loses more than this share of the duration, by an estimate that
 # is right within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
-LARGEST_LOSS = 2e-4
+LARGEST_LOSS = 1e-4
 MOST_PARTS_AT_ONCE = 8
 # No more intervals than these are made for it, nor by less than LEAST_GROWTH at once near so many.
 INTERVALS_BY_LOSS, LEAST_GROWTH = 300_000, 1.1
