@@ -13,7 +13,7 @@ PERIOD = 4e-3
 SHAPED = {"method": "shaped", "tolerance": TOLERANCE, "smoothing": PERIOD, "reserve": 0.012}
 
 
-@pytest.mark.parametrize(("centripetal", "longest"), [(0.09, 4.80), (None, 4.45)])
+@pytest.mark.parametrize(("centripetal", "longest"), [(0.09, 4.80), (None, 4.46)])
 def test_the_executed_tool_stays_within_the_tolerance(arm, objective, centripetal, longest):
     limits = ac.Limits(speed=0.15, joint_acceleration=0.72, centripetal_acceleration=centripetal)
     limits = limits.for_joints(2)
