@@ -254,6 +254,8 @@ def time_optimal(
             continue
         s = float(grid.s[found.place])
         if found.outcome != _kernel.FINER:
+            if best is not None:
+                break
             _refuse(grid, found, arm, rules)
         parts = np.clip(np.ceil(np.sqrt(found.lost / LARGEST_MARGIN)), 1.0, MOST_PARTS)
         if parts.sum() > min(MOST_GROWTH * len(grid), MOST_INTERVALS):
@@ -272,11 +274,12 @@ def time_optimal(
 
 def _parts_by_loss(loss: FloatArray, most: float) -> FloatArray:
     """Into how many parts to split intervals with such losses, to lose at most so much on all."""
-    parts = np.sqrt(loss * len(loss) / most)
+    # No more parts than that are made, so that halving ends.
+    parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / most, MOST_PARTS_AT_ONCE**2))
     while True:
-        found = np.clip(np.ceil(parts), 1.0, MOST_PARTS_AT_ONCE)
-        if found.sum() <= max(INTERVALS_BY_LOSS, len(loss)):
-            return np.asarray(found)
+        counts = np.clip(np.ceil(parts), 1.0, MOST_PARTS_AT_ONCE)
+        if counts.sum() <= max(INTERVALS_BY_LOSS, len(loss)):
+            return np.asarray(counts)
         parts /= 2
 
 
