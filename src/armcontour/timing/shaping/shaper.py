@@ -70,6 +70,7 @@ def shape(
     intervals: int | None = None,
     progress: Progress | None = None,
 ) -> Program: ...
+@_checks.checked
 def shape(
     path: Path | Program,
     arm: Arm,
@@ -117,7 +118,6 @@ def shape(
         NotRealizable: No motion along the objective keeps the limits, or there are limits of jerk,
             which would stop the tool where the curvature of a shaped path jumps.
     """
-    _checks.refuse_other("shape", arm, Arm, "such as load_arm('ur5e')")
     bounds = choose_limits("shape", arm, limits)
     refuse_unkept_jerk(Method.SHAPED, bounds)
     wishes = Wishes(
