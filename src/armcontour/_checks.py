@@ -731,10 +731,11 @@ def listed(
     """
     if isinstance(values, np.ndarray):
         values = np.atleast_1d(values)
+    # Most lists are tuples, many of them empty.
     no_list = (str, bytes, Mapping)
     if type(values) is tuple or (isinstance(values, Iterable) and not isinstance(values, no_list)):
         found = tuple(values)
-        if count in (None, len(found)) and all(isinstance(x, kind) for x in found):
+        if count in (None, len(found)) and (not found or all(isinstance(x, kind) for x in found)):
             return found
     raise InvalidInput(f"{name} must be a list of {what}, not {show(values)}.")
 
