@@ -42,6 +42,7 @@ TOPICS = {
     "readers": ("soak.readers:run", 200_000),
     "interrupts": ("soak.interrupts:run", 400),
     "studio": ("soak.studio:run", 1),
+    "calls": ("soak.calls:run", 60_000),
 }
 # Shares of intervals of 95 % that may hold the true value.
 COVERED = (0.90, 0.99)

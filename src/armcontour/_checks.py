@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import FrozenInstanceError, fields, is_dataclass
 from functools import cache, wraps
+from os import PathLike
 from pathlib import Path as FilePath
-from typing import Any, ClassVar, Literal
+from types import CodeType, UnionType
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +26,8 @@ import numpy.typing as npt
 from armcontour._text import make_printable, show
 from armcontour.errors import InvalidInput
 
+P = ParamSpec("P")
+R = TypeVar("R")
 # Longest name [characters]: names are written in lines of robot programs, tables and terminals.
 LONGEST_NAME = 80
 FloatArray = npt.NDArray[np.float64]
@@ -23,6 +37,8 @@ LARGEST = 1e12
 # Smallest number that counts as above zero: the powers of its reciprocal up to the tenth are
 # finite. No tolerance or time is smaller, in any unit.
 SMALLEST = 1e-30
+# More than any arm has.
+MOST_JOINTS = 1000
 # Largest number of values that are sampled, such as set-points times joints: with all that is
 # computed from them, some GB.
 MOST_VALUES = 5e7
@@ -48,11 +64,15 @@ NOT_NUMERIC = {
 }
 
 
-def lock_floats(values: npt.ArrayLike) -> FloatArray:
-    """A read-only copy of `values` as a float array; `values` if it is one that owns its data."""
+def lock_floats(values: npt.ArrayLike, name: str = "An array") -> FloatArray:
+    """A read-only copy of `values` as a float array; `values` if it is one that owns its data.
+
+    Raises:
+        InvalidInput: As in `floats`.
+    """
     if isinstance(values, np.ndarray) and _is_locked(values):
         return values
-    array = np.array(values, dtype=np.float64)
+    array = np.array(floats(name, values))
     array.setflags(write=False)
     return array
 
@@ -302,6 +322,36 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
         # The first sentence of numpy's message is the reason.
         reason = str(error).split(". ")[0].rstrip(".")
         raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {reason}.") from None
+
+
+def shaped(
+    name: str, values: npt.ArrayLike, shape: tuple[int | None, ...], unit: str = ""
+) -> FloatArray:
+    """Return `values` as a float array of a shape; None in it stands for any number.
+
+    Raises:
+        InvalidInput: As in `floats`, or the shape is another one.
+    """
+    array = floats(name, values, unit)
+    if array.ndim != len(shape) or any(
+        x not in (n, None) for n, x in zip(array.shape, shape, strict=True)
+    ):
+        known = ", ".join("any" if x is None else f"{x}" for x in shape)
+        raise InvalidInput(f"{name} must have shape ({known}), not {array.shape}.")
+    return array
+
+
+def indices(name: str, values: npt.ArrayLike) -> IntArray:
+    """Return `values` as an array of whole numbers; as they are if they are one already.
+
+    Raises:
+        InvalidInput: As in `numbers`, or a value is not a whole number.
+    """
+    if isinstance(values, np.ndarray) and values.dtype == np.intp:
+        return values
+    array = numbers(name, values)
+    refuse_if((array % 1).any(), f"{name} must be whole numbers.")
+    return array.astype(np.intp)
 
 
 def points(name: str, values: npt.ArrayLike) -> FloatArray:
@@ -554,26 +604,119 @@ def refuse_if(wrong: bool | np.bool_, message: str) -> None:
         raise InvalidInput(message)
 
 
-def refuse_other(user: str, value: Any, kind: type, origin: str = "") -> None:
-    """Refuse a value that is no object of a class.
+# How to get an object of a class, for messages.
+ORIGINS = {
+    "Arm": "such as load_arm('ur5e')",
+    "Demand": "such as Demand(speed=0.1)",
+    "Execution": "as execute gives it",
+    "Frame": "such as Frame(position=(0.4, 0, 0.1))",
+    "Job": "as read_job gives it",
+    "Limits": "such as arm.limits",
+    "Payload": "such as Payload(mass=2.0)",
+    "Plant": "such as ServoPlant(arm, servo)",
+    "ServoModel": "such as ServoModel(kp=25, kv=150)",
+    "Study": "as run gives it",
+    "TaughtData": "as compensate gives it",
+    "Trajectory": "as plan gives it",
+}
+# Other classes that annotations may name, in words.
+WORDS: dict[Any, str] = {
+    bool: "True or False",
+    str: "text",
+    type(None): "None",
+    Callable: "a function",
+    Mapping: "a mapping",
+    PathLike: "a path",
+}
+
+
+def refuse_other(user: str, value: Any, *kinds: type, role: str = "") -> None:
+    """Refuse a value that is no object of some classes.
 
     Args:
         user: What needs the object, the first words of the message.
         value: The value.
-        kind: The class.
-        origin: Where such an object comes from, such as "as plan gives it".
+        kinds: The classes.
+        role: Name of the value, for messages.
 
     Raises:
         InvalidInput: The value is another object.
     """
-    if isinstance(value, kind):
+    if isinstance(value, kinds):
         return
-    article = "an" if kind.__name__[0] in "AEIO" else "a"
-    comes = f", {origin}," if origin else ","
-    raise InvalidInput(f"{user} needs {article} {kind.__name__}{comes} not {type(value).__name__}.")
+    names = [WORDS.get(x) or _with_article(x.__name__) for x in kinds if x is not np.bool_]
+    words = [f"{' or '.join(names)}{role and f' as {role}'}", ORIGINS.get(kinds[0].__name__, "")]
+    needed = ", ".join(x for x in words if x)
+    raise InvalidInput(f"{user} needs {needed}, not {type(value).__name__}.")
 
 
-def listed(name: str, values: Any, kind: type, what: str) -> tuple[Any, ...]:
+def _with_article(name: str) -> str:
+    return f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a public function: it refuses arguments of other classes than its annotations name.
+
+    Numbers, arrays and lists are left to the function.
+    """
+    user = function.__qualname__.removesuffix(".__init__")
+    code: CodeType = function.__code__
+    names = code.co_varnames[: code.co_argcount]
+
+    @wraps(function)
+    def call(*args: P.args, **keywords: P.kwargs) -> R:
+        known = _kinds_by_name(function)
+        for given in (zip(names, args, strict=False), keywords.items()):
+            for name, value in given:
+                kinds = known.get(name)
+                if kinds is not None and not isinstance(value, kinds):
+                    refuse_other(user, value, *kinds, role=name)
+        return function(*args, **keywords)
+
+    return call
+
+
+def check_fields(value: Any) -> None:
+    """Refuse fields of a dataclass that are of other classes than its annotations name.
+
+    Args:
+        value: The dataclass.
+
+    Raises:
+        InvalidInput: A field is of another class.
+    """
+    own: Any = type(value)
+    for name, kinds in _kinds_by_name(own).items():
+        if not isinstance(getattr(value, name), kinds):
+            refuse_other(own.__name__, getattr(value, name), *kinds, role=name)
+
+
+@cache
+def _kinds_by_name(annotated: Any) -> dict[str, tuple[type, ...]]:
+    """Classes by the names of arguments or fields, where annotations name nothing but classes."""
+    hints = get_type_hints(annotated)
+    names = hints.keys() - {"return"}
+    if is_dataclass(annotated):
+        names = {x.name for x in fields(annotated) if x.init}
+    found = {name: _kinds(hint) for name, hint in hints.items() if name in names}
+    return {name: kinds for name, kinds in found.items() if kinds}
+
+
+def _kinds(annotation: Any) -> tuple[type, ...]:
+    """The classes that an annotation allows; none if it allows numbers, arrays or lists."""
+    kind = get_origin(annotation) or annotation
+    if kind in (Union, UnionType):
+        parts = [_kinds(x) for x in get_args(annotation)]
+        return sum(parts, ()) if all(parts) else ()
+    if kind in (bool, FilePath):
+        return (bool, np.bool_) if kind is bool else (PathLike,)
+    own = isinstance(kind, type) and kind.__module__.startswith(("armcontour.", "concurrent."))
+    return (kind,) if kind in WORDS or (own and not getattr(kind, "_is_protocol", False)) else ()
+
+
+def listed(
+    name: str, values: Any, kind: Any, what: str, count: int | None = None
+) -> tuple[Any, ...]:
     """The values of a list as a tuple.
 
     Args:
@@ -581,13 +724,18 @@ def listed(name: str, values: Any, kind: type, what: str) -> tuple[Any, ...]:
         values: The list, or what gives its values one after the other.
         kind: Class of each value.
         what: The values in words, such as "Events".
+        count: Their number; None for any.
 
     Raises:
         InvalidInput: No list of such values; a text and a mapping are none.
     """
-    if isinstance(values, Iterable) and not isinstance(values, str | bytes | Mapping):
+    if isinstance(values, np.ndarray):
+        values = np.atleast_1d(values)
+    # Most lists are tuples, many of them empty.
+    no_list = (str, bytes, Mapping)
+    if type(values) is tuple or (isinstance(values, Iterable) and not isinstance(values, no_list)):
         found = tuple(values)
-        if all(isinstance(x, kind) for x in found):
+        if count in (None, len(found)) and (not found or all(isinstance(x, kind) for x in found)):
             return found
     raise InvalidInput(f"{name} must be a list of {what}, not {show(values)}.")
 
@@ -604,9 +752,7 @@ def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, 
         InvalidInput: No list of so many short texts.
     """
     what = "names" if count is None else f"{count} names"
-    found = listed(name, values, str, what)
-    if count is not None and len(found) != count:
-        raise InvalidInput(f"{name} must be a list of {what}, not {show(values)}.")
+    found = listed(name, values, str, what, count)
     return tuple(check_name(f"name in {name}", x) for x in found)
 
 

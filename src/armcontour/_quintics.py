@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,8 @@ ROUNDING = 2e-15
 
 def quintic(
     width: FloatArray,
-    begin: tuple[FloatArray, FloatArray, FloatArray],
-    end: tuple[FloatArray, FloatArray, FloatArray],
+    begin: Iterable[FloatArray],
+    end: Iterable[FloatArray],
     play: float = 0.0,
 ) -> FloatArray:
     """Coefficients of quintics with given values and derivatives at both ends of intervals.

@@ -45,8 +45,11 @@ def choose_limits(user: str, arm: Arm, limits: Limits | None) -> Limits:
         limits: The given limits, or None.
 
     Raises:
-        InvalidInput: They are no limits, or are for another number of joints.
+        InvalidInput: They are no limits, or are for another number of joints, or it is no arm.
     """
+    # To time a joint path, an arm needs a number of joints and limits only.
+    if not (hasattr(arm, "dof") and hasattr(arm, "limits")):
+        _checks.refuse_other(user, arm, Arm)
     if limits is not None and not isinstance(limits, Limits):
         raise InvalidInput(
             f"{user} needs Limits, such as arm.limits.replace(speed=0.1), not "
@@ -105,6 +108,7 @@ class Arm(Locked, ABC):
         """Number of joints."""
         return len(self.joint_names)
 
+    @_checks.checked
     def with_limits(self, limits: Limits) -> Self:
         """The arm with other limits.
 
@@ -114,7 +118,6 @@ class Arm(Locked, ABC):
         Raises:
             InvalidInput: The number of values differs from the number of joints.
         """
-        _checks.refuse_other("with_limits", limits, Limits, "such as Limits(joint_velocity=1.0)")
         own = limits.for_joints(self.dof)
         return self if own is self.limits else self._copy(limits=own)
 
@@ -178,6 +181,7 @@ class Arm(Locked, ABC):
                     f"{self.name} are 0 (the base) to {self.dof}."
                 )
 
+    @_checks.checked
     def with_dynamics(
         self,
         *,
@@ -213,7 +217,6 @@ class Arm(Locked, ABC):
             if values is not None
         }
         if payload is not None:
-            _checks.refuse_other("with_dynamics", payload, Payload, "such as Payload(mass=2.0)")
             changes["payload"] = payload
         return self._copy(chain=self.chain.replace(**changes)) if changes else self
 

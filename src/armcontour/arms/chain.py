@@ -107,7 +107,7 @@ class Chain(Value):
     assumed: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "joints", _checks.check_names("joints", self.joints))
         n = len(self.joints)
         if n == 0:
             raise InvalidInput("A chain needs at least one revolute joint.")

@@ -118,6 +118,7 @@ class Limits(Value):
         unit = JOINT_LIMITS[name]
         # Of jerk, which files give for some joints only, infinity is no limit.
         if name == "joint_jerk":
+            values = _checks.floats(name, values, unit)
             values = np.nan_to_num(values, nan=np.nan, posinf=_checks.LARGEST)
         array = amounts = _checks.numbers(name, values, unit)
         if name in DIRECTED and array.ndim == 2 and array.shape[1] == 2:
@@ -225,6 +226,7 @@ class Limits(Value):
         Raises:
             InvalidInput: A wrong number of values.
         """
+        dof = _checks.whole("dof", dof, 1, _checks.MOST_JOINTS)
         changes: dict[str, FloatArray | None] = {}
         for name, unit in JOINT_VALUES.items():
             values = getattr(self, name)
@@ -251,7 +253,7 @@ class Limits(Value):
         Args:
             dof: Number of joints.
         """
-        return _bounds(self.joint_acceleration, dof)
+        return _bounds(self, "joint_acceleration", dof)
 
     def velocity_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower (negative) and upper bound of every joint's velocity, infinite without one.
@@ -259,7 +261,7 @@ class Limits(Value):
         Args:
             dof: Number of joints.
         """
-        return _bounds(self.joint_velocity, dof)
+        return _bounds(self, "joint_velocity", dof)
 
     def joint_range(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower and upper end of every joint's range [rad], infinite without one.
@@ -267,9 +269,13 @@ class Limits(Value):
         Args:
             dof: Number of joints.
         """
-        found = np.empty((2, dof))
-        found[0] = -np.inf if self.joint_lower is None else self.joint_lower
-        found[1] = np.inf if self.joint_upper is None else self.joint_upper
+        try:
+            found = np.empty((2, dof))
+            found[0] = -np.inf if self.joint_lower is None else self.joint_lower
+            found[1] = np.inf if self.joint_upper is None else self.joint_upper
+        except (TypeError, ValueError):
+            self.for_joints(dof)
+            raise
         return found[0], found[1]
 
     def middle(self, dof: int) -> FloatArray:
@@ -301,12 +307,17 @@ def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:
     return np.full(dof, np.inf) if values is None else np.array(values, dtype=np.float64)
 
 
-def _bounds(values: FloatArray | None, dof: int) -> tuple[FloatArray, FloatArray]:
+def _bounds(limits: Limits, name: str, dof: int) -> tuple[FloatArray, FloatArray]:
     """Lower and upper bound of every joint, (dof,) each, of a limit that may have directions."""
-    if values is not None and values.ndim == 2:
-        low, high = np.array(np.broadcast_to(values, (dof, 2)).T, order="C")
-        return low, high
-    upper = np.full(dof, np.inf if values is None else values)
+    values = getattr(limits, name)
+    try:
+        if values is not None and values.ndim == 2:
+            low, high = np.array(np.broadcast_to(values, (dof, 2)).T, order="C")
+            return low, high
+        upper = np.full(dof, np.inf if values is None else values)
+    except (TypeError, ValueError):
+        limits.for_joints(dof)
+        raise
     return -upper, upper
 
 

@@ -93,6 +93,7 @@ class PlanarTwoLink(ChainArm):
     # Named after the sign of theta2. The paper prints (4) for the first solution only.
     branches = ("positive", "negative")
 
+    @_checks.checked
     def __init__(
         self,
         *,
@@ -107,13 +108,13 @@ class PlanarTwoLink(ChainArm):
         assumed: str = "",
         limits_hint: str = "",
     ) -> None:
-        lengths = _checks.listed("links", links, object, "two lengths in m")
-        if len(lengths) != 2:
-            raise InvalidInput(f"A PlanarTwoLink has two link lengths, not {len(lengths)}.")
+        lengths = _checks.listed("links", links, object, "two lengths in m", 2)
         self.base = _checks.number("base", base, "m")
         self.link1 = _checks.positive("first link length", lengths[0], "m")
         self.link2 = _checks.positive("second link length", lengths[1], "m")
         joints = _checks.check_names("joint_names", joint_names, 2)
+        if tubes is not None:
+            tubes = _checks.listed("tubes", tubes, Tube, "two Tubes", 2)
         chain = self._chain(joints, tubes, payload, assumed)
         self._describe(name, chain, limits, source, limits_hint)
         if tubes is not None:

@@ -33,8 +33,6 @@ class ChainArm(Arm):
         self, name: str, chain: Chain, limits: Limits, source: str, limits_hint: str
     ) -> None:
         """Check and keep what every arm of a chain has."""
-        what = f"A {type(self).__name__}"
-        _checks.refuse_other(what, limits, Limits, "such as Limits(joint_velocity=1.0)")
         self.name = _checks.check_name("name of an arm", name)
         self.chain = chain
         self.joint_names = chain.joints
@@ -155,6 +153,7 @@ class SerialArm(ChainArm):
     dimension = 3
     branches = ()
 
+    @_checks.checked
     def __init__(
         self,
         *,
@@ -165,7 +164,6 @@ class SerialArm(ChainArm):
         limits_hint: str = "",
         notes: tuple[str, ...] = (),
     ) -> None:
-        _checks.refuse_other("A SerialArm", chain, Chain)
         self._describe(name, chain, limits, source, limits_hint)
         self.notes = notes
 
@@ -181,6 +179,7 @@ class SerialArm(ChainArm):
         axes = self.twist_jacobian(np.zeros(self.dof))[3:]
         return bool(np.linalg.matrix_rank(axes, tol=PARALLEL) < 2)
 
+    @_checks.checked
     def with_tool(self, tool: Frame, payload: Payload | None = None) -> SerialArm:
         """A copy of the arm with another tool.
 
@@ -189,19 +188,16 @@ class SerialArm(ChainArm):
                 tool axis.
             payload: Load at the tip; by default the load of this arm.
         """
-        _checks.refuse_other("with_tool", tool, Frame, "such as Frame(position=(0, 0, 0.1))")
-        if payload is not None:
-            _checks.refuse_other("with_tool", payload, Payload, "such as Payload(mass=2.0)")
         carried = self.chain.payload if payload is None else payload
         return self._with(self.chain.replace(tool=tool, payload=carried))
 
+    @_checks.checked
     def with_work(self, work: Frame) -> SerialArm:
         """A copy of the arm with its tool points in another work frame.
 
         Args:
             work: Work frame of the paths, in the frame of the base.
         """
-        _checks.refuse_other("with_work", work, Frame, "such as Frame(position=(0.4, 0, 0))")
         return self._with(self.chain.replace(base=work.inverse), "closed_form")
 
     def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -236,7 +232,7 @@ class SerialArm(ChainArm):
             q: Joint positions [rad], (..., dof).
             dq: Joint velocities [rad/s], same shape.
         """
-        return self.tool_twist_rate(q, dq, np.zeros(np.shape(q)))
+        return self.tool_twist_rate(q, dq, np.zeros_like(_checks.floats("q", q, "rad")))
 
     def tool_twist(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
         """Twist of the tool: velocity [m/s] and angular velocity [rad/s], (n, 6).

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
+from armcontour import _checks
 from armcontour._describing import digits, line_up, several
 from armcontour._pool import Crew, InProcess, open_executor
 from armcontour._progress import Progress
@@ -107,6 +108,7 @@ class Batch:
         return f"Batch({self.plan.name!r}, {len(self.plan)} jobs: {counts})"
 
 
+@_checks.checked
 def batch(
     plan: str | FilePath | Mapping[str, Any],
     out: str | FilePath,

@@ -48,6 +48,7 @@ CONTINUOUS = 20
 SHORTEST = 1e-4
 
 
+@_checks.checked
 def certify(
     job: Job,
     run: str | None = None,
@@ -75,9 +76,7 @@ def certify(
         NotRealizable: No plan keeps the goal; the message says what binds and what would help.
         ArmContourError: Tracing, planning or execution fails.
     """
-    _checks.refuse_other("certify", job, Job, "as read_job gives it")
     goal = goal_of(job) if goal is None else goal
-    _checks.refuse_other("certify", goal, Goal)
     this = run_of(job, goal.run if run is None else run)
     if this.duration is not None:
         raise InvalidInput(

@@ -31,6 +31,7 @@ class SweepPoint:
     refusal: str | None
 
 
+@_checks.checked
 def sweep(
     job: Job,
     run: str | None = None,
@@ -57,9 +58,9 @@ def sweep(
         InvalidInput: No values, no goal, no such run, or a tolerance for a run without rounded
             corners. A plan that cannot be certified is a point with a refusal.
     """
-    _checks.refuse_other("sweep", job, Job, "as read_job gives it")
+    tolerances = _checks.listed("tolerances", tolerances, object, "numbers")
+    speeds = _checks.listed("speeds", speeds, object, "numbers")
     goal = goal_of(job) if goal is None else goal
-    _checks.refuse_other("sweep", goal, Goal)
     this = run_of(job, goal.run if run is None else run)
     values: list[tuple[float | None, float | None]] = [
         (_checks.positive("tolerance", x, "m"), None) for x in tolerances

@@ -178,6 +178,7 @@ class Clearance:
 Motion: TypeAlias = Trajectory | Execution | JointPath
 
 
+@_checks.checked
 def check_clearance(
     motion: Motion,
     arm: Arm,
@@ -201,11 +202,6 @@ def check_clearance(
     Raises:
         InvalidInput: The shapes of the arm are not known, or something in the scene is wrong.
     """
-    if not isinstance(motion, Execution | JointPath):
-        _checks.refuse_other("check_clearance", motion, Trajectory, "as plan gives it")
-    _checks.refuse_other("check_clearance", arm, Arm, "such as load_arm('ur5e')")
-    if scene is not None:
-        _checks.refuse_other("check_clearance", scene, Scene)
     return Cell(arm, Scene() if scene is None else scene).check(motion, resolution=resolution)
 
 
@@ -224,11 +220,13 @@ class Cell:
         InvalidInput: As `check_clearance`.
     """
 
+    @_checks.checked
     def __init__(self, arm: Arm, scene: Scene) -> None:
         self.pairs, self.left_out = pairs_of(arm, scene)
         assert arm.chain is not None
         self._distances = Distances(arm.chain, self.pairs) if self.pairs else None
 
+    @_checks.checked
     def check(self, motion: Motion, *, resolution: float = 1e-3) -> Clearance:
         """As `check_clearance`.
 

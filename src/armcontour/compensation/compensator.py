@@ -22,6 +22,7 @@ METHODS = ("inverse", "pole_placement", "inverse_dynamics", "none")
 OPTIONS = {"pole_placement": ("poles",), "inverse_dynamics": ("gravity_feedforward", "known")}
 
 
+@_checks.checked
 def compensate(
     trajectory: Trajectory,
     servo: ServoModel,
@@ -73,12 +74,6 @@ def compensate(
             servo with joints of another order than "second", friction or a cycle.
         CompensationError: Poles are not stable, or set-points exceed the limits.
     """
-    _checks.refuse_other("compensate", trajectory, Trajectory, "as plan gives it")
-    _checks.refuse_other("compensate", servo, ServoModel, "such as ServoModel(kp=25, kv=150)")
-    if arm is not None:
-        _checks.refuse_other("compensate", arm, Arm, "such as load_arm('ur5e')")
-    if limits is not None:
-        _checks.refuse_other("compensate", limits, Limits, "such as arm.limits")
     method = default_method(servo, arm) if method is None else method
     _checks.choice("method", method, METHODS)
     interval = check_interval(period)

@@ -164,7 +164,7 @@ def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
     """
     try:
         placed = np.array(poles, dtype=np.complex128)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInput(
             f"poles must be three finite numbers [1/s]: {str(error).split('. ')[0].rstrip('.')}."
         ) from None

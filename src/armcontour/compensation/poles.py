@@ -87,6 +87,7 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
     )
 
 
+@_checks.checked
 def fastest_poles(
     servo: ServoModel, trajectory: Trajectory, limits: Limits, period: float = 4e-3
 ) -> FloatArray:
@@ -113,9 +114,6 @@ def fastest_poles(
         InvalidInput: There is no limit of joint acceleration, or the servo is not of order
             "second".
     """
-    _checks.refuse_other("fastest_poles", servo, ServoModel)
-    _checks.refuse_other("fastest_poles", trajectory, Trajectory, "as plan gives it")
-    _checks.refuse_other("fastest_poles", limits, Limits, "such as arm.limits")
     interval = check_interval(period)
     bounds = _needed_bounds(limits, trajectory.dof)
     model = servo.for_joints(trajectory.dof)

@@ -160,6 +160,7 @@ class Check:
         raise KeyError(name)
 
 
+@_checks.checked
 def check(
     samples: TimeSamples | Law,
     arm: Arm,
@@ -224,14 +225,14 @@ def check(
         options: dict[str, Any] = {"tolerance": tolerance, "velocity_step": velocity_step}
         options |= {"points": points, "seed": seed, "resolution": resolution}
         return _check_parts(samples, arm, limits, program, allowed=allowed, **options)
-    _checks.refuse_other("check", arm, Arm, "such as load_arm('ur5e')")
     on = None if program is None else program.path
     _refuse_path(arm, on, deviation, missed, orientation_deviation)
     bounds = choose_limits("check", arm, limits)
     tally = Tally(arm, bounds, on, deviation, orientation_deviation)
     tolerance = _checks.not_negative("tolerance", tolerance)
     points = _checks.whole("points", points, 0, 10_000)
-    if callable(samples):
+    seed = _checks.whole("seed", seed, 0, 2**63 - 1)
+    if callable(samples) and hasattr(samples, "breaks"):
         step = _checks.positive("velocity_step", velocity_step, "rad/s")
         motion: Any = samples
         judged = _judge_law(samples, tally, points, seed, step)
@@ -275,7 +276,7 @@ def _split_contours(samples: Any, arm: Arm, program: Program | None) -> list[_Pa
     """
     paths: list[Path | None] = [] if program is None else [x.path for x in program.contours]
     starts = [0.0] if program is None else program.breaks.tolist()
-    if callable(samples):
+    if callable(samples) and hasattr(samples, "breaks"):
         spans = getattr(samples, "contour_spans", ())
         paths = paths or [None] * len(spans)
         if len(spans) != len(paths):

@@ -198,6 +198,7 @@ def _most(shares: FloatArray) -> str:
     return f"{shares[worst]:.4f} (joint {worst + 1})"
 
 
+@_checks.checked
 def evaluate(
     executed: Execution,
     path: Path | Program,
@@ -230,7 +231,6 @@ def evaluate(
         InvalidInput: The path has another dimension than the arm, `until` is not above zero, or the
             program was not planned.
     """
-    _checks.refuse_other("evaluate", executed, Execution, "as execute gives it")
     program, before = Program.of(path, "evaluate needs a Path or a Program"), None
     if objective is not None:
         before = Program.of(objective, "evaluate needs a Path or a Program as its objective")

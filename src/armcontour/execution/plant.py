@@ -68,6 +68,7 @@ class Plant(ABC):
         return f"{type(self).__name__}({'' if arm is None else repr(arm)})"
 
 
+@_checks.checked
 def execute(
     taught: TaughtData,
     plant: Plant,
@@ -86,11 +87,6 @@ def execute(
             the command interval, or there would be too many results.
         ExecutionError: Rigid bodies do not come to rest, or a drive is too weak to hold the arm.
     """
-    if not isinstance(taught, TaughtData):
-        raise InvalidInput(
-            f"execute needs TaughtData, as compensate gives it, not {type(taught).__name__}."
-        )
-    _checks.refuse_other("execute", plant, Plant, "such as ServoPlant(arm, servo)")
     fine = _checks.positive("resolution", resolution, "s")
     span = (len(taught.q) - 1) * taught.period
     _checks.refuse_too_many(
@@ -108,7 +104,7 @@ def refuse_other_joints(taught: TaughtData, arm: Arm) -> None:
     Raises:
         InvalidInput: The numbers differ, or it is no taught data.
     """
-    _checks.refuse_other("A plant", taught, TaughtData, "as compensate gives it")
+    _checks.refuse_other("A plant", taught, TaughtData)
     if taught.q.shape[1] != arm.dof:
         raise InvalidInput(
             f"The taught data is for {taught.q.shape[1]} joints, but the arm {arm.name} has "
@@ -331,6 +327,7 @@ class ServoPlant(Locked, Plant):
             or torque saturates but limits or masses are missing.
     """
 
+    @_checks.checked
     def __init__(
         self,
         arm: Arm,
@@ -339,8 +336,6 @@ class ServoPlant(Locked, Plant):
         *,
         saturation: str | None = None,
     ) -> None:
-        _checks.refuse_other("A ServoPlant", arm, Arm, "such as load_arm('ur5e')")
-        _checks.refuse_other("A ServoPlant", servo, ServoModel)
         self.arm = arm
         self.servo = servo.for_joints(arm.dof)
         own = choose_limits("A ServoPlant", arm, limits)

@@ -115,6 +115,7 @@ class RigidBodyPlant(Locked, Plant):
             is not installed.
     """
 
+    @_checks.checked
     def __init__(
         self,
         arm: Arm,
@@ -138,7 +139,6 @@ class RigidBodyPlant(Locked, Plant):
                 f"The arm {arm.name} has {arm.dof} joints, but the arm that its controller knows "
                 f"has {len(self.known_chain)}."
             )
-        _checks.refuse_other("A RigidBodyPlant", servo, ServoModel)
         self.servo = servo.for_joints(arm.dof)
         self.servo.refuse_mixed("A rigid-body plant")
         if self.servo.acceleration_limit is not None:
@@ -606,7 +606,6 @@ def _bodies(arm: Arm) -> Chain:
     Raises:
         InvalidInput: The arm has no masses, or another number of joints than its chain.
     """
-    _checks.refuse_other("A RigidBodyPlant", arm, Arm, "such as load_arm('ur5e')")
     chain = arm.chain
     if chain is None or not arm.has_bodies:
         raise InvalidInput(

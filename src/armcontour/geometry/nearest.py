@@ -64,6 +64,8 @@ def find_nearest(
             f"Points to project have {queries.shape[1]} coordinates, "
             f"the path has {segments.dimension}."
         )
+    if not len(queries):
+        return Projection(np.empty(0), np.empty(0))
     from armcontour.geometry._segments import search_tree
 
     tree = _trees.get(segments)

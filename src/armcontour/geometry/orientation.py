@@ -77,16 +77,17 @@ class Orientation(Value):
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        n = len(self.starts)
+        starts, f = (_checks.floats("starts, f", x) for x in (self.starts, self.f))
+        n = len(np.atleast_1d(starts))
         for name, shape in (
             ("breaks", (n + 1,)),
             ("starts", (n, 3, 3)),
             ("first", (n, 3)),
             ("second", (n, 3)),
-            ("f", (n, 6 if np.shape(self.f)[-1:] == (6,) else 4)),
-            ("g", np.shape(self.f)),
+            ("f", (n, 6 if f.shape[-1:] == (6,) else 4)),
+            ("g", f.shape),
         ):
-            array = _checks.lock_floats(getattr(self, name))
+            array = _checks.lock_floats(getattr(self, name), name)
             if array.shape != shape or not np.isfinite(array).all():
                 raise InvalidInput(f"{name} of an orientation must be finite, of shape {shape}.")
             object.__setattr__(self, name, array)
@@ -176,7 +177,8 @@ class Orientation(Value):
             s: Arc lengths [m], any shape.
             side: "right" for the piece after a break, "left" for the piece before the break.
         """
-        found = np.searchsorted(self.breaks, s, side=_checks.side(side)) - 1
+        at = _checks.floats("arc lengths", s, "m")
+        found = np.searchsorted(self.breaks, at, side=_checks.side(side)) - 1
         return np.clip(found, 0, len(self) - 1)
 
     def on_piece(self, i: IntArray, u: FloatArray) -> FloatArray:

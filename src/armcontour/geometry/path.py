@@ -60,6 +60,7 @@ class Path(Value):
     breaks: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        _checks.check_fields(self)
         object.__setattr__(self, "segments", self.segments.check())
         n = len(self.segments)
         if self.waypoints is EVERY_VERTEX:
@@ -73,6 +74,7 @@ class Path(Value):
             object.__setattr__(self, "orientation", self._fitting(self.orientation))
 
     @classmethod
+    @_checks.checked
     def polyline(cls, points: npt.ArrayLike, *, demand: Demand = NO_DEMAND) -> Path:
         """The path of straight lines through `points`.
 
@@ -83,7 +85,6 @@ class Path(Value):
         Raises:
             InvalidInput: The points have a wrong shape, or fewer than two of them differ.
         """
-        _checks.refuse_other("A path", demand, Demand, "such as Demand(speed=0.1)")
         given = _checks.points("points of a path", points)
         kept = _without_repeats(given)
         if len(kept) < 2:
@@ -110,6 +111,7 @@ class Path(Value):
         return Path(segments=tabulate(segments))
 
     @classmethod
+    @_checks.checked
     def spline(
         cls,
         points: npt.ArrayLike,
@@ -397,7 +399,7 @@ def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
     Raises:
         InvalidInput: They do not increase from 0 to n.
     """
-    at: IntArray = np.asarray(waypoints)
+    at = _checks.indices("waypoints of a path", waypoints)
     if at.ndim != 1 or len(at) < 2 or (at[0], at[-1]) != (0, n) or not (at[1:] > at[:-1]).all():
         raise InvalidInput(f"waypoints of a path must increase from 0 to {n}.")
     return _checks.lock_copy(at)

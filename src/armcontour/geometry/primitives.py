@@ -188,7 +188,7 @@ def tabulate(segments: Iterable[Line | Arc]) -> Segments:
             raise InvalidInput(
                 f"Segment {i + 1} must be a Line or an Arc, not a {type(x).__name__}.", index=i
             )
-        _checks.refuse_other(f"Segment {i + 1}", x.demand, Demand, "such as Demand(speed=0.1)")
+        _checks.refuse_other(f"Segment {i + 1}", x.demand, Demand)
     rows = [_line(x, i) if isinstance(x, Line) else _arc(x, i) for i, x in enumerate(listed)]
     if not rows:
         raise InvalidInput("A path needs at least one segment.")

@@ -151,16 +151,14 @@ class RoundedPath(Path):
         Args:
             s: Arc lengths of the objective path [m], any shape.
         """
-        c = self.corners
+        s, c = _checks.floats("arc lengths", s, "m"), self.corners
         if self.segments is self.objective.segments:
-            return np.clip(np.asarray(s, dtype=np.float64), 0.0, self.length)
+            return np.clip(s, 0.0, self.length)
         at = self.objective.breaks[c.vertex]
         before = np.concatenate([[0.0], np.stack([at - c.tangent, at + c.tangent], axis=1).ravel()])
         after = np.concatenate([[0.0], np.stack([c.start, c.end], axis=1).ravel()])
         ends = self.objective.length, self.length
-        places = np.interp(
-            np.asarray(s, dtype=np.float64), np.append(before, ends[0]), np.append(after, ends[1])
-        )
+        places = np.interp(s, np.append(before, ends[0]), np.append(after, ends[1]))
         return np.asarray(places)
 
 
@@ -220,6 +218,7 @@ def round_corners(
     return _round_all(path, (tolerance, speed, acceleration), angular_tolerance, curve)
 
 
+@_checks.checked
 def round_with_parabolas(
     path: Path, *, tolerance: npt.ArrayLike, angular_tolerance: float | None = None
 ) -> RoundedPath:

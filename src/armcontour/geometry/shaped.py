@@ -151,7 +151,7 @@ class ShapedPath(Path):
             return super().__call__(s, order, side=side)
         at = check_arc_length(s, self.length)
         i = self.locate(at, side=side)
-        return self.on_segment(i, at - self.breaks[i], order)
+        return self.on_segment(i, at - self.breaks[i], _checks.derivative(order))
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
         """Point or derivative at distance `u` [m] from the start of segment `i`, of the curve.
@@ -205,7 +205,7 @@ def check_places(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArr
     found = _checks.lock_floats(places)
     ends = np.array([[0.0, 0.0], [objective.length, path.length]])
     near = 1e-9 * (1 + ends[1])
-    if found.ndim != 2 or (np.abs(found[[0, -1]] - ends) > near).any():
+    if found.ndim != 2 or not found.size or (np.abs(found[[0, -1]] - ends) > near).any():
         raise InvalidInput("The places of a shaped path must lead from its start to its end.")
     if (np.diff(found, axis=0) < 0).any():
         raise InvalidInput("The places of a shaped path must not decrease.")

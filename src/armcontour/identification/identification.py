@@ -60,6 +60,7 @@ def identify(
 ) -> RobotIdentification: ...
 
 
+@_checks.checked
 def identify(
     log: Log | Sequence[Log],
     *,
@@ -108,7 +109,7 @@ def identify(
     """
     longest = _checks.positive("longest dead time", longest_dead_time, "s")
     _checks.choice("model", model, tuple(MODELS))
-    logs = (log,) if isinstance(log, Log) else tuple(log)
+    logs = _checks.listed("log", (log,) if isinstance(log, Log) else log, Log, "Logs")
     if arm is None:
         for name, value in (("servo", servo), ("gravity", gravity)):
             if value is not None:
@@ -118,7 +119,6 @@ def identify(
         if drive_cycle is not None:
             sampled = _checks.between("cycle of the drives", drive_cycle, *CYCLES, "s")
         return _identify_servo(logs, MODELS[model], between_points, longest, sampled, progress)
-    _checks.refuse_other("identify", arm, Arm, "such as load_arm('ur5e')")
     joints = "model is for joints without an arm: leave it out, or leave arm out."
     _checks.refuse_if(model != "auto", joints)
     _checks.refuse_if(not logs, "There is no log to identify from: give at least one.")

@@ -222,6 +222,7 @@ class Identification:
             **given,
         )
 
+    @_checks.checked
     def predict(self, log: Log) -> Prediction:
         """Simulate the servo that is written with the commands of a log.
 
@@ -302,7 +303,7 @@ class Prediction:
         Raises:
             InvalidInput: The arm has another number of joints.
         """
-        _checks.refuse_other("tool_errors", arm, Arm, "such as load_arm('ur5e')")
+        _checks.refuse_other("tool_errors", arm, Arm)
         if arm.dof != self.log.dof:
             raise InvalidInput(
                 f"{self.log.source} has {self.log.dof} joints, but the arm {arm.name} has "

@@ -47,6 +47,7 @@ TIMING_OPTIONS = {"knots": "mac", "intervals": "optimal"}
 COMPENSATION_OPTIONS = {"poles": "pole_placement", "gravity_feedforward": "inverse_dynamics"}
 
 
+@_checks.checked
 def read_job(
     file: str | FilePath,
     *,
@@ -87,6 +88,7 @@ def job_text(file: FilePath) -> str:
     return read_text(file, "job file")
 
 
+@_checks.checked
 def parse_job(
     text: str,
     *,

@@ -61,6 +61,7 @@ _INTERPOLATION = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)\s*", re.I
 _Key = tuple[str, str]
 
 
+@_checks.checked
 def read_log(
     file: str | FilePath,
     *,

@@ -87,6 +87,7 @@ class TrajectoryFile:
 _Key = tuple[str, int]
 
 
+@_checks.checked
 def read_trajectory(
     file: str | FilePath,
     joint_names: Sequence[str] = (),
@@ -152,6 +153,7 @@ def parse_trajectory(
     Raises:
         InvalidInput: As in `read_trajectory`.
     """
+    joint_names = _checks.check_names("joint_names", joint_names)
     table = split_csv(text, source, columns)
     known, left_out = _columns(table, joint_names)
     used = [known[key] for key in sorted(known)]

@@ -73,8 +73,7 @@ class Goal:
                 f"servo is {self.servo:g} m, but must be below the tolerance of "
                 f"{self.tolerance:g} m: the corners need a part of the tolerance."
             )
-        if self.box is not None:
-            _checks.refuse_other("A Goal", self.box, Box)
+        _checks.check_fields(self)
         _checks.choice("saturation", self.saturation, SATURATION)
         _checks.choice("plant", self.plant, PLANTS)
         _checks.refuse_if(
@@ -91,5 +90,6 @@ class Goal:
         _checks.whole("bodies", self.bodies, 1, 10**6)
         _checks.whole("corners", self.corners, 1, 10**6)
         _checks.whole("seed", self.seed, 0, 2**63 - 1)
-        if _checks.positive("slowest", self.slowest) <= 1:
+        object.__setattr__(self, "slowest", _checks.positive("slowest", self.slowest))
+        if self.slowest <= 1:
             raise InvalidInput(f"slowest must be above 1, but is {self.slowest:g}.")

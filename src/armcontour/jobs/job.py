@@ -259,6 +259,7 @@ class Run:
     experiment: Experiment | None = None
 
     def __post_init__(self) -> None:
+        _checks.check_fields(self)
         check_interval(self.period)
         if self.rounding is not None:
             self.rounding.check(self.timing)
@@ -266,7 +267,7 @@ class Run:
             _checks.positive("duration", self.duration, "s")
         if self.until is not None:
             _checks.positive("until", self.until, "s")
-        for x in self.smoothing:
+        for x in _checks.listed("smoothing", self.smoothing, object, "windows"):
             _checks.positive("smoothing", x, "s")
 
     def refuse_until(self, program: Program) -> None:
@@ -366,11 +367,13 @@ class Job:
     def __post_init__(self) -> None:
         if self.plant_servo is None:
             object.__setattr__(self, "plant_servo", self.servo)
+        _checks.check_fields(self)
         program = Program.of(self.path, "A job needs a Path or a Program")
         object.__setattr__(self, "program", program)
         object.__setattr__(self, "_cell", CellOnce(self.arm, self.scene))
         _checks.check_name("name of the job", self.name)
         _checks.check_name("title of the job", self.title, most=LONGEST_TITLE)
+        object.__setattr__(self, "runs", _checks.listed("runs", self.runs, Run, "Runs"))
         for x in self.runs:
             _checks.check_name("name of a run", x.name)
             with locate_errors(f"Run {x.name}"):

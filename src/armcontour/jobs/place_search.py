@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from armcontour import _checks
@@ -62,6 +62,7 @@ class PlaceSearch:
     tools: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        _checks.check_fields(self)
         self.check(SPACE)
         _checks.choice("objective", self.objective, OBJECTIVES)
         _checks.choice("what", self.what, WHAT)
@@ -87,6 +88,7 @@ class PlaceSearch:
             read_axes(self.over, dimension)
         read_uncertainty(self.uncertainty, dimension)
 
+    @_checks.checked
     def replaced(self, given: Mapping[str, Any]) -> PlaceSearch:
         """The same with some fields replaced; of `over` and `uncertainty` only the axes given.
 
@@ -96,6 +98,8 @@ class PlaceSearch:
         Raises:
             InvalidInput: As at birth.
         """
+        for name in given:
+            _checks.choice("name of a field", name, tuple(x.name for x in fields(self)))
         new = {name: x for name, x in given.items() if x is not None}
         for name in ("over", "uncertainty"):
             if isinstance(new.get(name), Mapping):

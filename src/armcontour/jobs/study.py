@@ -58,6 +58,7 @@ PLANNED = ("objective", "path", "trajectory", "traced", "exceeded", "clearance",
 RESOLUTION = 1e-3
 
 
+@_checks.checked
 def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) -> Study:
     """Do every run of a job, from the objective path to the evaluation.
 
@@ -72,7 +73,6 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
     Raises:
         ArmContourError: The error of the first run that fails.
     """
-    _checks.refuse_other("run", job, Job, "as read_job gives it")
     refuse_impossible(job, simulate=simulate)
     done: dict[str, RunResult] = {}
     for this in job.runs:

@@ -269,8 +269,6 @@ def add_tool(
         InvalidInput: The positions are not those of this tool along this motion.
     """
     arm = lifted.nominal.arm
-    if len(tool) != 2:
-        raise InvalidInput("tool must be two arrays: times, and positions of the tool.")
     t, points = _checks.numbers("tool times", tool[0], "s"), _checks.points("tool", tool[1])
     form = t.ndim == 1 and len(t) >= 5 and points.shape == (len(t), arm.dimension)
     if not form or (np.diff(t) <= 0).any():

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import CompensationError, InvalidInput
@@ -46,6 +47,7 @@ MOST_OFF = 1.0
 SURE = 3.0
 
 
+@_checks.checked
 def learn(
     taught: TaughtData,
     executed: Runs,
@@ -131,6 +133,8 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
         InvalidInput: There is no log, or positions of a tool with several; or learning knows no
             such servo.
     """
+    if tool is not None:
+        tool = _checks.listed("tool", tool, object, "times and positions of the tool", 2)
     logs = executed if isinstance(executed, (list, tuple)) else (executed,)
     if not logs or (tool is not None and len(logs) > 1):
         raise InvalidInput(

@@ -237,7 +237,9 @@ class Lesson(TaughtData):
 
     def __post_init__(self) -> None:
         TaughtData.__post_init__(self)
-        if not self.runs:
+        runs = _checks.listed("runs", self.runs, LearnedRun, "LearnedRuns")
+        object.__setattr__(self, "runs", runs)
+        if not runs:
             raise InvalidInput("A lesson needs at least one run from which it was learned.")
 
     def __str__(self) -> str:

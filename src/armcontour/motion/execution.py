@@ -83,10 +83,10 @@ class Execution(Value):
         if (self.torque is None) != (self.torque_demand is None):
             raise InvalidInput("An execution has both torque and torque_demand, or neither.")
         for name in ("t", "q", "dq", "ddq", "demand", "demand_range", "saturated_time"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name), name))
         for name in ("torque", "torque_demand", "motor_q", "unsettled", "unexplained"):
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+                object.__setattr__(self, name, _checks.lock_floats(getattr(self, name), name))
 
     def __str__(self) -> str:
         """How every joint moved: ranges, and largest amounts."""
@@ -262,7 +262,7 @@ class TaughtData(Value):
     cut_off: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        _checks.refuse_other("Taught data", self.trajectory, Trajectory, "as plan gives it")
+        _checks.check_fields(self)
         check_interval(self.period)
         values = _checks.numbers("set-points", self.q, "rad")
         if values.ndim != 2 or len(values) == 0:
@@ -275,7 +275,7 @@ class TaughtData(Value):
             )
         object.__setattr__(self, "start_time", start)
         if self.cut_off is not None:
-            object.__setattr__(self, "cut_off", _checks.lock_floats(self.cut_off))
+            object.__setattr__(self, "cut_off", _checks.lock_floats(self.cut_off, "cut_off"))
 
     def __str__(self) -> str:
         """Number and interval of the set-points, and where the joints are sent."""

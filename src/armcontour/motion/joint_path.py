@@ -129,12 +129,17 @@ class JointPath(Value):
             end: q, dq_ds and d2q_ds2 at the end of every interval, (n, dof) each.
             stops: Arc lengths at which the motion has to stop [m], (m,).
             tool_path: The path that the joint path was traced from; None if there is none.
+
+        Raises:
+            InvalidInput: As of the class, or shapes differ.
         """
-        width = np.diff(breaks)
-        play = PLAY * float(np.abs(breaks).max())
+        at = _checks.shaped("breaks of a joint path", breaks, (None,))
+        _checks.refuse_if(len(at) < 2, "A joint path needs at least two breaks.")
+        first = _checks.shaped("begin", begin, (3, len(at) - 1, None))
+        last = _checks.shaped("end", end, first.shape)
         return cls(
-            breaks=breaks,
-            coefficients=quintic(width, begin, end, play),
+            breaks=at,
+            coefficients=quintic(np.diff(at), first, last, PLAY * float(np.abs(at).max())),
             stops=stops,
             tool_path=tool_path,
         )
@@ -240,7 +245,7 @@ class JointPath(Value):
             InvalidInput: There is no such interval, or not one for each arc length.
         """
         at = np.require(np.ravel(_checks.floats("arc lengths", s, "m")), np.float64, ["W"])
-        pieces = np.require(np.ravel(i), np.intp, ["W"])
+        pieces = np.require(np.ravel(_checks.indices("intervals", i)), np.intp, ["W"])
         last = len(self.breaks) - 2
         # Compiled code would read past the end.
         if pieces.shape != at.shape or (

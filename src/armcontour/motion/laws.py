@@ -129,9 +129,13 @@ def stand_still(q: FloatArray, duration: float) -> LapLaw:
     Args:
         q: Where they stand [rad], (dof,).
         duration: For so long [s].
+
+    Raises:
+        InvalidInput: No row of joint positions, or no duration above zero.
     """
-    rest = np.zeros((1, len(q)))
-    return LapLaw(breaks=np.array([0.0, duration]), q=np.tile(q, (2, 1)), dq=rest, ddq=rest)
+    at = _checks.shaped("joint positions", _checks.numbers("joint positions", q, "rad"), (None,))
+    rest, end = np.zeros((1, len(at))), _checks.positive("duration", duration, "s")
+    return LapLaw(breaks=np.array([0.0, end]), q=np.tile(at, (2, 1)), dq=rest, ddq=rest)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -301,8 +301,11 @@ def _used(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
             raise InvalidInput(
                 f"The {name} time of {source} must be a number in s, not {show(value)}."
             )
-        if math.isnan(value):
-            raise InvalidInput(f"The {name} time to use must be a number of seconds, not nan.")
+        # NaN fails the comparison; numpy compares no larger whole number.
+        if not abs(value) <= (_checks.LARGEST if isinstance(value, int) else math.inf):
+            raise InvalidInput(
+                f"The {name} time to use must be a number of seconds, not {show(value)}."
+            )
     used = (np.asarray(t) >= start) & (np.asarray(t) <= end)
     if len(t) and not used.any():
         raise InvalidInput(

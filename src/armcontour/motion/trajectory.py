@@ -167,6 +167,8 @@ class Trajectory(Value):
     _joined: list[tuple[int, int, JoinedLaws]] = field(default_factory=list, init=False, repr=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "laws", _checks.listed("laws", self.laws, Law, "Laws"))
+        object.__setattr__(self, "spans", _checks.listed("spans", self.spans, Span, "Spans"))
         if not self.laws:
             raise InvalidInput("A trajectory needs at least one law of motion.")
         starts = [0.0, *accumulate(float(law.breaks[-1]) for law in self.laws)]

@@ -9,6 +9,7 @@ from itertools import product
 
 import numpy as np
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import line_up
 from armcontour.frames import Frame
@@ -17,6 +18,9 @@ from armcontour.jobs.job import Job, Run
 from armcontour.placement.judging import Verdict
 from armcontour.placement.moving import Moves, place_job
 from armcontour.scene.scene import PART
+
+# Values of a place that `Placement.values` gives.
+FIGURES = ("duration", "bound", "singular", "clearance", "torque_margin")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,8 +95,9 @@ class Placement:
         """One value of all places, not a number where it is not known, in the shape of the grid.
 
         Args:
-            name: "duration", "bound", "singular", "clearance" or "torque_margin".
+            name: One of FIGURES.
         """
+        _checks.choice("value", name, FIGURES)
         return np.array([getattr(x, name) for x in self.verdicts]).reshape(self.shape)
 
     def place(self, index: int) -> dict[str, float]:
@@ -101,9 +106,10 @@ class Placement:
         Args:
             index: Its index among the verdicts.
         """
-        at = np.unravel_index(index, self.shape)
+        at = np.unravel_index(_checks.whole("index", index, 0, len(self.verdicts) - 1), self.shape)
         return {x.name: float(x.values[k]) for x, k in zip(self.axes, at, strict=True)}
 
+    @_checks.checked
     def frame(self, place: Place | None = None) -> Frame:
         """Where the part, or the base, is taken, in the coordinates of the job's path.
 
@@ -112,6 +118,7 @@ class Placement:
         """
         return self.moves.frame((place or self.refined).values)
 
+    @_checks.checked
     def placed(self, place: Place | None = None) -> Job:
         """The job with its part or base in a place.
 

@@ -36,6 +36,7 @@ SAMPLES = 200
 MOST_EXPLAINED = 40
 
 
+@_checks.checked
 def place(
     job: Job,
     run: str | None = None,
@@ -94,7 +95,6 @@ def place(
         NotRealizable: No place has a plan that keeps limits and margins.
         ExecutionError: The executor takes no work, has lost a worker, or its workers cannot work.
     """
-    _checks.refuse_other("place", job, Job, "as read_job gives it")
     if processes is not None:
         _checks.whole("processes", processes, 1, 1024)
         if executor is not None:

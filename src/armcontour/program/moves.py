@@ -105,26 +105,19 @@ class Contour:
     woven: Woven | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.path, Path):
-            raise InvalidInput(f"A contour needs a Path, not {type(self.path).__name__}.")
+        _checks.check_fields(self)
         _checks.check_name("name of a contour", self.name)
         _checks.check_name("layer of a contour", self.layer)
         if self.work is not None:
-            if np.shape(self.work) != (2,):
-                raise InvalidInput(
-                    f"The work on the contour {self.name} needs two arc lengths, start and end."
-                )
-            start, end = (_checks.number("work of a contour", x, "m") for x in self.work)
+            start, end = _checks.shaped(f"work on the contour {self.name}", self.work, (2,), "m")
             if not -REPEATED_POINT <= start < end <= self.path.length + REPEATED_POINT:
                 raise InvalidInput(
                     f"The work on the contour {self.name} goes from {start:g} to {end:g} m, which "
                     f"is not within its length of {self.path.length:g} m."
                 )
-        if not isinstance(self.events, Iterable):
-            raise InvalidInput(f"events of the contour {self.name} must be a list of Events.")
-        events = tuple(self.events)
+        name = f"events of the contour {self.name}"
+        events = _checks.listed(name, self.events, Event, "Events")
         for x in events:
-            _checks.refuse_other(f"The contour {self.name}", x, Event)
             if x.s > self.path.length + REPEATED_POINT:
                 raise InvalidInput(
                     f"The event {x.name} is at {x.s:g} m of the contour {self.name}, which is only "
@@ -258,17 +251,15 @@ class Program:
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if not isinstance(self.moves, Iterable):
-            raise InvalidInput(
-                "moves of a program must be a list of Contours, Rapids, Dwells and Events, not "
-                f"{type(self.moves).__name__}."
-            )
-        object.__setattr__(self, "moves", tuple(self.moves))
+        _checks.check_fields(self)
+        what = "Contours, Rapids, Dwells and Events"
+        moves = _checks.listed("moves of a program", self.moves, object, what)
+        object.__setattr__(self, "moves", moves)
         # They contain text of files, and are printed on terminals.
         object.__setattr__(self, "source", make_printable(self.source))
         for name in ("notes", "remarks"):
-            said = tuple(make_printable(shorten(x)) for x in getattr(self, name))
-            object.__setattr__(self, name, said)
+            said = _checks.listed(name, getattr(self, name), str, "texts")
+            object.__setattr__(self, name, tuple(make_printable(shorten(x)) for x in said))
         for x in self.moves:
             _refuse_move(x)
         if not self.contours:
@@ -346,6 +337,7 @@ class Program:
         lengths = [x.path.length for x in self.contours]
         return np.concatenate([[0.0], np.cumsum(lengths)])
 
+    @_checks.checked
     def mapped(self, change: Callable[[Path], Path]) -> Program:
         """The program with changed paths; events keep their relative positions.
 
@@ -356,6 +348,7 @@ class Program:
         for x in self.moves:
             if isinstance(x, Contour):
                 path = change(x.path)
+                _checks.refuse_other("Program.mapped", path, Path, role="result")
                 factor = path.length / x.path.length
                 events = tuple(
                     dataclasses.replace(e, s=min(e.s * factor, path.length)) for e in x.events
@@ -430,6 +423,7 @@ class Program:
         """
         return self.mapped(lambda path: place_path(path, frame, scale=scale))
 
+    @_checks.checked
     def repeated(
         self,
         *,
@@ -541,7 +535,8 @@ class Program:
             x for x, *chosen in zip(self.contours, by_layer, by_name, strict=True) if all(chosen)
         )
         if not kept:
-            why = "fits both the layers and the names" if layers and names else "is chosen"
+            both = "fits both the layers and the names"
+            why = "is chosen" if layers is None or names is None else both
             raise InvalidInput(
                 f"{self.source or 'The program'} has no contour that {why}: leave out the empty "
                 "list, or what excludes the other."
@@ -566,9 +561,8 @@ class Program:
         """
         if wanted is None:
             return [True] * len(known)
-        wanted = [wanted] if isinstance(wanted, str) else wanted
-        if not isinstance(wanted, Collection):
-            raise InvalidInput(f"A {what} is chosen by its name, not by {wanted!r}.")
+        named = (wanted,) if isinstance(wanted, str) else wanted
+        wanted = _checks.check_names(f"names of a {what}", named)
         unknown = sorted(set(wanted) - set(known), key=str)
         if unknown:
             raise InvalidInput(

@@ -41,6 +41,7 @@ CLEAR = 1.0
 CORNER = np.radians(20)
 
 
+@_checks.checked
 def prepare(
     program: Path | Program, process: Process, lengths: Sequence[Leads] | None = None
 ) -> Program:
@@ -57,7 +58,8 @@ def prepare(
             or the height of a pierce.
     """
     program = Program.of(program, "prepare needs a Path or a Program")
-    _checks.refuse_other("prepare", process, Process)
+    if lengths is not None:
+        lengths = _checks.listed("lengths", lengths, Leads, "Leads")
     refuse_unfit(program, process)
     program = arrange(program, process)
     rapids_away = leading_away(program.moves)
@@ -76,11 +78,11 @@ def prepare(
     placement = LeadPlacement(drawn, process)
     program = dataclasses.replace(program, moves=tuple(moves))
     program, run_in = resume(program, process.from_s, keeps_lead=partial(_keeps_lead, process))
-    if process.automatic and (lengths is None or len(lengths) != len(program.contours)):
+    given = 0 if lengths is None else len(lengths)
+    if given != len(program.contours) and (process.automatic or lengths is not None):
         raise InvalidInput(
             f"Leads of automatic length need {len(program.contours)} lengths, one per contour, "
-            f"but there are {0 if lengths is None else len(lengths)}: run a job, which finds them, "
-            "or give the leads a length."
+            f"but there are {given}: run a job, which finds them, or give the leads a length."
         )
     contours: list[Contour] = []
     for k, x in enumerate(program.contours, len(drawn) - len(program.contours)):

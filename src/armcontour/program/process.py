@@ -215,17 +215,6 @@ class Weave:
         _checks.choice("shape", self.shape, WEAVES)
 
 
-# What parts of a process are made of.
-PARTS = {
-    "lead_in": Lead,
-    "lead_out": Lead,
-    "pierce": Pierce,
-    "switch": Switch,
-    "tabs": Tabs,
-    "weave": Weave,
-}
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerProcess:
     """Values for the contours of one layer, in the place of those of the process.
@@ -327,9 +316,7 @@ class Process:
     _of_layers: Mapping[str, Process] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        for name, kind in PARTS.items():
-            if getattr(self, name) is not None:
-                _checks.refuse_other(f"{name} of a process", getattr(self, name), kind)
+        _checks.check_fields(self)
         for name in ("overlap", "approach", "retract", "from_s"):
             _checks.not_negative(name, getattr(self, name), "m")
         _checks.not_negative("dwell", self.dwell, "s")
@@ -389,8 +376,6 @@ class Process:
         """
         known = [x.name for x in fields(LayerProcess)]
         made: dict[str, Process] = {}
-        for name in ("by_layer", "layers"):
-            _checks.refuse_other(f"{name} of a process", getattr(self, name), Mapping)
         for layer, given in self.by_layer.items():
             with locate_errors(f"by_layer.{layer}"):
                 _checks.refuse_other("A layer", given, Mapping)
@@ -406,6 +391,7 @@ class Process:
         given |= {"by_layer": dict(self.by_layer), "layers": dict(self.layers)}
         return partial(type(self), **given), ()
 
+    @_checks.checked
     def of_layer(self, layer: str) -> Process:
         """The process of the contours of a layer, without `by_layer`.
 

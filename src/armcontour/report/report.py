@@ -130,6 +130,7 @@ def _page(
     )
 
 
+@_checks.checked
 def write_report(study: Study, file: str | FilePath) -> None:
     """Write the report of a study to an HTML file, completely or not at all.
 
@@ -140,7 +141,6 @@ def write_report(study: Study, file: str | FilePath) -> None:
     Raises:
         InvalidInput: No study, or the file cannot be written.
     """
-    _checks.refuse_other("write_report", study, Study, "as run gives it")
     place = _checks.read_place("write_report", file)
     page = render_report(study)
     try:

@@ -146,6 +146,7 @@ class Spread:
         return float(np.mean(self.max <= budget))
 
 
+@_checks.checked
 def spread(
     taught: TaughtData,
     path: Path,
@@ -195,6 +196,7 @@ def spread(
     return model.executed(unit, started, _threads(threads))
 
 
+@_checks.checked
 def worst_corner(
     taught: TaughtData,
     path: Path,

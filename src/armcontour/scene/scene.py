@@ -68,7 +68,7 @@ class Obstacle:
         if self.margin is not None:
             value = _checks.not_negative(f"margin of {self.name}", self.margin, "m")
             object.__setattr__(self, "margin", value)
-        object.__setattr__(self, "allow", tuple(self.allow))
+        object.__setattr__(self, "allow", _checks.check_names("allow", self.allow))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -141,6 +141,7 @@ class Mesh(Shape):
     _hull: Mesh | None = field(init=False, default=None, repr=False)
 
     def __post_init__(self) -> None:
+        _checks.check_fields(self)
         who = self.source or "a mesh"
         points = _checks.numbers(f"points of {who}", self.points, "m")
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 4:
@@ -151,7 +152,7 @@ class Mesh(Shape):
         object.__setattr__(self, "points", _checks.lock_floats(points))
         if self.triangles is None:
             return
-        corners = np.array(self.triangles, dtype=np.intp)
+        corners = np.array(_checks.indices(f"triangles of {who}", self.triangles))
         if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) == 0:
             raise InvalidInput(f"The triangles of {who} are 3 indices of points each.")
         if corners.min() < 0 or corners.max() >= len(points):

@@ -154,7 +154,8 @@ class ServoModel(Value):
         unexplained: npt.ArrayLike | None = None,
     ) -> None:
         _checks.choice("interpolation", interpolation, INTERPOLATIONS)
-        orders = (order,) if isinstance(order, str) else tuple(order)
+        orders = (order,) if isinstance(order, str) else _checks.check_names("order", order)
+        _checks.refuse_if(not orders, "A servo needs an order, such as second.")
         for x in orders:
             _checks.choice("order", x, ORDERS)
         same = len(set(orders)) == 1
@@ -218,6 +219,7 @@ class ServoModel(Value):
         Raises:
             InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
+        dof = _checks.whole("dof", dof, 1, _checks.MOST_JOINTS)
         given: dict[str, Any] = {}
         for x in PER_JOINT:
             values = getattr(self, x)
@@ -365,6 +367,11 @@ class ServoModel(Value):
             InvalidInput: The accelerations are missing.
         """
         at, rate = _checks.floats("q", q, "rad"), _checks.floats("dq", dq, "rad/s")
+        bends = 0.0 if ddq is None else _checks.floats("ddq", ddq, "rad/s²")
+        try:
+            np.broadcast(at, rate, bends, self.kp, self.friction)
+        except ValueError:
+            raise InvalidInput("q, dq and ddq must have one column per joint.") from None
         found = np.asarray(at + rate / self.kp + self.friction * sliding(rate))
         loops = self._loops
         # A velocity that is held for a cycle, and differences over a cycle, are late by half of it.
@@ -374,7 +381,7 @@ class ServoModel(Value):
             return found
         if ddq is None:
             raise InvalidInput("A servo of order second needs joint accelerations, too: give ddq.")
-        return found + bend * _checks.floats("ddq", ddq, "rad/s²")
+        return found + bend * bends
 
     def response(self, s: npt.ArrayLike) -> FloatArray:
         """Transfer function from command to joint position at each s; complex, (n, joints).
@@ -386,7 +393,10 @@ class ServoModel(Value):
         Args:
             s: Complex frequencies [rad/s], (n,).
         """
-        at = np.atleast_1d(np.asarray(s))[:, None]
+        try:
+            at = np.asarray(s, np.complex128).reshape(-1, 1)
+        except (TypeError, ValueError, OverflowError):
+            raise InvalidInput("s must be complex frequencies in rad/s.") from None
         a, b = self.lead
         found = np.exp(-at * np.atleast_1d(self.dead_time)) * (1 + at * a + at**2 * b)
         slow = 1 + at / np.atleast_1d(self.kp)

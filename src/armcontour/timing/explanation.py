@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -146,9 +147,10 @@ class Explanation:
         return dict(sorted(times.items(), key=lambda x: -x[1]))
 
 
+@_checks.checked
 def explain(
     trajectory: Trajectory,
-    arm: Arm,
+    arm: Arm | Any,
     limits: Limits | None = None,
     *,
     constraints: Sequence[Constraint] = (),
@@ -157,17 +159,13 @@ def explain(
 
     Args:
         trajectory: The plan.
-        arm: The arm that the plan was made for.
+        arm: The arm that the plan was made for, or what has its `dof` and `limits`.
         limits: The limits that the plan was made for; by default the arm's own.
         constraints: The further constraints that the plan was made for.
 
     Raises:
         InvalidInput: The plan was made by another method, or is none.
     """
-    _checks.refuse_other("explain", trajectory, Trajectory, "as plan gives it")
-    # As for `plan`, what stands for an arm needs a number of joints only.
-    if not hasattr(arm, "dof"):
-        _checks.refuse_other("explain", arm, Arm, "such as load_arm('ur5e')")
     bounds = choose_limits("explain", arm, limits)
     constraints = _checks.listed("constraints", constraints, Constraint, "Constraints")
     laws: list[tuple[float, float, PathLaw]] = []

@@ -57,9 +57,10 @@ AT_A_BREAK, AT_ONCE = 6, 20_000
 LONGEST_MOTION = 1e6
 
 
+@_checks.checked
 def plan(
     path: Path | Program | JointPath | Tracing,
-    arm: Arm | None = None,
+    arm: Arm | Any | None = None,
     limits: Limits | None = None,
     *,
     method: str = "optimal",
@@ -88,8 +89,8 @@ def plan(
     Args:
         path: A tool path, or a program of several with rapids between them, which are traced first;
             or a joint path or tracing.
-        arm: The arm. A joint path without a tool path needs none if `limits` are given, without
-            those of torque.
+        arm: The arm, or what has the `dof` and `limits` of an arm, to time a joint path. A joint
+            path without a tool path needs none if `limits` are given, without those of torque.
         limits: The limits; by default the arm's own.
         method: "optimal", the fastest timing that keeps every limit; "shaped", the fastest path
             within a tolerance of the given one, with that timing; "mac", the paper's method; or
@@ -152,12 +153,20 @@ def plan(
         "period": period,
     }
     options = {name: x for name, x in options.items() if x is not None}
+    if constraints is not None:
+        options["constraints"] = _checks.listed(
+            "constraints", constraints, Constraint, "Constraints"
+        )
+    for name in ("start_speed", "end_speed"):
+        if name in options:
+            options[name] = _checks.not_negative(name, options[name], "m/s")
     _refuse_options(method, options)
     arm = _arm_of(path, arm, limits)
     bounds = choose_limits("plan", arm, limits)
     refuse_unkept_jerk(method, bounds)
     kept, windows = with_reserve(bounds, reserve), _windows(smoothing)
     if duration is not None:
+        duration = _checks.positive("duration", duration, "s")
         _refuse_duration(duration, method, options, smoothed=bool(windows))
 
     if method == Method.SHAPED:
@@ -270,7 +279,7 @@ def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
             f"{stops[0]:.4g} m, because the curvature of the path or the angular acceleration of "
             'the tool jumps there: round_corners(..., continuity="curvature") and smooth_curvature '
             "make paths whose curvature does not jump; explain(...).jerk_stops lists the stops.",
-            stacklevel=3,
+            stacklevel=4,
         )
 
 
@@ -300,6 +309,7 @@ class _Joints:
     """What planning asks of an arm along a joint path: how many joints there are."""
 
     dof: int
+    limits: Limits = Limits()
     name: str = "without a name"
     limits_hint: str = ""
 
@@ -324,11 +334,10 @@ def _arm_of(
     alone = isinstance(path, JointPath) and path.tool_path is None and limits is not None
     if arm is None and alone:
         return cast(Arm, _Joints(cast(JointPath, path).dof))
-    # To time a joint path, an arm needs a number of joints only.
-    if arm is None or not hasattr(arm, "dof"):
+    if arm is None:
         raise InvalidInput(
-            f"plan needs an Arm, such as load_arm('ur5e'), not {type(arm).__name__}; only a joint "
-            "path without a tool path can be planned with limits alone."
+            "plan needs an Arm, such as load_arm('ur5e'), not None; only a joint path without a "
+            "tool path can be planned with limits alone."
         )
     return arm
 
@@ -356,7 +365,7 @@ def _refuse_duration(
         InvalidInput: It is no time, the method is not "optimal", the path is entered or left at a
             speed, or the motion is smoothed.
     """
-    _checks.between("duration", _checks.positive("duration", duration, "s"), 0, LONGEST_MOTION, "s")
+    _checks.between("duration", duration, 0, LONGEST_MOTION, "s")
     if method != Method.OPTIMAL:
         raise InvalidInput(f"A duration is planned by the method optimal only, not by {method}.")
     if smoothed:

@@ -243,7 +243,7 @@ class _Tracer:
         first: JointPath | None = None
         for group in trace_by_duration(path, self.limited, branch=branch, start=start):
             for x in self._in_order(group, i):
-                if fits is None or fits(x):
+                if fits is None or np.all(fits(x)):
                     self.passed_over |= first is not None
                     return x
                 first = x if first is None else first

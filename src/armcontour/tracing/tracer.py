@@ -96,7 +96,7 @@ def trace_all(
         )
     _checks.positive("tracing tolerance", tolerance, "m")
     if limits is not None:
-        _checks.refuse_other("trace", limits, Limits, "such as arm.limits")
+        _checks.refuse_other("trace", limits, Limits)
         arm = arm.with_limits(limits)
     if isinstance(arm, PlanarTwoLink):
         if start is not None:

@@ -420,7 +420,7 @@ def test_refuses_what_does_not_fit_together(six, tmp_path):
         ("a.csv", {"outputs": {"tool": 1}}, "Outputs are for urscript and template"),
         ("a.csv", {"joint_names": "abcdef"}, "list of 6 names"),
         ("no/a.csv", {}, "No such file or directory"),
-        ("a.script", {"outputs": ["tool"]}, "outputs must give the output of each event"),
+        ("a.script", {"outputs": ["tool"]}, "needs a mapping"),
         ("a.script", {"outputs": {"tol": 1}}, "outputs ... 'tol' ... gas, tool"),
     ]
     refusals(lambda x: export(six, tmp_path / x[0], **x[1]), [((a, b), c) for a, b, c in cases])

@@ -33,6 +33,7 @@ LARGEST_PART = 1000.0
 FARTHEST_ARM = 10.0
 
 
+@_checks.checked
 def read_path(
     file: str | FilePath,
     *,
@@ -210,9 +211,12 @@ def _color_set(colors: Collection[str | int] | None, suffix: str) -> frozenset[s
 
 def _layer_set(layers: Collection[str] | None) -> frozenset[str] | None:
     """The names of layers as a set, of a single name too; None for all layers."""
-    if layers is None or isinstance(layers, str):
-        return None if layers is None else frozenset((layers,))
-    return frozenset(layers) if isinstance(layers, Collection) else None
+    if layers is None:
+        return None
+    names = [layers] if isinstance(layers, str) else layers
+    return frozenset(
+        _checks.check_names("layers", list(names) if isinstance(names, Mapping) else names)
+    )
 
 
 def _layer_tolerances(layers: Collection[str] | None) -> dict[str, float]:

@@ -45,6 +45,7 @@ def formats() -> dict[str, str]:
     return dict(FORMATS)
 
 
+@_checks.checked
 def export(
     data: TaughtData | Trajectory,
     file: str | FilePath,
@@ -120,7 +121,7 @@ def export(
         lambda event, output: f"outputs={{{event!r}: {output!r}}}",
     ):
         called = f"Format {kind}" if template is None else f"Template {template}"
-        warnings.warn(f"{called}: {said}", stacklevel=2)
+        warnings.warn(f"{called}: {said}", stacklevel=3)
     put(
         destination,
         lambda path: write_table(

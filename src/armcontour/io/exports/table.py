@@ -219,6 +219,8 @@ def make_table(
     else:
         step = _sampling_period(data, name, period)
         samples, start, plan = data.sample(step), 0.0, data
+    functions = {} if analog is None else analog
+    _checks.listed("analog", functions.values(), Callable, "functions")
     return tabulate(
         samples,
         name=name,
@@ -229,7 +231,7 @@ def make_table(
         joint_names=joint_names,
         derivatives=derivatives,
         tool_motion=tool_motion,
-        analog={key: values(samples.t + start) for key, values in (analog or {}).items()},
+        analog={key: values(samples.t + start) for key, values in functions.items()},
         contours=tuple((x.t[0] - start, x.name) for x in plan.contour_spans),
     )
 
@@ -256,7 +258,7 @@ def tabulate(
     _checks.whole("derivatives", derivatives, 0, 2)
     dof = samples.q.shape[1]
     if arm is not None:
-        _checks.refuse_other("export", arm, Arm, "such as load_arm('ur5e')")
+        _checks.refuse_other("export", arm, Arm)
     if arm is not None and arm.dof != dof:
         raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
     if arm is None and tool_motion:

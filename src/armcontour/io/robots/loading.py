@@ -71,6 +71,7 @@ def arm_names() -> tuple[str, ...]:
     return tuple(sorted(x.name[:-5] for x in folder.iterdir() if x.name.endswith(".yaml")))
 
 
+@_checks.checked
 def load_arm(
     name: str | FilePath,
     *,
@@ -112,7 +113,6 @@ def load_arm(
         InvalidInput: No such arm or file, a .xacro file that is not trusted, or a file that does
             not describe an arm.
     """
-    _refuse_misuse(name, tool, work, payload)
     file = FilePath(name)
     limits_file = None if joint_limits is None else FilePath(joint_limits)
     if is_description(file):
@@ -143,23 +143,6 @@ def load_arm(
             arm = arm.with_limits(own)
     arm = equip(arm, tool=tool, work=work, payload=payload)
     return arm if srdf is None else with_more_shapes(arm, srdf=FilePath(srdf))
-
-
-def _refuse_misuse(name: object, tool: object, work: object, payload: object) -> None:
-    """Refuse arguments of a wrong type, which would cause unclear errors later."""
-    if not isinstance(name, str | FilePath):
-        raise InvalidInput(
-            f"load_arm needs a name such as 'ur5e', or a file, not {type(name).__name__}."
-        )
-    for key, value, kind, example in (
-        ("tool", tool, Frame, "Frame(position=(0, 0, 0.1))"),
-        ("work", work, Frame, "Frame(position=(0.5, 0, 0))"),
-        ("payload", payload, Payload, "Payload(mass=2.0)"),
-    ):
-        if value is not None and not isinstance(value, kind):
-            raise InvalidInput(
-                f"{key} must be a {kind.__name__}, such as {example}, not {type(value).__name__}."
-            )
 
 
 def _derived_from(

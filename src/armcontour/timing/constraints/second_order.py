@@ -35,6 +35,7 @@ class SecondOrder(Constraint):
         InvalidInput: A lower bound exceeds its upper bound, or their numbers differ.
     """
 
+    @_checks.checked
     def __init__(
         self,
         name: str,
@@ -46,8 +47,8 @@ class SecondOrder(Constraint):
     ) -> None:
         self.name = name
         self.coefficients = coefficients
-        self.low = _checks.lock_floats(low)
-        self.high = _checks.lock_floats(high)
+        bounds = (_checks.shaped(f"bounds of {name}", x, (None,)) for x in (low, high))
+        self.low, self.high = map(_checks.lock_floats, bounds)
         if self.low.shape != self.high.shape or not (self.low <= self.high).all():
             raise InvalidInput(f"The lower bounds of {name} must be at most its upper bounds.")
         self.joints = joints
@@ -57,6 +58,11 @@ class SecondOrder(Constraint):
         """The name, with the joint of each row if there is one per joint."""
         return [(self.name, k + 1) for k in range(len(self.low))] if self.joints else super().names
 
+    def _at(self, s: FloatArray, side: str) -> FloatArray:
+        """The coefficients at arc lengths, (3, n, rows)."""
+        name, shape = f"coefficients of {self.name}", (3, len(s), len(self.low))
+        return _checks.shaped(name, _checks.numbers(name, self.coefficients(s, side)), shape)
+
     def on(self, path: OnGrid) -> Iterable[Form]:
         """The quantities.
 
@@ -65,8 +71,7 @@ class SecondOrder(Constraint):
         """
         path, last = OnGrid(path.grid, jumps=True), 2 * len(path)
         _, s = path.places
-        both = self.coefficients(s[:last], "right"), self.coefficients(s[last:], "left")
-        a, b, c = (for_kernel(np.concatenate(x)) for x in zip(*both, strict=True))
+        a, b, c = np.concatenate([self._at(s[:last], "right"), self._at(s[last:], "left")], axis=1)
         refuse_excess_at_rest(path.grid, self, path.at_ends(c), (self.low, self.high))
         return (path.rows((a, b, c), for_kernel(self.low), for_kernel(self.high)),)
 

@@ -76,6 +76,7 @@ def shape(
     intervals: int | None = None,
     progress: Progress | None = None,
 ) -> Program: ...
+@_checks.checked
 def shape(
     path: Path | Program,
     arm: Arm,
@@ -126,7 +127,6 @@ def shape(
     Warns:
         UserWarning: The search along a path ended early, because the tolerance is tiny.
     """
-    _checks.refuse_other("shape", arm, Arm, "such as load_arm('ur5e')")
     bounds = choose_limits("shape", arm, limits)
     refuse_unkept_jerk(Method.SHAPED, bounds)
     wishes = Wishes(

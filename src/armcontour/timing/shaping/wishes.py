@@ -68,7 +68,8 @@ class Wishes:
                 )
         if self.angular_tolerance is not None:
             _checks.not_negative("angular tolerance", self.angular_tolerance, "rad")
-        _checks.whole("iterations", self.iterations, 0, 10_000)
+        iterations = _checks.whole("iterations", self.iterations, 0, 10_000)
+        object.__setattr__(self, "iterations", iterations)
 
     def cap(self, path: Path) -> Path:
         """A path with tolerances of at most half of its stretches between two sharp corners.

@@ -1,0 +1,335 @@
+"""Calls of the public functions, classes and methods with arguments that they cannot take.
+
+Each call is right but for one argument, or for two. It may give a result, or raise an error of
+armcontour whose message is one sentence. Any other error shows that an argument was not checked.
+"""
+
+from __future__ import annotations
+
+import inspect
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import chdir, contextmanager
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import armcontour as ac
+from armcontour import geometry, io, motion, robustness, scene
+from armcontour.timing.constraints import SecondOrder
+from soak import Outcome
+
+ROWS = [f"{t:.3f},{np.sin(t):.5f},{np.sin(t - 0.01):.5f}" for t in np.arange(300) * 4e-3]
+# Files by their names: a short job for an arm in the plane, a plan over it, and what else is read.
+FILES = {
+    "bend.yaml": """
+name: bend
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.33, 0.20], [0.33, 0.23]]}
+limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 1 mm}
+servo: {kp: 25 1/s, kv: 150 1/s, dead_time: 4 ms}
+command_interval: 10 ms
+runs: {only: {timing: {intervals: 100}, compensation: {method: none}}}
+certificate: {servo: 0.1 mm}
+placement: {over: {x: {from: -5 mm, to: 5 mm, places: 2}}, refine: false}
+""",
+    "line.csv": "x [mm],y [mm]\n300,200\n330,200\n",
+    "log.csv": "\n".join(["t,u1,q1", *ROWS]),
+    "motion.csv": "\n".join(["t [s],q1 [rad],q2 [rad]", *ROWS]),
+    "plan.yaml": "{job: bend.yaml, over: {command_interval: 10 ms}, do: teach}",
+}
+# Methods that only the package calls, with what it has checked; most of them are in inner loops.
+INNER = {
+    *("Demand.columns", "Execution.between", "Orientation.cut", "Orientation.even"),
+    *("Orientation.join", "Orientation.place", "SecondOrder.allowed", "SecondOrder.on"),
+    *("SecondOrder.usage", "ServoModel.refuse_mixed", "ServoModel.refuse_too_fast"),
+    *("ServoModel.saturate", "motion_between", "on_interval", "on_piece", "on_segment"),
+    *("Box.dead_time_of", "Box.gains_of", "Box.refuse_payload_below_zero", "PlaceSearch.check"),
+    *("rates_on_piece", "run", "times"),
+}
+# Arguments that start processes, or wait for a server.
+NOT_VARIED = {"cluster", "workers", "processes", "threads"}
+
+
+class Call(NamedTuple):
+    """A call that is right: its name, what is called, and its arguments."""
+
+    name: str
+    function: Callable[..., Any]
+    arguments: Mapping[str, Any]
+
+
+class Nothing:
+    """An object of no use; the class takes any arguments."""
+
+    def __init__(self, *_: object, **__: object) -> None:
+        pass
+
+
+@contextmanager
+def folder() -> Iterator[None]:
+    """A new current folder with the files."""
+    with tempfile.TemporaryDirectory() as place, chdir(place):
+        for name, text in FILES.items():
+            Path(name).write_text(text, encoding="utf-8")
+        yield
+
+
+@cache
+def right() -> dict[str, Any]:
+    """Right arguments by their names."""
+    arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0, dead_time=4e-3)
+    limits = arm.limits.replace(speed=0.1, joint_acceleration=[3.0, 3.0])
+    job = io.parse_job(FILES["bend.yaml"])
+    study = ac.run(job)
+    straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
+    objective = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20), (0.33, 0.23)])
+    path = ac.round_corners(objective, tolerance=1e-3)
+    joint_path = ac.trace(path, arm)
+    trajectory = ac.plan(joint_path, arm, limits, intervals=100)
+    slow = ac.plan(joint_path, arm, limits.replace(speed=0.02), intervals=100)
+    taught = ac.compensate(trajectory, servo, method="none", period=0.01)
+    plant = ac.ServoPlant(arm, servo, limits)
+    executed = ac.execute(taught, plant)
+    known = arm.with_dynamics(armature=0.1, payload=ac.Payload(mass=0.5))
+    t = np.arange(400) * 4e-3
+    wave = 0.01 * np.sin(np.outer(t, [5.0, 7.0])) * np.clip(t, 0, 1)[:, None]
+    log = ac.Log(t=t, command=wave, measured=np.roll(wave, 5, axis=0))
+    return locals()
+
+
+def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
+    """The public functions with the arguments that have no default, and some others."""
+    x = right()
+    on = {"arm": x["arm"], "limits": x["limits"]}
+    learned = {"taught": x["taught"], "executed": x["executed"], "arm": x["arm"]}
+    robot = {"taught": x["taught"], "path": x["path"], **on, "servo": x["servo"]}
+    robot["box"] = robustness.Box(dead_time=1e-3)
+    return [
+        (ac.arm_names, {}),
+        (ac.batch, {"plan": "plan.yaml", "out": "out", "workers": 0}),
+        (ac.certify, {"job": x["job"]}),
+        (ac.check, {"samples": x["trajectory"], **on}),
+        (ac.check, {"samples": x["trajectory"].sample(0.01), **on}),
+        (ac.check_clearance, {"motion": x["trajectory"], "arm": x["arm"]}),
+        *((ac.compensate, {"trajectory": x["slow"], "servo": x["servo"], "method": m, **on})
+          for m in ("none", "inverse", "pole_placement")),
+        (ac.evaluate, {"executed": x["executed"], "path": x["path"]}),
+        (ac.execute, {"taught": x["taught"], "plant": x["plant"]}),
+        (ac.explain, {"trajectory": x["trajectory"], **on}),
+        (ac.export, {"data": x["taught"], "file": "a.csv"}),
+        (ac.fastest_poles, {"trajectory": x["slow"], "servo": x["servo"], "limits": x["limits"]}),
+        (ac.identify, {"log": x["log"]}),
+        (ac.learn, learned | {"servo": x["servo"]}),
+        (ac.load_arm, {"name": "pmk3s"}),
+        (ac.place, {"job": x["job"]}),
+        (ac.plan, {"path": x["path"], **on, "intervals": 100}),
+        (ac.plan, {"path": x["joint_path"], **on, "intervals": 100}),
+        (ac.plan, {"path": x["straight"], **on, "method": "conventional"}),
+        (ac.plan, {"path": x["straight"], **on, "method": "mac", "knots": 10}),
+        (ac.plan, {"path": x["objective"], **on, "method": "shaped", "tolerance": 1e-3,
+                   "iterations": 1}),
+        (ac.prepare, {"program": x["path"], "process": ac.Process()}),
+        (ac.read_job, {"file": "bend.yaml"}),
+        (ac.read_log, {"file": "log.csv"}),
+        (ac.read_path, {"file": "line.csv"}),
+        (ac.read_trajectory, {"file": "motion.csv"}),
+        (ac.round_corners, {"path": x["objective"], "tolerance": 1e-3}),
+        (ac.run, {"job": x["job"]}),
+        (ac.shape, {"path": x["objective"], **on, "tolerance": 1e-3, "iterations": 1}),
+        (ac.smooth_curvature, {"path": x["path"], "tolerance": 1e-5}),
+        (ac.stand_still, {"q": np.zeros(2), "duration": 1.0}),
+        (ac.sweep, {"job": x["job"], "tolerances": [2e-3]}),
+        (ac.trace, {"path": x["path"], "arm": x["arm"]}),
+        (ac.write_report, {"study": x["study"], "file": "a.html"}),
+        # Names on the pages that only a package has.
+        (geometry.round_with_parabolas, {"path": x["objective"], "tolerance": 1e-3}),
+        (io.parse_job, {"text": FILES["bend.yaml"]}),
+        (robustness.spread, robot | {"samples": 10}),
+        (robustness.worst_corner, robot),
+        (plan_with, {"coefficients": nothing}),
+        (smooth_over, {"window": 0.01}),
+    ]  # fmt: skip
+
+
+def nothing(s: Any, side: str) -> Any:
+    """The coefficients of a quantity that is zero."""
+    return np.zeros((3, len(s), 1))
+
+
+def plan_with(coefficients: Any) -> ac.Trajectory:
+    """A plan with a constraint that has these coefficients."""
+    x = right()
+    constraint = SecondOrder("own", coefficients, [-0.05], [0.05])
+    return ac.plan(x["joint_path"], x["arm"], intervals=100, constraints=[constraint])
+
+
+def smooth_over(window: Any) -> ac.Trajectory:
+    """A smoothed plan."""
+    return motion.smooth(right()["trajectory"], window)
+
+
+def instances() -> Iterator[Any]:
+    """One object of each public class that users make or get."""
+    x = right()
+    space = ac.load_arm("ur5e")
+    line = ac.Path.polyline([[0.5, 0.0, 0.2], [0.53, 0.0, 0.2], [0.53, 0.03, 0.2]])
+    oriented = line.oriented(np.diag([1.0, -1.0, -1.0]))
+    yield from (space, space.chain, oriented, oriented.orientation, ac.Frame(), ac.Demand())
+    yield ac.round_corners(oriented, tolerance=1e-3)
+    yield from x.values()
+    yield from (ac.Line(start=[0, 0], end=[1, 0]), ac.Arc(start=[1, 0], center=[0, 0], angle=1.0))
+    yield from (ac.Analog(name="gas"), ac.Dwell(duration=1.0), ac.Event(name="gas"))
+    yield from (ac.Lead(length=1e-3), ac.Pierce(time=0.1), ac.Rapid(), ac.Switch(), ac.Process())
+    yield from (ac.Tabs(width=1e-3, count=2), ac.Weave(width=1e-3, pitch=1e-3))
+    yield from (ac.Payload(mass=1.0), ac.Goal(servo=1e-4), ac.Scene(), scene.Margins())
+    yield from (scene.Box(size=[0.1, 0.1, 0.1]), scene.Cylinder(radius=0.1, length=0.1))
+    yield from (scene.Capsule(radius=0.1, length=0.1), scene.Sphere(radius=0.1))
+    yield scene.Mesh(points=np.random.default_rng(0).normal(size=(10, 3)))
+    yield ac.Obstacle(name="ball", shape=scene.Sphere(radius=0.1))
+    yield SecondOrder("own", nothing, [-0.05], [0.05])
+    yield robustness.Box(dead_time=1e-3)
+    yield from (ac.Recording(t=x["t"], q=x["wave"]), ac.Cell(x["arm"], ac.Scene()))
+    contour = ac.Contour(path=x["path"])
+    yield from (contour, ac.Program(moves=(contour,)))
+    yield ac.Tally(total=2, done=1, before=0, seconds=1.0, statuses={"done": 1}, errors={})
+    yield from (x["job"].runs[0], x["job"].runs[0].rounding, x["job"].placement)
+    yield ac.identify(x["log"])
+    yield ac.place(x["job"])
+    yield ac.certify(x["job"])
+    yield ac.check_clearance(x["trajectory"], x["arm"])
+    judged = ac.check(x["trajectory"], x["arm"])
+    yield from (judged, judged.uses[0])
+    yield ac.evaluate(x["executed"], x["path"])
+    yield ac.RigidBodyPlant(x["known"], x["servo"])
+    yield ac.shape(x["objective"], x["arm"], x["limits"], tolerance=1e-3, iterations=1)
+    lesson = ac.learn(x["taught"], x["executed"], arm=x["arm"], servo=x["servo"])
+    yield from (lesson, lesson.runs[0])
+    yield ac.explain(x["trajectory"], x["arm"], x["limits"])
+    yield ac.batch("plan.yaml", "batch", workers=0)
+
+
+@cache
+def calls() -> tuple[Call, ...]:
+    """All calls: functions, then the constructor and the own methods of each class."""
+    found = [Call(f.__name__, f, given) for f, given in functions()]
+    seen = set[object]()
+    for x in instances():
+        kind = type(x)
+        if kind in seen or not kind.__module__.startswith("armcontour."):
+            continue
+        seen.add(kind)
+        found.append(Call(kind.__name__, kind, made_of(x)))
+        for name, method in inspect.getmembers(x, inspect.ismethod):
+            inner = {name, f"{kind.__name__}.{name}"} & INNER
+            if (name != "__call__" and name.startswith("_")) or inner or method.__func__ in seen:
+                continue
+            seen.add(method.__func__)
+            found.append(Call(f"{kind.__name__}.{name}", method, arguments_of(method, x)))
+    return tuple(found)
+
+
+def parameters_of(function: Callable[..., Any]) -> list[inspect.Parameter]:
+    """The parameters of a function that have names."""
+    parameters = inspect.signature(function).parameters.values()
+    return [x for x in parameters if x.kind not in (x.VAR_POSITIONAL, x.VAR_KEYWORD)]
+
+
+def made_of(x: Any) -> dict[str, Any]:
+    """Arguments with which the constructor of its class makes an object."""
+    if isinstance(x, ac.PlanarTwoLink):
+        return {"name": "arm", "base": 0.1, "links": (0.25, 0.215), "limits": x.limits}
+    if isinstance(x, ac.Cell):
+        return {"arm": right()["arm"], "scene": ac.Scene()}
+    return {y.name: getattr(x, y.name) for y in parameters_of(type(x)) if hasattr(x, y.name)}
+
+
+def arguments_of(method: Callable[..., Any], x: Any) -> dict[str, Any]:
+    """Arguments of a method of an object that have no default."""
+    q = np.full(getattr(x, "dof", 2), 0.3)
+    given = right() | {
+        **dict.fromkeys(("q", "dq", "ddq", "dddq"), q),
+        **dict.fromkeys(("s", "t", "by", "period", "resolution"), 0.01),
+        **dict.fromkeys(("velocity", "acceleration"), [0.01, 0.01]),
+        **dict.fromkeys(("up", "directions", "direction"), [0.0, 0.0, 1.0]),
+        **dict.fromkeys(("angles", "position"), [0.1, 0.2, 0.3]),
+        **dict.fromkeys(("name", "layer"), "a"),
+        **dict.fromkeys(("tool", "work", "place", "frame"), ac.Frame()),
+        **dict.fromkeys(("index", "order"), 0),
+        **dict.fromkeys(("begin", "end"), (q[None],) * 3),
+        **{"i": np.array([0]), "dof": 2, "limits": ac.Limits(joint_velocity=1.0), "shapes": None},
+        **{
+            "points": np.full((2, getattr(x, "dimension", 2)), 0.3),
+            "breaks": [0.0, 1.0],
+            "rotations": np.eye(3),
+        },
+        **{"motion": right()["trajectory"], "segments": [ac.Line(start=[0, 0], end=[1, 0])]},
+        **{"change": lambda path: path, "timing": "optimal", "tolerance": 1e-3, "dimension": 2},
+        **{"program": ac.Program(moves=(ac.Contour(path=right()["path"]),)), "given": {}},
+    }
+    if method.__name__ in ("circle", "through"):
+        given |= {"start": [1.0, 0.0], "via": [0.0, 1.0], "end": [-1.0, 0.0], "center": [0.0, 0.0]}
+    if method.__name__ in ("spline", "polyline"):
+        given["points"] = [[0.3, 0.2], [0.31, 0.2]]
+    if isinstance(x, ac.Placement):
+        given |= {"name": "duration", "place": x.best}
+    needed = [y.name for y in parameters_of(method) if y.default is y.empty or y.name == "ddq"]
+    return {name: given[name] for name in needed if name in given}
+
+
+def bad_values() -> list[Any]:
+    """Values that are wrong for most parameters."""
+    x = right()
+    return [
+        *(None, "", "a", b"a", True, -1, 0, 3, 0.5, -1e-3, np.nan, np.inf, -np.inf, 10**400, 2**63),
+        *(1 + 2j, Fraction(1, 3), object(), Nothing, Nothing()),
+        *(lambda *_, **__: None, lambda *_, **__: "a", lambda *_, **__: np.zeros(3)),
+        *([], (), {}, {"a": 1}, {1: None}, {1, 2}, range(3), [[1.0], [2.0, 3.0]], ["a", None]),
+        *([np.nan, 1.0], (1.0, 2.0), [[1.0, 2.0]], [[[1.0]]], [object()], iter([1.0])),
+        *(np.array([]), np.empty((0, 2)), np.zeros((2, 2)), np.full(3, np.nan), np.array(1.0)),
+        *(np.zeros(2, complex), np.array(["a"]), np.array([None, 1.0], object), np.zeros(2, bool)),
+        *(np.ma.masked_array([1.0, 2.0], [True, False]), np.array(["2020-01-01"], "M8[D]")),
+        *(x["trajectory"], x["arm"], x["path"], x["joint_path"], x["limits"], x["servo"]),
+        *(x["taught"], x["job"], Path("none")),
+    ]
+
+
+@cache
+def slots() -> tuple[tuple[Call, str], ...]:
+    """All arguments that are replaced, with their calls."""
+    found = [(x, y.name) for x in calls() for y in parameters_of(x.function)]
+    return tuple((x, name) for x, name in found if name not in NOT_VARIED)
+
+
+def judge(call: Call, bad: Mapping[str, Any]) -> tuple[str, str]:
+    """What a call with bad arguments does, and what is wrong with that; empty if nothing is."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            call.function(**{**call.arguments, **bad})
+    except ac.ArmContourError as error:
+        said = str(error)
+        sound = said.endswith(".") and "\n" not in said
+        return type(error).__name__, "" if sound else f"no sentence: {said!r}"
+    except Exception as error:  # noqa: BLE001 - every other error is a finding
+        return "crash", f"{type(error).__name__}: {error}"
+    return "result", ""
+
+
+def run(seed: int) -> Outcome:
+    """Make the call of a seed: first each argument with each bad value, then two at random."""
+    with folder():
+        values, rng = bad_values(), np.random.default_rng(seed)
+        call, name = slots()[seed % len(slots())]
+        bad = {name: values[seed // len(slots()) % len(values)]}
+        if seed >= len(slots()) * len(values):
+            others = [y for x, y in slots() if x is call]
+            bad[others[rng.integers(len(others))]] = values[rng.integers(len(values))]
+        result, wrong = judge(call, bad)
+    shown = ", ".join(f"{key}={value!r}" for key, value in bad.items())
+    return Outcome(kind=call.name, result=result, notes=[f"{shown}: {wrong}"] if wrong else [])

@@ -1,0 +1,67 @@
+"""Calls with wrong arguments end in a result or in one sentence; `make soak` makes all of them."""
+
+import numpy as np
+import pytest
+from soak import calls
+
+import armcontour as ac
+from armcontour.timing.constraints import SecondOrder
+
+# Base classes, errors, and what is identified from logs of a whole arm.
+NOT_MADE = {"Arm", "Plant", "RobotIdentification", "__version__"}
+
+
+@pytest.fixture(scope="module")
+def files():
+    with calls.folder():
+        yield
+
+
+def test_every_public_name_is_called(files):
+    made = {call.name for call in calls.calls()}
+    errors = {x for x in ac.__all__ if issubclass(type(getattr(ac, x)), type)}
+    errors = {x for x in errors if issubclass(getattr(ac, x), ac.ArmContourError)}
+    assert set(ac.__all__) - made == NOT_MADE | errors
+
+
+def test_wrong_arguments_end_in_a_result_or_in_one_sentence(files):
+    values, wrong, refused = calls.bad_values(), [], 0
+    for k, (call, name) in enumerate(calls.slots()):
+        # One value for each argument, another one for the next: all kinds of arguments get all.
+        result, problem = calls.judge(call, {name: values[7 * k % len(values)]})
+        refused += result == "InvalidInput"
+        wrong += [f"{call.name}({name}={values[7 * k % len(values)]!r}): {problem}"] * bool(problem)
+    assert not wrong, "\n".join(wrong)
+    assert refused > 0.6 * len(calls.slots())
+
+
+def test_arguments_of_another_class_are_refused_before_anything_is_done(files, refuses):
+    x, told = calls.right(), []
+    plan, learn = (lambda **more: ac.plan(x["path"], x["arm"], x["limits"], **more)), ac.learn
+    refuses(lambda: plan(progress=3), ac.InvalidInput, "plan", "function", "progress", "int")
+    refuses(lambda: plan(fits="all"), ac.InvalidInput, "plan", "fits", "str")
+    refuses(lambda: ac.plan(x["path"], x["trajectory"]), ac.InvalidInput, "Arm", "Trajectory")
+    given = (x["taught"], x["executed"])
+    for servo in (x["arm"], None, {"kp": 25.0}):
+        refuses(lambda s=servo: learn(*given, arm=x["arm"], servo=s), ac.InvalidInput, "ServoModel")
+    wrong = np.array([True])
+    refuses(lambda: ac.run(x["job"], simulate=wrong, progress=told.append), ac.InvalidInput, "True")
+    assert told == []
+    # numpy's truth value and the path of a file are right.
+    assert ac.evaluate(*given[1:], x["path"], limit_use=np.False_).limit_ratios is None
+    assert ac.read_path(calls.Path("line.csv"), flat=np.True_).length == pytest.approx(0.03)
+
+
+def test_shapes_that_do_not_fit_never_reach_compiled_code(refuses):
+    rows, wide = np.zeros((3, 2, 2)), np.zeros((3, 2, 3))
+    for begin, end in ((rows, wide), (rows[:, :1], rows), (rows[:2], rows), (rows[0], rows)):
+        ends = tuple(begin), tuple(end)
+        refuses(lambda e=ends: ac.JointPath.hermite([0, 1, 2], *e), ac.InvalidInput, "shape")
+    path = calls.right()["joint_path"]
+    for coefficients in (np.zeros((3, 1, 1)), (1.0, 2.0), None, "a"):
+        own = SecondOrder("own", lambda s, side, c=coefficients: c, [-1.0], [np.inf])
+        refuses(
+            lambda c=own: ac.plan(path, calls.right()["arm"], constraints=[c]),
+            ac.InvalidInput,
+            "coefficients of own",
+        )
