@@ -3,11 +3,47 @@
 from __future__ import annotations
 
 import math
+from math import comb
 
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import compiled
+
+# Coefficients of dq/dx, of the powers 0 to 4 of x, to those of Bernstein: their least and largest
+# values enclose dq/dx on the piece.
+BERNSTEIN = np.array([[comb(i, k) / comb(4, k) for k in range(5)] for i in range(5)])
+
+
+@compiled()
+def moves_on(coefficients: FloatArray, vanished: float, moving: BoolArray) -> bool:
+    """Whether some joint moves one way on every piece, so that dq_ds cannot vanish.
+
+    Args:
+        coefficients: Of the joint path, (n, 6, dof).
+        vanished: As in `standing_breaks`.
+        moving: Written: whether a joint moves so on each piece, (n,).
+    """
+    n, dof = coefficients.shape[0], coefficients.shape[2]
+    everywhere = True
+    for i in range(n):
+        sizes = 0.0
+        for k in range(1, 6):
+            for j in range(dof):
+                sizes += k * abs(coefficients[i, k, j])
+        moving[i] = False
+        for j in range(dof):
+            least, largest = math.inf, -math.inf
+            for row in range(5):
+                value = 0.0
+                for k in range(row + 1):
+                    value += BERNSTEIN[row, k] * (k + 1) * coefficients[i, k + 1, j]
+                least, largest = min(least, value), max(largest, value)
+            if max(least, -largest) > vanished * sizes:
+                moving[i] = True
+                break
+        everywhere &= moving[i]
+    return everywhere
 
 
 @compiled()

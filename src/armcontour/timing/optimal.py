@@ -49,7 +49,7 @@ from armcontour.timing.topp import _kernel
 from armcontour.timing.topp._kernel import Plan, Rules, plan_on_grid
 from armcontour.timing.topp._losses import estimate_losses
 from armcontour.timing.topp.limits import Limits as LimitsOnGrid
-from armcontour.timing.vanishing import reparametrize, standing
+from armcontour.timing.vanishing import reparametrize, stands_at
 
 # The grid is refined while the margin for maxima inside intervals exceeds this share of a limit, at
 # most MOST_REFINEMENTS times; the share grows each time, up to LARGEST_MARGIN_EVER: on thousands of
@@ -111,7 +111,7 @@ def plan_optimal(
     at_rest = joint_path.breaks[:0]
     if constraints or limits.path_jerk is not None:
         # Both count in s.
-        at_rest = at_rest if suited is joint_path else standing(joint_path)
+        at_rest = at_rest if suited is joint_path else joint_path.breaks[stands_at(joint_path)]
     elif suited is not joint_path:
         if points is not None:
             grid_through(joint_path, points)
@@ -227,9 +227,9 @@ def time_optimal(
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
     # Where dq_ds vanishes, the joints rest at any ds.
-    at = standing(grid.joint_path)
-    start = np.inf if start_speed == 0 and grid.s[0] in at else start_speed**2
-    end = np.inf if end_speed == 0 and grid.s[-1] in at else end_speed**2
+    stands = stands_at(grid.joint_path)
+    start = np.inf if start_speed == 0 and stands[0] else start_speed**2
+    end = np.inf if end_speed == 0 and stands[-1] else end_speed**2
     most = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
     rules, s = Rules(float(start), float(end), most), 0.0
     best: tuple[Grid, Plan] | None = None

@@ -21,7 +21,7 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, quintic
-from armcontour.timing._vanishing import standing_breaks
+from armcontour.timing._vanishing import moves_on, standing_breaks
 
 # dq_ds counts as zero below this share of the sum of its terms: a double root is known to 1e-8.
 VANISHED = 1e-9
@@ -38,9 +38,9 @@ REVERSED = np.array([[comb(k, m) * (-1.0) ** m for k in range(6)] for m in range
 Polynomials = tuple[FloatArray, FloatArray]  # lengths, (n,), and coefficients, (n, 6, dof)
 
 
-def standing(joint_path: JointPath) -> FloatArray:
-    """Breaks at which dq_ds of all joints vanishes [m], (k,): joints rest there at any ds."""
-    return joint_path.breaks[standing_breaks(joint_path.coefficients, VANISHED)]
+def stands_at(joint_path: JointPath) -> BoolArray:
+    """Whether dq_ds of all joints vanishes at each break, (n + 1,): joints rest there at any ds."""
+    return standing_breaks(joint_path.coefficients, VANISHED)
 
 
 def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
@@ -59,16 +59,17 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
     if joint_path.tool_path is not None:
         return same
     coefficients = joint_path.coefficients
-    size = np.linalg.norm(_terms(coefficients), axis=2)
-    # The first term alone outweighs all others unless dq_ds comes near zero.
-    if (size[:, 0] > size[:, 1:].sum(axis=1)).all():
+    moving = np.empty(len(coefficients), np.bool_)
+    if moves_on(coefficients, VANISHED, moving):
         return same
-    if not size.any():
+    if not coefficients[:, 1:].any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
     # Only straight pieces, and those that begin or end with x³ or more, may be unsuited.
-    both = np.stack([size, np.linalg.norm(_terms(REVERSED @ coefficients), axis=2)])
+    doubtful = np.flatnonzero(~moving)
+    c = coefficients[doubtful]
+    both = np.stack([np.linalg.norm(_terms(x), axis=2) for x in (c, REVERSED @ c)])
     slow = (both[..., :2] <= VANISHED * both.sum(axis=2, keepdims=True)).all(axis=2).any(axis=0)
-    suspect = np.flatnonzero(slow | _straight(coefficients)[0])
+    suspect = doubtful[slow | _straight(c)[0]]
     last = len(coefficients) - 1
     found = {int(i): _Piece.of(joint_path, int(i)) for i in suspect}
     unsuited = {i for i, x in found.items() if x.is_unsuited((i == 0, i == last))}
