@@ -167,6 +167,13 @@ def test_decimal_commas_and_units_in_a_second_line():
     np.testing.assert_allclose(parse_log("\n".join(rows)).command[:, 0], U[:, 0], atol=1e-8)
 
 
+def test_lines_above_the_names_are_ignored():
+    text = table(["t", "u1", "q1"], U[:, 0], Q[:, 0])
+    for above in ("Trace of robot 7\n", "Robot;7\n\nstarted,12:00\n", "a b c d\n"):
+        np.testing.assert_allclose(parse_log(above + text).measured[:, 0], Q[:, 0], atol=1e-8)
+    refusals(parse_log, [(text.replace("t,u1,q1", "t,u1,q1,tau"), "line 2: 3 values, but 4")])
+
+
 def test_times_in_two_columns_keep_their_nanoseconds():
     for names, unit in (
         (("sec", "nanosec"), 1e-9),
@@ -195,6 +202,9 @@ def test_what_looks_like_another_unit_is_asked_about():
             np.testing.assert_allclose(found.t, T, atol=1e-12)
             # As the user says.
             assert read(text, columns="t [s]=time").t[1] == time[1]
+    for factor, unit in ((1e3, "ms"), (1e6, "us"), (1e9, "ns")):
+        late = [f"{factor * (1_700_000_000 + x):.0f}" for x in T]
+        refusals(parse_log, [(table(titles, *U.T, *Q.T, time=late), f"'t [{unit}]=time'")])
     text = table(titles, *degrees)
     for read in (parse_log, parse_trajectory):
         with pytest.raises(InvalidInput, match=r"turns: .* --columns .*meas_# \[deg\]=meas_#"):

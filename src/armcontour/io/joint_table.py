@@ -271,10 +271,11 @@ def _refuse_far(table: CsvTable, column: int, t: FloatArray) -> None:
     row = find_far_time(t)
     if row is not None:
         name = table.names[column]
+        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if abs(t[row]) * y < LATEST), "ns")
         raise InvalidInput(
             f"{table.place(row)}: {table.cell(row, column)} is {t[row]:.3g} s, but times must stay "
-            f"within {LATEST:g} s: give the column its unit, such as --columns 't [ms]={name}' "
-            "(us, ns).",
+            f"within {LATEST:g} s: give the column its unit, such as --columns "
+            f"'t [{unit}]={name}'.",
             index=row,
         )
 

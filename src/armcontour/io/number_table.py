@@ -111,11 +111,13 @@ def last_digit(columns: Sequence[Digits]) -> float:
     return float(max(10.0**-places, 10.0 ** (highest - digits + 1)) if digits else 10.0**-places)
 
 
-def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
+def split_csv(
+    text: str, source: str, columns: str | None = None, *, decimal_commas: bool = True
+) -> CsvTable:
     """The table in CSV text with commas, semicolons, tabs or blanks between cells.
 
-    Lines that start with # are comments. With other separators than commas, numbers may have
-    decimal commas. A second line that has only units belongs to the names.
+    Lines that start with # are comments, and so are those above the names. A second line that has
+    only units belongs to the names.
 
     Args:
         text: The text.
@@ -123,6 +125,8 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
         columns: Names of the columns, separated by commas, for a file without a line of names or
             in place of the lines before the first one with a number; or new names of some columns,
             as `rename` takes them.
+        decimal_commas: Whether numbers may have a decimal comma, with other separators or in
+            quotes.
 
     Raises:
         InvalidInput: There is no line of column names, or no sample, or `columns` names more or
@@ -136,6 +140,8 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
         count = columns.count(",") + 1
         samples = (k for k, (_, line) in enumerate(kept) if _is_sample(line, count))
         kept = kept[next(samples, 0) :]
+    else:
+        kept = kept[_preamble(kept) :]
     header, first = kept[0]
     separator = next((x for x in ";\t" if x in first), ",")
     if separator == "," and _is_blank_separated([line for _, line in kept[:2]]):
@@ -158,7 +164,7 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
         named = 2
     lines = [line for _, line in kept[named:]]
     comma = _QUOTED_COMMA if separator == "," else _DECIMAL_COMMA
-    if any(comma.search(x) for x in lines[:MOST_TRIED]):
+    if decimal_commas and any(comma.search(x) for x in lines[:MOST_TRIED]):
         lines = [comma.sub(r"\g<1>.\g<2>", x) for x in lines]
     return CsvTable(
         source=source,
@@ -168,6 +174,18 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
         lines=lines,
         numbers=[number for number, _ in kept[named:]],
     )
+
+
+def _preamble(kept: Sequence[tuple[int, str]]) -> int:
+    """Number of lines above the names, which have as many cells as the first sample."""
+    lines = [line for _, line in kept[:MOST_TRIED]]
+    for k, line in enumerate(lines):
+        separator = next((x for x in ";\t," if x in line), None)
+        cells = _split(line, separator) if separator else line.split()
+        if len(cells) > 1 and all(NUMBER.fullmatch(x.replace(",", ".")) for x in cells[:2]):
+            counts = [len(_split(x, separator) if separator else x.split()) for x in lines[:k]]
+            return counts.index(len(cells)) if len(cells) in counts else 0
+    return 0
 
 
 def _units(cells: Sequence[str], count: int) -> list[str]:
