@@ -1,9 +1,10 @@
-"""The optimal planner: the fastest timing of a path that keeps every limit at every instant.
+"""The optimal planner: the fastest timing of a path that keeps its limits, between grid points too.
 
 Backward and forward reachability in (s, ds²), after TOPP-RA. On each interval the path acceleration
 is linear in s. Its slope is chosen beforehand so that the binding constraint binds on the whole
 interval. Every constraint is kept at both ends of an interval, less a margin that bounds what can
-happen between them. See docs/concepts/optimal.md for the proof.
+happen between them; for torques and some limits of the tool that bound comes from samples. See
+docs/concepts/optimal.md for the proof.
 """
 
 from __future__ import annotations
