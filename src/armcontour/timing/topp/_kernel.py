@@ -75,7 +75,8 @@ class Rules(NamedTuple):
         headroom: Bounds of x and u are those of the plan before times this.
         close: The same of bounds around a proven plan.
         window: U is the largest |u| of so many neighbours either way, as switches move.
-        floor: U is at least this share of the largest |u| of all.
+        floor: U is at least this share of the largest |u| of all, or of x over the width of the
+            interval if that is less: next to a place where dq_ds vanishes |u| has no bound.
         tangents: Most plans without margins in which friction is linear near the plan before.
         near: Error of x, as a share, below which such a plan is near enough.
         tries: Most plans on a grid.
@@ -839,7 +840,7 @@ def _enclose(
         bounds.x[i], bounds.least[i] = headroom * largest, least / headroom
         fastest = max(fastest, rates[i])
     for i in range(n):
-        most = rules.floor * fastest
+        most = rules.floor * min(fastest, bounds.x[i] / width[i])
         for m in range(max(i - rules.window, 0), min(i + rules.window + 1, n)):
             most = max(most, headroom * rates[m])
         bounds.u[i] = most
