@@ -187,3 +187,17 @@ def test_a_given_grid_plans_a_cusp_that_the_default_grid_plans(count, extra):
     with pytest.raises(ac.NotRealizable) as refused:
         ac.plan(path, limits=limits, grid=grid, constraints=[idle])
     assert refused.value.s == 0.5
+
+
+@pytest.mark.parametrize("start_speed", [1e-6, 1e-3, 0.1])
+@pytest.mark.parametrize("count", [20, 200])
+def test_grid_points_next_to_a_rest_do_not_refine_all_of_the_grid(start_speed, count, worst_ratios):
+    path = ac.JointPath.spline(np.random.default_rng(0).uniform(-1, 1, (4, 3)), ends="clamped")
+    limits = ac.Limits(joint_acceleration=[1.0, 1.0, 1.0])
+    share = np.concatenate([np.linspace(0, 1, count), np.geomspace(1e-9, 1e-3, 10)])
+    grid = np.sort(share) * path.length
+    planned = ac.plan(path, limits=limits, start_speed=start_speed, grid=grid)
+    assert len(planned.breaks) < 4 * len(grid)
+    expected = ac.plan(path, limits=limits, start_speed=start_speed, intervals=40_000).duration
+    assert planned.duration == pytest.approx(expected, rel=3e-4 if count > 100 else 3e-3)
+    assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9
