@@ -117,6 +117,17 @@ def test_a_curve_has_the_same_optimum_in_another_parameter(worst_ratios):
     assert durations[1] == pytest.approx(durations[0], rel=5e-5)
 
 
+def test_a_clamped_spline_takes_as_long_the_other_way_round():
+    """Dq_ds at its ends is rounded: neither zero nor a bound of ds."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        points = rng.normal(size=(3 + seed % 6, 2 + seed % 3))
+        limits = ac.Limits(joint_acceleration=rng.uniform(0.5, 2, points.shape[1]))
+        paths = (ac.JointPath.spline(x, ends="clamped") for x in (points, points[::-1]))
+        out, back = (ac.plan(x, limits=limits).duration for x in paths)
+        assert back == pytest.approx(out, rel=1e-5), seed
+
+
 def largest_use(planned, limits, worst_ratios):
     return max(worst_ratios(planned, limits, places=10).values())
 
