@@ -331,7 +331,8 @@ def _draw_conic(
             most = math.sqrt(square / bb) - 2 * w * abs(turn)
             lines.cap[i, 0] = min(lines.cap[i, 0], max(most, 0.0))
         return
-    c0, c1, c2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    # As a x b, with the same rounding as the vector.
+    c0, c1, c2 = e1 * b2 - e2 * b1, e2 * b0 - e0 * b2, e0 * b1 - e1 * b0
     spread = (c0 * c0 + c1 * c1 + c2 * c2) / (ee * ee)
     out[0], out[4] = eb / ee, spread
     if end == 0:
@@ -660,6 +661,23 @@ def _means(lines: Lines, i: int, x: float) -> tuple[float, float, float, float, 
     return low, high, low_tilt, high_tilt, below - 3 * count * at
 
 
+@compiled(inner=True)
+def _start(lines: Lines, w: float, most: FloatArray) -> float:
+    """The ds² at a start at which joints rest at any: the fastest on the first interval.
+
+    Next to nothing less than the largest may allow a far larger u, as dq_ds is rounded.
+    """
+    best, fastest = most[0], 0.0
+    for k in range(60, -1, -1):
+        first = most[0] * (1 - 0.5**k) if k < 60 else most[0]
+        _, high = _mean_range(lines, 0, first)
+        last = min(first + 2 * w * high, most[1])
+        speeds = math.sqrt(first) + math.sqrt(max(last, 0.0))
+        if speeds > fastest:
+            best, fastest = first, speeds
+    return float(best)
+
+
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def _sweep(
     grid: Intervals,
@@ -704,7 +722,7 @@ def _sweep(
             here = min(here, lines.cap[i, 0])
         cap[i] = here
         if i == n:
-            most[n] = min(rules.end, here) if min(rules.end, here) < math.inf else 0.0
+            most[n] = min(rules.end, here, LARGEST_X)
             continue
         if stuck >= n:
             low, high = _mean_range(lines, i, 0.0)
@@ -743,6 +761,8 @@ def _sweep(
     if stuck >= 0:
         return stuck
     x[0] = min(rules.start, most[0])
+    if rules.start == math.inf:
+        x[0] = _start(lines, grid.s[1] - grid.s[0], most)
     for i in range(n):
         w, high = grid.s[i + 1] - grid.s[i], mean[i]
         if x[i] < most[i]:
