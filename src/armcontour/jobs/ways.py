@@ -38,7 +38,7 @@ PLACES = 8
 # Where the turn about the tool axis is free, so many of them are tried in each configuration.
 TURNS = 8
 REST = "at rest"
-OTHER = "another configuration is taken, in which the contours are clear"
+OTHER = "another configuration is taken, in which the contours are clear and above the base"
 # A tool point this near to the flange has no tool between [m].
 SHORT = 1e-3
 # Position and orientation, with the turn about the tool axis.
@@ -123,21 +123,31 @@ def clearance_of(job: Job, motion: Trajectory) -> Clearance | None:
     return job.cell.check(motion) if _is_looked_at(job) and _has_pairs(job) else None
 
 
+def below_base(job: Job, motion: Trajectory) -> str | None:
+    """A sentence on links that come below the base; None if none does, or nothing looks at it."""
+    if not _is_looked_at(job):
+        return None
+    return Clearance(pairs=(), below=job.cell.below(motion)).below_base
+
+
 def _has_pairs(job: Job) -> bool:
     """Whether there is anything that the arm may come near to."""
     return job.scene is not None or bool(job.cell.pairs)
 
 
 def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
-    """Whether a contour keeps clear along a joint path; None if no configuration is chosen.
+    """Whether a contour keeps clear and above the base; None if no configuration is chosen.
 
     Args:
         job: The job.
     """
     chosen = job.start is None and isinstance(job.arm, SerialArm)
-    if chosen and not job.ignore_collisions and _is_looked_at(job):
-        return job.cell.keeps
-    return None
+    if not chosen or not _is_looked_at(job):
+        return None
+    cell = job.cell
+    if job.ignore_collisions:
+        return cell.stays_above
+    return lambda joint_path: cell.stays_above(joint_path) and cell.keeps(joint_path)
 
 
 def _is_looked_at(job: Job) -> bool:
