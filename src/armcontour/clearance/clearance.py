@@ -311,6 +311,14 @@ class Cell:
         kinds = np.array([x.kind for x in self.pairs])
         return {kind: found[:, kinds == kind].min(axis=1) for kind in dict.fromkeys(kinds.tolist())}
 
+    def fits(self, motion: Motion) -> bool:
+        """Whether every pair keeps its margin and no link comes below the base in a motion.
+
+        Args:
+            motion: The motion.
+        """
+        return self.stays_above(motion) and self.keeps(motion)
+
     def keeps(self, motion: Motion) -> bool:
         """Whether every pair keeps its margin in a motion; faster than `check`.
 

@@ -38,7 +38,7 @@ PLACES = 8
 # Where the turn about the tool axis is free, so many of them are tried in each configuration.
 TURNS = 8
 REST = "at rest"
-OTHER = "another configuration is taken, in which the contours are clear and above the base"
+OTHER = "another configuration is taken, in which the contours are clear"
 # A tool point this near to the flange has no tool between [m].
 SHORT = 1e-3
 # Position and orientation, with the turn about the tool axis.
@@ -144,10 +144,7 @@ def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
     chosen = job.start is None and isinstance(job.arm, SerialArm)
     if not chosen or not _is_looked_at(job):
         return None
-    cell = job.cell
-    if job.ignore_collisions:
-        return cell.stays_above
-    return lambda joint_path: cell.stays_above(joint_path) and cell.keeps(joint_path)
+    return job.cell.stays_above if job.ignore_collisions else job.cell.fits
 
 
 def _is_looked_at(job: Job) -> bool:
