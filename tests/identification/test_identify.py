@@ -11,6 +11,7 @@ import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.identification import Log, identify
 from armcontour.io.log_file import read_log
+from armcontour.servo.simulation import JointServo, LoggedCommand, follow
 
 KR300 = Path(__file__).parent / "kuka_kr300"
 TRUTH = {"kp": 25.0, "kv": 150.0, "delay": 12.3e-3}
@@ -249,3 +250,36 @@ def test_a_saturating_step_shows_the_limit():
     log = log_of(1, NOISE, t=t[:1500], u=u[:1500], limit=LIMIT, **TRUTH)
     joint = identify(log, model="second").joints[0]
     assert joint.acceleration_limit.value == pytest.approx(LIMIT, rel=0.01)
+
+
+@pytest.mark.parametrize(("kv", "interval"), [(100.0, 12e-3), (150.0, 8e-3)])
+def test_velocity_gains_do_not_need_a_sample_in_their_time_constant(kv, interval):
+    t, u = shaken(6.0, interval, 1)
+    y = follow(LoggedCommand(t, u), JointServo(25.0, kv), 0.0, 0.0)
+    joint = identify(Log(t=t, command=u, measured=y)).joints[0]
+    assert joint.order == "second" and joint.written
+    assert joint.kp.value == pytest.approx(25.0, rel=0.01)
+    assert joint.kv.value == pytest.approx(kv, rel=0.01)
+
+
+def test_a_second_order_is_found_at_jittering_times():
+    logs, truth = [], JointServo(12.9, 129.5, velocity_feedforward=0.871, dead_time=4.95e-3)
+    for seed in (1, 2):
+        random = np.random.default_rng(seed)
+        t, u = shaken(6.0, 8e-3, seed)
+        times = t + np.append(0.0, random.uniform(-1e-3, 1e-3, len(t) - 1))
+        u = np.interp(times, t, u)
+        y = follow(LoggedCommand(times, u), truth, 0.0, 0.0)
+        logs.append(Log(t=times, command=u, measured=y + random.normal(0, 1e-5, len(t))))
+    joint = identify(logs, model="second").joints[0]
+    assert joint.written and joint.share < 0.01
+    assert joint.kv.value == pytest.approx(129.5, rel=0.02)
+    assert joint.dead_time.value == pytest.approx(4.95e-3, abs=1e-4)
+
+
+def test_a_position_gain_at_its_bound_is_no_model():
+    """The time constant of 50 s is longer than the log: only the feed-forward is visible."""
+    t, u = shaken(6.0, 4e-3, 1)
+    y = follow(LoggedCommand(t, u), JointServo(0.02, velocity_feedforward=0.9), 0.0, 0.0)
+    joint = identify(Log(t=t, command=u, measured=y), model="first").joints[0]
+    assert not joint.written and "bounds" in joint.note

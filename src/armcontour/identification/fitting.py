@@ -39,6 +39,8 @@ OF_MEDIAN = 1.4826
 ROUNDING = 1e-9
 # Residuals are in mrad, and cut off where a trial diverges.
 MRAD, MOST = 1e3, 1e4
+# Range of the gains of the search [1/s]: velocity loops of drives have bandwidths below 160 Hz.
+SLOWEST, FASTEST = 0.1, 1000.0
 # Numbers of the begin of a log that are fitted: offset, position, velocity.
 BEGINS = {"unknown": 1, "delay": 1, "first": 2, "second": 3}
 
@@ -51,23 +53,22 @@ class Model(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Longest dead time, usual sample interval and cycle of the drives [s], 0 for none."""
+    """Longest dead time and cycle of the drives [s], 0 for none."""
 
     longest: float
-    interval: float
     cycle: float
 
     @property
     def fastest(self) -> float:
-        """Largest velocity gain of the search [1/s]."""
-        return 1 / self.cycle if self.cycle else max(50.0, 1 / self.interval)
+        """Largest gain of the search [1/s]."""
+        return min(FASTEST, 1 / self.cycle) if self.cycle else FASTEST
 
     def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
         """Bounds of the parameters of a model, logarithms for LOGARITHMIC, (m,) each."""
-        slowest = min(1000.0, 1 / self.cycle) if self.cycle else 1000.0
+        most = self.fastest
         lead = 3.0 if model.order == "second" else 0.3
         ranges = JointServo(
-            (0.1, slowest), (0.5, self.fastest), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
+            (SLOWEST, most), (0.5, most), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
             (0.01, 1e5), (0.0, 0.1),
         )  # fmt: skip
         found = np.array([getattr(ranges, x) for x in model.free]).T

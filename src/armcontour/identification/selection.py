@@ -161,7 +161,7 @@ def is_implausible(found: Fit) -> bool:
     servo = found.servo
     ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < DAMPING
     lead = {FEED} if ACCELERATION in found.problem.model.free else set()
-    at = high & {KP, KV, FEED, ACCELERATION, LIMIT} or low & ({KV, LIMIT} | lead)
+    at = high & {KP, KV, FEED, ACCELERATION, LIMIT} or low & ({KP, KV, LIMIT} | lead)
     return bool(ringing or at)
 
 
