@@ -41,8 +41,9 @@ def compensate(
     interpolation "step". The taught data then starts before time 0, at the start of the plan.
 
     Velocity feed-forward f leaves a transient of the set-points after the plan, with the time
-    constant `f / kp`, and an integrator one with `1 / ki`. After 1 s or 20 % of the motion it is cut off: set-points fade to the end of
-    the plan, and `TaughtData.cut_off` bounds the errors of the joints after it.
+    constant `f / kp`, and an integrator one with `1 / ki`. After 1 s or 20 % of the motion it is
+    cut off: set-points fade to the end of the plan, and `TaughtData.cut_off` bounds the errors of
+    the joints after it.
 
     Args:
         trajectory: Trajectory that the joints should follow.

@@ -135,7 +135,8 @@ def _solved(means: FloatArray, period: float, servo: ServoModel) -> FloatArray:
             found[:-1, j] = lfilter([1.0], [1 + first, -first], means[1:, j])
             found[-1, j] = means[-1, j]
             continue
-        line, bend, shares = [0.5 + first, 0.5 - first], [second, -2 * second, second], [1.0]
+        line, bend = np.array([0.5 + first, 0.5 - first]), second * np.array([1.0, -2.0, 1.0])
+        shares = np.ones(1)
         if servo.ki[j]:
             # The integrator acts against acceleration feed-forward.
             share, shares = integrator_filter(servo.ki[j], period)

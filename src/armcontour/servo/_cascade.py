@@ -17,9 +17,9 @@ from armcontour.servo._response import MOST_PHASES, MOST_STEPS, ROUNDING, Motion
 
 # Times [s] that differ by less than this are equal, as in `march`.
 NEAR = 4e-12
-# Terms of a Taylor series, and the length of a step in bounds of the fastest time constant: the
-# terms that are left out are below 1e-16 of the first ones.
-TERMS, LENGTH = 20, 0.5
+# Most terms of a Taylor series, the length of a step in bounds of the fastest time constant, and
+# the size of terms that are left out, as a share of the first ones.
+TERMS, LENGTH, NOTHING = 24, 0.5, 1e-17
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -41,19 +41,42 @@ def slope_of(a: FloatArray, t: float) -> float:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def bisect(a: FloatArray, low: float, high: float, level: float, slopes: bool) -> float:
+def curvature_of(a: FloatArray, t: float) -> float:
+    """Second derivative of a polynomial at time t."""
+    value = 0.0
+    for k in range(len(a) - 1, 1, -1):
+        value = k * (k - 1) * a[k] + t * value
+    return value
+
+
+@compiled(inner=True, fastmath=FUSED)
+def find_passage(a: FloatArray, low: float, high: float, level: float, slopes: bool) -> float:
     """Time at which a polynomial, or its slope, passes a level between two times."""
     rises = (slope_of(a, high) if slopes else evaluate(a, high)) > level
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        value = slope_of(a, middle) if slopes else evaluate(a, middle)
-        if (value > level) == rises:
-            high = middle
+    near, t = 1e-15 * high, 0.5 * (low + high)
+    for _ in range(100):
+        value = (slope_of(a, t) if slopes else evaluate(a, t)) - level
+        rate = curvature_of(a, t) if slopes else slope_of(a, t)
+        if (value > 0.0) == rises:
+            high = t
         else:
-            low = middle
-        if high - low <= 1e-15 * high:
+            low = t
+        last, t = t, t - value / rate if rate != 0.0 else low
+        if not low < t < high:
+            t = 0.5 * (low + high)
+        if high - low <= near or abs(t - last) <= near:
             break
-    return high
+    return t
+
+
+@compiled(inner=True, fastmath=FUSED)
+def count_terms(x: float) -> int:
+    """Number of terms of a Taylor series whose terms fall like `x^k / k!`."""
+    term, n = 1.0, 0
+    while term > NOTHING and n < TERMS - 6:
+        n += 1
+        term *= x / n
+    return n + 6
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -67,12 +90,12 @@ def expand(
         ki: Integral gain [1/s].
         u: Coefficients of both commands, (8,).
         side: 1 at the upper bound of the acceleration, -1 at the lower one, else 0.
-        q: Position, with the first two coefficients, (TERMS,).
-        x: Integral, with the first coefficient, (TERMS,).
-        z: Output: demand, (TERMS,).
+        q: Position, with the first two coefficients, (n,).
+        x: Integral, with the first coefficient, (n,).
+        z: Output: demand, (n,).
     """
     kp, kv = servo.kp, servo.kv
-    for k in range(TERMS - 2):
+    for k in range(len(q) - 2):
         p, v = (u[k], u[4 + k]) if k < 4 else (0.0, 0.0)
         w = (k + 1) * q[k + 1]
         z[k] = kv * (kp * (p - q[k]) - w + ki * x[k])
@@ -112,8 +135,8 @@ def march_cascade(
     kp, kv = servo.kp, servo.kv
     q, w, z, saturated, lowest, highest = motion
     u, series = np.empty(8), np.zeros((3, TERMS))
-    position, integral, demand = series
-    last, now = len(starts), times[0]
+    last, now, length = len(starts), times[0], -1.0
+    position, integral, demand = series[0], series[1], series[2]
     at = 0
     while at < last and starts[at] < now - NEAR:
         at += 1
@@ -137,6 +160,10 @@ def march_cascade(
             final = h <= longest
             if not final:
                 h /= math.ceil(h / longest)
+            if abs(h - length) > 1e-6 * h:
+                length, n = h, count_terms(2 * rate * h)
+                position, integral, demand = series[0, :n], series[1, :n], series[2, :n]
+                series[2] = 0.0
             move_command(pieces, starts, at, now, u)
             # Relative to the command, so that large positions lose no digits.
             origin = u[4]
@@ -154,7 +181,7 @@ def march_cascade(
             expand(servo, ki, u, side, position, integral, demand)
             turn = h
             if slope_of(demand, 0.0) * slope_of(demand, h) < 0.0:
-                turn = bisect(demand, 0.0, h, 0.0, True)
+                turn = find_passage(demand, 0.0, h, 0.0, True)
             lowest, highest = min(lowest, z), max(highest, z)
             end, begin, following = h, 0.0, side
             for t in (turn, h):
@@ -171,7 +198,7 @@ def march_cascade(
                 elif side < 0.0 and value > servo.lower:
                     bound, following = servo.lower, 2.0
                 if following != side:
-                    end, final = bisect(demand, begin, t, bound, False), False
+                    end, final = find_passage(demand, begin, t, bound, False), False
                     break
                 lowest, highest = min(lowest, value), max(highest, value)
                 begin = t
