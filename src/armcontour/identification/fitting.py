@@ -336,10 +336,11 @@ def count_begins(order: str, integrates: bool) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """A solved problem, and its unknowns."""
+    """A solved problem, its unknowns, and half of the sum of squared residuals [mrad²]."""
 
     problem: Problem
     x: FloatArray
+    cost: float
 
     @property
     def servo(self) -> JointServo:
@@ -366,7 +367,7 @@ def fit(problem: Problem, starts: Sequence[FloatArray], most: int = 60) -> Fit:
     found = min((problem.solve(x, few) for x in starts), key=lambda x: float(x.cost))
     if len(starts) > 1 and found.status == 0:
         found = problem.solve(found.x, most)
-    return Fit(problem=problem, x=found.x)
+    return Fit(problem=problem, x=found.x, cost=float(found.cost))
 
 
 def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> FloatArray:
@@ -382,7 +383,7 @@ def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> Fl
 
     def simulate(begins: FloatArray) -> FloatArray:
         offset, q0, dq0, ddq0 = begins.T
-        return follow(s.command, servo, q0, dq0, cycle, ddq0) + offset[:, None]
+        return np.asarray(follow(s.command, servo, q0, dq0, cycle, ddq0) + offset[:, None])
 
     x = np.array([0.0, s.y[0], s.velocity, 0.0])
     q = simulate(x + steps)

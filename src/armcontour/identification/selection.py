@@ -42,6 +42,10 @@ OPTIONAL = (ACCELERATION, FEED, FRICTION)
 # poorer one, is below GAIN (with an acceleration limit below LIMIT_GAIN), and if its error is
 # smaller on this share of the parts.
 GAIN, LIMIT_GAIN, MOST_PARTS = 0.9, 0.5, 0.6
+# A richer model whose error on the data that it was fitted to is above this share is not better.
+SAME = 0.97
+# A cascade is fitted where the error of the other models is below this share of the tracking error.
+EXPLAINED = 0.5
 # Loops with less damping are rejected: no drive is tuned so.
 DAMPING = 0.2
 # Evaluations of a fit without a part; it starts from the fit of all parts.
@@ -130,8 +134,7 @@ def select(
         bent = ACCELERATION in model.free and not some[0].command.linear
         if model.order not in orders or bent or (KI in model.free and search.cycle):
             continue
-        best = taken.fit.problem.model.free if taken else ()
-        if {KI, ACCELERATION} <= set(model.free) and not {KI, ACCELERATION} & set(best):
+        if KI in model.free and not _may_be_cascade(model, taken):
             continue
         taken = _try(model, some, search, lag, fits, taken)
         if taken and taken.explains_all:
@@ -162,16 +165,26 @@ def _try(
     problem = Problem(model, stretches, search)
     starts = [problem.guess(x, lag) for x in _starts(problem, search, lag, fits)]
     found = fit(problem, starts, 30 if KI in model.free else 60)
-    if KI in model.free:
+    hopeless = taken and found.cost > SAME**2 * taken.fit.cost
+    if KI in model.free and not hopeless:
         # Loops that differ in both gains by an exchange have the same poles.
         servo = found.servo
         other = servo._replace(kp=servo.ki, ki=servo.kp)._asdict()
         found = fit(problem, [found.x, problem.guess(other, servo.dead_time)], 30)
     fits[model] = found
-    if is_implausible(found):
+    if hopeless or is_implausible(found):
         return taken
     unseen = _predict_parts(found, search)
     return unseen if taken is None or unseen.is_better(taken) else taken
+
+
+def _may_be_cascade(model: Model, taken: Selected | None) -> bool:
+    """Whether the selected model explains so much that an integrator is worth its fit."""
+    if taken is None:
+        return False
+    lag = np.concatenate([(s.y - s.command.u)[s.use] for s in taken.stretches])
+    known = {KI, ACCELERATION} & set(taken.fit.problem.model.free)
+    return taken.rms < EXPLAINED * np.std(lag) and (ACCELERATION not in model.free or bool(known))
 
 
 def _prune(taken: Selected, search: Search) -> Selected:
