@@ -205,10 +205,10 @@ def test_functions_of_numbers_refuse_what_is_none_in_one_sentence(
     plain += (planned.with_rests, planned.motion_with_rests, planned.time_at, planned.speed_at)
     functions = [(x, 1, NO_NUMBERS) for x in (*plain, planned.sample)]
     functions += [(rounded.project, 1, (*NO_NUMBERS, *NO_STATES)), (servo.command, 3, NO_NUMBERS)]
-    functions.append((arm.inverse, 1, (*NO_NUMBERS, *NO_STATES)))
+    functions.append((arm.joint_position, 1, (*NO_NUMBERS, *NO_STATES)))
     for x in (arm, space):
-        functions += [(f, 1, states) for f in (x.forward, x.jacobian, x.links)]
-        functions += [(f, 2, states) for f in (x.jacobian_rate, x.tool_velocity)]
+        functions += [(f, 1, states) for f in (x.tool_position, x.tool_jacobian, x.links)]
+        functions += [(f, 2, states) for f in (x.tool_jacobian_rate, x.tool_velocity)]
         functions += [(f, 3, states) for f in (x.tool_acceleration, x.tool_motion, x.torque)]
         functions.append((x.tool_jerk, 4, states))
     functions += [(arm.joint_velocity, 2, states), (arm.joint_acceleration, 3, states)]

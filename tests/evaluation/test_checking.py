@@ -138,7 +138,7 @@ def circle(arm, speed, names):
     path = ac.Path.from_segments([ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=6.0)])
     t = np.arange(0, path.length / speed, 2e-3)
     s = speed * t
-    q = arm.inverse(path(s))
+    q = arm.joint_position(path(s))
     dq = arm.joint_velocity(q, speed * path(s, 1))
     ddq = arm.joint_acceleration(q, dq, speed**2 * path(s, 2))
     return columns(Samples(t=t, q=q, dq=dq, ddq=ddq), names), path
@@ -163,7 +163,7 @@ def test_lines_and_rests_have_no_centripetal_acceleration(arm):
     path = ac.Path.polyline([(0.35, 0.10), (0.35, 0.20)])
     t = np.linspace(0, 1, 501)
     s, ds = 0.1 * t**2, 0.2 * t
-    q = arm.inverse(path(s))
+    q = arm.joint_position(path(s))
     dq = arm.joint_velocity(q, ds[:, None] * path(s, 1))
     ddq = arm.joint_acceleration(q, dq, 0.2 * path(s, 1))
     limits = ac.Limits(tool_acceleration=0.2, centripetal_acceleration=0.09)
@@ -181,7 +181,7 @@ def test_lines_and_rests_have_no_centripetal_acceleration(arm):
 
 def test_the_distance_from_a_path(arm):
     points = np.linspace((0.30, 0.201), (0.40, 0.203), 50)
-    log = SimpleNamespace(t=np.arange(50) * 0.1, q=arm.inverse(points))
+    log = SimpleNamespace(t=np.arange(50) * 0.1, q=arm.joint_position(points))
     path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
     found = ac.check(log, arm, ac.Limits(), path, deviation=2e-3)
     far = found.path_deviation
@@ -324,7 +324,7 @@ def test_what_is_no_number_decides_nothing_and_is_never_kept(arm):
 def test_a_turn_between_two_samples_leaves_the_centripetal_acceleration_open(arm):
     """Along a line, then at a right angle to it: on which curve, nobody has seen."""
     points = [(0.30 + 0.01 * min(i, 10), 0.20 + 0.01 * max(0, i - 10)) for i in range(21)]
-    log = SimpleNamespace(t=np.arange(21) * 0.1, q=arm.inverse(np.array(points)))
+    log = SimpleNamespace(t=np.arange(21) * 0.1, q=arm.joint_position(np.array(points)))
     found = ac.check(log, arm, ac.Limits(centripetal_acceleration=0.5))
     use = found["centripetal_acceleration"]
     assert use.highest.value == pytest.approx(math.sqrt(2) * 0.1 / 0.1)

@@ -127,7 +127,7 @@ def test_laws_that_start_in_motion_jump_or_have_no_third_derivative():
 
 def test_path_jerk_is_judged_of_laws_along_a_path():
     center = np.array([0.135, 0.0])  # m, the first joint
-    point = ARM.forward(START)
+    point = ARM.tool_position(START)
     path = ac.Path.from_segments([ac.Arc(start=point, center=center, angle=-1.0)])
     radius = float(np.hypot(*(point - center)))
     coefficients = np.zeros((1, 6, 2))

@@ -260,7 +260,7 @@ def test_a_path_is_traced_on_the_way(arm, rounded, traced, limits):
     other = ac.plan(rounded, arm, limits.replace(speed=0.05), method="mac", branch="negative")
     t = np.linspace(0, other.duration, 101)
     assert (other(t)[:, 1] < 0).all()
-    assert rounded.project(arm.forward(other(t))).distance.max() < 1e-6
+    assert rounded.project(arm.tool_position(other(t))).distance.max() < 1e-6
 
 
 def test_refusals(arm, rounded, traced, objective, limits, refuses):

@@ -103,7 +103,7 @@ def test_the_papers_job_keeps_every_limit_and_one_joint_is_at_its_limit(arm, rou
         assert_accelerations_kept(planned, limits.joint_acceleration)
         ends = np.array([0.0, planned.duration])
         assert tool_speed(planned, arm, ends).max() < 1e-9
-        np.testing.assert_allclose(arm.forward(planned(ends)), rounded.vertices[[0, -1]], atol=1e-9)
+        np.testing.assert_allclose(arm.tool_position(planned(ends)), rounded.vertices[[0, -1]], atol=1e-9)
     # Sec. IV-C of the paper claims it; a meeting lap is the only exception.
     for stretch in mac.stretches:
         t = np.linspace(*stretch.t, 402)[1:-1]
@@ -120,7 +120,7 @@ def test_the_papers_job_is_continuous_and_tiled_by_its_switching_points(arm, rou
     jumps = np.abs(mac(at, 1) - mac(at, 1, side="left")).max(axis=1)
     # The laps hand over velocities along the path; the rest is of third order in their time.
     assert jumps.max() < 2e-3 and np.median(jumps) < 1e-5
-    found = rounded.project(arm.forward(mac(np.linspace(0, mac.duration, 20001))))
+    found = rounded.project(arm.tool_position(mac(np.linspace(0, mac.duration, 20001))))
     assert found.distance.max() < 1e-6 and np.diff(found.s).min() > -1e-9
     s, t = (np.array([getattr(x, name) for x in mac.stretches]) for name in ("s", "t"))
     assert t[0, 0] == 0 and s[0, 0] == 0
@@ -326,4 +326,4 @@ def test_torque_and_turning_are_looked_at_afterwards(method, robot, refuses, arm
     state = (planned([found.t], order) for order in (0, 1))
     tool = robot.tool_twist(*state)[0]
     assert np.linalg.norm(tool[3:]) == pytest.approx(found.needed, rel=1e-4)
-    np.testing.assert_allclose(robot.forward(planned(found.t)), TURNING(found.s), atol=1e-7)
+    np.testing.assert_allclose(robot.tool_position(planned(found.t)), TURNING(found.s), atol=1e-7)

@@ -32,7 +32,7 @@ def test_ranges_that_limits_narrow_or_widen_are_used(ur5e):
     assert len(found) >= 2
     ways = [x(S) for x in (*found, ac.trace(LINE, ur5e, limits=limits))]
     for q in ways:
-        np.testing.assert_allclose(ur5e.forward(q), LINE(S), atol=1e-9)
+        np.testing.assert_allclose(ur5e.tool_position(q), LINE(S), atol=1e-9)
     for start in (None, found[0](0.0) + 0.01):
         planned = ac.plan(LINE, ur5e, limits, start=start)
         ways.append(planned(np.linspace(0, planned.duration, 200)))

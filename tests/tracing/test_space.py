@@ -295,7 +295,7 @@ def test_a_range_with_one_end_and_one_that_is_left_between_knots(ur5e):
 def test_near_the_wrists_singularity_it_turns_fast_and_through_it_is_refused(ur5e):
     q = np.array([0.3, -1.2, 1.5, -0.6, 0.0, 0.4])  # the fifth joint at zero: two axes in line
     point, rotation = ur5e.pose(q)
-    lost = np.linalg.svd(ur5e.twist_jacobian(q))[0][:, -1]  # what the tool cannot do there
+    lost = np.linalg.svd(ur5e.jacobian(q))[0][:, -1]  # what the tool cannot do there
     ends = 0.05 * np.array([[-1.0], [1.0]])
     points, turns = point + ends * lost[:3], exp(ends * lost[3:]) @ rotation
     fastest, start = [], None
@@ -435,7 +435,7 @@ def test_smoothing_leaves_the_tool_where_it_is_and_costs_less(panda):
     costs = []
     for rounds in (0, 1, 3, 25):
         (q,), (cost,) = smooth(panda, s, poses, 5, first[None], rounds=rounds)
-        np.testing.assert_allclose(panda.forward(q), poses[:, :, 3], atol=1e-9)
+        np.testing.assert_allclose(panda.tool_position(q), poses[:, :, 3], atol=1e-9)
         costs.append(cost)
     assert costs == sorted(costs, reverse=True) and costs[-1] < 0.9 * costs[0]
     (held,), _ = smooth(panda, s, poses, 5, first[None], start_stays=True)

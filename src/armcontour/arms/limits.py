@@ -52,6 +52,7 @@ JOINT_VALUES = JOINT_LIMITS | dict.fromkeys(JOINT_RANGE, "rad")
 UNITS = JOINT_VALUES | TOOL_LIMITS
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Limits(Value):
     """Limits of the joints and of the tool; what is not given is not limited.

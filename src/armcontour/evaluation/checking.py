@@ -290,7 +290,7 @@ def _split_contours(samples: Any, arm: Arm, program: Program | None) -> list[_Pa
         ]
     assert program is not None
     log = _check_samples(samples, arm.dof, None)
-    windows = find_windows(arm.forward(log.q), program)
+    windows = find_windows(arm.tool_position(log.q), program)
     found = []
     for (first, last), path, start in zip(windows, paths, starts[:-1], strict=True):
         rows = {x: getattr(log, x) for x in ("t", "q", "dq", "ddq")}

@@ -418,7 +418,7 @@ class Tally:
         """Tool points [m], (n, dimension), and a bound on the length of their error, (n,)."""
         none = np.zeros_like(error)
         x = States(t=q[:, 0], q=q, dq=np.zeros_like(q), ddq=None, errors=(error, none, none))
-        return self.bounded(x, self.arm.forward, 0)
+        return self.bounded(x, self.arm.tool_position, 0)
 
     def pose(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
         """Offer the distance of the tool from the path and from the required tool orientation."""
@@ -451,7 +451,7 @@ class Tally:
         found = [*self._certain.values(), *self._highest.values()]
         uses = [x for x, _ in found]
         if self.path is not None and found:
-            s = self.path.project(self.arm.forward(np.array([q for _, q in found]))).s
+            s = self.path.project(self.arm.tool_position(np.array([q for _, q in found]))).s
             uses = [replace(x, s=float(at)) for x, at in zip(uses, s, strict=True)]
         certain, highest = uses[: len(self._certain)], uses[len(self._certain) :]
         return tuple(

@@ -75,8 +75,11 @@ def join_paths(paths: Sequence[Path]) -> Path:
     gaps = np.linalg.norm(ends - [x.starts[0] for x in paths[1:]], axis=1)
     # If a gap is too wide, the check of all segments names it.
     fits = bool((gaps <= REPEATED_POINT).all())
+    before = np.cumsum([0, *(len(x) for x in paths)])
+    waypoints = [x.waypoints[:-1] + k for x, k in zip(paths, before, strict=False)]
     return Path(
         segments=Segments.join([x.segments for x in paths], checked=fits),
+        waypoints=np.concatenate([*waypoints, before[-1:]]),
         orientation=Orientation.join(oriented, [x.length for x in paths]) if oriented else None,
     )
 

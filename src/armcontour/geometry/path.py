@@ -14,7 +14,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, digits, line_up, several
 from armcontour.errors import InvalidInput
-from armcontour.frames import angle_between
+from armcontour.frames import Pose, angle_between
 from armcontour.geometry import orienting
 from armcontour.geometry.nearest import Projection, find_nearest
 from armcontour.geometry.orientation import Orientation
@@ -30,6 +30,7 @@ SAME_BREAK = 1e-12
 
 
 # No slots: with slots, Python's frozen classes give no clear error for setting a property.
+@_checks.explain_calls
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path(Value):
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
@@ -202,6 +203,57 @@ class Path(Value):
             raise InvalidInput(PLANE)
         found = orienting.follow(self.segments, up, tool, axis_only=axis_only)
         return dataclasses.replace(self, orientation=found)
+
+    def placed(self, frame: Pose, *, scale: float = 1.0) -> Path:
+        """The path moved from the coordinates of a frame to those of the frame's parent.
+
+        Speeds, tolerances and tool orientation move with it. A path in the plane becomes one in
+        space where the frame lifts or tilts it.
+
+            seam = Path.polyline([(0, 0), (0.1, 0)]).placed(Frame((0.4, 0.0, 0.2)))
+
+        Args:
+            frame: A Frame, a 4 by 4 transform, a pinocchio.SE3 or a position [m].
+            scale: Factor of all lengths, before the path is placed.
+
+        Raises:
+            InvalidInput: It is no frame, or the scale is not above zero.
+        """
+        from armcontour.geometry.placing import place_path
+
+        return place_path(self, frame, scale=scale)
+
+    def reversed(self) -> Path:
+        """The path from its end to its start, with the same tool orientation at every point.
+
+            back_and_forth = path + path.reversed()
+        """
+        from armcontour.geometry.cutting import reverse_path
+
+        return reverse_path(self)
+
+    def joined(self, *others: Path) -> Path:
+        """One path of this one and others, each of which starts where the one before it ends.
+
+        `path + other` does the same for one other path.
+
+            contour = lead_in.joined(circle, lead_out)
+
+        Args:
+            others: The other paths, in order.
+
+        Raises:
+            InvalidInput: There is a gap; some paths lie in the plane and others in space; or only
+                some have an orientation.
+        """
+        from armcontour.geometry.cutting import join_paths
+
+        paths = _checks.listed("joined", (self, *others), Path, "Paths")
+        return join_paths(paths)
+
+    def __add__(self, other: Path) -> Path:
+        """The path followed by another one, as by `joined`."""
+        return self.joined(other) if isinstance(other, Path) else NotImplemented
 
     @property
     def starts(self) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame
+from armcontour.frames import Frame, Pose
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import REPEATED_POINT
 
@@ -17,7 +17,7 @@ from armcontour.geometry.segments import REPEATED_POINT
 IN_PLANE = 1e-12
 
 
-def place_path(path: Path, frame: Frame, *, scale: float = 1.0) -> Path:
+def place_path(path: Path, frame: Pose, *, scale: float = 1.0) -> Path:
     """A path given in a frame, in the coordinates in which the frame is given.
 
     Speeds and tolerances are kept. A path in the plane stays in the plane if the frame neither
@@ -25,17 +25,13 @@ def place_path(path: Path, frame: Frame, *, scale: float = 1.0) -> Path:
 
     Args:
         path: The path in the frame's coordinates.
-        frame: Position and rotation of the frame.
+        frame: Position and rotation of the frame, as of `Frame.of`.
         scale: Factor of all lengths, applied first.
 
     Raises:
-        InvalidInput: The scale is not above zero, or `frame` is not a Frame.
+        InvalidInput: The scale is not above zero, or it is no frame.
     """
-    if not isinstance(frame, Frame):
-        raise InvalidInput(
-            f"A path is placed in a Frame, such as Frame(position=[0.3, 0, 0]), not in a "
-            f"{type(frame).__name__}."
-        )
+    frame = Frame.of(frame)
     factor = _checks.positive("scale", scale)
     if path.dimension == 2 and not keeps_plane(frame):
         path = lift_path(path)

@@ -476,7 +476,7 @@ def _reached(
     for i in range(len(poses)):
         own = many[:FEW_SEEDS] if starts is None else starts[i : i + 1]
         found[i] = nearest_reached(arm, poses[i], task, own)
-    away = np.linalg.norm(arm.forward(found) - points, axis=1)
+    away = np.linalg.norm(arm.tool_position(found) - points, axis=1)
     for i in np.argsort(-away)[:closely]:
         if away[i] > OUT_OF_REACH:
             # Another configuration may come nearer.
@@ -484,7 +484,7 @@ def _reached(
             found[i] = nearest_reached(arm, poses[i], task, own)
     if starts is not None:
         starts[:] = found
-    return arm.forward(found)
+    return arm.tool_position(found)
 
 
 def _refusal(job: Job, places: _Places, away: FloatArray, k: int, rapid: bool) -> Unreachable:

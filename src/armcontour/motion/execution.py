@@ -36,6 +36,7 @@ class Between(Protocol):
         """The motion from some results to the next ones; None where it is not known."""
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Execution(Value):
     """Motion of the joints of a plant, from the first set-point until rest.
@@ -151,7 +152,7 @@ class Execution(Value):
     @property
     def tool(self) -> FloatArray:
         """Positions of the tool [m], (n, dimension)."""
-        return self.arm.forward(self.q)
+        return self.arm.tool_position(self.q)
 
     @property
     def tool_speed(self) -> FloatArray:
@@ -234,6 +235,7 @@ def check_interval(period: float) -> float:
     return _checks.between("command interval", period, *INTERVALS, "s")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TaughtData(Value):
     """Joint set-points at regular times.

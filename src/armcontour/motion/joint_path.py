@@ -29,6 +29,7 @@ NO_DIRECTION = 1e-12
 NO_STOPS = _checks.lock_floats([])
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointPath(Value):
     """Joint positions as a function of arc length, a quintic per interval, with derivatives.

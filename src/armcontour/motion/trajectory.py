@@ -135,6 +135,7 @@ class Samples(Value):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Trajectory(Value):
     """Joint positions over time, made of consecutive time laws; two-sided at breaks.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -18,7 +18,7 @@ from armcontour._describing import count_kinds, digits, extremes, line_up, sever
 from armcontour._quantities import Distance, Length, Time
 from armcontour._text import list_some, make_printable, shorten
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame
+from armcontour.frames import Frame, Pose
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import join_paths
 from armcontour.geometry.placing import (
@@ -37,6 +37,7 @@ MOST_MOVES = 100_000
 MOST_SEGMENTS = 1_000_000
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """An output that is switched at a position of a contour, or while the tool is at rest.
@@ -55,8 +56,8 @@ class Event:
             number that is not finite.
     """
 
-    name: str
-    value: Value = True
+    name: str = field(kw_only=False)
+    value: Value = field(default=True, kw_only=False)
     s: Distance = 0.0
     lead_time: Time = 0.0
     lead_distance: Length = 0.0
@@ -74,6 +75,7 @@ class Event:
         _checks.number(f"lead distance of the event {self.name}", self.lead_distance, "m")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contour:
     """A path along which the process is on.
@@ -95,7 +97,7 @@ class Contour:
             outside the path.
     """
 
-    path: Path
+    path: Path = field(kw_only=False)
     name: str = ""
     layer: str = ""
     events: tuple[Event, ...] = ()
@@ -195,6 +197,7 @@ def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
     return distance if copies > 1 else 0.0
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rapid:
     """A free motion with the tool off, at the arm's limits.
@@ -206,13 +209,14 @@ class Rapid:
         InvalidInput: Neither a path nor None.
     """
 
-    path: Path | None = None
+    path: Path | None = field(default=None, kw_only=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.path, Path | None):
             raise InvalidInput(f"A rapid needs a Path or None, not {type(self.path).__name__}.")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dwell:
     """A time during which the tool is at rest.
@@ -221,7 +225,7 @@ class Dwell:
         duration: The duration [s].
     """
 
-    duration: float
+    duration: float = field(kw_only=False)
 
     def __post_init__(self) -> None:
         _checks.positive("dwell", self.duration, "s")
@@ -230,6 +234,7 @@ class Dwell:
 Move = Contour | Rapid | Dwell | Event
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Program:
     """Moves in order; between two contours that do not meet, a rapid is added.
@@ -245,7 +250,7 @@ class Program:
             length or a lead distance, or paths of different dimensions.
     """
 
-    moves: tuple[Move, ...]
+    moves: tuple[Move, ...] = field(kw_only=False)
     source: str = ""
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
@@ -412,13 +417,14 @@ class Program:
             ],
         )
 
-    def placed(self, frame: Frame, *, scale: float = 1.0) -> Program:
+    def placed(self, frame: Pose, *, scale: float = 1.0) -> Program:
         """The program moved from the coordinates of a frame to those of the frame's parent.
 
         Speeds, tolerances and leads stay the same.
 
         Args:
-            frame: The frame of the drawing.
+            frame: The frame of the drawing: a Frame, a 4 by 4 transform, a pinocchio.SE3 or a
+                position [m].
             scale: Factor of all lengths, before the program is placed.
         """
         return self.mapped(lambda path: place_path(path, frame, scale=scale))

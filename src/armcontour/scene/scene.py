@@ -16,6 +16,7 @@ BASE, PART = "base", "part"
 TOOL = "tool"
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margins:
     """How near bodies may come to each other, by the kinds of pairs.
@@ -39,6 +40,7 @@ class Margins:
 MARGINS = Margins()
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Obstacle:
     """A body that stands in the cell.
@@ -55,8 +57,8 @@ class Obstacle:
         InvalidInput: A wrong name, margin, or something else that it is fixed to.
     """
 
-    name: str
-    shape: Shape
+    name: str = field(kw_only=False)
+    shape: Shape = field(kw_only=False)
     place: Frame = field(default_factory=Frame)
     fixed_to: str = BASE
     margin: float | None = None
@@ -71,6 +73,7 @@ class Obstacle:
         object.__setattr__(self, "allow", _checks.check_names("allow", self.allow))
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene:
     """The obstacles in an arm's cell.
@@ -83,7 +86,7 @@ class Scene:
         InvalidInput: Two obstacles of one name.
     """
 
-    obstacles: tuple[Obstacle, ...] = ()
+    obstacles: tuple[Obstacle, ...] = field(default=(), kw_only=False)
     margins: Margins = MARGINS
 
     def __post_init__(self) -> None:

@@ -24,6 +24,7 @@ FINER = 3
 SKETCHED = 0.01
 
 
+@_checks.checked
 def trace(
     path: Path,
     arm: Arm,

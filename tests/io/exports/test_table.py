@@ -66,7 +66,7 @@ def test_a_trajectory_is_sampled_with_its_own_derivatives(conventional, arm):
     np.testing.assert_array_equal(found.q, conventional(found.t))
     np.testing.assert_array_equal(found.dq, conventional(found.t, 1))
     np.testing.assert_array_equal(found.ddq, conventional(found.t, 2))
-    np.testing.assert_allclose(found.tool, arm.forward(found.q), atol=1e-15)
+    np.testing.assert_allclose(found.tool, arm.tool_position(found.q), atol=1e-15)
     assert found.t[-1] == conventional.duration and found.joint_names == arm.joint_names
 
 

@@ -287,7 +287,7 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
     found: dict[str, list[FloatArray]] = {}
     for i in range(0, len(samples.q), AT_ONCE):
         rows = slice(i, i + AT_ONCE)
-        here = {"tool": arm.forward(samples.q[rows])}
+        here = {"tool": arm.tool_position(samples.q[rows])}
         if motion:
             velocity = arm.tool_velocity(samples.q[rows], samples.dq[rows])
             here["tool_speed"] = np.linalg.norm(velocity, axis=1)

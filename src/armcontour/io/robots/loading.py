@@ -22,7 +22,7 @@ from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.arms.planar import PlanarTwoLink, Tube
 from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame, from_rpy
+from armcontour.frames import Frame, Pose, from_rpy
 from armcontour.io.robots import derived
 from armcontour.io.robots.joint_limits import limits_of, override, table_of
 from armcontour.io.robots.srdf import read_left_out
@@ -78,8 +78,8 @@ def load_arm(
     tip: str | None = None,
     base: str | None = None,
     joint_limits: str | FilePath | None = None,
-    tool: Frame | None = None,
-    work: Frame | None = None,
+    tool: Pose | None = None,
+    work: Pose | None = None,
     payload: Payload | None = None,
     locked: Mapping[str, float] | None = None,
     packages: Mapping[str, str | FilePath] | None = None,
@@ -193,8 +193,8 @@ def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -
 def equip(
     arm: Arm,
     *,
-    tool: Frame | None = None,
-    work: Frame | None = None,
+    tool: Pose | None = None,
+    work: Pose | None = None,
     payload: Payload | None = None,
 ) -> Arm:
     """The arm with a tool, a work frame and a payload; None keeps what the arm has.

@@ -300,7 +300,7 @@ def _near(done: Execution, tool: FloatArray, corner: FloatArray, distance: float
             places = len(visit) * min(FINER, MOST_POINTS / len(near))
             of = slice(visit[0], visit[-1] + 2)
             t = np.linspace(done.t[of][0], done.t[of][-1], int(places) + 2)
-            found += [done.arm.forward(_hermite(done.t[of], done.q[of], done.dq[of], t)), gap]
+            found += [done.arm.tool_position(_hermite(done.t[of], done.q[of], done.dq[of], t)), gap]
     return np.concatenate(found)
 
 

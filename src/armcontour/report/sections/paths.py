@@ -141,7 +141,7 @@ def _switching_points(figure: Any, result: RunResult, trajectory: Any, colour: s
     """Mark the switching points P0, P1, ... on the tool path, or in joint space."""
     t = result.trajectory.switching_points
     q = result.trajectory(np.minimum(t, result.trajectory.duration))
-    places = q if trajectory is not None else result.execution.arm.forward(q) * 1e3
+    places = q if trajectory is not None else result.execution.arm.tool_position(q) * 1e3
     figure.add_trace(
         make_trace(
             "scatter",

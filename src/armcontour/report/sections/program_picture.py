@@ -199,7 +199,7 @@ def _rapids(result: RunResult) -> FloatArray | None:
     if not spans:
         return None
     times = np.concatenate([np.linspace(*x.t, RAPID_PLACES) for x in spans])
-    points = arm.forward(plan(times, side="left"))
+    points = arm.tool_position(plan(times, side="left"))
     return outlines(np.split(points, len(spans)))
 
 

@@ -104,13 +104,13 @@ def _executed_tool(execution: Execution, evaluation: Evaluation, program: Progra
         kept = np.union1d(kept, _shape(execution, begin, end, len(followed)))
         if begin <= worst < end:
             kept = np.union1d(kept, [worst])
-        found += [execution.arm.forward(execution.q[kept]), *gaps]
+        found += [execution.arm.tool_position(execution.q[kept]), *gaps]
     return np.concatenate(found)
 
 
 def _shape(execution: Execution, begin: int, end: int, contours: int) -> IntArray:
     """Indices of the executed samples that show the shape of a contour."""
-    tool = execution.arm.forward(execution.q[begin:end])
+    tool = execution.arm.tool_position(execution.q[begin:end])
     each = max(4, MOST_OF_PROGRAM // contours)
     even = min(max(1, each // 4), MOST_PLACES)
     return begin + simplify([tool], each, even=even)[0]
