@@ -727,10 +727,16 @@ def _refuse_call(
     by_place = [x.name for x in slots.values() if x.kind is Parameter.POSITIONAL_OR_KEYWORD]
     if len(given) > len(by_place):
         only = f"only {' and '.join(by_place)}" if by_place else "no argument"
-        raise InvalidInput(f"{user} takes {only} without a name: write the names of others; {takes}")
+        raise InvalidInput(
+            f"{user} takes {only} without a name: write the names of others; {takes}"
+        )
     done = {*by_place[: len(given)], *keywords}
-    refuse_if(len(done) < len(given) + len(keywords), f"{user} was given an argument twice; {takes}")
-    lacking = [x.name for x in slots.values() if x.default is Parameter.empty and x.name not in done]
+    refuse_if(
+        len(done) < len(given) + len(keywords), f"{user} was given an argument twice; {takes}"
+    )
+    lacking = [
+        x.name for x in slots.values() if x.default is Parameter.empty and x.name not in done
+    ]
     refuse_if(bool(lacking), f"{user} needs {' and '.join(lacking)}; {takes}")
 
 

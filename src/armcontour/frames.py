@@ -18,6 +18,9 @@ from armcontour.errors import InvalidInput
 ROTATION_TOLERANCE = 1e-6
 # Tolerance of the length of a given quaternion (about four printed digits), which is then scaled.
 QUATERNION_TOLERANCE = 1e-3
+# Largest z offset [m] and tilt with which a frame keeps a path in the x-y plane; also the largest
+# z component of the vectors of an arc that lies in a plane of constant z.
+IN_PLANE = 1e-12
 ORIGIN = _checks.lock_floats(np.zeros(3))
 UNTURNED = _checks.lock_floats(np.eye(3))
 
@@ -114,6 +117,12 @@ class Frame(Value):
         return transforms(self.matrix)
 
     @property
+    def keeps_plane(self) -> bool:
+        """Whether points of the x-y plane stay in it."""
+        lifted = max(abs(self.position[2]), float(np.abs(self.rotation[2] - [0, 0, 1]).max()))
+        return bool(lifted <= IN_PLANE)
+
+    @property
     def inverse(self) -> Frame:
         """The reference frame of this frame, in the coordinates of this frame."""
         back = self.rotation.T
@@ -132,7 +141,7 @@ Pose: TypeAlias = Frame | Transform | npt.ArrayLike
 
 
 def transforms(matrices: FloatArray) -> FloatArray:
-    """Homogeneous transforms of rotations and positions side by side, (..., 3, 4) to (..., 4, 4)."""
+    """Homogeneous transforms of rotations beside positions, (..., 3, 4) to (..., 4, 4)."""
     found = np.zeros((*matrices.shape[:-2], 4, 4))
     found[..., :3, :], found[..., 3, 3] = matrices, 1.0
     return found

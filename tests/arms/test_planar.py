@@ -56,7 +56,9 @@ def test_inverse_as_printed_3_and_4_where_these_hold(arm):
     t2 = np.pi - np.arccos((L1**2 + L2**2 - d2) / (2 * L1 * L2))
     np.testing.assert_allclose(arm.joint_position(points), np.stack([t1, t2], axis=1), atol=1e-9)
     # The default branch is the paper's.
-    np.testing.assert_array_equal(arm.joint_position(points), arm.joint_position(points, "positive"))
+    np.testing.assert_array_equal(
+        arm.joint_position(points), arm.joint_position(points, "positive")
+    )
     assert arm.branches == tuple(BRANCHES)
 
 
@@ -69,7 +71,9 @@ def test_round_trips_from_the_tool_and_from_the_joints(arm, branch):
     # Near the edges of the reach.
     for edge in (NEAR + 2e-9, NEAR + 1e-6, FAR - 1e-6, FAR - 2e-9):
         points = ring(edge, np.linspace(-3, 3, 50))
-        np.testing.assert_allclose(arm.tool_position(arm.joint_position(points, branch)), points, atol=1e-14)
+        np.testing.assert_allclose(
+            arm.tool_position(arm.joint_position(points, branch)), points, atol=1e-14
+        )
     q = random_joints()
     q = q[np.sign(q[:, 1]) == sign]
     turns = (arm.joint_position(arm.tool_position(q), branch) - q) / (2 * np.pi)
@@ -87,7 +91,9 @@ def test_any_arm_reaches_where_it_should(link1, link2, share, angle, branch):
     assert (near, far) == (abs(link1 - link2), link1 + link2)
     distance = near + share * (far - near)
     point = np.array([-0.3 + distance * np.cos(angle), distance * np.sin(angle)])
-    np.testing.assert_allclose(arm.tool_position(arm.joint_position(point, branch)), point, atol=1e-13)
+    np.testing.assert_allclose(
+        arm.tool_position(arm.joint_position(point, branch)), point, atol=1e-13
+    )
 
 
 def test_the_jacobian_its_rate_and_tool_motion_agree_with_differences(arm):
@@ -165,7 +171,9 @@ def test_no_number_a_singular_arm_and_an_unknown_branch_are_refused(arm):
         (lambda: arm.joint_velocity([[0.0, 0.0]], [[1.0, 0.0]]), "PMK-3s", "singular"),
         kind=ac.Unreachable,
     )
-    refused((lambda: arm.joint_position([0.35, 0.1], "left"), "branches positive, negative", "'left'"))
+    refused(
+        (lambda: arm.joint_position([0.35, 0.1], "left"), "branches positive, negative", "'left'")
+    )
 
 
 def test_the_plane_arm_in_space_is_the_same_arm(arm):

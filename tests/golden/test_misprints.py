@@ -222,7 +222,9 @@ class TestLaps:
         k = len(law.breaks) // 2
         begin, end = law.breaks[k], law.breaks[k + 1]
         state = planned(begin), planned(begin, 1), planned(begin, 2)
-        place = arm.joint_position(rounded([rounded.project(arm.tool_position(law.q[k + 1])[None]).s[0]]))[0]
+        place = arm.joint_position(
+            rounded([rounded.project(arm.tool_position(law.q[k + 1])[None]).s[0]])
+        )[0]
         printed = state[0] + state[1] * end + state[2] * end**2 / 2
         mended = state[0] + state[1] * (end - begin) + state[2] * (end - begin) ** 2 / 2
         assert np.abs(printed - place).max() > 0.01

@@ -103,7 +103,9 @@ def test_the_papers_job_keeps_every_limit_and_one_joint_is_at_its_limit(arm, rou
         assert_accelerations_kept(planned, limits.joint_acceleration)
         ends = np.array([0.0, planned.duration])
         assert tool_speed(planned, arm, ends).max() < 1e-9
-        np.testing.assert_allclose(arm.tool_position(planned(ends)), rounded.vertices[[0, -1]], atol=1e-9)
+        np.testing.assert_allclose(
+            arm.tool_position(planned(ends)), rounded.vertices[[0, -1]], atol=1e-9
+        )
     # Sec. IV-C of the paper claims it; a meeting lap is the only exception.
     for stretch in mac.stretches:
         t = np.linspace(*stretch.t, 402)[1:-1]

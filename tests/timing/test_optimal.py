@@ -68,7 +68,9 @@ def test_the_tool_stays_on_the_path_and_goes_one_way(planned, rounded, arm):
     t, ends = np.linspace(0, planned.duration, 20001), [0.0, planned.duration]
     found = rounded.project(arm.tool_position(planned(t)))
     assert found.distance.max() < 1e-7 and np.diff(found.s).min() > -1e-9
-    np.testing.assert_allclose(arm.tool_position(planned(ends)), rounded.vertices[[0, -1]], atol=1e-8)
+    np.testing.assert_allclose(
+        arm.tool_position(planned(ends)), rounded.vertices[[0, -1]], atol=1e-8
+    )
     np.testing.assert_allclose(planned(ends, 1), 0, atol=1e-9)
     at = planned.breaks[1:-1]
     for order, near in ((0, 1e-12), (1, 1e-7)):

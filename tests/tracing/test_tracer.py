@@ -56,7 +56,9 @@ def test_derivatives_agree_with_exact_kinematics(arm):
         traced = ac.trace(path, arm, tolerance=1e-10)
         s = (path.breaks[:-1, None] + (np.arange(200) + 0.5) / 200 * path.lengths[:, None]).ravel()
         # By differences of the closed-form inverse along the path itself.
-        before, now, after = (np.unwrap(arm.joint_position(path(s + k * h)), axis=0) for k in (-1, 0, 1))
+        before, now, after = (
+            np.unwrap(arm.joint_position(path(s + k * h)), axis=0) for k in (-1, 0, 1)
+        )
         first, second = (after - before) / (2 * h), (after - 2 * now + before) / h**2
         for k, expected, near in ((1, first, 1e-5), (2, second, 1e-3)):
             near = near * np.abs(expected).max() + (k - 1) * 1e-4

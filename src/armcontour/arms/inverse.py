@@ -53,7 +53,9 @@ def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool)
         known = np.stack([arm.joint_position(rows[:, :2], x) for x in arm.branches], axis=1)
     elif rows.shape[1] != 3:
         raise InvalidInput(f"The arm {arm.name} moves in space: give x, y and z of a position.")
-    turned = np.broadcast_to(UNTURNED if axes is None else axes.reshape(-1, 3, 3), (len(rows), 3, 3))
+    turned = np.broadcast_to(
+        UNTURNED if axes is None else axes.reshape(-1, 3, 3), (len(rows), 3, 3)
+    )
     solutions: list[FloatArray] = []
     for i, point in enumerate(rows):
         gap = 0.0
@@ -106,7 +108,7 @@ def _refuse(arm: ChainArm, index: int, point: FloatArray, found: FloatArray, gap
 
 
 def _middle(arm: ChainArm) -> FloatArray:
-    """Middle of the joint ranges [rad], 0 for a joint whose range has an end only or none, (dof,)."""
+    """Middle of each joint range [rad], 0 for a range without both ends, (dof,)."""
     lower, upper = arm.limits.joint_range(arm.dof)
     both = np.isfinite(lower) & np.isfinite(upper)
     return np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from functools import cached_property
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -90,9 +92,9 @@ class ChainArm(Arm):
             Unreachable: No joint positions within the ranges reach the pose.
             InvalidInput: It is no pose, or `near` is for another number of joints.
         """
-        from armcontour.arms.inverse import solve
-
-        return solve(self, pose, near, every=all)
+        # An import by name: the solvers take the arms of this file.
+        solvers: Any = import_module("armcontour.arms.inverse")
+        return np.asarray(solvers.solve(self, pose, near, every=all))
 
     def jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Geometric Jacobian: twist of the tool per joint velocity, (..., 6, dof).
@@ -192,7 +194,6 @@ class ChainArm(Arm):
 
         leading, (rows,) = self._rows(q)
         return np.asarray(frames_of(self.link_table, rows).reshape(*leading, self.dof + 1, 3, 4))
-
 
 
 class SerialArm(ChainArm):

@@ -567,7 +567,9 @@ def _across(setting: Setting, group: _Group, taught: TaughtData) -> tuple[FloatA
     total = np.zeros(n)
     for direction in _normals(tangent):
         # The centre's own distance adds to what the joints do.
-        own = np.abs(np.einsum("nd,nd->n", arm.tool_position(base) - setting.path(nearest.s), direction))
+        own = np.abs(
+            np.einsum("nd,nd->n", arm.tool_position(base) - setting.path(nearest.s), direction)
+        )
         side = np.einsum("rndj,nd->rnj", moved, direction)
         total = np.maximum(total, own + side.max(axis=0).sum(axis=1))
     return t, total

@@ -21,13 +21,7 @@ from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import join_paths
-from armcontour.geometry.placing import (
-    arc_length_without_z,
-    drop_z,
-    has_length_without_z,
-    lift_path,
-    place_path,
-)
+from armcontour.geometry.placing import arc_length_without_z, drop_z, has_length_without_z
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weaving import Woven
 
@@ -377,7 +371,7 @@ class Program:
                 scipy.
             axis_only: Whether only the tool axis is required; rotation about the tool axis is free.
         """
-        return self.mapped(lambda path: lift_path(path).oriented(rotations, axis_only=axis_only))
+        return self.mapped(lambda path: path.lifted().oriented(rotations, axis_only=axis_only))
 
     def pointing(self, direction: npt.ArrayLike) -> Program:
         """The program in space with the tool axis in one direction, as by `Path.pointing`.
@@ -385,7 +379,7 @@ class Program:
         Args:
             direction: Direction of the tool axis, of any length, (3,).
         """
-        return self.mapped(lambda path: lift_path(path).pointing(direction))
+        return self.mapped(lambda path: path.lifted().pointing(direction))
 
     def __repr__(self) -> str:
         """Source, number of contours and length."""
@@ -427,7 +421,7 @@ class Program:
                 position [m].
             scale: Factor of all lengths, before the program is placed.
         """
-        return self.mapped(lambda path: place_path(path, frame, scale=scale))
+        return self.mapped(lambda path: path.placed(frame, scale=scale))
 
     @_checks.checked
     def repeated(

@@ -16,7 +16,7 @@ from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm, choose_limits
 from armcontour.errors import ArmContourError, Unreachable, locate_errors
 from armcontour.frames import exp, log, shortest
 from armcontour.geometry import Path, ShapedPath
-from armcontour.geometry.cutting import cut_path, reverse_path
+from armcontour.geometry.cutting import cut_path
 from armcontour.geometry.orientation import Orientation
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
@@ -222,7 +222,7 @@ class _Tracer:
         try:
             at = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
             fastest = self._fastest(contour.path, at)
-            back = trace(reverse_path(path), arm, limits=limits, start=fastest(0.0))
+            back = trace(path.reversed(), arm, limits=limits, start=fastest(0.0))
             return trace(path, arm, limits=limits, start=back(back.length))
         except ArmContourError:
             # Try the other configurations; errors of the contour are raised when it is traced.

@@ -105,7 +105,9 @@ def test_the_chain_may_end_early_and_begin_late():
     np.testing.assert_allclose(found, expected, atol=1e-9)
     # A joint that slides may be locked.
     low, high = (given(base=None, locked={"lift": x}) for x in (0.1, 0.4))
-    np.testing.assert_allclose(high.tool_position(q) - low.tool_position(q), np.tile([0, 0, 0.3], (20, 1)))
+    np.testing.assert_allclose(
+        high.tool_position(q) - low.tool_position(q), np.tile([0, 0, 0.3], (20, 1))
+    )
 
 
 def test_without_any_inertial_only_kinematics_are_known(tmp_path):
