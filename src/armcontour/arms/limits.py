@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, Value
-from armcontour._describing import brief, digits, line_up
+from armcontour._describing import brief, digits, line_up, to_html
 from armcontour._quantities import (
     Acceleration,
     AngularRate,
@@ -114,6 +114,7 @@ class Limits(Value):
         return line_up("Limits" if rows else "Limits: none", rows)
 
     __repr__ = brief
+    _repr_html_ = to_html
 
     def _check_joints(self, name: str, values: FloatArray) -> None:
         unit = JOINT_LIMITS[name]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -188,7 +188,7 @@ class Piece:
             return angle_off(orientation, s, turned), s
 
         angle = angle_off(orientation, self.found.s, arm.pose(self.q)[1])
-        return self._over_time(angle, self.found.s, measure)
+        return replace(self._over_time(angle, self.found.s, measure), angular=True)
 
     @cached_property
     def corners(self) -> tuple[CornerDeviation, ...]:

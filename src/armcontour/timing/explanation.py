@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._describing import line_up, several
+from armcontour._describing import line_up, several, to_html
 from armcontour.arms import Arm, Limits, choose_limits
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
@@ -110,6 +110,8 @@ class Explanation:
     assigned_time: float | None
     shortfalls: tuple[Shortfall, ...]
     jerk_stops: tuple[float, ...] = ()
+
+    _repr_html_ = to_html
 
     def __repr__(self) -> str:
         """The limits that bind, with their shares of the time."""

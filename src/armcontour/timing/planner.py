@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NoReturn, cast
 
 import numpy as np
@@ -197,6 +197,8 @@ def plan(
     if duration is not None:
         found = slow_down(found, duration, traced, timing)
     _refuse_endless_motion(found)
+    if isinstance(arm, Arm):
+        found = replace(found, arm=arm)
 
     if not isinstance(path, Tracing):
         # Jobs plan tracings, and have warnings of their own.

@@ -207,7 +207,11 @@ def _limits(
     if not heavy:
         table["joint_torque"] = [None] * len(moving)
         lacking.pop("effort", None)
-    limits, note = limits_of(table, names, tree.file), _note(lacking, moving)
+    return assume_accelerations(limits_of(table, names, tree.file), _note(lacking, moving))
+
+
+def assume_accelerations(limits: Limits, note: str) -> tuple[Limits, str]:
+    """Limits with accelerations, and a note with a sentence on those that are assumed."""
     if limits.joint_acceleration is None and limits.joint_velocity is not None:
         limits = limits.replace(joint_acceleration=limits.joint_velocity / RISE)
         note = f"{note}; {ASSUMED}" if note else ASSUMED

@@ -153,7 +153,7 @@ def _tools(study: Study) -> list[Tool]:
     found = []
     for name, result in study.runs.items():
         own: dict[str, Any] = {"width": widths[name]}
-        done = [(name, result.execution, own)]
+        done = [(name, result.motion, own)]
         if (x := result.experiment) is not None:
             look = {"dash": EXPERIMENT_DASH, "width": 1.5}
             done.append((f"{name}, experiment", x.execution, look))

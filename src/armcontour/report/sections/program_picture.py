@@ -194,7 +194,7 @@ def _leads(program: Program) -> FloatArray | None:
 
 def _rapids(result: RunResult) -> FloatArray | None:
     """Points of all rapids; None without rapids."""
-    plan, arm = result.trajectory, result.execution.arm
+    plan, arm = result.trajectory, result.arm
     spans = [x for x in plan.spans if x.kind == "rapid"]
     if not spans:
         return None
