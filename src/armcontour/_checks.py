@@ -686,14 +686,14 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 def explain_calls(constructed: type[C]) -> type[C]:
     """Decorate a public dataclass: its constructors refuse arguments that they do not have."""
     own: Any = constructed
-    own.__init__ = _explained(own.__init__)
+    own.__init__ = explained(own.__init__)
     for name, x in list(vars(own).items()):
         if isinstance(x, classmethod) and not name.startswith("_"):
-            setattr(own, name, classmethod(_explained(x.__func__)))
+            setattr(own, name, classmethod(explained(x.__func__)))
     return constructed
 
 
-def _explained(function: Callable[P, R]) -> Callable[P, R]:
+def explained(function: Callable[P, R]) -> Callable[P, R]:
     """The function, which refuses calls with wrong arguments by InvalidInput."""
 
     @wraps(function)

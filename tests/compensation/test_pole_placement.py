@@ -402,7 +402,7 @@ def test_a_command_beyond_the_limits_is_refused(refuses):
         fast = limit == "joint_velocity"
         k = int(np.argmax(rates[:, j] if fast else np.abs(taught.q[:, j])))
         data = {"t": taught.t[k], "needed": rates[k, j] if fast else taught.q[k, j]}
-        data |= {"joint": j + 1, "limit": limit, "allowed": values[j]}
+        data |= {"joint": j, "limit": limit, "allowed": values[j]}
         call = partial(ac.compensate, SWING, servo, method="inverse", limits=limits)
         refuses(call, ac.CompensationError, f"joint {j + 1}", limit, **data)
         ac.compensate(SWING, servo, method="none", limits=limits)

@@ -142,7 +142,7 @@ def test_random_polylines(arm, batch):
                 continue
             # Laps of full acceleration keep the limit by construction, or stop and say so.
             assert "(MAC)" not in str(error) and "(MDC)" not in str(error)
-            assert error.limit == "joint_acceleration" and error.joint in (1, 2)
+            assert error.limit == "joint_acceleration" and error.joint in (0, 1)
             assert error.needed > error.allowed
             refused_ones += 1
             continue

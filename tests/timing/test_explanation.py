@@ -53,7 +53,7 @@ def test_a_trapezoid_of_one_joint():
     # Up at 1 rad/s², down at 2 rad/s²: 0.125 and 0.0625 rad, known to one interval of 0.5 mrad.
     np.testing.assert_allclose(middle.s, [0.125, 2 - 0.0625], atol=1e-3)
     np.testing.assert_allclose(middle.t, [0.5, planned.duration - 0.25], atol=2e-3)
-    assert middle.joint == 1
+    assert middle.joint == 0
     assert (found.assigned_length, found.assigned_time, found.shortfalls) == (None, None, ())
     assert "joint 1 velocity 83%, joint 1 acceleration 17%; 0 shortfalls" in repr(found)
 

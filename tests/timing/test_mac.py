@@ -220,7 +220,7 @@ def test_a_joint_that_turns_round_too_late_is_not_realizable(arm, limits):
         ac.plan(path, arm, limits.replace(speed=0.3), method="mac")
     error = found.value
     assert error.s == pytest.approx(0.133, abs=1e-3)
-    assert error.joint == 2 and error.limit == "joint_acceleration"
+    assert error.joint == 1 and error.limit == "joint_acceleration"
     assert error.needed > error.allowed == 0.72
     np.testing.assert_allclose(error.point, path(error.s), atol=1e-7)
     # At half the speed it is.
@@ -244,7 +244,7 @@ def test_corners_a_joint_cannot_take_and_arcs_at_the_ends_are_not_realizable(arm
         ac.plan(rounded, arm, limits.replace(centripetal_acceleration=0.3), method="mac")
     error = caught.value
     assert error.limit == "joint_acceleration" and error.needed > error.allowed == 0.72
-    assert error.joint in (1, 2) and error.t > 0
+    assert error.joint in (0, 1) and error.t > 0
 
 
 def test_joint_velocities_are_checked(arm, rounded, limits, mac):
@@ -301,7 +301,7 @@ def test_joints_that_hardly_move(robot):
 def test_torque_and_turning_are_looked_at_afterwards(method, robot, refuses, arm, rounded, limits):
     fast, weak = robot.limits.replace(speed=0.2), [150, 28, 150, 28, 28, 28]
     strong = fast.replace(centripetal_acceleration=0.5, joint_torque=weak)
-    data = {"joint": 2, "limit": "joint_torque", "allowed": 28.0}
+    data = {"joint": 1, "limit": "joint_torque", "allowed": 28.0}
 
     def call(way, own):
         return lambda: ac.plan(way, robot, own, method=method)

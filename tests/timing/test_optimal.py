@@ -273,7 +273,7 @@ def test_gravity_helps_one_way_hinders_the_other_and_may_be_too_much(refuses):
 
     assert gravity(0.4).duration == pytest.approx(trapezoid(2.0, 0.6, 1.4), rel=1e-6)
     for weight in (1.2, -1.2):
-        data = {"joint": 1, "limit": "torque", "needed": weight, "allowed": np.sign(weight)}
+        data = {"joint": 0, "limit": "torque", "needed": weight, "allowed": np.sign(weight)}
         refuses(lambda x=weight: gravity(x), ac.NotRealizable, "even at rest", s=0.0, **data)
 
 

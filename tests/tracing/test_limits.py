@@ -71,7 +71,7 @@ def test_an_arm_in_the_plane_keeps_its_ranges(arm, refuses):
     np.testing.assert_array_equal(found.coefficients, free.coefficients)
     top = high[1] - 0.01
     tight = ac.Limits(joint_lower=-3.0, joint_upper=[3.0, top])
-    data = {"joint": 2, "limit": "joint_upper", "needed": high[1], "allowed": top}
+    data = {"joint": 1, "limit": "joint_upper", "needed": high[1], "allowed": top}
     for own, limits in ((arm, tight), (arm.with_limits(tight), None)):
         refuses(lambda x=own, y=limits: ac.trace(FLAT, x, limits=y), ac.Unreachable, **data)
     turned = ac.trace(FLAT, arm, limits=ac.Limits(joint_lower=[5.0, 0.0], joint_upper=[7.0, 3.0]))
@@ -128,7 +128,7 @@ def test_the_top_between_samples_counts(refuses):
         found = bump(height)
         refuses(
             lambda x=found: refuse_out_of_range(x, limits), ac.Unreachable, words,
-            joint=2, s=1.0, **data,
+            joint=1, s=1.0, **data,
         )  # fmt: skip
     # Ranges may be missing or endless.
     refuse_out_of_range(bump(5.0), ac.Limits())
@@ -141,7 +141,7 @@ def test_the_top_between_samples_counts(refuses):
         with pytest.raises(ac.Unreachable) as caught:
             refuse_out_of_range(path, ac.Limits(joint_upper=q.max() - 0.01))
         assert caught.value.needed == pytest.approx(q.max(), abs=1e-6), seed
-        assert caught.value.joint == 1 + int(np.argmax(q.max(axis=0))), seed
+        assert caught.value.joint == int(np.argmax(q.max(axis=0))), seed
 
 
 def test_every_method_refuses(traced, arm, limits):

@@ -212,7 +212,7 @@ def test_a_start_that_leads_nowhere_is_told_of_one_that_does(ur5e, refuses):
     np.testing.assert_allclose(ac.trace(path, ur5e, start=better)(0.0), better, atol=1e-4)
     refuses(lambda: ac.trace(path, ur5e, start=[0.0] * 5), ac.InvalidInput)
     degrees = (0, -90, 90, -90, -90, 0)
-    refuses(lambda: ac.trace(path, ur5e, start=degrees), ac.InvalidInput, joint=2)
+    refuses(lambda: ac.trace(path, ur5e, start=degrees), ac.InvalidInput, joint=1)
 
 
 def test_a_waypoint_a_millimetre_out_of_reach(ur5e):
@@ -263,7 +263,7 @@ def test_far_out_of_reach_through_the_base_and_ranges_that_are_left(ur5e, panda)
         error = caught.value
         lower, upper = arm.limits.joint_range(arm.dof)
         assert error.limit in ("joint_lower", "joint_upper") and 0 < error.s < path.length
-        assert error.allowed in (lower[error.joint - 1], upper[error.joint - 1])
+        assert error.allowed in (lower[error.joint], upper[error.joint])
         assert abs(error.needed) > abs(error.allowed)
         np.testing.assert_allclose(path(error.s), error.point, atol=1e-9)
 

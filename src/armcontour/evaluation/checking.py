@@ -525,7 +525,7 @@ def _refuse_values(t: FloatArray, columns: Mapping[str, FloatArray]) -> None:
                 f"{name} of joint {j + 1} is {values[row, j]:.3g} {UNITS[name]} in row {row + 1}, "
                 f"but no joint has more than {LARGEST[name]:g} {UNITS[name]}: mend the number.",
                 index=row,
-                joint=j + 1,
+                joint=j,
                 t=float(t[row]),
             )
 
@@ -568,8 +568,8 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         row = int(bad[0, 0])
-        joint = int(bad[0, 1]) + 1 if dof is not None else None
-        of = "" if joint is None else f" of joint {joint}"
+        joint = int(bad[0, 1]) if dof is not None else None
+        of = "" if joint is None else f" of joint {joint + 1}"
         raise InvalidInput(
             f"{name}{of} is {float(array[tuple(bad[0])])} in row {row + 1}: every number must be "
             "finite.",

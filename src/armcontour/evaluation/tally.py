@@ -73,7 +73,7 @@ class Occurrence:
         value: Value without sign [unit of the limit].
         limit: The limit there.
         t: Time [s].
-        joint: Joint number from 1; None for a limit of the tool.
+        joint: Index of the joint, from 0; None for a limit of the tool.
         s: Arc length of the nearest point on the path [m]; None without a path.
         slack: Part of `ratio` that rounding may have caused.
         certain: Smallest ratio that the rounded numbers allow.
@@ -121,7 +121,7 @@ class LimitUse(Occurrence):
             f"{self.value:.5g}",
             f"{self.limit:.5g} {self.unit}" if np.isfinite(self.limit) else "none",
             f"{self.t:.4g} s",
-            "" if self.joint is None else str(self.joint),
+            "" if self.joint is None else str(self.joint + 1),
             self.verdict,
         )
 
@@ -245,7 +245,7 @@ class Tally:
                 value=float(value[at]),
                 limit=float(allowed[at]),
                 t=float(t[at[0]]),
-                joint=int(at[1]) + 1 if value.ndim == 2 else None,
+                joint=int(at[1]) if value.ndim == 2 else None,
                 s=None,
                 slack=float(slack[at]),
                 certain=float(certain[at]),

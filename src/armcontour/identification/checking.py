@@ -38,7 +38,7 @@ def refuse_misread(log: Log, longest: float, j: int) -> None:
     if found:
         raise InvalidInput(
             f"{log.source}: {log.joint_names[j]} does not follow its commands: {found}.",
-            joint=j + 1,
+            joint=j,
         )
 
 
@@ -58,7 +58,7 @@ def refuse_fast(log: Log) -> None:
                 f"{log.source}: {log.joint_names[j]} moves at {speeds[i]:.3g} rad/s at t = "
                 f"{log.t[i]:.3g} s, but no joint is faster than {FASTEST:g} rad/s: give the "
                 "columns the units that they have, such as t [s].",
-                joint=j + 1,
+                joint=j,
                 t=float(log.t[i]),
                 needed=float(speeds[i]),
                 allowed=FASTEST,

@@ -209,7 +209,7 @@ def _refuse_large(table: CsvTable, columns: Sequence[int], kind: str, values: Fl
             f"{SI[kind]}, but no {QUANTITIES[kind]} is above {LARGEST[kind]:g} {SI[kind]}: correct "
             "the number, or give the column its unit, such as q1 [deg].",
             index=row,
-            joint=k + 1,
+            joint=k,
         )
 
 

@@ -94,7 +94,7 @@ class JointPath(Value):
             f"Joint {j + 1} jumps by {jumps[i, j]:.3g} rad at s = {s:g}: a joint path must be "
             "continuous.",
             s=s,
-            joint=int(j) + 1,
+            joint=int(j),
             needed=float(jumps[i, j]),
             allowed=LARGEST_JUMP,
         )

@@ -194,7 +194,7 @@ class Log(Value):
                 "unit.",
                 index=i,
                 t=float(self.t[i]),
-                joint=j + 1,
+                joint=j,
             )
 
     def _check_turns(self, name: str, j: int) -> None:
@@ -209,7 +209,7 @@ class Log(Value):
                 "first.",
                 index=i,
                 t=float(self.t[i]),
-                joint=j + 1,
+                joint=j,
             )
 
 

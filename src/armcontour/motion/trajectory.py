@@ -222,7 +222,7 @@ class Trajectory(Value):
             period: Time between samples [s].
 
         Returns:
-            `t` [s], and of joint 1 `q1`, `dq1` and `ddq1` [rad, rad/s, rad/s²], and so on, (n,) each.
+            `t` [s], and of each joint `q1`, `dq1` and `ddq1` [rad, rad/s, rad/s²], (n,) each.
 
         Raises:
             InvalidInput: As for `sample`.

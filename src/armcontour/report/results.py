@@ -158,7 +158,7 @@ def _run(name: str, plan: Trajectory, compensation: str, limits: Limits, period:
 def _program_of(plan: Trajectory, arm: Arm) -> Program:
     """The program that a plan follows; for a plan of joints, the path of the tool."""
     if plan.spans:
-        return Program([_move_of(x) for x in plan.spans if x.move is not None])
+        return Program(tuple(_move_of(x) for x in plan.spans if x.move is not None))
     if plan.path is not None:
         return Program.of(plan.path, "A plan needs a path")
     tool = arm.tool_position(plan(np.linspace(0, plan.duration, PLACES)))

@@ -47,7 +47,7 @@ class Binding:
     Args:
         limit: Name of the limit, such as "acceleration" or "assigned velocity"; "nothing" where a
             plan passes from one limit to another.
-        joint: Joint number from 1, or None for a limit of the tool.
+        joint: Index of the joint, from 0, or None for a limit of the tool.
         t: Start and end times [s].
         s: Arc lengths of start and end [m].
         share: Largest used share of the limit on this part.
@@ -62,7 +62,7 @@ class Binding:
     @property
     def name(self) -> str:
         """The limit with its joint for messages, such as "joint 2 acceleration"."""
-        return self.limit if self.joint is None else f"joint {self.joint} {self.limit}"
+        return self.limit if self.joint is None else f"joint {self.joint + 1} {self.limit}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -524,7 +524,7 @@ def _refuse_singularity(
         f"singular value {sizes[task - 1]:.2g}): {what_helps(path)}.",
         s=s,
         point=pose[:, 3].tolist(),
-        joint=joint + 1,
+        joint=joint,
         limit="singularity",
     )
 
