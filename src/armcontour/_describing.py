@@ -67,6 +67,8 @@ def to_html(value: Any) -> str:
             rows.append(re.split(f"{GAP}+", x.strip()))
     cells = ("".join(f"<td>{escape(x)}</td>" for x in row) for row in rows)
     body = "".join(f"<tr>{x}</tr>" for x in cells)
+    if not rows:
+        return f"<p>{escape(title)}</p>"
     return f"<table><caption>{escape(title)}</caption>{body}</table>"
 
 

@@ -168,9 +168,9 @@ def test_velocity_error_vanishes_when_the_poles_sum_to_minus_kv(arm, servo):
 def test_poles_that_cannot_be_are_refused(refuses):
     motion = laps([0.0, 0.2], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
     for poles, words, joint in (
-        ([-1, -1, 0], "negative real parts", 1),
-        ([[-1, -1, -1], [-1, 2, -1]], "without bound", 2),
-        ([1 + 1j, 1 - 1j, -1], "negative real parts", 1),
+        ([-1, -1, 0], "negative real parts", 0),
+        ([[-1, -1, -1], [-1, 2, -1]], "without bound", 1),
+        ([1 + 1j, 1 - 1j, -1], "negative real parts", 0),
         ([-1, -1], "2 rows of three", None),
         ([[-1, -1, -1]] * 3, "three finite numbers", None),
         ([-1, -1, np.nan], "finite", None),

@@ -353,7 +353,7 @@ def _shortfalls(
             reason = "the transition between two limits"
             if len(near):
                 limit, joint = names[int(np.bincount(near).argmax())]
-                reason = limit if joint is None else f"joint {joint} {limit}"
+                reason = limit if joint is None else f"joint {joint + 1} {limit}"
             middle = (i + k) // 2
             result.append(
                 Shortfall(
