@@ -723,7 +723,8 @@ def _refuse_call(
         return
     takes = f"it takes {', '.join(slots)}."
     for name in keywords.keys() - slots.keys():
-        raise InvalidInput(f"{user} has no argument {show(name)}: {suggest(name, slots, takes)}")
+        hint = suggest(name, slots, takes[:-1])
+        raise InvalidInput(f"{user} has no argument {show(name)} ({hint}).")
     by_place = [x.name for x in slots.values() if x.kind is Parameter.POSITIONAL_OR_KEYWORD]
     if len(given) > len(by_place):
         only = f"only {' and '.join(by_place)}" if by_place else "no argument"

@@ -63,10 +63,13 @@ def list_some(names: Sequence[str], most: int) -> str:
 
 def suggest(name: str, known: Iterable[str], otherwise: str) -> str:
     """A question with the known name that is most similar to an unknown one, or `otherwise`."""
+    known = list(known)
     # Two words of the field for one quantity.
-    alike = {x.replace("velocity", "speed"): x for x in known}
-    near = difflib.get_close_matches(name.replace("velocity", "speed"), alike, n=1)
-    return f"did you mean {alike[near[0]]}?" if near else otherwise
+    alike = [
+        x for x in known if x.replace("velocity", "speed") == name.replace("velocity", "speed")
+    ]
+    near = alike or difflib.get_close_matches(name, known, n=1)
+    return f"did you mean {near[0]}?" if near else otherwise
 
 
 def _escape(character: str) -> str:

@@ -179,7 +179,7 @@ def test_poles_that_cannot_be_are_refused(refuses):
         ([-1, -1 + 1j, -1 - 1j], "observer pole real", None),
         ("fast", "three finite numbers", None),
     ):
-        kind = ac.CompensationError if joint else ac.InvalidInput
+        kind = ac.CompensationError if joint is not None else ac.InvalidInput
         refuses(partial(place, motion, UNEVEN, poles=poles), kind, words, joint=joint)
 
 

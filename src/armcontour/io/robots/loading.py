@@ -66,6 +66,7 @@ LIMITS = {
 STEP = 1e-6
 
 
+@_checks.explained
 def arm_names() -> tuple[str, ...]:
     """Names of the built-in arms."""
     folder = resources.files("armcontour.io.robots") / "library"
