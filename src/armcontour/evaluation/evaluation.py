@@ -225,7 +225,7 @@ def _most(shares: FloatArray) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Judged(Value):
-    """What an evaluation is of.
+    """Inputs of an evaluation.
 
     Args:
         executed: The execution.

@@ -74,8 +74,8 @@ def count_parts(
         if fastest * step >= 2:
             j = int(np.argmax(np.abs(vectors[:, -1])))
             raise ExecutionError(
-                f"Joint {j + 1} is unstable at t = {t:.4g} s: its drive keeps a torque for a step of "
-                f"{step:.3g} s and corrects its velocity at a rate of {fastest:.4g} 1/s; shorten "
+                f"Joint {j + 1} is unstable at t = {t:.4g} s: its drive keeps a torque for a step "
+                f"of {step:.3g} s and corrects its velocity at a rate of {fastest:.4g} 1/s; shorten "
                 f"the step to {1 / fastest:.2g} s, lower the servo's gains, or give the arm the "
                 "inertias of its drives if they are missing.",
                 t=t,

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour.arms import Arm, Limits
-from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.errors import InvalidInput
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run, RunResult, Study
@@ -128,12 +127,11 @@ def _planned(
     if arm is None:
         raise InvalidInput("This trajectory does not know its arm: plan it with an arm.")
     program = _program_of(plan, arm) if program is None else program
-    limits = arm.limits if limits is None else limits
-    explanation = None
-    if plan.method == Method.OPTIMAL:
-        # Plans of other limits have no explanation.
-        with suppress(ArmContourError):
-            explanation = explain(plan, arm, limits)
+    own: Limits | None = getattr(plan, "limits", None)
+    limits = next((x for x in (limits, own) if x is not None), arm.limits)
+    # Without the limits of the plan, nothing would seem to bind.
+    known = own is not None and plan.method == Method.OPTIMAL
+    explanation = explain(plan, arm) if known else None
     sharp = getattr(program.single_path, "objective", None)
     return RunResult(
         run=_run("plan", plan, "none", limits, PERIOD),
