@@ -76,8 +76,8 @@ def count_parts(
             raise ExecutionError(
                 f"Joint {j + 1} is unstable at t = {t:.4g} s: its drive keeps a torque for a step "
                 f"of {step:.3g} s and corrects its velocity at a rate of {fastest:.4g} 1/s; "
-                f"shorten the step to {1 / fastest:.2g} s, lower the servo's gains, or give the arm the "
-                "inertias of its drives if they are missing.",
+                f"shorten the step to {1 / fastest:.2g} s, lower the servo's gains, or give the "
+                "arm the inertias of its drives if they are missing.",
                 t=t,
                 joint=j,
                 limit="step",
