@@ -81,7 +81,8 @@ def draw(value: Any, kind: str = "path") -> Any:
     Args:
         value: The result.
         kind: "path", the path of the tool; "joints", positions, velocities and accelerations with
-            limits; "speed", the tool speed with the assigned velocity; "error", the contour error.
+            limits, of a study those of its first run; "speed", the tool speed with the assigned
+            velocity; "error", the contour error.
 
     Raises:
         InvalidInput: There is no such kind, or the result has nothing of it.
