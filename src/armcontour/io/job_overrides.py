@@ -9,7 +9,7 @@ from armcontour import _checks
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand
 from armcontour.geometry.rounding import CONTINUITIES, Continuity
-from armcontour.io.job_arm import ARM_FILES
+from armcontour.io.job_arm import named_arm
 from armcontour.io.job_model import (
     ArmModel,
     FrameModel,
@@ -117,20 +117,17 @@ def override(model: JobModel, x: JobOverrides | None) -> JobModel:
         changes["ignore_collisions"] = True
     if x.arm is not None or x.arm_tool is not None:
         changes["arm"] = _arm(model.arm, x)
+    if x.arm_tool is not None:
+        changes["tools"] = None
     return replace(model, **changes)
 
 
 def _arm(arm: str | ArmModel, x: JobOverrides) -> ArmModel:
     """Replace the arm or its tool; an arm is a file if it has an ending."""
-    own = arm if isinstance(arm, ArmModel) else _named(arm)
+    own = arm if isinstance(arm, ArmModel) else named_arm(arm)
     if x.arm is not None:
-        own = replace(_named(x.arm), tool=own.tool, work=own.work, payload=own.payload)
+        own = replace(named_arm(x.arm), tool=own.tool, work=own.work, payload=own.payload)
     return own if x.arm_tool is None else replace(own, tool=x.arm_tool)
-
-
-def _named(arm: str) -> ArmModel:
-    """An arm by its name, or by its file."""
-    return ArmModel(file=arm) if arm.lower().endswith(ARM_FILES) else ArmModel(name=arm)
 
 
 def _run(run: RunModel, x: JobOverrides) -> RunModel:
