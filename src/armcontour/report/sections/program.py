@@ -34,9 +34,9 @@ def program(study: Study) -> Section | None:
         title="Program",
         text=(
             "As planned: contours with the process on, leads, and rapids between them; with a "
-            "kerf, the drawn contours and the band of the cut. Rapids keep only the limits of the "
-            "joints: the tool may be faster than the assigned velocity. Between two moves the tool "
-            "is at rest."
+            "kerf, the drawn contours and the band of the cut. Rapids keep the limits of the "
+            "joints, and rapid_speed and approach_speed of the process if there are any; else the "
+            "tool may be faster than the assigned velocity. Between two moves the tool is at rest."
         ),
         tiles=tuple((name, _tiles(study.job.program, x)) for name, x in results),
         figures=(drawn,),
