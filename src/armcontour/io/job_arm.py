@@ -156,7 +156,8 @@ def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
     if any(repr(table[x]) != repr(tool) for x in names):
         raise InvalidInput(
             f"The program uses {', '.join(names)}, which differ in tools, but a run has one tool: "
-            f"make one job per tool, such as path: {{tool: {names[0]}}}."
+            f"run the contours of one tool at a time, with path: {{tool: {names[0]}}} in the job, "
+            f"or --only-tool {names[0]}."
         )
     arm = model.arm if isinstance(model.arm, ArmModel) else named_arm(model.arm)
     own = ToolModel(**{x.name: getattr(tool, x.name) for x in fields(ToolModel)})

@@ -43,6 +43,7 @@ class JobOverrides:
         skip_unknown: Whether to skip elements that the reader does not know.
         skip_words: Words and codes of G-code to leave out, such as M6.
         tools: Diameters of tools for G-code [m], by their numbers.
+        tool: Name of the tool whose contours are run, such as T2.
         speed: Assigned velocity where the drawing gives none [m/s]; replaces the speed of runs,
             too.
         corner_tolerance: Largest corner error where the drawing gives none [m]; replaces the
@@ -75,6 +76,7 @@ class JobOverrides:
     skip_unknown: bool = False
     skip_words: tuple[str, ...] | None = None
     tools: dict[int, float] | None = None
+    tool: str | None = None
     speed: float | None = None
     corner_tolerance: float | None = None
     corner_shape: str | None = None
@@ -208,6 +210,7 @@ def _path(path: PathModel, x: JobOverrides) -> PathModel:
         "flat": x.flat or None,
         "texts": x.texts,
         "tools": x.tools,
+        "tool": x.tool,
         "unknown": SkipModel(skip=list(x.skip_words))
         if x.skip_words
         else ("skip" if x.skip_unknown else None),
