@@ -138,13 +138,15 @@ def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
     Raises:
         InvalidInput: A tool that the table does not have, or several different tools.
     """
-    names = list(dict.fromkeys(tools_of_contours(Program.of(drawn))))
-    if model.tools is None or names == [""]:
-        return model.arm
     table = {
         name: x if isinstance(x, TableToolModel) else TableToolModel(position=x)
-        for name, x in model.tools.items()
+        for name, x in (model.tools or {}).items()
     }
+    for name, x in table.items():
+        frame_of(f"tools.{name}", x)
+    names = list(dict.fromkeys(tools_of_contours(Program.of(drawn))))
+    if not table or names == [""]:
+        return model.arm
     for name in names:
         if name not in table:
             what = f"the tool {name}" if name else "no tool before its first contour"
