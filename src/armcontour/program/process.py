@@ -414,7 +414,9 @@ class Process:
                 _checks.refuse_other("A layer", given, Mapping)
                 for name in given:
                     _checks.choice("name of a value", name, known)
-                own = {name: NONE.get(name) if x is None else x for name, x in given.items()}
+                own: dict[str, Any] = {
+                    name: NONE.get(name) if x is None else x for name, x in given.items()
+                }
                 made[layer] = replace(self, by_layer={}, **own)
         object.__setattr__(self, "by_layer", MappingProxyType(dict(self.by_layer)))
         object.__setattr__(self, "_of_layers", MappingProxyType(made))
