@@ -50,6 +50,25 @@ def folder(tmp_path, mac):
     return tmp_path
 
 
+def test_times_since_1970_and_notes(folder, check):
+    t, *q = np.loadtxt(folder / "planned.csv", delimiter=",", skiprows=1).T
+    titles = "timestamp,actual_q_0,actual_q_1,actual_TCP_pose_0"
+    late = 1_700_000_000 + t
+    write(folder / "late.csv", titles, late, *q, 0 * t)
+    given = ("--path", "job.yaml", "--limits", "limits.yaml")
+    done = check(folder, "late.csv", *given)
+    data = json.loads(check(folder, "late.csv", *given, "--json").out)
+    assert data["left_out"] == ["actual_TCP_pose_0"] and data["notes"] == []
+    (use,) = (x for x in data["limits"] if x["name"] == "joint_acceleration")
+    assert late[0] <= use["t"] <= late[-1]
+    shown = next(x for x in done.out.splitlines() if "joint acceleration" in x)
+    assert f"{use['t']:.4f}".rstrip("0").rstrip(".") in shown
+    # Rows that are there twice.
+    lines = (folder / "late.csv").read_text().splitlines()
+    (folder / "late.csv").write_text("\n".join([*lines[:9], lines[8], *lines[9:]]) + "\n")
+    assert "Note: 1 row of late.csv repeats" in check(folder, "late.csv", *given).out
+
+
 def test_kept_limits_end_with_0(folder, check):
     given = (*PLANNED, "--path", "job.yaml")
     done = check(folder, *given)

@@ -138,7 +138,8 @@ Columns = Annotated[
     str | None,
     typer.Option(
         "--columns",
-        help="Names of the columns of CSV without a first line for them: 't [ms],q1 [deg],-,q2'.",
+        help="Names of the columns of CSV without a first line for them: 't [ms],q1 [deg],-,q2'; "
+        "or new names of columns or joints: 'q# [deg]=axis_#'.",
     ),
 ]
 Topic = Annotated[

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._describing import line_up, mm
+from armcontour._describing import clock, line_up, mm
 from armcontour._sampling import (
     LARGEST,
     LATEST,
@@ -114,7 +114,8 @@ class Check:
 
     def __str__(self) -> str:
         """The verdict, and the limits with the largest uses."""
-        title = f"Check: {self.verdict}, {self.states} times from {self.start:g} to {self.end:g} s"
+        times = f"{self.states} times from {clock(self.start)} to {clock(self.end)} s"
+        title = f"Check: {self.verdict}, {times}"
         header = ("limit", "share", "value", "of", "at", "joint", "verdict")
         uses = sorted(self.uses, key=lambda x: -x.certain)
         rows = [header, *(x.cells for x in uses)] if uses else []
