@@ -268,3 +268,18 @@ def test_wrong_axes_and_searches_are_refused():
         (lambda: read_uncertainty({"tilt": 0.1}, 2), "uncertainty has no axis 'tilt'"),
         (lambda: PlaceSearch(over={"z": (0, 1, 2)}).check(2), "over has no axis 'z'"),
     )
+
+
+def test_a_servo_that_oscillates_is_said_with_its_damping():
+    path = ac.Path.polyline([(0.3, 0.2), (0.34, 0.2)])
+    for gains, said in (
+        ({"kv": 100.0}, ""),
+        ({"kv": 25.0}, ""),
+        # A second-order system of damping 0.3 overshoots by 37 %.
+        ({"kv": 9.0}, "damping ratio is 0.30, and a step overshoots by 37%"),
+        ({"kv": [25.0, 9.0]}, "below kp of 25 1/s"),
+        ({"order": "first"}, ""),
+    ):
+        asked = dataclasses.replace(job(path), servo=ac.ServoModel(kp=25.0, **gains))
+        found = [x for x in warnings_of(asked) if "oscillates" in x]
+        assert len(found) == bool(said) and all(said in x and "100 1/s" in x for x in found)

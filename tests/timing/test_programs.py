@@ -265,6 +265,33 @@ def test_free_rapids_are_bang_bang_at_the_limits_of_the_joints(arm):
     np.testing.assert_allclose(trajectory(t), begin + share[:, None] * (end - begin), atol=1e-9)
 
 
+@pytest.mark.parametrize("jerk", [None, 500.0])
+def test_rapids_and_approaches_keep_their_speeds_at_all_times(jerk):
+    moves = [in_space(Path.polyline([[x, 0.1], [x, 0.14]])) for x in (0.3, 0.45)]
+    between = Path.polyline([[0.35, -0.16, 0.1], [0.4, -0.16, 0.25], [0.5, -0.2, 0.1]])
+    limits = UR5E.limits if jerk is None else UR5E.limits.replace(joint_jerk=jerk)
+    free = Process(begin="drawn", approach=0.05, retract=0.05)
+    slow = dataclasses.replace(free, rapid_speed=0.3, approach_speed=0.1)
+    rng = np.random.default_rng(3)
+    for drawn in (program_of(*moves), program_of(moves[0], Rapid(path=between), moves[1])):
+        speeds = {}
+        for process in (free, slow):
+            plan = ac.plan(ac.prepare(drawn, process), UR5E, limits.replace(speed=0.1))
+            found = speeds[process] = []
+            for span in plan.spans:
+                if span.kind != "rapid":
+                    continue
+                t = np.sort(rng.uniform(0, span.trajectory.duration, 4000))
+                q, dq = span.trajectory.motion(t, 1)
+                found.append(float(np.linalg.norm(UR5E.tool_velocity(q, dq), axis=1).max()))
+        long = [x > 0.3 for x in speeds[free]]
+        short = [x for x, y in zip(speeds[slow], long, strict=True) if not y]
+        assert len(long) == len(speeds[slow]) and any(long)
+        # The speed is reached, and never exceeded.
+        assert max(speeds[slow]) == pytest.approx(0.3, rel=2e-3) and max(speeds[slow]) <= 0.3
+        assert short == pytest.approx([0.1] * len(short), rel=1e-6) and max(short) <= 0.1 + 1e-12
+
+
 def test_contours_take_their_time_alone_and_leave_a_reserve_on_rapids_too():
     second = Path.polyline([[0.35, 0.25], [0.3, 0.25]])
     spans = ac.plan(program_of(BEND, Rapid(), second), PMK3S, IN_PLANE).spans

@@ -20,7 +20,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.compensation.compensator import default_method
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
-from armcontour.io.job_arm import arm_of, tools_of
+from armcontour.io.job_arm import arm_of, equipped, tools_of
 from armcontour.io.job_model import (
     CompensationModel,
     ExperimentModel,
@@ -186,6 +186,9 @@ def parts_of(
     """
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
     drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
+    used = equipped(model, drawn)
+    if used is not model.arm:
+        arm = arm_of(used, folder, trust_xacro=trust_xacro)
     scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
     return arm, drawn, scene
 

@@ -120,6 +120,17 @@ class ToolModel(FrameModel):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TableToolModel(ToolModel):
+    """A tool of the tool table.
+
+    Args:
+        payload: Payload at the tip with this tool; by default that of the arm.
+    """
+
+    payload: Payload | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ArmModel:
     """An arm by `name` or `file`, with its equipment. File names are relative to the job file.
 
@@ -288,6 +299,7 @@ class PathModel:
         texts: For DXF, `contours` draws the letters of TEXT through a font of this machine.
         tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
             `{1: 3 mm}`; a negative one puts the tool on the other side.
+        tool: For G-code, the tool whose contours are run, such as T2; all tools by default.
         orientation: The required tool orientation in space: one for the whole path, or one per
             waypoint; for a file, in the coordinates of the drawing.
     """
@@ -313,6 +325,7 @@ class PathModel:
     unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
     texts: Annotated[str, Choice(TEXTS)] = "leave_out"
     tools: dict[int, Length] | None = None
+    tool: str | None = None
     orientation: Annotated[
         OrientationModel | list[OrientationModel] | None, BeforeValidator(_orientation)
     ] = None
@@ -442,6 +455,8 @@ class JobModel:
         start: Joint positions near the start configuration [rad], for an arm in space, in the order
             of the joints or by their names; by default the configuration that is fastest along the
             path.
+        tools: The tool table: tools by the names in the program, such as T1 for the word T1 of
+            G-code, in place of `arm.tool`. A run has one tool frame: choose it with `path.tool`.
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
         limits: Limits; limits of the joints are the arm's own unless given here, null lifts one.
@@ -462,6 +477,7 @@ class JobModel:
     arm: str | ArmModel
     branch: str | None = None
     start: list[Angle] | dict[str, Angle] | None = None
+    tools: Annotated[dict[str, TableToolModel | Place], Field(min_length=1)] | None = None
     path: PathModel
     process: Process | None = None
     limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)

@@ -26,6 +26,7 @@ from armcontour.jobs.warnings import (
     jerk_stops,
     missed_speeds,
     not_judged,
+    oscillating,
     overloaded,
     slow_ends,
     stopping,
@@ -310,6 +311,8 @@ class RunResult:
     def weak_points(self) -> tuple[str, ...]:
         """Sentences on weak points of the run, such as a coarse command interval."""
         found = self._weak_points_of_plan()
+        if self.servo is not None:
+            found += oscillating(self.servo)
         if self.taught is not None:
             found += cut_off(self.taught)
         if self.execution is not None:
