@@ -368,6 +368,7 @@ BASES: list[dict[str, Any]] = [
     *(_with(SPACE, scene=_bodies(*_SIZES, margin=0.01, **x)) for x in _BODY_TURNS),
     _with(SPACE, scene=_bodies("halfspaces", normal=[0.0, 0.0, 1.0])),
     _with(SPACE, scene={"margins": {"environment": 0.01, "own": 0.001, "tool": 0.001}}),
+    _with(SPACE, scene={"floor": -0.4}),
     *(
         _with(SPACE, scene={"files": [
             {"file": "cell.scene", "at": [0.0, 0.0, 0.0], "margin": 0.01, **x}
