@@ -29,7 +29,7 @@ def plan(arm_name, speed, tolerance, space):
         objective = objective.oriented(turns)
     path = ac.round_corners(objective, tolerance=tolerance) if tolerance else objective
     limits = arm.limits.replace(speed=speed)
-    return arm, objective, path, ac.plan(path, arm, limits)
+    return arm, objective, path, ac.plan(path, arm, limits, branch=None if space else "positive")
 
 
 def executions(trajectory, plant, period, method, resolution):

@@ -233,7 +233,7 @@ def test_stops_that_limits_of_jerk_force_are_named(arm):
     found = ac.explain(ac.plan(arcs, arm, limits), arm, limits)
     np.testing.assert_allclose(found.jerk_stops, arcs.breaks[1:-1])
     assert "2 stops by jerk" in repr(found)
-    free = limits.replace(joint_jerk=None)
+    free = limits.replace(joint_jerk=np.inf)
     assert ac.explain(ac.plan(arcs, arm, free), arm, free).jerk_stops == ()
 
 
@@ -297,7 +297,7 @@ def test_refusals(arm, rounded, traced, objective, limits, refuses):
 
 
 def test_a_plan_is_smoothed_as_by_hand(arm, traced, limits):
-    limits = limits.replace(centripetal_acceleration=None)
+    limits = limits.replace(centripetal_acceleration=np.inf)
     plain = ac.plan(traced, arm, limits, reserve=0.3)
     for windows in (0.02, [0.02, 0.01]):
         found = ac.plan(traced, arm, limits, reserve=0.3, smoothing=windows)
@@ -309,7 +309,7 @@ def test_a_plan_is_smoothed_as_by_hand(arm, traced, limits):
 def test_smoothing_that_exceeds_a_limit_is_refused_with_what_would_do(arm, limits):
     corners = ac.Path.polyline([(0.3, 0.2), (0.35, 0.2), (0.35, 0.25)])
     corners = ac.round_corners(corners, tolerance=1e-5)
-    free = limits.replace(centripetal_acceleration=None)
+    free = limits.replace(centripetal_acceleration=np.inf)
     windows, coarse = [0.02, 0.02], {"intervals": 800}
     smoothed = coarse | {"smoothing": windows}
     with pytest.raises(ac.NotRealizable, match="reserve, such as") as caught:

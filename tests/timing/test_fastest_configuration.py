@@ -54,7 +54,7 @@ def test_no_plan_is_shorter_than_its_bound_and_all_come_the_fastest_first(traced
 def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypatch):
     # The speed of the tool bounds all of the path, whichever way the arm reaches it.
     arm, path = ac.load_arm("ur5e"), ac.Path.polyline(CORNERS[:2]).oriented(DOWN)
-    slow = arm.limits.replace(speed=0.02, tool_acceleration=0.2, joint_torque=None)
+    slow = arm.limits.replace(speed=0.02, tool_acceleration=0.2, joint_torque=np.inf)
     usual = next(trace_by_duration(path, arm, slow))
     assert len(usual) > 1
     rng = np.random.default_rng(4)

@@ -125,7 +125,7 @@ def test_keeps_all_that_holds_of_programs_in_the_plane():
 def test_smoothed_programs_have_all_but_the_limits():
     windows = 0.01, 0.03
     moves = Dwell(duration=0.1), Event(name="coolant"), Rapid(), Contour(path=BEND, events=GLUE)
-    program, gentle = plane(LINE, *moves), IN_PLANE.replace(centripetal_acceleration=None)
+    program, gentle = plane(LINE, *moves), IN_PLANE.replace(centripetal_acceleration=np.inf)
     plain, smoothed = (
         ac.plan(program, PMK3S, gentle, reserve=0.4, intervals=800, smoothing=x)
         for x in ((), windows)
@@ -406,7 +406,7 @@ def test_a_rapid_turns_the_tool_by_half_a_turn_unless_it_is_free_to_turn(axis_on
 def test_of_configurations_as_fast_for_a_contour_that_for_the_next_ones_is_chosen():
     # The speed of the tool bounds both contours; the way between them depends on the posture.
     program = ac.round_corners(program_of(in_space(SQUARE), in_space(BEND, 0.3)), tolerance=1e-3)
-    limits = IN_SPACE.replace(speed=0.02, joint_torque=None)
+    limits = IN_SPACE.replace(speed=0.02, joint_torque=np.inf)
     equals = next(trace_by_duration(program.contours[0].path, UR5E, limits))
     assert len(equals) > 1
     durations = [ac.plan(program, UR5E, limits, start=x(0.0)).duration for x in equals]

@@ -27,7 +27,7 @@ def compensate(
     trajectory: Trajectory,
     servo: ServoModel,
     *,
-    method: str | None = None,
+    method: str = "inverse",
     period: float = 4e-3,
     arm: Arm | None = None,
     limits: Limits | None = None,
@@ -53,13 +53,13 @@ def compensate(
             time 0, is the start of the plan. "inverse_dynamics" is the inverse of drives that move
             the bodies of `arm`, best for plans that are smoothed over a command interval; its first
             and last set-points hold the arm at both ends of the plan. "pole_placement" is the
-            paper's compensator (26). "none" is the trajectory itself, without time advance. By
-            default the one of `default_method`.
+            paper's compensator (26). "none" is the trajectory itself, without time advance.
         period: Command interval [s].
         arm: The nominal arm whose bodies the drives move, for "inverse_dynamics"; other methods do
-            not use it. By default set-points are for the servo model alone.
-        limits: Limits of the controller: set-points must be within joint_lower and joint_upper, and
-            must not move faster than joint_velocity. By default they are not checked.
+            not use it.
+        limits: Limits of the controller, in place of those of the plan: set-points must be within
+            joint_lower and joint_upper, and must not move faster than joint_velocity. Without
+            `limits`, those that exceed the limits of the plan are a warning.
         poles: For "pole_placement": two regulator poles and the observer pole [1/s], (3,), or three
             per joint, (dof, 3).
         gravity_feedforward: For "inverse_dynamics": whether the controller adds the gravity torque;
@@ -74,7 +74,6 @@ def compensate(
             servo with joints of another order than "second", friction or a cycle.
         CompensationError: Poles are not stable, or set-points exceed the limits.
     """
-    method = default_method(servo, arm) if method is None else method
     _checks.choice("method", method, METHODS)
     interval = check_interval(period)
     given = {"poles": poles, "gravity_feedforward": gravity_feedforward, "known": known}
@@ -98,24 +97,8 @@ def compensate(
         start_time=start,
         cut_off=cut_off,
     )
-    if limits is not None:
-        refuse_commands(taught, limits.for_joints(trajectory.dof))
+    refuse_commands(taught, limits)
     return taught
-
-
-def default_method(servo: ServoModel, arm: Arm | None) -> str:
-    """The method of the smallest contour error, see docs/guides/compensations.md.
-
-    Args:
-        servo: The servo model.
-        arm: The arm whose bodies the drives move; None for joints that move as the servo model.
-
-    Returns:
-        "inverse_dynamics" for bodies of known masses and a servo of second order without friction
-        and cycle, else "inverse".
-    """
-    plain = servo.is_plain("second")
-    return "inverse_dynamics" if plain and arm is not None and arm.has_bodies else "inverse"
 
 
 def _refuse_long_interval(period: float, duration: float) -> None:

@@ -37,7 +37,7 @@ from armcontour.jobs.ways import (
 from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.servo import ServoModel
-from armcontour.timing import Explanation, Tracing, explain, plan, refuse_unkept_jerk, with_reserve
+from armcontour.timing import Explanation, Tracing, explain, plan, refuse_unkept_jerk
 
 STEPS = (
     "rounding",
@@ -221,7 +221,7 @@ def explain_run(job: Job, this: Run, trajectory: Trajectory) -> Explanation | No
     """
     if trajectory.method is not Method.OPTIMAL:
         return None
-    return explain(trajectory, job.arm, with_reserve(this.limits, this.reserve))
+    return explain(trajectory, job.arm)
 
 
 def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
@@ -254,15 +254,13 @@ def execute_run(
     Raises:
         ExecutionError: The joints do not come to rest.
     """
-    plant = ServoPlant(job.arm, job.plant_servo if servo is None else servo, this.limits)
+    plant = ServoPlant(job.arm, job.plant_servo if servo is None else servo)
     return execute(taught, plant, resolution=RESOLUTION)
 
 
 def evaluate_run(this: Run, executed: Execution, path: Program, objective: Program) -> Evaluation:
     """Evaluate the executed motion of a run, with the use of its limits."""
-    return evaluate(
-        executed, path, objective=objective, limits=this.limits, until=this.until, limit_use=True
-    )
+    return evaluate(executed, path, objective=objective, until=this.until, limit_use=True)
 
 
 def _executed_clearance(job: Job, found: RunResult, executed: Execution) -> Clearance | None:
