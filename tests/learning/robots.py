@@ -1,6 +1,7 @@
 """Robots that are not quite their models: with a load, friction and other gains."""
 
 import numpy as np
+from tests.limits import only_limits
 
 import armcontour as ac
 
@@ -25,7 +26,7 @@ def loaded(arm, *, seed=0, dead_time=0.0, noise=0.0):
     return ac.RigidBodyPlant(
         arm._copy(chain=chain),
         SERVO.replace(kp=GAINS, dead_time=dead_time),
-        ac.Limits(joint_torque=1e3).for_joints(2),
+        only_limits(joint_torque=1e3).for_joints(2),
         noise=noise,
         seed=seed,
         known=arm,
@@ -34,5 +35,5 @@ def loaded(arm, *, seed=0, dead_time=0.0, noise=0.0):
 
 def rods():
     """A planar arm without masses."""
-    limits = ac.Limits(joint_velocity=[3.0, 3.0], joint_acceleration=[5.0, 5.0])
+    limits = only_limits(joint_velocity=[3.0, 3.0], joint_acceleration=[5.0, 5.0])
     return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from tests.limits import only_limits
 
 import armcontour as ac
 
@@ -13,7 +14,7 @@ NEAR, FAR = 0.2, 0.4  # m
 @pytest.fixture(scope="module")
 def scissors():
     """Equal links: on a line through the base joint 2 turns twice as fast as joint 1, always."""
-    limits = ac.Limits(joint_acceleration=LIMIT)
+    limits = only_limits(joint_acceleration=LIMIT)
     return ac.PlanarTwoLink(name="scissors", base=0.0, links=(LINK, LINK), limits=limits)
 
 

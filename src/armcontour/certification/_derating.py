@@ -177,4 +177,5 @@ def plan_derated(
     if limits.joint_acceleration is not None:
         constraints.append(DeratedAcceleration(*limits.acceleration_bounds(arm.dof), derating))
     found = plan_optimal(joint_path, arm, rest, intervals=intervals, constraints=constraints)
+    found = found.limited(limits)
     return found, smooth(found, *windows) if windows else found

@@ -22,6 +22,7 @@ from armcontour.learning import LearnedRun, Lesson, Recording, judge_run, learn
 from armcontour.learning.aligning import fit_to
 from armcontour.learning.estimating import smooth_error
 from armcontour.motion import Execution, Log, TaughtData
+from armcontour.motion.command_limits import describe_excess
 from armcontour.program import contour_called
 
 # Smallest dead time [s] and clock error that are told to the user.
@@ -104,7 +105,7 @@ class LearningStudy:
                 f"Learning uses a servo from which it deviates by {after:.3g} mrad: {lesson.servo}."
             )
         found += _other_set_points(lesson.runs[-1])
-        if exceeds_plan(self.plan.taught):
+        if describe_excess(self.plan.taught):
             found.append(
                 "The set-points exceed limits of the joints already before learning, so learning "
                 "does not keep these limits either."

@@ -15,9 +15,9 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._progress import Progress, Step, under
-from armcontour.arms import Limits
+from armcontour.arms import Limits, compare_limits
 from armcontour.clearance import Clearance
-from armcontour.compensation import compensate
+from armcontour.compensation.compensator import teach
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import ServoPlant, execute
@@ -201,7 +201,8 @@ def plan_clear(
             break
     else:
         refuse_collision(job, path, trajectory)
-    beyond = smoothed_beyond(trajectory, job.arm, this) if this.smoothing else ()
+    beyond = list(filter(None, [compare_limits(this.limits, job.arm)]))
+    beyond += smoothed_beyond(trajectory, job.arm, this) if this.smoothing else []
     return RunResult(
         run=this,
         objective=objective,
@@ -230,7 +231,7 @@ def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
     Raises:
         CompensationError: The method cannot compensate this delay.
     """
-    return compensate(
+    return teach(
         trajectory,
         job.servo,
         method=this.compensation,

@@ -19,7 +19,7 @@ from armcontour.learning.lesson import LearnedRun, Lesson, Recording, record
 from armcontour.learning.lifted import Lifted, Nominal, rms
 from armcontour.learning.servo_fit import fit_servo
 from armcontour.motion import Execution, Log, TaughtData
-from armcontour.motion.command_limits import SLACK, exceeds_plan, refuse_commands
+from armcontour.motion.command_limits import SLACK, describe_excess, refuse_commands
 from armcontour.servo import ServoModel
 
 # What the joints did in a run.
@@ -263,7 +263,7 @@ def _next_lesson(
 def _limits_to_keep(seen: Lesson, limits: Limits | None) -> Limits:
     """The limits that lessons keep; of the plan's those only that its set-points kept."""
     own = seen.trajectory.limits_for(limits)
-    return own.of_tool if limits is None and exceeds_plan(seen) else own
+    return own.of_tool if limits is None and describe_excess(seen) else own
 
 
 def _reason_to_finish(known: Estimate, setbacks: int, is_setback: bool) -> str:

@@ -52,13 +52,13 @@ def refuse_commands(taught: TaughtData, limits: Limits | None = None) -> None:
     )
 
 
-def exceeds_plan(taught: TaughtData) -> bool:
-    """Whether set-points exceed joint ranges or velocity limits of their plan."""
+def describe_excess(taught: TaughtData) -> str:
+    """The sentence of `refuse_commands` for the limits of the plan; empty if it refuses nothing."""
     try:
         refuse_commands(taught)
-    except CompensationError:
-        return True
-    return False
+    except CompensationError as error:
+        return str(error)
+    return ""
 
 
 def _refuse_beyond(taught: TaughtData, name: str, values: FloatArray, most: FloatArray) -> None:
