@@ -5,7 +5,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from tests.limits import only_limits
 
 import armcontour as ac
 from armcontour.motion import PathLaw, Rates
@@ -64,7 +63,7 @@ def test_a_parabola_in_closed_form(interpolation, gain):
 def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interpolation, most):
     a = np.array([0.7, -0.4])
     servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=interpolation)
-    plant = ac.ServoPlant(arm, servo, only_limits(), saturation="none")
+    plant = ac.ServoPlant(arm, servo, ac.Limits.only(), saturation="none")
     for phase in np.linspace(0, 1, 8, endpoint=False):
         half = 0.3 + phase * 4e-3
         plan = laps([0, half, 2 * half], [(0.0, 0.0), half * a], [a, -a])
@@ -125,7 +124,7 @@ def test_compensation_is_linear(method):
 
 def test_the_inverse_undoes_the_servo(arm):
     trajectory = smooth()
-    plant = ac.ServoPlant(arm, UNEVEN, only_limits())
+    plant = ac.ServoPlant(arm, UNEVEN, ac.Limits.only())
     errors = []
     for period in (8e-3, 4e-3, 2e-3):
         taught = ac.compensate(trajectory, UNEVEN, method="inverse", period=period)

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.limits import only_limits
 
 import armcontour as ac
 from armcontour.arms.serial import SerialArm
@@ -55,7 +54,7 @@ def test_torque_of_a_law_and_of_samples(planned, robot):
 
 def test_dry_friction_at_rest_helps(robot):
     """At its ends a motion brakes with friction; standing, no more is certain than without it."""
-    limits = only_limits(joint_torque=[150, 150, 150, 28, 28, 28])
+    limits = ac.Limits.only(joint_torque=[150, 150, 150, 28, 28, 28])
     path = ac.JointPath.spline([np.zeros(6), np.array([1.0, 0, 0, 0, 0, 0])])
     found = ac.check(ac.plan(path, robot, limits), robot, limits)
     assert not found.violated
@@ -82,7 +81,7 @@ def test_ranges_are_counted_from_their_middle(planned, robot):
     q = planned(np.linspace(0, planned.duration, 20_001))
     upper, lower = q.max(axis=0), q.min(axis=0)
     upper[2] -= 0.1
-    limits = only_limits(joint_lower=lower, joint_upper=upper)
+    limits = ac.Limits.only(joint_lower=lower, joint_upper=upper)
     for given in (planned, sampled(planned), sampled(planned, dq=True)):
         found = ac.check(given, robot, limits)
         over = found["joint_upper"]
@@ -93,11 +92,11 @@ def test_ranges_are_counted_from_their_middle(planned, robot):
         assert over in found.violations
     # With one end, or none.
     one = np.where(np.arange(6) == 1, q.max(axis=0) - 0.2, np.inf)
-    found = ac.check(planned, robot, only_limits(joint_lower=np.inf, joint_upper=one))[
+    found = ac.check(planned, robot, ac.Limits.only(joint_lower=np.inf, joint_upper=one))[
         "joint_upper"
     ]
     assert found.joint == 2 and found.ratio == pytest.approx(1 + 0.2 / np.pi, abs=1e-4)
-    endless = only_limits(joint_lower=np.inf, joint_upper=np.full(6, np.inf))
+    endless = ac.Limits.only(joint_lower=np.inf, joint_upper=np.full(6, np.inf))
     assert ac.check(planned, robot, endless).not_judged == ("joint_lower", "joint_upper")
 
 

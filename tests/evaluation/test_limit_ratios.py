@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from tests.limits import only_limits
 
 import armcontour as ac
 
 ARM = ac.load_arm("pmk3s")
-LIMITS = only_limits(
+LIMITS = ac.Limits.only(
     joint_acceleration=[[-0.6, 0.7], [-0.6, 0.9]],
     joint_velocity=[[-0.8, 0.7], [-0.6, 0.8]],
     joint_jerk=1e3,
@@ -62,7 +61,7 @@ def test_they_are_those_of_denser_places(method, places):
     task = LIMITS.replace(joint_jerk=np.inf, path_jerk=np.inf)
     path = ac.round_corners(PATH, tolerance=5e-3)
     if method == "conventional":
-        task, path = only_limits(speed=0.04), PATH
+        task, path = ac.Limits.only(speed=0.04), PATH
     plan = ac.plan(path, ARM, task, method=method)
     found = measured(plan, path)
     for name, ratio in dense(plan, places).items():

@@ -142,6 +142,11 @@ def test_lifted_limits_stay_lifted_and_are_shown_and_given_ones_are_not_lifted()
         resolved = resolve_limits("a test", arm, part)
         assert all(getattr(resolved, x) is None for x in names)
         assert resolved.lifted == limits.lifted | set(names)
+    alone = resolve_limits("a test", arm, ac.Limits.only(speed=0.1, joint_jerk=math.inf))
+    assert alone.speed == 0.1 and alone.lifted == set(UNITS) - {"speed"}
+    assert all(getattr(alone, x) is None for x in alone.lifted)
+    with pytest.raises(ac.InvalidInput, match="Unknown limit 'sped'"):
+        ac.Limits.only(sped=0.1)
     with pytest.raises(ac.InvalidInput, match="range of joint 1"):
         resolve_limits("a test", arm, ac.Limits(joint_lower=9.0))
 

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.geometry.tables import arc, line, path_of, refused
 from tests.jobs.making import ARM, a_job, a_run
-from tests.limits import only_limits
 
 import armcontour as ac
 from armcontour.jobs import Experiment, PlaceSearch, Rounding, run
@@ -77,7 +76,7 @@ def test_a_demand_far_above_the_limit_is_said_and_by_whom():
 
 
 def test_a_smoothed_run_says_which_limit_it_exceeds_and_a_reserve_that_mends_it():
-    limits = only_limits(joint_acceleration=[0.72, 0.72], speed=0.1)
+    limits = ac.Limits.only(joint_acceleration=[0.72, 0.72], speed=0.1)
 
     def smoothed(windows, reserve=0.0):
         return run(

@@ -7,7 +7,6 @@ from importlib import resources
 
 import numpy as np
 import pytest
-from tests.limits import only_limits
 
 import armcontour as ac
 from armcontour.io.job_file import read_job
@@ -57,7 +56,7 @@ def in_space(runs):
     objective = ac.Path.polyline(np.array([0.45, 0.08, 0.2]) + 0.1 * corners)
     objective = objective.oriented(np.diag([1.0, -1.0, -1.0]))
     path = ac.round_corners(objective, tolerance=2.5e-4)
-    limits = only_limits(joint_velocity=3.14, joint_acceleration=6.4, speed=0.25)
+    limits = ac.Limits.only(joint_velocity=3.14, joint_acceleration=6.4, speed=0.25)
     plan = smooth(ac.plan(path, arm, limits), 0.02)
     taught = ac.compensate(plan, SERVO, method="inverse_dynamics", arm=arm)
 

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from tests.limits import only_limits
 
 import armcontour as ac
 from armcontour.motion.smoothing import smooth
 
-LIMITS = only_limits(joint_acceleration=[2.0, 2.0], joint_torque=[40.0, 40.0], speed=0.15)
+LIMITS = ac.Limits.only(joint_acceleration=[2.0, 2.0], joint_torque=[40.0, 40.0], speed=0.15)
 
 
 @pytest.fixture(scope="package")

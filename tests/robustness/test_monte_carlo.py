@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from soak.certificates import random_job
-from tests.limits import only_limits
 
 import armcontour as ac
 from armcontour.arms.planar import Tube
@@ -254,7 +253,7 @@ def test_a_serial_arm_in_space():
     law = LapLaw(breaks=t, q=q, dq=dq, ddq=np.zeros_like(dq))
     trajectory = ac.Trajectory(laws=(law,), method="hand")
     taught = ac.TaughtData(period=8e-3, q=q, trajectory=trajectory, method="x")
-    servo, limits = ac.ServoModel(kp=20.0, kv=100.0), only_limits(joint_acceleration=2.0)
+    servo, limits = ac.ServoModel(kp=20.0, kv=100.0), ac.Limits.only(joint_acceleration=2.0)
     own = taught, ac.Path.polyline(arm.forward(q[::8])), arm, servo, limits
     found = spread(*own, Box(gains=0.1), samples=4)
     # The error comes to a point at every corner of the path.

@@ -4,7 +4,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.limits import only_limits
 
 import armcontour as ac
 from armcontour.motion import JointPath
@@ -73,14 +72,14 @@ def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypa
 def test_bounds_in_closed_form():
     # One joint, 2 rad: up to speed within 0.5 rad, on for 1 rad, down within 0.5 rad.
     line = JointPath.spline([[0.0], [2.0]])
-    limits = only_limits(joint_velocity=[2.0], joint_acceleration=[4.0])
+    limits = ac.Limits.only(joint_velocity=[2.0], joint_acceleration=[4.0])
     assert bound_duration(line, limits) == pytest.approx(0.5 + 0.5 + 0.5, rel=1e-12)
     slower = limits.replace(joint_velocity=[[-1e-3, 2.0]], joint_acceleration=[[-2.0, 4.0]])
     assert bound_duration(line, slower) == pytest.approx(0.5 + 0.25 + 1.0, rel=1e-12)
     line = JointPath.spline([[0.0, 0.0], [2.0, 1.0], [3.0, 4.0]])
-    assert bound_duration(line, only_limits()) == 0.0
+    assert bound_duration(line, ac.Limits.only()) == 0.0
     # Velocities alone: the slower joint takes 4 rad at 2 rad/s.
-    fast = bound_duration(line, only_limits(joint_velocity=[10.0, 2.0]))
+    fast = bound_duration(line, ac.Limits.only(joint_velocity=[10.0, 2.0]))
     assert 0.98 * 2.0 < fast <= 2.0
 
 

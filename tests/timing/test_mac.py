@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from tests.limits import only_limits
 
 import armcontour as ac
 
@@ -14,7 +13,7 @@ NEAR, FAR = 0.2, 0.4  # m
 @pytest.fixture(scope="module")
 def scissors():
     """Equal links: on a line through the base joint 2 turns twice as fast as joint 1, always."""
-    limits = only_limits(joint_acceleration=LIMIT)
+    limits = ac.Limits.only(joint_acceleration=LIMIT)
     return ac.PlanarTwoLink(name="scissors", base=0.0, links=(LINK, LINK), limits=limits)
 
 

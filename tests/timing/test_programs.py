@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.limits import only_limits
 
 import armcontour as ac
 from armcontour._process import start
@@ -131,7 +130,7 @@ def test_smoothed_programs_have_all_but_the_limits():
         ac.plan(program, PMK3S, gentle, reserve=0.4, intervals=800, smoothing=x)
         for x in ((), windows)
     )
-    judged(program, PMK3S, only_limits(), smoothed)
+    judged(program, PMK3S, ac.Limits.only(), smoothed)
     assert smoothed.method == "optimal, smoothed"
     assert [x.kind for x in smoothed.spans] == [x.kind for x in plain.spans]
     for before, after in zip(plain.spans, smoothed.spans, strict=True):

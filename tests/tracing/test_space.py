@@ -5,7 +5,6 @@ import functools
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.limits import only_limits
 
 import armcontour as ac
 from armcontour.arms import Chain, SerialArm
@@ -325,7 +324,7 @@ def test_five_joints_hold_a_tool_axis_but_no_orientation(refuses):
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     turns, positions = exp(random.normal(size=(5, 3))), 0.3 * random.normal(size=(5, 3))
     chain = Chain(joints=tuple("abcde"), rotations=turns, positions=positions, axes=axes)
-    arm = SerialArm(name="five", chain=chain, limits=only_limits(joint_velocity=1.0))
+    arm = SerialArm(name="five", chain=chain, limits=ac.Limits.only(joint_velocity=1.0))
     points, rotations = arm.pose(np.array([[0.3, 0.2, 0.5, 0.7, 0.1], [0.35, 0.25, 0.5, 0.7, 0.1]]))
     path = ac.Path.polyline(points)
     refuses(lambda: ac.trace(path.oriented(rotations), arm), ac.InvalidInput, "5 joints", "6")

@@ -210,6 +210,19 @@ class Limits(Value):
                 raise InvalidInput(f"Unknown limit {name!r}: the limits are {', '.join(UNITS)}.")
         return dataclasses.replace(self, **(dict.fromkeys(self.lifted, math.inf) | changes))
 
+    @classmethod
+    def only(cls, **values: Any) -> Limits:
+        """The given limits, with all others lifted, so that no limit of an arm is left.
+
+        Args:
+            values: Values by the names of the limits.
+
+        Raises:
+            InvalidInput: As of `replace`.
+        """
+        given = cls().replace(**values)
+        return given._without(x for x in UNITS if getattr(given, x) is None)
+
     def over(self, others: Limits) -> Limits:
         """These limits, and where they have neither a value nor lift one, the others.
 
@@ -239,6 +252,7 @@ class Limits(Value):
 
     def _without(self, names: Iterable[str]) -> Limits:
         """The same limits with some lifted."""
+        names = tuple(names)
         lifted = self.lifted.union(names)
         return self if lifted == self.lifted else self._with(dict.fromkeys(names), lifted)
 

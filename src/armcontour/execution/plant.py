@@ -82,7 +82,11 @@ class LimitedPlant(Locked, Plant):
         """What saturates, by the names of the attributes, with the limits of a plan."""
 
     def for_plan(self, taught: TaughtData) -> Self:
-        """The plant with the limits of the plan of taught data, where it was given none."""
+        """The plant with the limits of a plan, where it was given none.
+
+        Args:
+            taught: Taught data for the plan.
+        """
         planned = taught.trajectory.limits
         if planned is None:
             return self

@@ -8,7 +8,6 @@ from numpy.polynomial import Polynomial
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 from soak.jerk import Sampled, ratios
-from tests.limits import only_limits
 
 import armcontour as ac
 
@@ -16,9 +15,9 @@ pytestmark = pytest.mark.filterwarnings("ignore:Limits of jerk add")
 LINE = ac.JointPath.spline([(0.0,), (1.0,)], [0.0, 1.0])
 # From rest over 1 rad to rest: 1.35 s, of which 0.1 s are each of the four ramps, 0.15 s each of
 # the two stretches of full acceleration, and 0.65 s even motion.
-LIMITS = only_limits(joint_velocity=[1.0], joint_acceleration=[4.0], joint_jerk=[40.0])
+LIMITS = ac.Limits.only(joint_velocity=[1.0], joint_acceleration=[4.0], joint_jerk=[40.0])
 SPLINE = CubicSpline(np.linspace(0, 1, 5), np.random.default_rng(3).uniform(-1, 1, (5, 3)))
-OF_SPLINE = only_limits(
+OF_SPLINE = ac.Limits.only(
     joint_velocity=[2.0] * 3, joint_acceleration=[5.0] * 3, joint_jerk=[50.0] * 3
 )
 
@@ -124,7 +123,7 @@ def test_even_motion_leaves_room_for_margins(ur5e):
 def test_torque_that_margins_bracket_leaves_room(ur5e):
     path = ac.JointPath.spline(np.random.default_rng(0).uniform(-1, 1, (5, 6)))
     torque = ur5e.limits.joint_torque
-    limits = only_limits(joint_velocity=2.0, joint_torque=torque, joint_jerk=500.0).for_joints(6)
+    limits = ac.Limits.only(joint_velocity=2.0, joint_torque=torque, joint_jerk=500.0).for_joints(6)
     free = ac.plan(path, ur5e, limits.replace(joint_jerk=np.inf)).duration
     found = ac.plan(path, ur5e, limits)
     assert free < found.duration < 1.05 * free

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 from scipy.special import comb
-from tests.limits import only_limits
 
 import armcontour as ac
 from armcontour.timing.jerk._polynomials import basis, motion_rows, raised, to_bernstein
 from armcontour.timing.jerk.mesh import End, Mesh, place_mesh
 from armcontour.timing.jerk.rows import control_points
 
-LIMITS = only_limits(joint_velocity=[1.0] * 2, joint_acceleration=[4.0] * 2)
+LIMITS = ac.Limits.only(joint_velocity=[1.0] * 2, joint_acceleration=[4.0] * 2)
 # Breaks of the path lie close together around 1.2.
 BREAKS = [0.0, 0.5, 1.2, 1.2 + 1e-7, 2.0]
 POINTS = np.array([(0.0, 0.0), (0.4, 0.1), (0.5, 0.8), (0.5, 0.8 + 1e-7), (0.1, 1.4)])
