@@ -226,3 +226,56 @@ def test_distances_are_those_between_the_links_frames():
                 there = body.place.position + body.place.rotation @ middle
                 centre = poses[body.link, :, :3] @ there + poses[body.link, :, 3]
                 assert np.linalg.norm(point - centre) <= radius + 1e-6
+
+
+def test_links_below_the_base_are_named_with_their_depth():
+    # The ball of 30 mm at the flange; its lowest place by a dense look of our own.
+    down = A + [0, 1.1, 0, 0, 0, 0]
+    motion = sweep_of(A, down, 1.0)
+    t = np.linspace(0, 1, 20_001)
+    height = tip(motion(t))[:, 2] - 0.03
+    assert height[0] > 0.1 and height.min() < -0.2
+    found = check_clearance(motion, BALL, resolution=1e-4)
+    (below,) = found.below
+    assert (below.second, found.kept) == ("end", True)
+    assert below.high == pytest.approx(height.min(), abs=1e-4)
+    assert below.t == pytest.approx(t[height.argmin()], abs=0.05)
+    # The margin of 1 mm is passed at the first time.
+    assert below.first_time == pytest.approx(t[np.argmax(height < -1e-3)], abs=1e-3)
+    assert "end goes" in found.below_base and found.later(2.0).below[0].t == below.t + 2.0
+    above = check_clearance(sweep_of(A, A + [1.0, 0, 0, 0, 0, 0], 1.0), BALL)
+    assert above.below == () and above.below_base is None
+
+
+@pytest.mark.parametrize("height", [-0.4, -0.1, 0.05])
+def test_a_floor_with_a_height_is_an_obstacle(height):
+    motion = sweep_of(A, A + [0, 1.1, 0, 0, 0, 0], 1.0)
+    lowest = tip(motion(np.linspace(0, 1, 20_001)))[:, 2].min() - 0.03
+    found = check_clearance(motion, BALL, Scene(floor=height))
+    (pair,) = found.pairs
+    assert (pair.first, pair.second, found.below) == ("floor", "end", ())
+    assert pair.high == pytest.approx(lowest - height, abs=1.1e-3)
+    assert found.kept == (lowest - height > pair.margin)
+
+
+def test_only_a_scene_without_a_floor_has_the_plane_of_the_base():
+    motion = sweep_of(A, A + [0, 1.1, 0, 0, 0, 0], 1.0)
+
+    def plane(position, turn):
+        place = Frame(position=position, rotation=exp(np.array([turn, 0, 0])))
+        return Obstacle(name="plane", shape=cell.HalfSpace(), place=place, allow=("end",))
+
+    wall, table = plane([0, 2, 0], np.pi / 2), plane([0, 0, -2.0], 0.0)
+    for scene, is_below in (
+        (Scene(), True),
+        (Scene(obstacles=(wall,)), True),
+        (Scene(obstacles=(table,)), False),
+        (Scene(floor="none"), False),
+        (Scene(floor=-2), False),
+    ):
+        assert bool(check_clearance(motion, BALL, scene).below) == is_below
+    for floor in ("table", np.nan, None):
+        with pytest.raises(InvalidInput, match="floor"):
+            Scene(floor=floor)
+    with pytest.raises(InvalidInput, match="floor"):
+        Scene(obstacles=(ball("floor", 0.1, [1, 0, 0]),), floor=0.0)

@@ -233,6 +233,6 @@ def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     assert "Clear: " in check(tmp_path, "sweep.csv", *arm, "free.scene").out
     built_in = check(tmp_path, "sweep.csv", "--scene", "ur5e", "--json")
     pairs = json.loads(built_in.out)["clearance"]["pairs"]
-    assert "table" in {y for x in pairs for y in (x["first"], x["second"])}
+    assert "floor" in {y for x in pairs for y in (x["first"], x["second"])}
     # A scene alone does not name the arm.
     assert check(tmp_path, "sweep.csv", "--scene", "scene.yaml").code == 2

@@ -107,7 +107,7 @@ def test_plan_and_a_job_choose_the_same_configuration(job):
     scene = post_at_elbow(job, fastest)
     clear = plan_of(alone, scene=scene)
     limits = alone.runs[0].limits
-    for fits, like in ((None, fastest), (ac.Cell(job.arm, scene).keeps, clear)):
+    for fits, like in ((None, fastest), (ac.Cell(job.arm, scene).fits, clear)):
         found = ac.plan(alone.path, job.arm, limits, fits=fits)
         np.testing.assert_allclose(found(0.0), like.trajectory(0.0), atol=1e-9)
         assert found.duration == pytest.approx(like.trajectory.duration, rel=1e-6)
@@ -225,3 +225,57 @@ def test_where_none_keeps_clear_the_configuration_that_gets_farthest_is_refused(
     (post,) = post_at_elbow(job, free, free.trajectory.contour_spans[1].t[0]).obstacles
     both = Scene(obstacles=(post, *wall(0.50, width=0.02).obstacles))
     refused((lambda: plan_of(three, scene=both), "seam 2: torch and wall touch"), kind=Collision)
+
+
+ELBOW = """
+name: elbow
+arm: {name: ur10e, tool: {position: [0, 0, 150 mm]}, work: {position: [0.65, 0.10, 0.05]}}
+path:
+  points: [[-0.02, 0.02, 0], [0.02, 0.02, 0], [0.02, 0.08, 0], [-0.02, 0.08, 0]]
+  orientation: {axis: [0, 0, -1]}
+limits: {speed: 40 mm/s, centripetal_acceleration: 1 m/s^2, joint_acceleration: 4 rad/s^2}
+corners: {tolerance: 0.1 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+command_interval: 4 ms
+runs: {cut: {timing: {reserve: 5 %}}}
+"""
+
+
+def lowest(result, job):
+    """The lowest place of the axes of all joints beyond the second, from the base [m]."""
+    motion = result.trajectory(np.linspace(0, result.trajectory.duration, 500))
+    height = job.arm.links(motion)[..., 2] - job.arm.chain.base.position[2]
+    return float(height[:, 3:-1].min())
+
+
+@pytest.fixture(scope="module")
+def below():
+    """The fastest clear plan of that job, of which the elbow is below the base."""
+    job = parse_job(f"{ELBOW}scene: {{floor: none}}\n", source="test")
+    (found,) = run(job, simulate=False).runs.values()
+    assert lowest(found, job) == pytest.approx(-0.25, abs=0.1)
+    assert found.clearance.below == () and not any("below the base" in x for x in found.warnings)
+    return found.trajectory
+
+
+def test_configurations_that_stay_above_the_base_are_preferred(below):
+    job = parse_job(ELBOW, source="test")
+    (found,) = run(job, simulate=False).runs.values()
+    assert lowest(found, job) > 0 and found.clearance.below == ()
+    assert below.duration < found.trajectory.duration
+    assert not any("below the base" in x for x in found.warnings)
+    start = dataclasses.replace(job, start=below(0.0))
+    (low,) = run(start, simulate=False).runs.values()
+    sentence = low.clearance.below_base
+    assert any(sentence in x for x in low.warnings)
+    (page,) = json.loads(summary(Study(job=start, runs={"cut": low})))["runs"].values()
+    assert page["clearance"]["below_base"] == sentence
+
+
+def test_a_floor_with_a_height_is_avoided_or_refused(below):
+    for floor, is_below in (("-400 mm", True), ("-100 mm", False)):
+        job = parse_job(f"{ELBOW}scene: {{floor: {floor}}}\n", source="test")
+        (found,) = run(job, simulate=False).runs.values()
+        assert (lowest(found, job) < 0) == is_below and found.clearance.below == ()
+    with pytest.raises(Collision, match="floor"):
+        run(dataclasses.replace(job, start=below(0.0)), simulate=False)

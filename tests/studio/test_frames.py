@@ -204,7 +204,7 @@ def test_an_arm_below_its_base_is_a_warning(previewer, square, view):
     for height, is_below in ((0.0, False), (-0.3, True)):
         path = square["path"] | {"frame": {"position": [0, 0, height]}}
         warnings = picture_frame(previewer.plan(square | {"path": path}), view).header["warnings"]
-        assert any("below its base" in x for x in warnings) == is_below
+        assert any("below the base" in x for x in warnings) == is_below
 
 
 def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view):

@@ -98,8 +98,8 @@ class Vectors(Constraint):
 
     name = "vectors"
 
-    def __init__(self, share, off):
-        self.b = np.array([3.0, 2.0, 0.0])
+    def __init__(self, share, off, b=(3.0, 2.0, 0.0)):
+        self.b = np.array(b)
         self.a = -2 * WIDTH * share * self.b + np.array([0.0, 0.0, off])
 
     def on(self, path):
@@ -147,6 +147,16 @@ def test_a_vector_whose_part_of_the_mean_cancels_still_limits(share, off):
     size = np.linalg.norm(own.a * u[:, None] + own.b * x[:, None], axis=1)
     assert size.max() <= 1 + 1e-9
     assert size.max() > 0.99
+
+
+@pytest.mark.parametrize("share", [1 + 3e-14, 1 - 1e-13, 1 + 1e-12])
+def test_vectors_whose_parts_of_the_mean_cancel_up_to_rounding_still_limit(share):
+    limits, grid = ac.Limits(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
+    for b in np.random.default_rng(4).uniform(-3, 3, (20, 3)):
+        own = Vectors(share, 0.0, b)
+        u, x = near_the_middle(ac.plan(EVEN, limits=limits, constraints=[own], grid=grid))
+        size = np.linalg.norm(own.a * u[:, None] + own.b * x[:, None], axis=1)
+        assert 0.99 < size.max() <= 1 + 1e-9
 
 
 def test_refusals(refuses):

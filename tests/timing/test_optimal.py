@@ -439,6 +439,20 @@ def test_two_thousand_stops_take_no_longer_than_each_of_them():
     assert ac.plan(path, limits=limits).duration == pytest.approx(best, rel=1e-3)
 
 
+def test_a_limit_that_no_grid_resolves_is_refused_in_bounded_memory(refuses):
+    places = []
+
+    def rough(s, side):
+        places.append(len(s))
+        return (1 + 0.5 * np.sin(1e9 * s))[:, None], np.zeros((len(s), 1)), np.zeros((len(s), 1))
+
+    path, limits = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)]), ac.Limits(joint_acceleration=1.0)
+    own = [SecondOrder("rough", rough, [-1.0], [1.0])]
+    refuses(lambda: ac.plan(path, limits=limits, constraints=own), ac.NotRealizable, "grid")
+    # Refined without a bound, 4000 intervals grow to more than a million.
+    assert 10_000 < max(places) < 700_000
+
+
 def test_the_order_of_joints_does_not_change_the_duration():
     rng = np.random.default_rng(3)
     q, order = rng.uniform(-1, 1, (6, 5)), rng.permutation(5)

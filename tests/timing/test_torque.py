@@ -72,6 +72,32 @@ def test_dry_friction_may_be_nearly_all_that_gravity_leaves():
     judged(ac.plan(path, arm, limits), arm, limits)
 
 
+# Points next to the start, where dq_ds vanishes, on a grid of 300 intervals.
+NEAR_THE_START = np.concatenate([[0.0], np.geomspace(1e-9, 1e-3, 10), np.linspace(0, 1, 301)[1:]])
+
+
+@pytest.mark.parametrize("start_speed", [0.0, 1e-3])
+@pytest.mark.parametrize("rubs", [0, 1])
+@pytest.mark.parametrize("seed", range(3))
+def test_tiny_intervals_next_to_a_rest_do_not_spoil_others(seed, rubs, start_speed):
+    arm = ur5e(viscous=rubs * VISCOUS, coulomb=rubs * COULOMB)
+    points = np.random.default_rng(seed).uniform(-1, 1, (4, 6))
+    path = ac.JointPath.spline(points, ends="clamped")
+    q = path(np.linspace(0, path.length, 1000))
+    holding = np.abs(arm.torque(q, 0 * q, 0 * q)).max(axis=0) + rubs * COULOMB
+    limits = ac.Limits(joint_torque=np.maximum(holding / 0.83, 0.2 * arm.limits.joint_torque))
+    fine = NEAR_THE_START * path.length
+    planned = ac.plan(path, arm, limits, grid=fine, start_speed=start_speed)
+    judged(planned, arm, limits)
+    assert len(planned.breaks) < 2 * len(fine)
+    even = ac.plan(path, arm, limits, grid=np.linspace(0, path.length, 301))
+    assert planned.duration == pytest.approx(even.duration, rel=1e-3)
+    usual = ac.plan(path, arm, limits, start_speed=start_speed)
+    judged(usual, arm, limits)
+    # Friction counts against both limits where a joint turns, on a longer stretch if it is coarse.
+    assert planned.duration == pytest.approx(usual.duration, rel=5e-3 if rubs else 1e-3)
+
+
 def test_refusals(refuses):
     loaded, stiff = ur5e(payload=Payload(mass=15.0)), ur5e(coulomb=[0, 0, 0, 0, 0, 29.0])
     path = ac.JointPath.spline([np.zeros(6), np.full(6, 0.3)])

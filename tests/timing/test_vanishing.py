@@ -82,6 +82,26 @@ def test_a_cubic_passes_the_place_at_which_it_does_not_move(factor, stops, worst
     np.testing.assert_allclose(begun(0.0, 1), 3 * WAY * 0.5, rtol=1e-9)
 
 
+@pytest.mark.parametrize("slope", [1e-3, 1e-6, -1e-3, -1e-6])
+@pytest.mark.parametrize("breaks", [[-1.0, 1.0], [-1.0, 1e-9, 1.0]])
+def test_a_line_is_passed_where_it_nearly_does_not_move(slope, breaks):
+    """The joints at WAY (s³ + slope s), which turn round twice if the slope is negative."""
+
+    def place(s):
+        return s**3 + slope * s
+
+    breaks, s = np.array(breaks), np.polynomial.Polynomial([0.0, 1.0])
+    coefficients = np.zeros((len(breaks) - 1, 6, 3))
+    for i, (first, last) in enumerate(zip(breaks[:-1], breaks[1:], strict=True)):
+        coefficients[i, :4] = place(first + (last - first) * s).coef[:, None] * WAY
+    path = ac.JointPath(breaks=breaks, coefficients=coefficients)
+    turns = [-np.sqrt(-slope / 3), np.sqrt(-slope / 3)] if slope < 0 else []
+    planned = ac.plan(path, limits=ac.Limits(joint_acceleration=2.0))
+    rises = np.diff(place(np.array([-1.0, *turns, 1.0])))
+    best = sum(from_rest_to_rest(x * WAY, [50.0] * 3, [2.0] * 3) for x in rises)
+    assert 1 - 1e-9 <= planned.duration / best < 1 + 1e-4
+
+
 def test_a_curve_has_the_same_optimum_in_another_parameter(worst_ratios):
     """A parabola q = a u + b u², and the same with u = s², which stands still at its start."""
     a, b = np.random.default_rng(3).uniform(-1, 1, (2, 4))
@@ -95,6 +115,17 @@ def test_a_curve_has_the_same_optimum_in_another_parameter(worst_ratios):
         assert max(worst_ratios(planned, limits).values()) <= 1 + 1e-9
         durations.append(planned.duration)
     assert durations[1] == pytest.approx(durations[0], rel=5e-5)
+
+
+def test_a_clamped_spline_takes_as_long_the_other_way_round():
+    """Dq_ds at its ends is rounded: neither zero nor a bound of ds."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        points = rng.normal(size=(3 + seed % 6, 2 + seed % 3))
+        limits = ac.Limits(joint_acceleration=rng.uniform(0.5, 2, points.shape[1]))
+        paths = (ac.JointPath.spline(x, ends="clamped") for x in (points, points[::-1]))
+        out, back = (ac.plan(x, limits=limits).duration for x in paths)
+        assert back == pytest.approx(out, rel=1e-5), seed
 
 
 def largest_use(planned, limits, worst_ratios):
@@ -187,3 +218,17 @@ def test_a_given_grid_plans_a_cusp_that_the_default_grid_plans(count, extra):
     with pytest.raises(ac.NotRealizable) as refused:
         ac.plan(path, limits=limits, grid=grid, constraints=[idle])
     assert refused.value.s == 0.5
+
+
+@pytest.mark.parametrize("start_speed", [1e-6, 1e-3, 0.1])
+@pytest.mark.parametrize("count", [20, 200])
+def test_grid_points_next_to_a_rest_do_not_refine_all_of_the_grid(start_speed, count, worst_ratios):
+    path = ac.JointPath.spline(np.random.default_rng(0).uniform(-1, 1, (4, 3)), ends="clamped")
+    limits = ac.Limits(joint_acceleration=[1.0, 1.0, 1.0])
+    share = np.concatenate([np.linspace(0, 1, count), np.geomspace(1e-9, 1e-3, 10)])
+    grid = np.sort(share) * path.length
+    planned = ac.plan(path, limits=limits, start_speed=start_speed, grid=grid)
+    assert len(planned.breaks) < 4 * len(grid)
+    expected = ac.plan(path, limits=limits, start_speed=start_speed, intervals=40_000).duration
+    assert planned.duration == pytest.approx(expected, rel=3e-4 if count > 100 else 3e-3)
+    assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9

@@ -14,6 +14,7 @@ from armcontour.certification._bodies import LinearFigures
 from armcontour.certification._derating import Derating
 from armcontour.certification._rapids import Derated
 from armcontour.certification.lowering import Lowered
+from armcontour.clearance import Clearance
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.evaluation import Check, Evaluation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
@@ -226,6 +227,8 @@ class Certificate:
         experiment: Execution of the same taught data on the arm's rigid bodies, which no trial
             used; None if the run has no experiment, or if the experiment failed.
         failure: The error of a failed experiment; None otherwise.
+        clearance: How far the arm stays from itself and from its cell; None where nothing looks
+            at it.
     """
 
     job: Job
@@ -246,6 +249,7 @@ class Certificate:
     trials: int
     experiment: ExperimentResult | None
     failure: ExecutionError | None = None
+    clearance: Clearance | None = None
 
     def __str__(self) -> str:
         """What is certified, for which model, and what it costs."""
@@ -408,6 +412,7 @@ class Certificate:
             evaluation=self.evaluation,
             experiment=self.experiment,
             failure=self.failure,
+            clearance=self.clearance,
         )
 
     @property

@@ -37,7 +37,7 @@ from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run, choose_run
 from armcontour.jobs.study import evaluate_run, on_bodies
-from armcontour.jobs.ways import reach_told
+from armcontour.jobs.ways import clearance_of, reach_told
 from armcontour.motion import Method, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.robustness.monte_carlo import spans_of, worst_corner
@@ -219,6 +219,7 @@ class _Certifying:
             trials=self.trials,
             experiment=experiment,
             failure=failure,
+            clearance=clearance_of(job, whole.trajectory),
         )
 
     def _contour(self, found: Found, k: int, optimum: float) -> ContourCertificate:

@@ -14,7 +14,7 @@ from armcontour._sampling import interpolate
 from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.clearance.distances import UNCERTAINTY, Distances
-from armcontour.clearance.pairs import Pair, pairs_of
+from armcontour.clearance.pairs import Pair, mounting_pairs, pairs_of
 from armcontour.errors import Collision
 from armcontour.motion import Execution, JointPath, Trajectory
 from armcontour.motion.travel import joint_travel, largest_accelerations
@@ -81,11 +81,13 @@ class Clearance:
         pairs: The pairs of bodies, the one that comes nearest to its margin first.
         left_out: Pairs whose distance was not looked at, with the reasons.
         evaluations: How many distances were computed.
+        below: Links that come below the plane in which the base is mounted, the lowest first.
     """
 
     pairs: tuple[PairClearance, ...]
     left_out: tuple[LeftOut, ...] = ()
     evaluations: int = 0
+    below: tuple[PairClearance, ...] = ()
 
     @property
     def kept(self) -> bool:
@@ -117,11 +119,16 @@ class Clearance:
         Args:
             by: The time [s].
         """
-        pairs = [
-            replace(x, t=x.t + by, first_time=None if x.first_time is None else x.first_time + by)
-            for x in self.pairs
-        ]
-        return replace(self, pairs=tuple(pairs))
+        pairs, below = (
+            tuple(
+                replace(
+                    x, t=x.t + by, first_time=None if x.first_time is None else x.first_time + by
+                )
+                for x in own
+            )
+            for own in (self.pairs, self.below)
+        )
+        return replace(self, pairs=pairs, below=below)
 
     def refuse(self) -> None:
         """Raise an error if a pair comes nearer than its margin.
@@ -169,9 +176,23 @@ class Clearance:
         first, *others = self.nearest or (None,)
         if first is None:
             return "Clear: there is no pair of bodies that could touch."
+        clear = "Clear of the cell, but below the base" if self.below else "Clear"
         more = "; ".join(f"{x.second} and {x.first} {x.high * 1e3:.4g} mm" for x in others)
-        found = f"Clear: {first}; no nearer than {first.low * 1e3:.4g} mm at any time."
+        found = f"{clear}: {first}; no nearer than {first.low * 1e3:.4g} mm at any time."
         return f"{found} Nearest of other kinds: {more}." if more else found
+
+    @property
+    def below_base(self) -> str | None:
+        """A sentence on the links that come below the base; None if none does."""
+        if not self.below:
+            return None
+        lowest, *others = self.below
+        also = f" (also {list_some([x.second for x in others], 5)})" if others else ""
+        return (
+            f"{lowest.second} goes {-lowest.high * 1e3:.4g} mm below the base of the arm, at t = "
+            f"{lowest.t:.4g} s{also}: give the height of the floor or table as scene.floor, or "
+            "none if nothing is there."
+        )
 
 
 # A joint path stands for any motion along it: arc length takes the place of time.
@@ -223,8 +244,10 @@ class Cell:
     @_checks.checked
     def __init__(self, arm: Arm, scene: Scene) -> None:
         self.pairs, self.left_out = pairs_of(arm, scene)
+        self._mounting = mounting_pairs(arm, scene)
         assert arm.chain is not None
         self._distances = Distances(arm.chain, self.pairs) if self.pairs else None
+        self._heights = Distances(arm.chain, self._mounting) if self._mounting else None
 
     @_checks.checked
     def check(self, motion: Motion, *, resolution: float = 1e-3) -> Clearance:
@@ -235,12 +258,43 @@ class Cell:
             resolution: How well the least distance of every kind of pairs is known [m].
         """
         _checks.positive("resolution", resolution, "m")
+        below = self.below(motion, resolution)
         if self._distances is None:
-            return Clearance(pairs=(), left_out=self.left_out)
+            return Clearance(pairs=(), left_out=self.left_out, below=below)
         search = _Search(motion, self.pairs, self._distances, resolution)
         search.run()
         found = sorted(search.results(), key=lambda x: x.low - x.margin)
-        return Clearance(pairs=tuple(found), left_out=self.left_out, evaluations=search.evaluations)
+        return Clearance(
+            pairs=tuple(found),
+            left_out=self.left_out,
+            evaluations=search.evaluations,
+            below=below,
+        )
+
+    def below(self, motion: Motion, resolution: float = 1e-3) -> tuple[PairClearance, ...]:
+        """The links that come below the plane in which the base is mounted, the lowest first.
+
+        Args:
+            motion: The motion.
+            resolution: As of `check`.
+        """
+        if self._heights is None or self.stays_above(motion):
+            return ()
+        search = _Search(motion, self._mounting, self._heights, resolution)
+        search.run()
+        found = (x for x in search.results() if x.high < x.margin)
+        return tuple(sorted(found, key=lambda x: x.high))
+
+    @_checks.checked
+    def stays_above(self, motion: Motion) -> bool:
+        """Whether all links stay above the plane in which the base is mounted; True without one.
+
+        Args:
+            motion: The motion.
+        """
+        if self._heights is None:
+            return True
+        return _Search(motion, self._mounting, self._heights, np.inf).run()
 
     def least_over(self, q: FloatArray) -> dict[str, FloatArray]:
         """The least distance of every kind of pairs at joint positions, (n,) each [m].
@@ -256,6 +310,14 @@ class Cell:
         found = self._distances.measure(q, at, pair).reshape(len(q), len(self.pairs))
         kinds = np.array([x.kind for x in self.pairs])
         return {kind: found[:, kinds == kind].min(axis=1) for kind in dict.fromkeys(kinds.tolist())}
+
+    def fits(self, motion: Motion) -> bool:
+        """Whether every pair keeps its margin and no link comes below the base in a motion.
+
+        Args:
+            motion: The motion.
+        """
+        return self.stays_above(motion) and self.keeps(motion)
 
     def keeps(self, motion: Motion) -> bool:
         """Whether every pair keeps its margin in a motion; faster than `check`.

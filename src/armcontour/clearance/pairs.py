@@ -12,10 +12,15 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Chain
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
-from armcontour.scene import ArmShapes, LeftOut, Mesh, Scene, Shape
+from armcontour.scene import ArmShapes, HalfSpace, LeftOut, Mesh, Scene, Shape
 from armcontour.scene.scene import BASE, TOOL
 
 ENVIRONMENT, OWN = "environment", "own"
+# The kind of the pairs of links with the plane in which the base is mounted.
+MOUNTING = "mounting"
+# The links before this one turn about the base; links that come lower than this below the plane are
+# below it [m].
+FIRST_RAISED, BELOW = 2, 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -97,6 +102,31 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
         elif first.name != second.name:
             left.append(LeftOut(first=first.name, second=second.name, reason=why))
     return tuple(pairs), tuple(dict.fromkeys(left))
+
+
+def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
+    """The links that should stay above the plane in which the base is mounted, paired with it.
+
+    Args:
+        arm: As in `pairs_of`.
+        scene: As in `pairs_of`.
+
+    Raises:
+        InvalidInput: As in `pairs_of`.
+    """
+    if arm.dimension != 3 or not scene.has_mounting_plane:
+        return ()
+    chain, shapes = _parts(arm)
+    plane = Body(name="mounting plane", link=0, shape=HalfSpace(), place=Frame())
+    own = (
+        Body(name=x.name, link=x.link, shape=x.shape, place=x.place)
+        for x in shapes.shapes
+        if not x.tool and x.link >= FIRST_RAISED
+    )
+    return tuple(
+        Pair(first=plane, second=x, kind=MOUNTING, margin=-BELOW, radii=_radii(chain, x))
+        for x in own
+    )
 
 
 def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:

@@ -117,6 +117,11 @@ def _print(found: Certificate, report: FilePath | None) -> None:
     for lowered in found.lowered:
         console.say(f"Reduced: {lowered}.")
     console.say(f"Holds for: {found.model}.")
+    if found.clearance is not None:
+        near = found.clearance
+        console.say(near.sentence if near.kept else f"Warning: {near.sentence}")
+        if near.below_base is not None:
+            console.say(f"Warning: {near.below_base}")
     if found.on_bodies is not None:
         console.say(found.on_bodies)
     for note in found.job.arm.notes:

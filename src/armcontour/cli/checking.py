@@ -72,6 +72,7 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
         if clearance is not None:
             evenly = "Between samples the joints count as moving evenly."
             remarks.append(f"{clearance.sentence} {evenly}")
+            remarks += filter(None, [clearance.below_base])
         _print(found, arm, [*remarks, *(f"Note: {note}" for note in arm.notes)])
     touches = clearance is not None and not clearance.kept
     return EXIT_CODES["violated" if touches else found.verdict]

@@ -6,14 +6,14 @@ import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._quantities import Choice, Distance, Turn
+from armcontour._quantities import Choice, Distance, Length, Turn
 from armcontour._text import list_some, show
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput, locate_errors
@@ -34,7 +34,7 @@ from armcontour.scene import (
     Sphere,
 )
 from armcontour.scene.arm_shapes import ASSUMED_GAP, ASSUMED_RADIUS
-from armcontour.scene.scene import BASE, PART, TOOL, Margins
+from armcontour.scene.scene import AT_BASE, BASE, PART, TOOL, Margins
 
 # Keys of bodies that only obstacles have, and only shapes of links.
 OF_OBSTACLES, OF_LINKS = ("fixed_to", "margin", "allow"), ("link",)
@@ -66,7 +66,7 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
             for found in read_scene_file(folder / file.file, unit=file.unit):
                 moved = dataclasses.replace(found, place=_place(file) @ found.place)
                 obstacles.append(_stand(moved, file, part))
-    return Scene(obstacles=tuple(obstacles), margins=model.margins)
+    return Scene(obstacles=tuple(obstacles), margins=model.margins, floor=model.floor)
 
 
 def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
@@ -422,7 +422,11 @@ class SceneModel(BodiesModel):
     Args:
         margins: How near bodies may come, by the kinds of pairs.
         files: Files of more obstacles, with or without their place and margin.
+        floor: Height of the floor in the frame of the arm's base, an obstacle; "none" where nothing
+            is below the base, as on a pedestal or a wall. By default a link below the base is a
+            warning.
     """
 
     margins: Margins = Margins()
+    floor: Literal["base", "none"] | Length = AT_BASE
     files: list[str | SceneFileModel] = field(default_factory=list)

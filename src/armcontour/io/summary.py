@@ -195,6 +195,7 @@ def clearance_summary(x: Clearance, avoided: Sequence[str] = ()) -> dict[str, An
     """
     found: dict[str, Any] = {
         "kept": x.kept,
+        "below_base": x.below_base,
         "pairs": [
             {
                 "first": pair.first,

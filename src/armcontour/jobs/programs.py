@@ -14,7 +14,8 @@ from armcontour.geometry import Path
 from armcontour.jobs.job import TANGENT, Job, Rounding, Run
 from armcontour.jobs.single_corners import corner_tolerances, refuse_missing
 from armcontour.jobs.warnings import SAME_SPEED, assigned_speed
-from armcontour.motion import JointPath, Method
+from armcontour.jobs.ways import first_contour_clear
+from armcontour.motion import Method
 from armcontour.program import (
     Contour,
     Leads,
@@ -284,12 +285,11 @@ def trace_run(
     this: Run,
     program: Program,
     progress: Progress | None = None,
-    fits: Callable[[JointPath], bool] | None = None,
 ) -> Tracing:
     """Trace the joint paths of all moves of a program, under the limits of a run.
 
-    A shaped program is traced in the configuration that it was shaped for. With `fits`, as of
-    `trace_program`, configurations may be passed over.
+    A shaped program is traced in the configuration that it was shaped for, others in the fastest
+    one that keeps clear and above the base.
     """
     return trace_program(
         program,
@@ -297,6 +297,6 @@ def trace_run(
         this.limits,
         branch=job.branch,
         start=job.start,
-        fits=fits,
+        fits=first_contour_clear(job),
         progress=progress,
     )

@@ -349,6 +349,8 @@ class RunResult:
             found += self.avoided
         elif not self.clearance.kept:
             found.append(f"collisions are ignored: {self.clearance.too_near[0]}.")
+        if self.clearance is not None and self.clearance.below_base is not None:
+            found.append(self.clearance.below_base)
         # In a given duration contours are slower than assigned on purpose.
         if self.run.duration is None:
             slow = slow_ends(self.path, self.trajectory, self.run)

@@ -29,7 +29,6 @@ from armcontour.jobs.results import ExperimentResult, RunResult, Study
 from armcontour.jobs.warnings import NONE, smoothed_beyond
 from armcontour.jobs.ways import (
     clearance_of,
-    first_contour_clear,
     reach_told,
     refuse_collision,
     ways,
@@ -169,7 +168,7 @@ def plan_one(job: Job, this: Run, earlier: Sequence[RunResult], progress: Progre
     with reach_told(job):
         objective, path = programs_of(job, this, progress, known)
         progress(Step(("tracing",)))
-        traced = trace_run(job, this, path, progress, fits=first_contour_clear(job))
+        traced = trace_run(job, this, path, progress)
     return plan_clear(job, this, objective, path, traced, progress)
 
 

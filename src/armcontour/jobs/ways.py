@@ -123,21 +123,28 @@ def clearance_of(job: Job, motion: Trajectory) -> Clearance | None:
     return job.cell.check(motion) if _is_looked_at(job) and _has_pairs(job) else None
 
 
+def below_base(job: Job, motion: Trajectory) -> str | None:
+    """A sentence on links that come below the base; None if none does, or nothing looks at it."""
+    if not _is_looked_at(job):
+        return None
+    return Clearance(pairs=(), below=job.cell.below(motion)).below_base
+
+
 def _has_pairs(job: Job) -> bool:
     """Whether there is anything that the arm may come near to."""
     return job.scene is not None or bool(job.cell.pairs)
 
 
 def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
-    """Whether a contour keeps clear along a joint path; None if no configuration is chosen.
+    """Whether a contour keeps clear and above the base; None if no configuration is chosen.
 
     Args:
         job: The job.
     """
     chosen = job.start is None and isinstance(job.arm, SerialArm)
-    if chosen and not job.ignore_collisions and _is_looked_at(job):
-        return job.cell.keeps
-    return None
+    if not chosen or not _is_looked_at(job):
+        return None
+    return job.cell.stays_above if job.ignore_collisions else job.cell.fits
 
 
 def _is_looked_at(job: Job) -> bool:

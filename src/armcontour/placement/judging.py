@@ -51,6 +51,7 @@ class Verdict:
         refusal: Kind of the refusal, one of `KINDS`; empty for a place that is not refused.
         reason: The refusal as a sentence, if it was asked for.
         beyond: How far the tool stays from the path [m], where the reach refuses with a sentence.
+        below_base: A sentence on links that come below the base; empty if none does.
     """
 
     bound: float = 0.0
@@ -61,6 +62,7 @@ class Verdict:
     refusal: str = ""
     reason: str = ""
     beyond: float = np.nan
+    below_base: str = ""
 
     @property
     def planned(self) -> bool:
@@ -86,6 +88,7 @@ class Verdict:
             singular=float(np.minimum(self.singular, other.singular)),
             clearance=float(np.minimum(self.clearance, other.clearance)),
             torque_margin=float(np.minimum(self.torque_margin, other.torque_margin)),
+            below_base=self.below_base or other.below_base,
         )
 
 
@@ -266,6 +269,7 @@ class Judge:
             singular=_singular(here.arm, found.traced),
             clearance=_least_distance(found.clearance, here.scene),
             torque_margin=_torque_margin(here.arm, run, found.trajectory),
+            below_base=(found.clearance and found.clearance.below_base) or "",
         )
 
     def _bound(self, traced: Tracing) -> float:

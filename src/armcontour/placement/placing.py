@@ -143,6 +143,8 @@ def place(
         values, verdict = refine(judge, axes, places[k], verdicts[k], tell)
         better = Place(values=values, verdict=verdict)
     notes += _at_ends(axes, better)
+    if better.verdict.below_base:
+        notes.append(f"In the best place {better.verdict.below_base}")
     return Placement(
         job=job,
         run=this,

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
 
 from armcontour import _checks
 from armcontour._quantities import Distance
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
-from armcontour.scene.shapes import Shape
+from armcontour.scene.shapes import HalfSpace, Shape
 
 # What obstacles are fixed to: the base of the arm, or the part, whose frame paths are given in.
 BASE, PART = "base", "part"
 # The name by which an obstacle allows the tool to touch.
 TOOL = "tool"
+# The name of a floor as an obstacle. Two floors have no height and are no obstacles: the plane in
+# which the base is mounted, above which links should stay; and nothing at all.
+FLOOR = "floor"
+AT_BASE: Literal["base"] = "base"
+NO_FLOOR: Literal["none"] = "none"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,16 +86,30 @@ class Scene:
     Args:
         obstacles: The obstacles, of different names.
         margins: How near bodies may come to each other.
+        floor: Height of the floor in the frame of the arm's base [m], an obstacle of the name
+            "floor". By default "base": links should stay above the plane in which the base is
+            mounted, unless an obstacle is a half-space below the base. "none" says that nothing is
+            there, as on a pedestal or a wall.
 
     Raises:
-        InvalidInput: Two obstacles of one name.
+        InvalidInput: Two obstacles of one name, or another word for the floor.
     """
 
     obstacles: tuple[Obstacle, ...] = ()
     margins: Margins = MARGINS
+    floor: float | str = AT_BASE
 
     def __post_init__(self) -> None:
         found = _checks.listed("obstacles of a scene", self.obstacles, Obstacle, "Obstacles")
+        if isinstance(self.floor, str):
+            _checks.choice("floor of a scene", self.floor, (AT_BASE, NO_FLOOR))
+        else:
+            height = _checks.number("floor of a scene", self.floor, "m")
+            object.__setattr__(self, "floor", height)
+            place = Frame(position=np.array([0.0, 0.0, height]))
+            floor = Obstacle(name=FLOOR, shape=HalfSpace(), place=place)
+            # A copy of a scene with a floor has it already.
+            found = (*(x for x in found if not _is_same(x, floor)), floor)
         object.__setattr__(self, "obstacles", found)
         _checks.refuse_other("A Scene", self.margins, Margins)
         seen: set[str] = set()
@@ -95,3 +117,18 @@ class Scene:
             if x.name in seen:
                 raise InvalidInput(f"Two obstacles of the scene have the name {x.name!r}.")
             seen.add(x.name)
+
+    @property
+    def has_mounting_plane(self) -> bool:
+        """Whether links should stay above the plane in which the base is mounted."""
+        return self.floor == AT_BASE and not any(
+            isinstance(x.shape, HalfSpace) and x.fixed_to == BASE and x.place.rotation[2, 2] > 0.5
+            for x in self.obstacles
+        )
+
+
+def _is_same(first: Obstacle, second: Obstacle) -> bool:
+    """Whether two obstacles are the same half-space."""
+    named = (first.name, first.fixed_to) == (second.name, second.fixed_to)
+    same = isinstance(first.shape, HalfSpace) and named
+    return same and bool(np.array_equal(first.place.matrix, second.place.matrix))

@@ -68,7 +68,7 @@ def comparable(value: Any) -> Any:
     """A value whose fields are numbers and arrays, as something that can be compared.
 
     Args:
-        value: The value: a dataclass, an array, a mapping, or what can be compared itself.
+        value: The value: a dataclass, an array, a mapping, a tuple, or what can be compared itself.
     """
     if isinstance(value, np.ndarray):
         return value.shape, value.tobytes()
@@ -76,4 +76,6 @@ def comparable(value: Any) -> Any:
         return [comparable(getattr(value, x.name)) for x in dataclasses.fields(value)]
     if isinstance(value, Mapping):
         return {name: comparable(x) for name, x in value.items()}
+    if isinstance(value, tuple):
+        return [comparable(x) for x in value]
     return value

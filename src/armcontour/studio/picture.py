@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.arms import SerialArm
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import Rounding
 from armcontour.jobs.single_corners import corner_waypoints
@@ -45,8 +44,6 @@ KINDS = {
     "angular acceleration": "tool",
     "centripetal acceleration": "corner",
 }
-# Samples of a motion, and the depth [m], with which an arm is looked for below its base.
-FLOOR_SAMPLES, FLOOR_MARGIN = 200, 5e-3
 # What takes time besides contours, by the kinds of moves.
 BESIDES = {"rapid": "rapids between contours", "dwell": "dwells"}
 
@@ -75,7 +72,7 @@ def picture_frame(planned: Planned, view: View) -> Frame:
         "shortfalls": _shortfalls(planned, view),
         "corners": _corners(planned, view),
         "kerfs": kerfs,
-        "warnings": [*planned.warnings, *_below_base(planned)],
+        "warnings": [*planned.warnings, *filter(None, [planned.below_base])],
         "notes": _notes(planned),
         "ms": {name: x * 1e3 for name, x in planned.seconds.items()},
         "planned": True,
@@ -282,24 +279,6 @@ def _notes(planned: Planned) -> list[str]:
             "binds is known for the method optimal, without smoothing."
         )
     return found
-
-
-def _below_base(planned: Planned) -> list[str]:
-    """The warning of an arm in space that goes below its base, where the page draws a floor."""
-    arm, trajectory = planned.job.arm, planned.trajectory
-    if not isinstance(arm, SerialArm):
-        return []
-    times = np.linspace(0.0, trajectory.duration, FLOOR_SAMPLES)
-    base = arm.chain.base
-    heights = ((arm.links(trajectory(times)) - base.position) @ base.rotation[:, 2]).min(axis=1)
-    k = heights.argmin()
-    depth = -float(heights[k])
-    if depth < FLOOR_MARGIN:
-        return []
-    return [
-        f"The arm goes {depth * 1e3:.0f} mm below its base at {times[k]:.2f} s. The floor that is "
-        "drawn is no obstacle: if there is a floor or a table, add it to `scene`."
-    ]
 
 
 def _rapids(planned: Planned, view: View) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from armcontour.io.scene import scene_of
 from armcontour.jobs import Job, Run
 from armcontour.jobs.programs import programs_of, trace_run
 from armcontour.jobs.study import explain_run, teach_run
-from armcontour.jobs.ways import reach_told
+from armcontour.jobs.ways import below_base, reach_told
 from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.scene import Scene
@@ -287,7 +287,7 @@ class Previewer:
         ranges = [x.tobytes() for x in this.limits.joint_range(job.arm.dof)]
         traced = get(
             "tracing",
-            (path, job.arm, job.branch, start, ranges),
+            (path, job.arm, job.branch, start, ranges, comparable(job.scene)),
             lambda: trace_run(job, this, path, progress),
         )
         trajectory = get(
@@ -308,6 +308,7 @@ class Previewer:
             traced=traced,
             job=job,
             explanation=explanation,
+            below_base=below_base(job, trajectory),
             start=ends_of(traced.joint_paths[0])[0],
         )
 

@@ -22,12 +22,14 @@ class Planned(RunResult):
         start: Joint positions at the start of the motion [rad], (dof,).
         seconds: Time that each step took [s], without steps whose results were kept.
         differs: Sentences on what a full run may do in another way.
+        below_base: A sentence on links that come below the base; None if none does.
     """
 
     job: Job
     start: FloatArray
     seconds: Mapping[str, float] = field(default_factory=dict)
     differs: tuple[str, ...] = ()
+    below_base: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,9 +1,10 @@
-"""The optimal planner: the fastest timing of a path that keeps every limit at every instant.
+"""The optimal planner: the fastest timing of a path that keeps its limits, between grid points too.
 
 Backward and forward reachability in (s, ds²), after TOPP-RA. On each interval the path acceleration
 is linear in s. Its slope is chosen beforehand so that the binding constraint binds on the whole
 interval. Every constraint is kept at both ends of an interval, less a margin that bounds what can
-happen between them. See docs/concepts/optimal.md for the proof.
+happen between them; for torques and some limits of the tool that bound comes from samples. See
+docs/concepts/optimal.md for the proof.
 """
 
 from __future__ import annotations
@@ -37,7 +38,6 @@ from armcontour.timing.constraints import (
 from armcontour.timing.end_speeds import END, START, Ends, refuse_speed
 from armcontour.timing.grid import (
     DEFAULT_INTERVALS,
-    MOST_INTERVALS,
     Grid,
     cut_pieces,
     grid_through,
@@ -60,15 +60,13 @@ FIRST_MARGIN, COARSE = 1e-2, 500
 MORE_EACH_TIME = 2.0
 LARGEST_MARGIN_EVER = 0.2
 MOST_REFINEMENTS = 12
-# A refinement that would make the grid this many times as large at once is not tried.
-MOST_GROWTH = 200
-MOST_PARTS = 100
 # The grid is refined, too, while it loses more than this share of the duration, by an estimate that
 # is right within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
 LARGEST_LOSS = 1e-4
 MOST_PARTS_AT_ONCE = 8
-# No more intervals than these are made for it, nor by less than LEAST_GROWTH at once near so many.
-INTERVALS_BY_LOSS, LEAST_GROWTH = 300_000, 1.1
+# No grid is refined to more intervals than these, about 1 GB, unless twice the first grid is more;
+# for loss, it is not refined near them by less than LEAST_GROWTH at once either.
+MOST_REFINED, LEAST_GROWTH = 300_000, 1.1
 
 
 def plan_optimal(
@@ -233,7 +231,7 @@ def time_optimal(
     most = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
     rules, s = Rules(float(start), float(end), most), 0.0
     best: tuple[Grid, Plan] | None = None
-    shortest = math.inf
+    shortest, room = math.inf, max(MOST_REFINED, 2 * len(grid))
     for k in range(MOST_REFINEMENTS):
         path = OnGrid(grid)
         limits = _with_stops(limits_on(path, active), grid)
@@ -248,7 +246,7 @@ def time_optimal(
             if loss.sum() <= largest_loss * duration or gained < largest_loss / 4 * duration:
                 break
             parts = _parts_by_loss(loss, largest_loss * duration)
-            if parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > INTERVALS_BY_LOSS / 2:
+            if parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MOST_REFINED / 2:
                 break
             grid = split(grid, parts, points)
             continue
@@ -257,8 +255,9 @@ def time_optimal(
             if best is not None:
                 break
             _refuse(grid, found, arm, rules)
-        parts = np.clip(np.ceil(np.sqrt(found.lost / LARGEST_MARGIN)), 1.0, MOST_PARTS)
-        if parts.sum() > min(MOST_GROWTH * len(grid), MOST_INTERVALS):
+        parts = _whole(np.sqrt(found.lost / LARGEST_MARGIN), room)
+        crowded = parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MOST_REFINED / 2
+        if crowded and most == LARGEST_MARGIN_EVER:
             break
         grid = split(grid, parts)
         most = min(MORE_EACH_TIME ** (k + 1) * LARGEST_MARGIN, LARGEST_MARGIN_EVER)
@@ -274,13 +273,17 @@ def time_optimal(
 
 def _parts_by_loss(loss: FloatArray, most: float) -> FloatArray:
     """Into how many parts to split intervals with such losses, to lose at most so much on all."""
-    # No more parts than that are made, so that halving ends.
     parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / most, MOST_PARTS_AT_ONCE**2))
+    return _whole(parts, max(MOST_REFINED, len(loss)))
+
+
+def _whole(parts: FloatArray, most: int) -> FloatArray:
+    """Numbers of parts rounded up, after halving until there are at most so many in all."""
     while True:
-        counts = np.clip(np.ceil(parts), 1.0, MOST_PARTS_AT_ONCE)
-        if counts.sum() <= max(INTERVALS_BY_LOSS, len(loss)):
+        counts = np.maximum(np.ceil(parts), 1.0)
+        if counts.sum() <= most:
             return np.asarray(counts)
-        parts /= 2
+        parts = parts / 2
 
 
 def _with_stops(limits: LimitsOnGrid, grid: Grid) -> LimitsOnGrid:

@@ -100,7 +100,7 @@ def plan(
             that is fastest along the path.
         start: For an arm in space: joint positions near the required start [rad], (dof,); by
             default the configuration that is fastest along the path.
-        fits: Whether the arm may follow a joint path, such as `Cell(arm, scene).keeps`: the fastest
+        fits: Whether the arm may follow a joint path, such as `Cell(arm, scene).fits`: the fastest
             configuration that fits is taken, and the fastest of all if none does. By default no
             collisions are considered; `check_clearance` finds those of a plan.
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.

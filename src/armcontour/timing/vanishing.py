@@ -4,8 +4,9 @@ Such a place is a fault of the parameter, not of the curve: `q = d s³` is a str
 ds has no bound although the joints are slow, so nothing can be planned in s. In place of s:
 
 - `q ~ s²` can keep s: ds is finite there, while the joints rest.
-- Straight pieces with `q ~ s³` or more, or at an end of the path, take the length in joint space,
-  exactly. They turn round at a full stop, and pass a place at which they do not turn.
+- Straight pieces take the length in joint space, exactly. They turn round at a full stop, and pass
+  a place at which they do not turn. So do straight pieces whose dq_ds nearly vanishes: there, ds is
+  so large that no affordable grid resolves how it changes.
 - Bent pieces with `q ~ s³` or `s⁴` take p with `s ~ p^(2/3)` or `p^(1/2)` near that place, so that
   `q ~ p²`. The curvature of the curve has no bound there, so that the joints have to rest.
 """
@@ -25,6 +26,8 @@ from armcontour.timing._vanishing import moves_on, standing_breaks
 
 # dq_ds counts as zero below this share of the sum of its terms: a double root is known to 1e-8.
 VANISHED = 1e-9
+# In straight pieces, dq_ds nearly vanishes below this share.
+SMALL = 1e-2
 # A piece is straight if it leaves its line by no more than rounding [rad], or by this share.
 STRAIGHT = 1e-12
 ROUNDING = 4e-15
@@ -60,7 +63,7 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
         return same
     coefficients = joint_path.coefficients
     moving = np.empty(len(coefficients), np.bool_)
-    if moves_on(coefficients, VANISHED, moving):
+    if moves_on(coefficients, SMALL, moving):
         return same
     if not coefficients[:, 1:].any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
@@ -70,12 +73,11 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
     both = np.stack([np.linalg.norm(_terms(x), axis=2) for x in (c, REVERSED @ c)])
     slow = (both[..., :2] <= VANISHED * both.sum(axis=2, keepdims=True)).all(axis=2).any(axis=0)
     suspect = doubtful[slow | _straight(c)[0]]
-    last = len(coefficients) - 1
     found = {int(i): _Piece.of(joint_path, int(i)) for i in suspect}
-    unsuited = {i for i, x in found.items() if x.is_unsuited((i == 0, i == last))}
+    unsuited = {i for i, x in found.items() if x.is_unsuited()}
     if not unsuited:
         return same
-    pieces = {i: _Piece.of(joint_path, i) for i in range(last + 1)}
+    pieces = {i: _Piece.of(joint_path, i) for i in range(len(coefficients))}
     return _with(joint_path, {i: x for i, x in pieces.items() if x.is_straight or i in unsuited})
 
 
@@ -149,19 +151,9 @@ class _Piece:
             (_degree(c), _degree(_reversed(c))),
         )
 
-    def is_unsuited(self, at_ends: tuple[bool, bool]) -> bool:
-        """Whether no plan can be made in s, or none as good as along a straight line at an end.
-
-        Args:
-            at_ends: Whether the piece is the first, and the last, of its path.
-        """
-        if max(self.degrees) > 2:
-            return True
-        if not self.is_straight:
-            return False
-        passed = len(self.inner) + 2 > len(_turns(self.along, self.inner)[0])
-        ends = (x and degree > 1 for x, degree in zip(at_ends, self.degrees, strict=True))
-        return passed or any(ends)
+    def is_unsuited(self) -> bool:
+        """Whether no plan can be made in s, or none as good as along the length of a line."""
+        return max(self.degrees) > 2 or self.is_straight and _is_slow(self.along)
 
     def replaced(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
         """Polynomials in another parameter, in order.
@@ -254,7 +246,7 @@ def _terms(coefficients: FloatArray) -> FloatArray:
 
 def _derived(c: FloatArray) -> FloatArray:
     """Coefficients of the derivative."""
-    return np.asarray(c[1:] * np.arange(1.0, len(c))[:, None])
+    return np.asarray((c[1:].T * np.arange(1.0, len(c))).T)
 
 
 def _reversed(c: FloatArray) -> FloatArray:
@@ -281,14 +273,26 @@ def _degree(c: FloatArray) -> int:
 
 def _critical(along: FloatArray) -> FloatArray:
     """Places inside, at which the derivative of a polynomial vanishes; double ones count too."""
-    derivative = along[1:] * np.arange(1, 6)
-    small = VANISHED * np.abs(derivative).sum()
-    if not derivative.any():
+    derivative = _derived(along)
+    real = _inner_roots(derivative)
+    value = np.polynomial.polynomial.polyval(real, derivative)
+    return np.asarray(real[np.abs(value) <= VANISHED * np.abs(derivative).sum()])
+
+
+def _is_slow(along: FloatArray) -> bool:
+    """Whether the derivative of a polynomial nearly vanishes at an end or where it is extreme."""
+    derivative = _derived(along)
+    x = np.concatenate([[0.0], _inner_roots(_derived(derivative)), [1.0]])
+    least = np.abs(np.polynomial.polynomial.polyval(x, derivative)).min()
+    return bool(least <= SMALL * np.abs(derivative).sum())
+
+
+def _inner_roots(c: FloatArray) -> FloatArray:
+    """Real parts, between 0 and 1, of the roots of a polynomial with these coefficients."""
+    if not c.any():
         return np.empty(0)
-    roots = np.polynomial.polynomial.polyroots(np.trim_zeros(derivative, "b")).astype(complex)
-    real = np.unique(roots.real[(roots.real > 0) & (roots.real < 1)])
-    value = np.polynomial.polynomial.polyval(real, derivative) if len(real) else real
-    return np.asarray(real[np.abs(value) <= small])
+    real = np.polynomial.polynomial.polyroots(np.trim_zeros(c, "b")).real
+    return np.unique(real[(real > 0) & (real < 1)])
 
 
 def _turns(along: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray]:

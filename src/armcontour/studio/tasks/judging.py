@@ -58,6 +58,7 @@ def clearance(x: Request) -> Frame:
     over_time = cell.least_over(plan.trajectory(t))
     header = {
         **{"run": plan.run.name, "sentence": found.sentence, "kept": found.kept},
+        "warnings": [] if found.below_base is None else [found.below_base],
         "kinds": list(over_time),
         "nearest": [
             {

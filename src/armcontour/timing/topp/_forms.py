@@ -84,8 +84,8 @@ def write_sampled(
 
     Args:
         grid: The intervals.
-        after: Of `Samples`.
-        terms: a, b and c at the places of `Samples`, (places, rows) each.
+        after: Of `OnGrid`.
+        terms: a, b and c at the places of `OnGrid`, (places, rows) each.
         bounds: low and high, (rows,) each.
         rows: Output.
     """

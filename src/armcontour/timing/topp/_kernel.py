@@ -75,7 +75,8 @@ class Rules(NamedTuple):
         headroom: Bounds of x and u are those of the plan before times this.
         close: The same of bounds around a proven plan.
         window: U is the largest |u| of so many neighbours either way, as switches move.
-        floor: U is at least this share of the largest |u| of all.
+        floor: U is at least this share of the largest |u| of all, or of x over the width of the
+            interval if that is less: next to a place where dq_ds vanishes |u| has no bound.
         tangents: Most plans without margins in which friction is linear near the plan before.
         near: Error of x, as a share, below which such a plan is near enough.
         tries: Most plans on a grid.
@@ -330,7 +331,8 @@ def _draw_conic(
             most = math.sqrt(square / bb) - 2 * w * abs(turn)
             lines.cap[i, 0] = min(lines.cap[i, 0], max(most, 0.0))
         return
-    c0, c1, c2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    # As a x b, with the same rounding as the vector.
+    c0, c1, c2 = e1 * b2 - e2 * b1, e2 * b0 - e0 * b2, e0 * b1 - e1 * b0
     spread = (c0 * c0 + c1 * c1 + c2 * c2) / (ee * ee)
     out[0], out[4] = eb / ee, spread
     if end == 0:
@@ -345,6 +347,57 @@ def _draw_conic(
         lines.cap[i, 0] = min(lines.cap[i, 0], max((out[3] + root) / spread * INSIDE, 0.0))
 
 
+@compiled(inner=True)
+def _row(
+    limits: Limits, i: int, r: int, w: float, within: Bracket, margins: bool
+) -> tuple[float, ...]:
+    """Row r of interval i: a, b, low and high at its start and at its end, and the rise.
+
+    Lines for friction come first: those of upper limits, then those of lower ones.
+
+    Args:
+        limits: The limits.
+        i: The interval.
+        r: The row.
+        w: Length of the interval.
+        within: The range of x.
+        margins: Whether friction counts where a joint may turn round.
+    """
+    ends, rise, friction = limits.rows.ends, limits.rows.rise, limits.friction
+    rubbing = friction.within.shape[1]
+    side = 0 if r < rubbing else 1 if r < 2 * rubbing else 2
+    j = r - min(side, 1) * rubbing
+    a0, b0, low0, high0 = (
+        ends[i, 0, j, A],
+        ends[i, 0, j, B],
+        ends[i, 0, j, LOW],
+        ends[i, 0, j, HIGH],
+    )
+    a1, b1, low1, high1 = (
+        ends[i, 1, j, A],
+        ends[i, 1, j, B],
+        ends[i, 1, j, LOW],
+        ends[i, 1, j, HIGH],
+    )
+    by_u, by_x = rise[i, j, BY_U], rise[i, j, BY_X]
+    by_slope, alone = rise[i, j, BY_SLOPE], rise[i, j, ALONE]
+    if side < 2:
+        towards, rest = (1.0, min(high0, high1)) if side == 0 else (-1.0, min(-low0, -low1))
+        most, offset, slope = friction_row(friction, i, j, towards, rest, within)
+        v0, v1, alike = friction.viscous[i, 0, j], friction.viscous[i, 1, j], most * margins
+        b0, b1, off0, off1 = b0 + v0 * slope, b1 + v1 * slope, v0 * offset, v1 * offset
+        if side == 0:
+            low0, low1 = -math.inf, -math.inf
+            high0, high1 = high0 - (off0 + alike), high1 - (off1 + alike)
+        else:
+            low0, low1 = low0 - (off0 + alike), low1 - (off1 + alike)
+            high0, high1 = math.inf, math.inf
+        more = friction_rise(friction, i, j, offset, slope, w)
+        by_u, by_x = by_u + more[BY_U], by_x + more[BY_X]
+        by_slope, alone = by_slope + more[BY_SLOPE], alone + more[ALONE]
+    return a0, b0, low0, high0, a1, b1, low1, high1, by_u, by_x, by_slope, alone
+
+
 @compiled()
 def rows_with_friction(width: FloatArray, limits: Limits, bounds: Bounds, margins: bool) -> Rows:
     """The rows with lines for friction: upper limits, then lower ones, then those without friction.
@@ -353,32 +406,17 @@ def rows_with_friction(width: FloatArray, limits: Limits, bounds: Bounds, margin
         width: Lengths of the intervals, (n,).
         limits: The limits.
         bounds: The bounds, of which the range of x counts.
-        margins: Whether friction counts where a joint may turn round, and rises.
+        margins: Whether friction counts where a joint may turn round.
     """
-    ends, friction, rise = limits.rows.ends, limits.friction, limits.rows.rise
-    n, count, rubbing = rise.shape[0], rise.shape[1], friction.within.shape[1]
-    found = Rows(np.empty((n, 2, count + rubbing, 4)), np.empty((n, count + rubbing, 4)))
+    n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]
+    found = Rows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
     for i in range(n):
         within = bracket(bounds.least[i], bounds.x[i])
-        for r in range(count + rubbing):
-            side = 0 if r < rubbing else 1 if r < 2 * rubbing else 2
-            j = r - min(side, 1) * rubbing
-            found.ends[i, :, r], found.rise[i, r] = ends[i, :, j], rise[i, j]
-            if side == 2:
-                continue
-            towards, which = 1.0 - 2.0 * side, HIGH if side == 0 else LOW
-            rest = min(towards * ends[i, 0, j, which], towards * ends[i, 1, j, which])
-            most, offset, slope = friction_row(friction, i, j, towards, rest, within)
-            for end in range(2):
-                viscous = friction.viscous[i, end, j]
-                found.ends[i, end, r, B] += viscous * slope
-                found.ends[i, end, r, which] -= viscous * offset + (most if margins else 0.0)
-                found.ends[i, end, r, LOW + HIGH - which] = -towards * math.inf
-            by_u, by_x, by_slope, alone = friction_rise(friction, i, j, offset, slope, width[i])
-            found.rise[i, r, BY_U] += by_u
-            found.rise[i, r, BY_X] += by_x
-            found.rise[i, r, BY_SLOPE] += by_slope
-            found.rise[i, r, ALONE] += alone
+        for r in range(count):
+            row = _row(limits, i, r, width[i], within, margins)
+            for k in range(4):
+                found.ends[i, 0, r, k], found.ends[i, 1, r, k] = row[k], row[4 + k]
+                found.rise[i, r, k] = row[8 + k]
     return found
 
 
@@ -520,17 +558,25 @@ def _draw_joints(
 
 @compiled(inner=True)
 def _draw_rows(
-    lines: Lines, rows: Rows, bounds: Bounds, i: int, first: int, line: int, w: float, margins: bool
+    lines: Lines,
+    limits: Limits,
+    bounds: Bounds,
+    i: int,
+    first: int,
+    line: int,
+    w: float,
+    margins: bool,
 ) -> None:
     """Draw LANES rows on interval i from one row on."""
-    by = lines.scratch
+    by, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
+    within = bracket(bounds.least[i], bounds.x[i])
     for lane in range(LANES):
-        r = first + lane
-        if r < rows.rise.shape[1]:
-            for k in range(4):
-                by[k * LANES + lane] = rows.ends[i, 0, r, k]
-                by[(4 + k) * LANES + lane] = rows.ends[i, 1, r, k]
-            by[8 * LANES + lane] = _margin(rows.rise, i, r, bounds) if margins else 0.0
+        if first + lane < count:
+            row = _row(limits, i, first + lane, w, within, margins)
+            for k in range(8):
+                by[k * LANES + lane] = row[k]
+            room = row[8] * bounds.u[i] + row[9] * bounds.x[i] + row[10] * abs(bounds.k[i])
+            by[8 * LANES + lane] = room + row[11] if margins else 0.0
         else:
             for k in range(9):
                 by[k * LANES + lane] = 0.0
@@ -547,7 +593,8 @@ def _draw(
     grid: Intervals, limits: Limits, bounds: Bounds, i: int, margins: bool, lines: Lines
 ) -> None:
     """Draw the limits on interval i for a plan within bounds, with or without margins."""
-    rows, rounds, groups = limits.rows, limits.rounds, len(limits.joints) // ROWS
+    rounds, groups = limits.rounds, len(limits.joints) // ROWS
+    count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     w = grid.s[i + 1] - grid.s[i]
     turn, line = bounds.k[i] * w / 2, 2 * LANES * groups
     lines.drawn[i & (len(lines.drawn) - 1)] = i
@@ -556,8 +603,8 @@ def _draw(
     for group in range(groups):
         _draw_joints(lines, grid, limits, bounds, i, (group, joint), margins)
         joint = next_joint(grid, joint)
-    for r in range(0, rows.rise.shape[1], LANES):
-        _draw_rows(lines, rows, bounds, i, r, line + 2 * r, w, margins)
+    for r in range(0, count, LANES):
+        _draw_rows(lines, limits, bounds, i, r, line + 2 * r, w, margins)
     for r in range(rounds.radius.shape[1]):
         radius, room = rounds.radius[i, r], 0.0
         if margins:
@@ -614,6 +661,23 @@ def _means(lines: Lines, i: int, x: float) -> tuple[float, float, float, float, 
     return low, high, low_tilt, high_tilt, below - 3 * count * at
 
 
+@compiled(inner=True)
+def _start(lines: Lines, w: float, most: FloatArray) -> float:
+    """The ds² at a start at which joints rest at any: the fastest on the first interval.
+
+    Next to nothing less than the largest may allow a far larger u, as dq_ds is rounded.
+    """
+    best, fastest = most[0], 0.0
+    for k in range(60, -1, -1):
+        first = most[0] * (1 - 0.5**k) if k < 60 else most[0]
+        _, high = _mean_range(lines, 0, first)
+        last = min(first + 2 * w * high, most[1])
+        speeds = math.sqrt(first) + math.sqrt(max(last, 0.0))
+        if speeds > fastest:
+            best, fastest = first, speeds
+    return float(best)
+
+
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def _sweep(
     grid: Intervals,
@@ -658,7 +722,7 @@ def _sweep(
             here = min(here, lines.cap[i, 0])
         cap[i] = here
         if i == n:
-            most[n] = min(rules.end, here) if min(rules.end, here) < math.inf else 0.0
+            most[n] = min(rules.end, here, LARGEST_X)
             continue
         if stuck >= n:
             low, high = _mean_range(lines, i, 0.0)
@@ -697,6 +761,8 @@ def _sweep(
     if stuck >= 0:
         return stuck
     x[0] = min(rules.start, most[0])
+    if rules.start == math.inf:
+        x[0] = _start(lines, grid.s[1] - grid.s[0], most)
     for i in range(n):
         w, high = grid.s[i + 1] - grid.s[i], mean[i]
         if x[i] < most[i]:
@@ -839,7 +905,7 @@ def _enclose(
         bounds.x[i], bounds.least[i] = headroom * largest, least / headroom
         fastest = max(fastest, rates[i])
     for i in range(n):
-        most = rules.floor * fastest
+        most = rules.floor * min(fastest, bounds.x[i] / width[i])
         for m in range(max(i - rules.window, 0), min(i + rules.window + 1, n)):
             most = max(most, headroom * rates[m])
         bounds.u[i] = most
@@ -950,6 +1016,9 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
     )
     found, lost, shortest = np.zeros(n + 1), np.zeros(n), math.inf
     slopes, kind, tangents = np.zeros(n), 0, 0
+    # The first plan has no friction.
+    none = Friction(np.empty((n, 2, 0)), np.empty((n, 0, 3)))
+    free = Limits(limits.rows, limits.squares, limits.rounds, none, limits.ceiling, limits.joints)
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
     if rubbing > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
@@ -960,12 +1029,7 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
             for line in range(3 * count * slot + count, 3 * count * slot + 2 * count):
                 lines.of[line], lines.of[line + count] = -math.inf, math.inf
     for _ in range(rules.tries):
-        drawn = limits
-        if rubbing > 0 and kind > 0:
-            rows = rows_with_friction(width, limits, bounds, kind == 2)
-            drawn = Limits(
-                rows, limits.squares, limits.rounds, limits.friction, limits.ceiling, limits.joints
-            )
+        drawn = limits if kind > 0 else free
         stuck = _sweep(grid, drawn, bounds, (changed, kind == 2), lines, rules, cap, most, x)
         if stuck >= n:
             return Plan(x, bounds.k, lost, UNLIMITED, stuck - n, 0.0)

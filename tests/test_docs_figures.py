@@ -1,0 +1,111 @@
+"""Figures of the README and of the pages on compensation are computed again."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+import armcontour as ac
+from armcontour.compensation.poles import pole_behaviour
+
+ROOT = Path(__file__).parent.parent
+PERIOD = 4e-3
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+# As a velocity loop that takes its command 1 ms late has them, to first order.
+OTHER = SERVO.replace(kp=25.0 / 0.975, kv=150.0 * 0.975)
+ARM = ac.load_arm("pmk3s")
+OBJECTIVE = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3), (0.35, 0.35)])
+ROUNDED = ac.round_corners(OBJECTIVE, tolerance=5e-3)
+LIMITS = ARM.limits.replace(speed=0.15, centripetal_acceleration=0.09)
+
+
+@pytest.fixture(scope="module")
+def plans():
+    """Plans by their reserve."""
+    return {x: ac.plan(ROUNDED, ARM, LIMITS, reserve=x) for x in (0.0, 0.005, 0.02)}
+
+
+def executed(plan, servo=SERVO, bodies=False, **how):
+    taught = ac.compensate(plan, SERVO, period=PERIOD, **how)
+    plant = ac.RigidBodyPlant(ARM, servo) if bodies else ac.ServoPlant(ARM, servo, LIMITS)
+    return ac.execute(taught, plant)
+
+
+def errors(plan, path=ROUNDED, **how):
+    """RMS and largest contour error [mm]."""
+    error = ac.evaluate(executed(plan, **how), path).contour_error
+    return [error.rms * 1e3, error.max * 1e3]
+
+
+def numbers(text):
+    """The numbers of a text, but for those of units such as 1/s."""
+    return re.findall(r"(?<![\w.])-?\d+(?:\.\d+)?(?![\w./])", text.replace("1/s", ""))
+
+
+def is_printed(values, texts):
+    """Whether the values round to the printed ones, within one unit of the last digit."""
+    for value, text in zip(values, texts, strict=True):
+        digits = len(text.partition(".")[2])
+        assert value == pytest.approx(float(text), abs=0.51 * 10.0**-digits), (value, text)
+
+
+def page(name):
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def test_the_table_of_the_readme_is_what_is_computed(plans):
+    slow = ac.plan(OBJECTIVE, ARM, LIMITS.replace(speed=0.04), method="conventional")
+    kept, full = plans[0.02], plans[0.0]
+    rows = [
+        (slow, errors(slow, OBJECTIVE, method="none")),
+        (kept, errors(kept, method="none")),
+        (kept, errors(kept)),
+        (kept, errors(kept, servo=OTHER)),
+        (full, errors(full, servo=OTHER)),
+        (kept, errors(kept, bodies=True)),
+        (kept, errors(kept, bodies=True, arm=ARM, method="inverse_dynamics")),
+    ]
+    lines = [x for x in page("README.md").splitlines() if " s | " in x]
+    for (plan, found), line in zip(rows, lines, strict=True):
+        is_printed([plan.duration, *found], numbers(line.split("|", 2)[2]))
+    servo = next(x for x in lines if "K_v" in x).split("|")[1]
+    is_printed([OTHER.kp, OTHER.kv], numbers(servo))
+
+
+def test_the_figures_of_learning_are_those_of_the_example():
+    printed = yaml.safe_load(page("tests/golden/examples.yaml"))["07_learning"]
+    runs = [x for x in printed.splitlines() if x.startswith("run ")]
+    (line,) = (x for x in page("README.md").splitlines() if "in the first run" in x)
+    first, third = (numbers(runs[k])[1] for k in (0, 2))
+    assert numbers(line.split("|")[1]) == [first, third]
+
+
+def test_figures_without_a_reserve(plans):
+    words = " ".join(page("docs/concepts/compensation.md").split())
+    at_full = re.search(r"error is ([\d.]+) mm RMS at the full limit", words)
+    reserved = re.search(r"and ([\d.]+) mm with a reserve of 0\.5 %", words)
+    is_printed([errors(plans[0.0])[0]], at_full.groups())
+    is_printed([errors(plans[0.005])[0]], reserved.groups())
+    words = " ".join(page("docs/guides/compensations.md").split())
+    text = words[words.index("**Without a reserve**") : words.index("- **On rigid bodies**")]
+    found = [
+        *errors(plans[0.0]),
+        *errors(plans[0.0], servo=OTHER),
+        *(OTHER.kp, OTHER.kv),
+        *errors(plans[0.0], method="pole_placement"),
+        *errors(plans[0.0], servo=OTHER, method="pole_placement"),
+    ]
+    is_printed(found, numbers(text))
+
+
+def test_the_table_of_poles(plans):
+    lines = page("docs/concepts/compensation.md").splitlines()
+    for line in (x for x in lines if x.startswith("| $(-")):
+        pole, norm, *printed = numbers(line.replace(")^3", ""))
+        poles = [float(pole)] * 3
+        is_printed([float(pole_behaviour(SERVO, poles).demand[0])], [norm])
+        done = executed(plans[0.0], method="pole_placement", poles=poles)
+        error = ac.evaluate(done, ROUNDED).contour_error
+        demand = abs(done.demand).max(axis=0)
+        is_printed([*demand, error.rms * 1e3, error.max * 1e3], printed)
