@@ -62,7 +62,7 @@ class Job:
     @property
     def limits(self) -> ac.Limits:
         """The same limits for the package."""
-        return ac.Limits(
+        return ac.Limits.only(
             joint_acceleration=[self.acceleration] * 2,
             joint_velocity=None if self.velocity is None else [self.velocity] * 2,
             speed=self.speed,

@@ -58,7 +58,8 @@ def resolve_limits(
             range, or it is no arm.
     """
     # To time a joint path, an arm needs a number of joints and limits only.
-    if not (hasattr(arm, "dof") and hasattr(arm, "limits")):
+    # A trajectory has both, too, and can be called.
+    if callable(arm) or not (hasattr(arm, "dof") and hasattr(arm, "limits")):
         _checks.refuse_other(user, arm, Arm)
     if limits is not None and not isinstance(limits, Limits):
         raise InvalidInput(

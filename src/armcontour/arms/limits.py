@@ -223,6 +223,7 @@ class Limits(Value):
         given = cls().replace(**values)
         return given._without(x for x in UNITS if getattr(given, x) is None)
 
+    @_checks.checked
     def over(self, others: Limits) -> Limits:
         """These limits, and where they have neither a value nor lift one, the others.
 
@@ -357,12 +358,14 @@ class Limits(Value):
 
 def _is_endless(name: str, values: Any) -> bool:
     """Whether a limit is infinite for every joint, in both directions."""
-    if values is None or isinstance(values, str) or (name in TOOL_LIMITS and np.ndim(values)):
+    if values is None or isinstance(values, str):
         return False
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         # Refused by its check.
+        return False
+    if name in TOOL_LIMITS and array.ndim:
         return False
     if array.ndim == 2 and array.shape[1] == 2:
         array = array * (-1.0, 1.0)

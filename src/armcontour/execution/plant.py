@@ -81,6 +81,7 @@ class LimitedPlant(Locked, Plant):
     def _drives(self, planned: Limits | None) -> dict[str, Any]:
         """What saturates, by the names of the attributes, with the limits of a plan."""
 
+    @_checks.checked
     def for_plan(self, taught: TaughtData) -> Self:
         """The plant with the limits of a plan, where it was given none.
 

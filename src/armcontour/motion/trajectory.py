@@ -201,6 +201,7 @@ class Trajectory(Value):
             ],
         )
 
+    @_checks.checked
     def limited(self, limits: Limits, reserve: float = 0.0) -> Trajectory:
         """The trajectory with the limits of its plan; rapids have the limits of the joints only.
 
@@ -220,6 +221,7 @@ class Trajectory(Value):
         )
         return replace(self, spans=spans, limits=limits, reserve=reserve)
 
+    @_checks.checked
     def limits_for(self, limits: Limits | None) -> Limits:
         """The given limits, and where they give none, those of the plan, one value per joint."""
         given = (limits or Limits()).for_joints(self.dof)
