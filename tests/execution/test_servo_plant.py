@@ -222,7 +222,9 @@ def test_a_plan_within_every_torque_limit_runs():
     path = ac.JointPath.spline(np.random.default_rng(3).uniform(-1.5, 1.5, (5, 6)))
     planned = ac.plan(path, arm, limits)
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(planned, servo, method="pole_placement", period=0.004)
+    taught = ac.compensate(
+        planned, servo, method="pole_placement", period=0.004, limits=ac.Limits.only()
+    )
     done = ac.execute(taught, ac.ServoPlant(arm, servo, limits))
     assert (np.abs(arm.torque(done.q, done.dq, 0 * done.q)) / torque).max() > 1.02
     np.testing.assert_allclose(done.q[-1], taught.q[-1], atol=1e-8)
