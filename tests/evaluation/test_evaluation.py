@@ -62,7 +62,7 @@ def test_on_the_path_there_is_no_contour_error_and_a_delay_is_tracking_error(arm
 
 
 def test_the_delay_that_all_joints_share_is_told_apart_from_what_they_do_not(arm):
-    limits = ac.Limits(joint_acceleration=2.0, speed=0.1)
+    limits = ac.Limits.only(joint_acceleration=2.0, speed=0.1)
     bent = ac.round_corners(ac.Path.polyline([(0.3, 0.2), (0.4, 0.2), (0.4, 0.25)]), tolerance=2e-3)
     plan = ac.plan(bent, arm, limits)
     taught = ac.compensate(plan, ac.ServoModel(order="delay"), method="none")
@@ -88,7 +88,7 @@ def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_acro
     if in_space:
         arm = ac.load_arm("ur5e")
         path = ac.Path.polyline([(0.4, -0.1, 0.3), (0.5, 0.1, 0.4)]).pointing([0.0, 0.0, -1.0])
-    plan = ac.plan(path, arm, ac.Limits(joint_acceleration=2.0, speed=0.1))
+    plan = ac.plan(path, arm, ac.Limits.only(joint_acceleration=2.0, speed=0.1))
     unexplained = np.array([1e-4, 3e-4, 2e-4, 1e-4, 5e-4, 1e-4])[: arm.dof]
     servo = ac.ServoModel(kp=25.0, order="first", unexplained=unexplained)
     done = ac.execute(ac.compensate(plan, servo, method="inverse"), ac.ServoPlant(arm, servo))
@@ -166,13 +166,13 @@ def test_ratios_to_the_limits_are_counted_in_their_own_direction(arm):
     demand = np.zeros((len(T), 2))
     demand[50] = (1.44, -0.36)
     done = by_hand(arm, T, ALONG, demand)
-    limits = ac.Limits(joint_acceleration=[0.72, 0.36], speed=0.1)
+    limits = ac.Limits.only(joint_acceleration=[0.72, 0.36], speed=0.1)
     found = ac.evaluate(done, LINE, limits=limits)
     np.testing.assert_allclose(found.demand, (1.44, 0.36))
     np.testing.assert_allclose(found.demand_ratio, (2.0, 1.0))
     assert found.speed_ratio == pytest.approx(0.5, rel=1e-3)
     np.testing.assert_allclose(found.saturated, (0.25, 0.0))  # of 2 s
-    free = ac.evaluate(done, LINE, limits=ac.Limits())
+    free = ac.evaluate(done, LINE, limits=ac.Limits.only())
     np.testing.assert_array_equal(free.demand_ratio, 0)
     assert np.isnan(free.speed_ratio)
     by_arm = ac.evaluate(done, LINE)
@@ -180,7 +180,7 @@ def test_ratios_to_the_limits_are_counted_in_their_own_direction(arm):
     demand = np.zeros((len(T), 2))
     demand[100], demand[120] = (0.9, 0.3), (-0.6, -0.6)
     executed = by_hand(arm, T, ALONG, demand=demand)
-    both = ac.Limits(joint_acceleration=1.0)
+    both = ac.Limits.only(joint_acceleration=1.0)
     assert ac.evaluate(executed, LINE, limits=both).demand_ratio.tolist() == [0.9, 0.6]
     weak = both.replace(joint_acceleration=[[-0.5, 1.0], [-2.0, 1.0]])
     found = ac.evaluate(executed, LINE, limits=weak)
@@ -230,7 +230,7 @@ def test_the_objective_has_its_own_error(arm, objective, rounded):
 
 def test_refused(arm, refuses):
     done = by_hand(arm, T, ALONG)
-    three = ac.Limits(joint_acceleration=[1, 2, 3])
+    three = ac.Limits.only(joint_acceleration=[1, 2, 3])
     for path, options, words in (
         (LINE, {"until": 0.0}, "above zero"),
         (LINE, {"until": np.nan}, "finite"),

@@ -76,7 +76,7 @@ def test_a_demand_far_above_the_limit_is_said_and_by_whom():
 
 
 def test_a_smoothed_run_says_which_limit_it_exceeds_and_a_reserve_that_mends_it():
-    limits = ac.Limits(joint_acceleration=[0.72, 0.72], speed=0.1)
+    limits = ac.Limits.only(joint_acceleration=[0.72, 0.72], speed=0.1)
 
     def smoothed(windows, reserve=0.0):
         return run(
@@ -181,7 +181,7 @@ def measured(noise, points=80):
 def slow(path, **values):
     """The warning of a job at 150 mm/s whose contours are far slower."""
     arm = ac.load_arm("ur5e" if ac.Program.of(path).contours[0].path.dimension == 3 else "pmk3s")
-    limits = arm.limits.replace(speed=0.15, joint_torque=None, **values.pop("limits", {}))
+    limits = arm.limits.replace(speed=0.15, joint_torque=np.inf, **values.pop("limits", {}))
     rounding = Rounding(tolerance=3e-4, angular_tolerance=0.03)
     asked = {"compensation": "none", "limits": limits, "rounding": rounding, **values}
     found = warnings_of(job(path, arm=arm, **asked))

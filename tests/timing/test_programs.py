@@ -125,12 +125,12 @@ def test_keeps_all_that_holds_of_programs_in_the_plane():
 def test_smoothed_programs_have_all_but_the_limits():
     windows = 0.01, 0.03
     moves = Dwell(duration=0.1), Event(name="coolant"), Rapid(), Contour(path=BEND, events=GLUE)
-    program, gentle = plane(LINE, *moves), IN_PLANE.replace(centripetal_acceleration=None)
+    program, gentle = plane(LINE, *moves), IN_PLANE.replace(centripetal_acceleration=np.inf)
     plain, smoothed = (
         ac.plan(program, PMK3S, gentle, reserve=0.4, intervals=800, smoothing=x)
         for x in ((), windows)
     )
-    judged(program, PMK3S, ac.Limits(), smoothed)
+    judged(program, PMK3S, ac.Limits.only(), smoothed)
     assert smoothed.method == "optimal, smoothed"
     assert [x.kind for x in smoothed.spans] == [x.kind for x in plain.spans]
     for before, after in zip(plain.spans, smoothed.spans, strict=True):
@@ -296,7 +296,8 @@ def test_contours_take_their_time_alone_and_leave_a_reserve_on_rapids_too():
     second = Path.polyline([[0.35, 0.25], [0.3, 0.25]])
     spans = ac.plan(program_of(BEND, Rapid(), second), PMK3S, IN_PLANE).spans
     assert [x.kind for x in spans] == ["contour", "contour"]  # they meet
-    alone = [ac.plan(x, PMK3S, IN_PLANE).duration for x in (BEND, SQUARE)]
+    branch = PMK3S.branch_of(ac.plan(TWO, PMK3S, IN_PLANE)(0.0))
+    alone = [ac.plan(x, PMK3S, IN_PLANE, branch=branch).duration for x in (BEND, SQUARE)]
     ratios, told = [], []
     for reserve in (0.0, 0.4):
         trajectory = ac.plan(TWO, PMK3S, IN_PLANE, reserve=reserve, progress=told.append)
@@ -338,9 +339,10 @@ def test_errors_name_the_contour_or_the_rapid(refuses):
 def test_explains_every_contour_of_a_program_in_its_own_time_and_place():
     program = plane()
     trajectory = ac.plan(program, PMK3S, IN_PLANE)
-    told = ac.explain(trajectory, PMK3S, IN_PLANE)
+    told = ac.explain(trajectory, PMK3S)
     paths = [x.path for x in program.contours]
-    alone = [ac.explain(ac.plan(x, PMK3S, IN_PLANE), PMK3S, IN_PLANE) for x in paths]
+    branch = PMK3S.branch_of(trajectory(0.0))
+    alone = [ac.explain(ac.plan(x, PMK3S, IN_PLANE, branch=branch), PMK3S) for x in paths]
     expected = [
         (x.name, *(np.array(x.t) + span.t[0]), *(np.array(x.s) + span.s[0]))
         for one, span in zip(alone, trajectory.contour_spans, strict=True)
@@ -433,7 +435,7 @@ def test_a_rapid_turns_the_tool_by_half_a_turn_unless_it_is_free_to_turn(axis_on
 def test_of_configurations_as_fast_for_a_contour_that_for_the_next_ones_is_chosen():
     # The speed of the tool bounds both contours; the way between them depends on the posture.
     program = ac.round_corners(program_of(in_space(SQUARE), in_space(BEND, 0.3)), tolerance=1e-3)
-    limits = IN_SPACE.replace(speed=0.02, joint_torque=None)
+    limits = IN_SPACE.replace(speed=0.02, joint_torque=np.inf)
     equals = next(trace_by_duration(program.contours[0].path, UR5E, limits))
     assert len(equals) > 1
     durations = [ac.plan(program, UR5E, limits, start=x(0.0)).duration for x in equals]
@@ -492,7 +494,12 @@ def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_the
 def test_a_path_a_program_of_it_and_its_joint_path_have_one_plan(method):
     path = ac.round_corners(BEND, tolerance=1e-3)
     program = program_of(path)
-    given = path, program, ac.trace(path, PMK3S), trace_program(program, PMK3S, IN_PLANE)
+    given = (
+        path,
+        program,
+        ac.trace(path, PMK3S, branch="negative"),
+        trace_program(program, PMK3S, IN_PLANE),
+    )
     plans = [ac.plan(x, PMK3S, IN_PLANE, method=method) for x in given]
     t = np.linspace(0, plans[0].duration, 500)
     for x in plans:

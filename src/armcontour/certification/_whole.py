@@ -197,7 +197,7 @@ class Assembly:
             with step.named():
                 found = self._plan(step, joined)
             joined.add(step, found)
-        trajectory = joined.trajectory()
+        trajectory = joined.trajectory().limited(self.robot.limits)
         contours = tuple(x for x in self._done if isinstance(x, PlannedContour))
         spans = trajectory.contour_spans
         taught, execution, judged, checked = self._execute(trajectory, contours)

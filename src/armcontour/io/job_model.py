@@ -366,15 +366,14 @@ class CompensationModel:
 
     Args:
         method: The servo's exact inverse, pole placement (servo of order second only), the inverse
-            of drives that move the arm's bodies (arm with masses, servo of order second), or none;
-            by default inverse_dynamics for a run with an experiment on such bodies, else inverse.
+            of drives that move the arm's bodies (arm with masses, servo of order second), or none.
         poles: Two regulator poles and the observer pole of pole_placement [1/s], or three poles per
             joint.
         gravity_feedforward: For inverse_dynamics, whether the controller adds the gravity torque;
             by default as in the experiment, or true without an experiment.
     """
 
-    method: Annotated[str, Choice(compensator.METHODS)] | None = None
+    method: Annotated[str, Choice(compensator.METHODS)] = "inverse"
     poles: Poles | list[Poles] | None = None
     gravity_feedforward: bool | None = None
 
@@ -450,8 +449,8 @@ class JobModel:
         title: Title for reports, of at most 200 characters; the name by default.
         arm: A built-in arm (`armcontour arms` lists them), a .yaml, .urdf or .xacro file relative
             to the job file, or a mapping.
-        branch: Branch of the inverse kinematics of a planar arm: `positive` (default) or
-            `negative`, the sign of theta2.
+        branch: Branch of the inverse kinematics of a planar arm: `positive` or `negative`, the sign
+            of theta2; by default the one that is fastest along the path.
         start: Joint positions near the start configuration [rad], for an arm in space, in the order
             of the joints or by their names; by default the configuration that is fastest along the
             path.
@@ -459,7 +458,7 @@ class JobModel:
             G-code, in place of `arm.tool`. A run has one tool frame: choose it with `path.tool`.
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
-        limits: Limits; limits of the joints are the arm's own unless given here, null lifts one.
+        limits: Limits in place of the arm's own; inf lifts one.
         corners: How corners are rounded; `sharp` keeps sharp corners.
         servo: The nominal servo.
         plant: Parameters of the real servo that differ from the nominal servo.

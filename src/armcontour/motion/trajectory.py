@@ -14,6 +14,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, count_kinds, digits, line_up, several
+from armcontour.arms import Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._laws import Motion, joint_motions, path_motions
@@ -147,6 +148,9 @@ class Trajectory(Value):
         spans: Parts of the trajectory by the moves of the program, in order; empty for a single
             path.
         events: Outputs that are switched during the motion, by time.
+        limits: Limits with which it was planned, without the reserve; None if it was not planned
+            with limits.
+        reserve: Share of the limits of joint acceleration and torque that was left to the servo.
 
     Attributes:
         starts: Start times of the laws, and the end of the last [s], (laws + 1,).
@@ -161,6 +165,8 @@ class Trajectory(Value):
     stretches: tuple[Stretch, ...] = ()
     spans: tuple[Span, ...] = ()
     events: tuple[TimedEvent, ...] = ()
+    limits: Limits | None = None
+    reserve: float = 0.0
     starts: FloatArray = field(init=False, repr=False)
     _parts: tuple[_Part, ...] = field(init=False, repr=False)
     _ends: FloatArray = field(init=False, repr=False)
@@ -194,6 +200,32 @@ class Trajectory(Value):
                 ("stretches", ", ".join(x.name for x in self.stretches)),
             ],
         )
+
+    @_checks.checked
+    def limited(self, limits: Limits, reserve: float = 0.0) -> Trajectory:
+        """The trajectory with the limits of its plan; rapids have the limits of the joints only.
+
+        Args:
+            limits: The limits, without the reserve.
+            reserve: Share of the limits that was left to the servo.
+        """
+        joints = limits.of_joints
+        spans = tuple(
+            x
+            if x.trajectory is None
+            else replace(
+                x,
+                trajectory=x.trajectory.limited(limits if x.kind == "contour" else joints, reserve),
+            )
+            for x in self.spans
+        )
+        return replace(self, spans=spans, limits=limits, reserve=reserve)
+
+    @_checks.checked
+    def limits_for(self, limits: Limits | None) -> Limits:
+        """The given limits, and where they give none, those of the plan, one value per joint."""
+        given = (limits or Limits()).for_joints(self.dof)
+        return given if self.limits is None else given.over(self.limits)
 
     @property
     def duration(self) -> float:

@@ -314,8 +314,8 @@ def refuse_unkept_jerk(method: str, limits: Limits) -> None:
         return
     names = " and ".join(given)
     lift = (
-        f"lift {names} with limits.replace({', '.join(f'{x}=None' for x in given)}) (in a job, "
-        f"limits: {{{', '.join(f'{x}: null' for x in given)}}})"
+        f"lift {names} with limits.replace({', '.join(f'{x}=math.inf' for x in given)}) (in a "
+        f"job, limits: {{{', '.join(f'{x}: inf' for x in given)}}})"
     )
     if method == Method.SHAPED:
         raise NotRealizable(
