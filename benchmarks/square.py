@@ -44,7 +44,7 @@ from benchmarks.measured import Bar, Line, Missing, Pair, Taken, timed
 PYTHON = "ARMCONTOUR_ROBOPLAN_PYTHON"
 PROGRAM = Path(__file__).with_name("roboplan_peer.py")
 VELOCITY, ACCELERATION, SPEED = 3.14, 8.0, 0.25  # rad/s, rad/s², m/s
-JOINTS = ac.Limits(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
+JOINTS = ac.Limits.only(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
 # Places per interval at which a plan is judged.
 PLACES = 20
 # Tightened so that its tool stays within the corner error: half of the first is what its joint path

@@ -350,10 +350,10 @@ def prove(case):
 
 def _limits(case):
     if case.limit == "speed":
-        return ac.Limits(speed=float(case.allowed[0]))
+        return ac.Limits.only(speed=float(case.allowed[0]))
     if case.limit == "joint_upper":
-        return ac.Limits(joint_lower=-case.allowed, joint_upper=case.allowed)
-    return ac.Limits(**{case.limit: case.allowed})
+        return ac.Limits.only(joint_lower=-case.allowed, joint_upper=case.allowed)
+    return ac.Limits.only(**{case.limit: case.allowed})
 
 
 def _motion(rng, dof):

@@ -161,12 +161,12 @@ def _limits(rng: Random) -> ac.Limits:
         wanted["tool_acceleration"] = float(some(0.2))
     if rng.random() < 0.05:
         wanted["joint_torque"] = some(0.05, 2)
-    return ac.Limits(**wanted)
+    return ac.Limits.only(**wanted)
 
 
 def _space_limits(rng: Random) -> ac.Limits:
     cap = float(rng.uniform(0.2, 2)) if rng.random() < 0.5 else None
-    return ac.Limits(
+    return ac.Limits.only(
         joint_velocity=3.14,
         joint_acceleration=float(rng.uniform(2, 10)),
         speed=float(rng.uniform(0.05, 0.5)),

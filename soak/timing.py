@@ -93,7 +93,7 @@ def _limits(rng: Random, dof: int, size: float, *, tool: bool) -> ac.Limits:
             wanted["tool_acceleration"] = float(some(0.5))
         if rng.random() < 0.4:
             wanted["centripetal_acceleration"] = float(some(0.1))
-    return ac.Limits(**wanted)
+    return ac.Limits.only(**wanted)
 
 
 # Joint paths

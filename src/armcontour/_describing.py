@@ -140,6 +140,16 @@ def milliseconds(value: float) -> str:
     return f"{digits(value * 1e3)} ms"
 
 
+def clock(t: float, count: int = 4) -> str:
+    """A time in s with some digits that count, and 0.1 ms also long after zero, as since 1970.
+
+    Args:
+        t: The time [s].
+        count: Number of digits of times below 1 s.
+    """
+    return f"{t:.{count}g}" if abs(t) < 1 else f"{t:.4f}".rstrip("0").rstrip(".")
+
+
 def place_and_time(t: float, s: float) -> str:
     """When and where something is largest.
 

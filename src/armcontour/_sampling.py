@@ -19,6 +19,12 @@ LATEST = 1e10
 LARGEST = {"q": 1e4, "dq": 1e9, "ddq": 1e12}
 
 
+# An interval this many times the usual one is a gap: nobody knows what was commanded in it.
+GAP = 3.0
+# Where more of the intervals are gaps, the times come in bursts.
+MOST_GAPS = 0.05
+
+
 def shortest_step(t: FloatArray) -> FloatArray:
     """The shortest usable steps after times `t` [s]."""
     ulp = STEP_ULPS * np.finfo(np.float64).eps
@@ -35,11 +41,28 @@ def find_short_step(t: FloatArray) -> int | None:
 
 def describe_short_step(before: str, after: str, step: float) -> str:
     """Why two times cannot follow each other, in words."""
-    if step <= 0:
+    if step == 0:
+        return (
+            f"times must increase, but {after} does not come after {before}: the times are "
+            "repeated or rounded, and do not agree with even steps; print them with more digits"
+        )
+    if step < 0:
         return f"times must increase, but {after} does not come after {before}"
     return (
         f"times must increase by at least {SHORTEST_STEP * 1e9:g} ns and by more than their own "
         f"rounding, but {after} comes only {step:.3g} s after {before}"
+    )
+
+
+def describe_bursts(t: FloatArray, source: str) -> str:
+    """A sentence on times that come in bursts, as those at which messages arrive; else empty."""
+    steps = np.diff(t)
+    if len(steps) < 10 or np.mean(steps > GAP * np.median(steps)) < MOST_GAPS:
+        return ""
+    return (
+        f"The times of {source} come in bursts, usually {np.median(steps):.3g} s apart, but with "
+        f"gaps of up to {steps.max():.3g} s: they are probably those at which messages arrived, "
+        "and speeds computed with them are wrong. Use the controller's own times."
     )
 
 

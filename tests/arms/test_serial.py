@@ -266,7 +266,7 @@ ODD_LIMITS = (
     ({"joint_velocity": [1.0, np.nan]}, "joint_velocity", "finite", {"index": 1}),
     ({"speed": 0.0}, "speed", "0 m/s"),
     ({"speed": [0.1, 0.2]}, "speed", "one number"),
-    ({"speed": np.inf}, "speed", "finite"),
+    ({"speed": -np.inf}, "speed", "finite"),
     ({"centripetal_acceleration": -1.0}, "centripetal_acceleration", "-1 m/s²"),
     ({"joint_lower": "wide"}, "joint_lower", "in rad"),
     ({"joint_lower": [np.nan, 1.0]}, "joint_lower", "angle"),
@@ -325,7 +325,7 @@ def test_limits_chains_payloads_and_arms_that_cannot_be_are_refused():
 
 
 def test_limits_are_replaced_added_lifted_and_spread_over_joints():
-    assert set(UNITS) == {x.name for x in dataclasses.fields(ac.Limits)}
+    assert {*UNITS, "lifted"} == {x.name for x in dataclasses.fields(ac.Limits)}
     values = np.array([1.0, 2.0])
     limits = ac.Limits(joint_acceleration=values, speed=0.1)
     values[0] = 9.0
@@ -333,7 +333,9 @@ def test_limits_are_replaced_added_lifted_and_spread_over_joints():
     assert (other.speed, other.centripetal_acceleration) == (0.2, 0.5)
     np.testing.assert_array_equal(other.joint_acceleration, [1.0, 2.0])
     assert limits.speed == 0.1 and limits.centripetal_acceleration is None
-    assert other.replace(speed=None).speed is None
+    for none, lifted in ((None, set()), (np.inf, {"speed"})):
+        assert other.replace(speed=none).speed is None
+        assert other.replace(speed=none).lifted == lifted
     with pytest.raises(ValueError, match="read-only"):
         limits.joint_acceleration[0] = 9.0
     spread = ac.Limits(joint_acceleration=0.7, joint_velocity=[1.0, 2.0]).for_joints(2)
@@ -351,8 +353,8 @@ def test_limits_are_replaced_added_lifted_and_spread_over_joints():
 def test_jerk_is_limited_where_it_is_finite():
     for endless in (np.inf, [np.inf, np.inf]):
         limits = ac.Limits(joint_jerk=endless)
-        assert limits.jerk_limits == ()
-        np.testing.assert_array_equal(limits.for_joints(2).joint_jerk, [np.inf, np.inf])
+        assert limits.jerk_limits == () and limits.lifted == {"joint_jerk"}
+        assert limits.for_joints(2).joint_jerk is None
     some = ac.Limits(joint_jerk=[np.inf, 5.0], path_jerk=1.0)
     assert some.jerk_limits == ("joint_jerk", "path_jerk")
     assert some.of_joints.jerk_limits == ("joint_jerk",)

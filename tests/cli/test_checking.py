@@ -50,6 +50,25 @@ def folder(tmp_path, mac):
     return tmp_path
 
 
+def test_times_since_1970_and_notes(folder, check):
+    t, *q = np.loadtxt(folder / "planned.csv", delimiter=",", skiprows=1).T
+    titles = "timestamp,actual_q_0,actual_q_1,actual_TCP_pose_0"
+    late = 1_700_000_000 + t
+    write(folder / "late.csv", titles, late, *q, 0 * t)
+    given = ("--path", "job.yaml", "--limits", "limits.yaml")
+    done = check(folder, "late.csv", *given)
+    data = json.loads(check(folder, "late.csv", *given, "--json").out)
+    assert data["left_out"] == ["actual_TCP_pose_0"] and data["notes"] == []
+    (use,) = (x for x in data["limits"] if x["name"] == "joint_acceleration")
+    assert late[0] <= use["t"] <= late[-1]
+    shown = next(x for x in done.out.splitlines() if "joint acceleration" in x)
+    assert f"{use['t']:.4f}".rstrip("0").rstrip(".") in shown
+    # Rows that are there twice.
+    lines = (folder / "late.csv").read_text().splitlines()
+    (folder / "late.csv").write_text("\n".join([*lines[:9], lines[8], *lines[9:]]) + "\n")
+    assert "Note: 1 row of late.csv repeats" in check(folder, "late.csv", *given).out
+
+
 def test_kept_limits_end_with_0(folder, check):
     given = (*PLANNED, "--path", "job.yaml")
     done = check(folder, *given)
@@ -236,3 +255,18 @@ def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     assert "floor" in {y for x in pairs for y in (x["first"], x["second"])}
     # A scene alone does not name the arm.
     assert check(tmp_path, "sweep.csv", "--scene", "scene.yaml").code == 2
+
+
+def test_degrees_in_columns_of_radians_are_asked_about(tmp_path, check):
+    t = np.linspace(0, 5, 501)
+    q = np.outer(3 * (t / 5) ** 2 - 2 * (t / 5) ** 3, [20, -60, 80, 20, 10, 5])
+    for unit, code in (("rad", 2), ("deg", 0)):
+        titles = "t [s]," + ",".join(f"q{k} [{unit}]" for k in range(1, 7))
+        write(tmp_path / "log.csv", titles, t, q)
+        done = check(tmp_path, "log.csv", "--arm", "ur5e")
+        assert done.code == code, done.out + done.errors
+        asked = done.errors.count("degrees: are they?")
+        assert asked == (unit == "rad") and ("'q3 [rad]' is 80 rad" in done.errors) == asked
+    # Radians that are only a little out of range are a violation.
+    write(tmp_path / "log.csv", titles.replace("deg", "rad"), t, q / 12)
+    assert check(tmp_path, "log.csv", "--arm", "ur5e").code == 1

@@ -6,7 +6,7 @@ import pytest
 import armcontour as ac
 
 ARM = ac.load_arm("pmk3s")
-LIMITS = ac.Limits(
+LIMITS = ac.Limits.only(
     joint_acceleration=[[-0.6, 0.7], [-0.6, 0.9]],
     joint_velocity=[[-0.8, 0.7], [-0.6, 0.8]],
     joint_jerk=1e3,
@@ -58,10 +58,10 @@ def measured(plan, path, limits=LIMITS):
 @pytest.mark.parametrize(("method", "places"), [("optimal", 11), ("conventional", 200)])
 def test_they_are_those_of_denser_places(method, places):
     # Limits of jerk are not planned for, but counted.
-    task = LIMITS.replace(joint_jerk=None, path_jerk=None)
+    task = LIMITS.replace(joint_jerk=np.inf, path_jerk=np.inf)
     path = ac.round_corners(PATH, tolerance=5e-3)
     if method == "conventional":
-        task, path = ac.Limits(speed=0.04), PATH
+        task, path = ac.Limits.only(speed=0.04), PATH
     plan = ac.plan(path, ARM, task, method=method)
     found = measured(plan, path)
     for name, ratio in dense(plan, places).items():

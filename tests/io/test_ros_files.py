@@ -162,13 +162,91 @@ def test_a_bag_of_moveit(tmp_path):
     assert read_trajectory(bag, ["shoulder", "elbow"]).q.tolist() == [[3.0, 1.0]]
 
 
+GOAL = "control_msgs/action/FollowJointTrajectory"
+# Definitions of bags name types of folders of their own in full.
+UUID = "unique_identifier_msgs/msg/UUID"
+GOALS = {
+    UUID: "uint8[16] uuid\n",
+    f"{GOAL}_Goal": "trajectory_msgs/msg/JointTrajectory trajectory\n",
+    f"{GOAL}_SendGoal_Request": f"{UUID} goal_id\n{GOAL}_Goal goal\n",
+    f"{GOAL}_SendGoal_Event": f"{GOAL}_SendGoal_Request[<=1] request\n",
+    "control_msgs/msg/FollowJointTrajectoryActionGoal": f"{GOAL}_Goal goal\n",
+}
+
+
+def _goal(x, kind, uuid):
+    """A goal of an action in a message of a kind; without a uuid, a response."""
+    points = [_point(x, [1, 2, 3])]
+    inner = x.JointTrajectory(header=_header(x, 0), joint_names=NAMES, points=points)
+    goal = x.FollowJointTrajectory_Goal(trajectory=inner)
+    name = kind.rpartition("/")[2]
+    if name.endswith("ActionGoal"):
+        return x.FollowJointTrajectoryActionGoal(goal=goal)
+    if name.endswith("_Goal"):
+        return goal
+    number = x.UUID(uuid=np.full(16, uuid or 0, dtype=np.uint8))
+    request = x.FollowJointTrajectory_SendGoal_Request(goal_id=number, goal=goal)
+    if name.endswith("_Request"):
+        return request
+    return x.FollowJointTrajectory_SendGoal_Event(request=[request] if uuid else [])
+
+
+def test_bags_of_goals_of_actions(tmp_path, monkeypatch):
+    # The writer shortens names of messages only.
+    monkeypatch.setattr("rosbags.typesys.store.denormalize_msgtype", lambda name: name)
+    for i, kind in enumerate(x for x in GOALS if x != UUID):
+        # Services record requests twice, and responses without a request.
+        uuids = [1, 1, None, None] if kind.endswith("_Event") else [1]
+        make = [partial(_goal, kind=kind, uuid=u) for u in uuids]
+        bag = _bag(tmp_path / f"bag{i}", {"/goal": (kind, make)}, GOALS)
+        assert read_trajectory(bag, ["shoulder", "elbow"]).q.tolist() == [[3.0, 1.0]], kind
+    make = [partial(_goal, kind=f"{GOAL}_SendGoal_Event", uuid=u) for u in (1, 2)]
+    bag = _bag(tmp_path / "two", {"/goal": (f"{GOAL}_SendGoal_Event", make)}, GOALS)
+    refusals(read_trajectory, [(bag, "more than one FollowJointTrajectory_SendGoal_Event")])
+
+
+TIMES = """
+{sec: 1, nanosec: 500000000}
+{secs: 1, nsecs: 500000000}
+{nsecs: 500000000, secs: 1}
+1.5
+1.5e+0
+"""
+
+
+def test_times_of_yaml_in_all_forms(read):
+    for time in TIMES.split("\n")[1:-1]:
+        text = f"joint_names: [a]\npoints: [{{positions: [1], time_from_start: {time}}}]"
+        np.testing.assert_allclose(read(text).t, [1.5], rtol=0, atol=1e-12, err_msg=time)
+    start = "joint_names: [a]\npoints: [{positions: [1], time_from_start: %s}]"
+    bad = ("soon", "'1.5'", "{sec: 1}", "{secs: 1, nanosec: 0}", "1e12", "[1, 2]", "true")
+    refusals(read, [(start % x, "point 1: time_from_start must be a number of") for x in bad])
+
+
+def test_names_with_a_prefix_and_new_names(tmp_path):
+    points = f"points: [{{positions: [1, 2, 3], {AT_ONCE}]"
+    (tmp_path / "a.yaml").write_text(f"joint_names: [left_b, left_a, right_a]\n{points}")
+    refusals(lambda x: read_trajectory(x, ["a", "b"]), [(tmp_path / "a.yaml", "-=*right_*")])
+    chosen = read_trajectory(tmp_path / "a.yaml", ["a", "b"], columns="-=right_*")
+    assert chosen.q.tolist() == [[2.0, 1.0]]
+    assert "left_a = a" in chosen.notes[0]
+    chosen = read_trajectory(tmp_path / "a.yaml", ["x", "b"], columns="x=right_a")
+    assert chosen.q.tolist() == [[3.0, 1.0]]
+    bag = _bag(tmp_path / "bag", {"/joint_states": _states()})
+    found = read_trajectory(bag, ["arm/shoulder", "arm/elbow"])
+    np.testing.assert_array_equal(found.q, Q[:, [2, 0]])
+    assert len(found.notes) == 1
+    log = _bag(tmp_path / "log", {"/c": _controller("reference", "feedback")}, {CONTROLLER: NEW})
+    assert read_log(log, columns="*_joint=*").joint_names == tuple(f"{x}_joint" for x in NAMES)
+
+
 OTHERS = f"""
 trajectory: [{INNER}, {INNER}] => holds 2 trajectories, but one
 a: 1 => no JointTrajectory ... joint_names and points
 joint_names: [a] | points: [] => without points
 joint_names: [a] | points: [{{positions: [1]}}] => point 1: ... time_from_start
 joint_names: [a] | points: [{{positions: [1], {AT_ONCE.replace("0}}", ".inf}}")}] => point 1:
-joint_names: [a] | points: [{{positions: [x], {AT_ONCE}] => point 1: ... could not convert
+joint_names: [a] | points: [{{positions: [x], {AT_ONCE}] => point 1: positions ... ['x']
 """
 
 

@@ -109,7 +109,7 @@ def test_layers_have_outputs_of_their_own():
     np.testing.assert_allclose(functions["power"](times), [1.0, 0.0, 0.0], atol=1e-6)
     np.testing.assert_array_equal(functions["gas"](times), [1.0, 3.0, 1.0])
     # A constant needs no assigned velocity.
-    only, lifted = dataclasses.replace(process, analog=()), LIMITS.replace(speed=None)
+    only, lifted = dataclasses.replace(process, analog=()), LIMITS.replace(speed=np.inf)
     found = analog_outputs(program, trajectory, only, lifted)["gas"](times)
     np.testing.assert_array_equal(found, [1.0, 3.0, 1.0])
 
@@ -143,7 +143,7 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_p
 
 
 def test_refuses_outputs_without_a_full_speed_and_odd_ones(plan):
-    lifted, own = LIMITS.replace(speed=None), dataclasses.replace(PROCESS, analog=(FLOW,))
+    lifted, own = LIMITS.replace(speed=np.inf), dataclasses.replace(PROCESS, analog=(FLOW,))
     assert list(analog_outputs(*plan, own, lifted)) == ["flow"]
     refused(
         (lambda: analog_outputs(*plan, PROCESS, lifted), "power", "contour 1", "limits.speed"),

@@ -130,7 +130,7 @@ def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
 
 def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):
     first, second = job.runs
-    fast = changed(first, limits=first.limits.replace(speed=None))
+    fast = changed(first, limits=first.limits.replace(speed=np.inf))
     bad = changed(first, rounding=Rounding(tolerance=5e-3, acceleration=0.0))
     refused(
         (lambda: ac.run(with_runs(job, fast)), "mac needs an assigned velocity"),

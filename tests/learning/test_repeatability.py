@@ -19,7 +19,9 @@ class Robot:
 
     def __init__(self, seed):
         self.arm, self.random = rods(), np.random.default_rng(seed)
-        limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(2)
+        limits = ac.Limits.only(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(
+            2
+        )
         self.plan = smooth(ac.plan(rounded(), self.arm, limits), 0.02)
         self.taught = ac.compensate(self.plan, SERVO, method="inverse")
         self.plant = ac.ServoPlant(self.arm, SERVO.replace(kp=GAINS), saturation="none")

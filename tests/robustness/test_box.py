@@ -112,7 +112,7 @@ SMALL = {
 def executed(u, taught, errors):
     """Joint positions on the rigid bodies, every drive cycle."""
     arm, known, servo = u.robot(errors)
-    limits = ac.Limits(joint_torque=[40.0, 40.0])
+    limits = ac.Limits.only(joint_torque=[40.0, 40.0])
     return ac.execute(taught, ac.RigidBodyPlant(arm, servo, limits, known=known), resolution=5e-4)
 
 
@@ -207,7 +207,7 @@ def test_the_bound_in_space_is_that_of_the_worst_of_all_corners(planar):
         assert np.linalg.norm(off) == pytest.approx(worst.bound[i], rel=1e-9)
 
 
-LIMITS = ac.Limits(joint_torque=[40.0, 40.0])
+LIMITS = ac.Limits.only(joint_torque=[40.0, 40.0])
 # Drives with a long cycle, of which a run takes a moment.
 COARSE = {"step": 1e-3}
 

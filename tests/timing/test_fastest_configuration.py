@@ -54,7 +54,7 @@ def test_no_plan_is_shorter_than_its_bound_and_all_come_the_fastest_first(traced
 def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypatch):
     # The speed of the tool bounds all of the path, whichever way the arm reaches it.
     arm, path = ac.load_arm("ur5e"), ac.Path.polyline(CORNERS[:2]).oriented(DOWN)
-    slow = arm.limits.replace(speed=0.02, tool_acceleration=0.2, joint_torque=None)
+    slow = arm.limits.replace(speed=0.02, tool_acceleration=0.2, joint_torque=np.inf)
     usual = next(trace_by_duration(path, arm, slow))
     assert len(usual) > 1
     rng = np.random.default_rng(4)
@@ -72,14 +72,14 @@ def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypa
 def test_bounds_in_closed_form():
     # One joint, 2 rad: up to speed within 0.5 rad, on for 1 rad, down within 0.5 rad.
     line = JointPath.spline([[0.0], [2.0]])
-    limits = ac.Limits(joint_velocity=[2.0], joint_acceleration=[4.0])
+    limits = ac.Limits.only(joint_velocity=[2.0], joint_acceleration=[4.0])
     assert bound_duration(line, limits) == pytest.approx(0.5 + 0.5 + 0.5, rel=1e-12)
     slower = limits.replace(joint_velocity=[[-1e-3, 2.0]], joint_acceleration=[[-2.0, 4.0]])
     assert bound_duration(line, slower) == pytest.approx(0.5 + 0.25 + 1.0, rel=1e-12)
     line = JointPath.spline([[0.0, 0.0], [2.0, 1.0], [3.0, 4.0]])
-    assert bound_duration(line, ac.Limits()) == 0.0
+    assert bound_duration(line, ac.Limits.only()) == 0.0
     # Velocities alone: the slower joint takes 4 rad at 2 rad/s.
-    fast = bound_duration(line, ac.Limits(joint_velocity=[10.0, 2.0]))
+    fast = bound_duration(line, ac.Limits.only(joint_velocity=[10.0, 2.0]))
     assert 0.98 * 2.0 < fast <= 2.0
 
 

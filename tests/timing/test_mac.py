@@ -13,7 +13,7 @@ NEAR, FAR = 0.2, 0.4  # m
 @pytest.fixture(scope="module")
 def scissors():
     """Equal links: on a line through the base joint 2 turns twice as fast as joint 1, always."""
-    limits = ac.Limits(joint_acceleration=LIMIT)
+    limits = ac.Limits.only(joint_acceleration=LIMIT)
     return ac.PlanarTwoLink(name="scissors", base=0.0, links=(LINK, LINK), limits=limits)
 
 
@@ -144,7 +144,7 @@ def test_corners_are_run_at_their_own_speed(arm, rounded, limits, mac):
         np.testing.assert_allclose(stretch.s, [x[number] for x in ends], atol=1e-12)
     # A wide one is not run faster than assigned. docs/method.md: (16) also needs v_t <= v_a.
     path = ac.round_corners(ac.Path.polyline([(0.2, 0.3), (0.3, 0.3), (0.36, 0.2)]), tolerance=5e-3)
-    slow = limits.replace(speed=0.02, centripetal_acceleration=None)
+    slow = limits.replace(speed=0.02, centripetal_acceleration=np.inf)
     (corner,) = (x for x in ac.plan(path, arm, slow, method="mac").stretches if x.kind == "corner")
     assert corner.speed == pytest.approx(0.02, rel=1e-6)
 
@@ -278,7 +278,7 @@ def path(points=POINTS):
 @pytest.mark.parametrize("name", ["ur5e", "ur10e", "panda"])
 def test_six_and_seven_joints(name):
     robot = ac.load_arm(name)
-    limits = robot.limits.replace(speed=0.2, centripetal_acceleration=0.5, joint_jerk=None)
+    limits = robot.limits.replace(speed=0.2, centripetal_acceleration=0.5, joint_jerk=np.inf)
     way = ac.trace(path(), robot)
     planned = ac.plan(way, robot, limits, method="mac")
     used = {x.name: x.ratio for x in ac.check(planned, robot, limits, points=5).uses}

@@ -273,7 +273,7 @@ def test_a_range_with_one_end_and_one_that_is_left_between_knots(ur5e):
     q = ac.trace(path, ur5e)(np.linspace(0, path.length, 50))
     lower = np.full(6, -np.inf)
     lower[0] = q[:, 0].max() + 0.5  # only a turn later
-    found = trace_all(path, ranged(ur5e, joint_lower=lower, joint_upper=None))
+    found = trace_all(path, ranged(ur5e, joint_lower=lower, joint_upper=np.inf))
     assert len(found) == 8
     assert all((x(np.linspace(0, path.length, 50))[:, 0] >= lower[0]).all() for x in found)
     # The largest value of a joint lies on the way; its range ends just below.
@@ -324,7 +324,7 @@ def test_five_joints_hold_a_tool_axis_but_no_orientation(refuses):
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     turns, positions = exp(random.normal(size=(5, 3))), 0.3 * random.normal(size=(5, 3))
     chain = Chain(joints=tuple("abcde"), rotations=turns, positions=positions, axes=axes)
-    arm = SerialArm(name="five", chain=chain, limits=ac.Limits(joint_velocity=1.0))
+    arm = SerialArm(name="five", chain=chain, limits=ac.Limits.only(joint_velocity=1.0))
     points, rotations = arm.pose(np.array([[0.3, 0.2, 0.5, 0.7, 0.1], [0.35, 0.25, 0.5, 0.7, 0.1]]))
     path = ac.Path.polyline(points)
     refuses(lambda: ac.trace(path.oriented(rotations), arm), ac.InvalidInput, "5 joints", "6")

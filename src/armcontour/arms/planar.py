@@ -159,6 +159,15 @@ class PlanarTwoLink(ChainArm):
         )
         return np.stack([q1, q2], axis=-1)
 
+    def branch_of(self, q: npt.ArrayLike) -> str:
+        """The one of `branches` to which joint positions belong.
+
+        Args:
+            q: Joint positions [rad], (2,).
+        """
+        bend = float(np.sin(_checks.shaped("joint positions", q, (2,), "rad")[1]))
+        return self.branches[0 if bend >= 0 else 1]
+
     def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
         """Joint velocities [rad/s] that give the tool the velocity `velocity`, eq. (28).
 

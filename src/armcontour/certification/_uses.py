@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.compensation import compensate
+from armcontour.compensation.compensator import teach
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.pieces import Piece, evaluated_times
 from armcontour.execution import Plant, RigidBodyPlant, ServoPlant, execute
@@ -107,7 +107,7 @@ class Robot:
 
     def teach(self, plan: Trajectory, period: float | None = None) -> TaughtData:
         """Taught data of a plan, every `period` or command interval of the run [s]."""
-        return compensate(
+        return teach(
             plan,
             self.model,
             method=self.run.compensation,

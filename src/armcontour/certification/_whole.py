@@ -197,7 +197,7 @@ class Assembly:
             with step.named():
                 found = self._plan(step, joined)
             joined.add(step, found)
-        trajectory = joined.trajectory()
+        trajectory = joined.trajectory().limited(self.robot.limits)
         contours = tuple(x for x in self._done if isinstance(x, PlannedContour))
         spans = trajectory.contour_spans
         taught, execution, judged, checked = self._execute(trajectory, contours)
@@ -253,7 +253,10 @@ class Assembly:
             found = self._recall(lambda: self._search(path, before))
         else:
             margin = self._margins.get(len(self._done), 1.0)
-            found = self._recall(lambda: plan_fastest_rapid(path, before, self.robot, margin))
+            speed = self.program.rapid_speed
+            found = self._recall(
+                lambda: plan_fastest_rapid(path, before, self.robot, margin, speed)
+            )
         assert not isinstance(found, float)
         return found.trajectory
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._describing import brief, line_up, mm, several
+from armcontour._describing import brief, clock, line_up, mm, several
 from armcontour._sampling import interpolate
 from armcontour._text import list_some
 from armcontour.arms import Arm
@@ -68,9 +68,10 @@ class PairClearance:
         """The pair, its distance and when, as a sentence."""
         near = "touch" if self.high <= 0 else f"come as near as {self.high * 1e3:.4g} mm"
         t = self.t if self.first_time is None else self.first_time
-        when = f"at t = {t:.4g} s" if self.first_time is None else f"first at t = {t:.4g} s"
+        when = f"{'' if self.first_time is None else 'first '}at t = {clock(t)} s"
         x, y, z = self.points[1] * 1e3
-        return f"{self.second} and {self.first} {near}, {when} near ({x:.4g}, {y:.4g}, {z:.4g}) mm"
+        place = f"({x:.4g}, {y:.4g}, {z:.4g}) mm in the work frame"
+        return f"{self.second} and {self.first} {near}, {when} near {place}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

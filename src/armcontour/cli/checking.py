@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour._describing import digits, joint_called
-from armcontour._text import show
+from armcontour._describing import clock, digits, joint_called
+from armcontour._text import list_some, show
 from armcontour.cli.console import Console
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ HEADINGS = (
 MOST_PLAIN = 1e6
 # Less noise [rad] is rounding: an encoder of 32 bits has steps of 1.5e-9 rad.
 LEAST_NOISE = 1e-9
+# Titles of columns that one line lists.
+MOST_NAMED = 8
 JOB_FILES = (".yaml", ".yml")
 # Exit code of every verdict; no error has the code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
@@ -63,7 +65,10 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     if not found.uses and found.path_deviation is None and clearance is None:
         raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
     if x.as_json:
-        page = _plain(found) | {"left_out": list(samples.left_out)}
+        page = _plain(found) | {
+            "left_out": list(samples.left_out),
+            "notes": list(samples.notes),
+        }
         if clearance is not None:
             page["clearance"] = clearance_summary(clearance)
         print(json.dumps(page, indent=2, allow_nan=False))
@@ -182,7 +187,30 @@ def _samples(trajectory: FilePath, arm: Arm, x: CheckOptions) -> TrajectoryFile:
             f"({', '.join(map(show, samples.joints))}), but the arm {arm.name} has {arm.dof} "
             f"({', '.join(arm.joint_names)}): give all of them, or the arm of the file with --arm."
         )
+    _refuse_degrees(samples, arm)
     return _with_noise(samples, x.noise)
+
+
+def _refuse_degrees(samples: TrajectoryFile, arm: Arm) -> None:
+    """Refuse positions far out of the joint ranges that are within them if they are degrees.
+
+    Raises:
+        InvalidInput: There are such positions.
+    """
+    from armcontour.errors import InvalidInput
+
+    low, high = arm.limits.joint_range(arm.dof)
+    beyond = np.maximum(samples.q - high, low - samples.q)
+    row, joint = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+    turned = np.radians(samples.q)
+    if beyond[row, joint] <= 2 * math.pi or (turned < low).any() or (turned > high).any():
+        return
+    raise InvalidInput(
+        f"{samples.source}: {show(samples.joints[joint])} is {samples.q[row, joint]:.4g} rad at "
+        f"t = {samples.t[row]:.4g} s, more than a turn out of its range, but all joints of the "
+        f"{arm.name} are within their ranges if the positions are degrees: are they? Then give "
+        "all positions and rates that unit, such as q1 [deg] and dq1 [deg/s]."
+    )
 
 
 def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
@@ -217,9 +245,10 @@ def _on_the_file(samples: TrajectoryFile, found: Check, *, declared: bool) -> li
     lines = []
     if samples.left_out:
         lines.append(
-            f"Left out of {samples.source}, since they are not known: "
-            f"{', '.join(map(show, samples.left_out))}."
+            f"Left out of {samples.source}: "
+            f"{list_some([show(x) for x in samples.left_out], MOST_NAMED)}."
         )
+    lines += [f"Note: {x}" for x in samples.notes]
     noise = _noise(samples.q)
     if (
         found.violated
@@ -315,7 +344,7 @@ def _cells(unit: str, x: Occurrence) -> tuple[str, ...]:
         f"{x.slack:.1g}",
         f"{x.value:.6g} {unit}",
         f"{x.limit:.6g} {unit}" if math.isfinite(x.limit) else "none",
-        f"{x.t:.6g}",
+        clock(x.t, 6),
         "" if x.joint is None else str(x.joint + 1),
     )
 
@@ -329,7 +358,8 @@ def _print(found: Check, arm: Arm, remarks: list[str]) -> None:
         if certain[0] != highest[0]:
             rows.append(("  numbers as printed", *highest, ""))
     console = Console()
-    console.show_table(HEADINGS, rows, left=(0, len(HEADINGS) - 1))
+    whole = (0, HEADINGS.index("t [s]"))
+    console.show_table(HEADINGS, rows, left=(0, len(HEADINGS) - 1), whole=whole)
     lines = [found.reconstruction]
     named = sorted({x.joint + 1 for x in found.uses if x.joint is not None})
     called = [joint_called(x, arm.joint_names) for x in named]
@@ -346,8 +376,8 @@ def _print(found: Check, arm: Arm, remarks: list[str]) -> None:
     if found.path_deviation is not None:
         far = found.path_deviation
         lines.append(
-            f"Largest distance from the path: {far.distance * 1e3:.6g} mm at t = {far.t:.6g} s, "
-            f"s = {far.s:.6g} m."
+            f"Largest distance from the path: {far.distance * 1e3:.6g} mm at "
+            f"t = {clock(far.t, 6)} s, s = {far.s:.6g} m."
         )
     if found.not_judged:
         names = ", ".join(found.not_judged)

@@ -35,6 +35,7 @@ class Console:
         *,
         title: str | None = None,
         left: Collection[int] = (0,),
+        whole: Collection[int] = (0,),
     ) -> None:
         """Print a table.
 
@@ -43,6 +44,7 @@ class Console:
             rows: Cells, row by row.
             title: A line above the table.
             left: Indices of columns that are aligned left; others are aligned right.
+            whole: Indices of columns whose cells are not folded if they have a usual length.
         """
         from rich.markup import escape
         from rich.table import Table
@@ -53,8 +55,8 @@ class Console:
         for i, heading in enumerate(headings):
             # Long names are folded, not cut; usual names of runs and joints stay on one line.
             justify: Literal["left", "right"] = "left" if i in left else "right"
-            whole = i == 0 and max((len(x[i]) for x in lines), default=0) <= USUAL_NAME
-            table.add_column(escape(heading), justify=justify, overflow="fold", no_wrap=whole)
+            usual = i in whole and max((len(x[i]) for x in lines), default=0) <= USUAL_NAME
+            table.add_column(escape(heading), justify=justify, overflow="fold", no_wrap=usual)
         for row in lines:
             table.add_row(*(escape(x) for x in row))
         self._rich.print(table)
@@ -68,6 +70,12 @@ def say_at_once(text: str) -> None:
     """Print a line without loading what draws tables, which takes longer than some starts."""
     sys.stdout.write(f"{to_line(text)}\n")
     sys.stdout.flush()
+
+
+def show_notes(notes: Iterable[str]) -> None:
+    """Print notes on files that were read, apart from the results."""
+    for note in notes:
+        sys.stderr.write(f"Note: {to_line(note)}\n")
 
 
 def open_page(page: FilePath) -> None:

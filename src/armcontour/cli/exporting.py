@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from armcontour._describing import digits, several
+from armcontour._files import MEGABYTE
 from armcontour.cli.quantities import read_option
 
 if TYPE_CHECKING:
@@ -122,9 +124,9 @@ class Exports:
 
     def warn_of_events(self, target: Target, table: Table) -> list[str]:
         """Sentences on outputs that one of the files does not switch."""
-        from armcontour.io.exports import describe_unswitched
+        from armcontour.io.exports import describe_program
 
-        return describe_unswitched(
+        return describe_program(
             table,
             target.name,
             self.outputs_of(target),
@@ -321,8 +323,11 @@ def _title(job: Job, label: str) -> str:
 
 def write_exports(
     folder: ResultFolder, job: Job, name: str, result: RunResult, x: Exports
-) -> list[str]:
-    """Export taught data and plan of one run to the result folder; returns warnings."""
+) -> tuple[list[str], list[str]]:
+    """Export taught data and plan of one run to the result folder.
+
+    Returns sentences on the files with their sizes, and warnings.
+    """
     from armcontour.io.exports import HAVE_ANALOG, make_table, takes_analog
     from armcontour.jobs import analog_outputs
 
@@ -333,7 +338,7 @@ def write_exports(
         for y in x.targets
         if analog and not takes_analog(y.kind)
     ]
-    options = x.table_options(job.arm)
+    options, written = x.table_options(job.arm), list[str]()
     made: dict[tuple[str, float], Table] = {}
     for target in x.targets:
         tables: dict[str, tuple[TaughtData | Trajectory, float]]
@@ -346,7 +351,8 @@ def write_exports(
                 data, name=title, period=period, analog=analog, **options
             )
             made[label, period] = table
-            folder.place(f"{name}/export/{label}{target.ending}", partial(x.write, target, table))
+            place = f"{name}/export/{label}{target.ending}"
+            written.append(f"Exported {place}: {_place(folder, place, x, target, table)}.")
         if target.kind in JOINED_BY_QUINTICS:
             if x.derivatives == 0 and job.arm.name.lower().startswith("ur"):
                 warnings.append(
@@ -356,7 +362,26 @@ def write_exports(
             warnings += _warn_of_jumps(target, table, result.run.limits, name)
         for said in x.warn_of_events(target, table):
             warnings.append(f"{target.option}, run {name}: {said}")
-    return warnings
+    return written, warnings
+
+
+def _place(folder: ResultFolder, place: str, x: Exports, target: Target, table: Table) -> str:
+    """Write a table to the result folder; returns its size in words."""
+    sizes: list[str] = []
+
+    def write(file: FilePath) -> None:
+        x.write(target, table, file)
+        sizes.append(_size(table, file))
+
+    folder.place(place, write)
+    return sizes[0]
+
+
+def _size(table: Table, file: FilePath) -> str:
+    """Number of points and size of a file or folder, in words."""
+    parts = [file] if file.is_file() else [y for y in file.rglob("*") if y.is_file()]
+    size = sum(y.stat().st_size for y in parts)
+    return f"{several(len(table.t), 'point')}, {digits(max(size / MEGABYTE, 1e-3), 2)} MB"
 
 
 def _warn_of_jumps(target: Target, table: Table, limits: Limits, name: str) -> list[str]:
@@ -437,7 +462,7 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
             "their values: export them with armcontour run."
         )
     Console().say(
-        f"Exported {what} of run {run.name}: {len(table.t)} points, {table.duration:.4f} s: {file}"
+        f"Exported {what} of run {run.name}: {_size(table, file)}, {table.duration:.4f} s: {file}"
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armcontour._describing import digits, mm, several
-from armcontour.cli.console import Console, open_page
+from armcontour.cli.console import Console, open_page, show_notes
 
 if TYPE_CHECKING:
     from armcontour.arms import Arm
@@ -86,7 +86,7 @@ def _read(log: FilePath, x: IdentifyOptions) -> Log:
     from armcontour.io.log_file import read_log
 
     start, end = read_window(x.start, x.end)
-    return read_log(
+    found = read_log(
         log,
         start=start,
         end=end,
@@ -94,6 +94,8 @@ def _read(log: FilePath, x: IdentifyOptions) -> Log:
         columns=x.columns,
         topic=x.topic,
     )
+    show_notes(found.notes)
+    return found
 
 
 def _identify_servo(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, TypeVar
 
 from armcontour._progress import Progress, Step, under
-from armcontour.cli.console import Console, open_page
+from armcontour.cli.console import Console, open_page, show_notes
 from armcontour.cli.opening import open_job
 from armcontour.cli.progress import search_progress
 from armcontour.cli.quantities import read_window
@@ -201,6 +201,7 @@ def _read(
         columns=x.columns,
         topic=x.topic,
     )
+    show_notes(log.notes)
     tool = None
     if x.tool_positions is not None:
         tool = read_tool_positions(x.tool_positions, job.program.dimension)

@@ -145,7 +145,8 @@ def run_job(
             notes: list[str] = []
             if exports:
                 for name, result in study.runs.items():
-                    notes += write_exports(folder, job, name, result, exports)
+                    written, warnings = write_exports(folder, job, name, result, exports)
+                    notes += [*written, *(f"Warning: {x}" for x in warnings)]
             if simulate:
                 from armcontour.report import render_report
 
@@ -196,8 +197,10 @@ def _print_plans(study: Study, out: FilePath, notes: Sequence[str]) -> None:
         )
         for note in x.remarks:
             console.say(note)
-    for note in (*warnings_of(study.runs.values()), *notes):
+    for note in warnings_of(study.runs.values()):
         console.say(f"Warning: {note}")
+    for note in notes:
+        console.say(note)
     for note in study.job.arm.notes:
         console.say(f"Note: {note}")
     console.say(f"Taught data: {out.resolve()}")
@@ -221,7 +224,7 @@ def _print_results(study: Study, notes: Sequence[str]) -> None:
         if result.failure is not None:
             lines.append(f"Run {name}: {result.failure}")
         lines += result.remarks
-    lines += [f"Warning: {x}" for x in (*warnings_of(study.runs.values()), *notes)]
+    lines += [*(f"Warning: {x}" for x in warnings_of(study.runs.values())), *notes]
     lines += [f"Note: {x}" for x in study.job.arm.notes]
     if has_experiment and (assumed := assumed_numbers(study.job.arm)):
         lines.append(f"Masses: {assumed}")
@@ -238,7 +241,7 @@ def _cells(result: RunResult) -> list[str]:
     on_servo = [*_errors(e), "-" if unlimited else f"{e.demand_ratio.max():.4f}"]
     return [
         f"{e.duration:.4f}",
-        f"{result.judged.settled:.3f}",
+        f"{result.judged.settled:.4f}",
         *(on_servo if result.judged is e else ["-"] * len(on_servo)),
         "-" if free else f"{e.jerk_ratio.max():.4f}",
         f"{e.missed.max * 1e3:.4f}",

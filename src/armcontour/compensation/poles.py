@@ -89,7 +89,10 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
 
 @_checks.checked
 def fastest_poles(
-    servo: ServoModel, trajectory: Trajectory, limits: Limits, period: float = 4e-3
+    servo: ServoModel,
+    trajectory: Trajectory,
+    limits: Limits | None = None,
+    period: float = 4e-3,
 ) -> FloatArray:
     """The fastest poles whose taught data does not saturate the servo.
 
@@ -101,7 +104,7 @@ def fastest_poles(
     Args:
         servo: Servo model of order "second".
         trajectory: Trajectory that the joints should follow.
-        limits: Limits with the joint accelerations of the servo.
+        limits: Limits with the joint accelerations of the servo, in place of those of the plan.
         period: Command interval [s].
 
     Returns:
@@ -115,7 +118,7 @@ def fastest_poles(
             "second".
     """
     interval = check_interval(period)
-    bounds = _needed_bounds(limits, trajectory.dof)
+    bounds = _needed_bounds(trajectory.limits_for(limits), trajectory.dof)
     model = servo.for_joints(trajectory.dof)
     kv = _second_order(model)
 
@@ -143,7 +146,7 @@ def _needed_bounds(limits: Limits, dof: int) -> tuple[FloatArray, FloatArray]:
             "The fastest poles are those that do not saturate: give joint_acceleration.",
             limit="joint_acceleration",
         )
-    return limits.for_joints(dof).acceleration_bounds(dof)
+    return limits.acceleration_bounds(dof)
 
 
 def _demand_share(

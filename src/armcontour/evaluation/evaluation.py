@@ -25,7 +25,7 @@ from armcontour._describing import (
     several,
     to_html,
 )
-from armcontour.arms import Limits, choose_limits
+from armcontour.arms import Limits, resolve_limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
@@ -262,7 +262,7 @@ def evaluate(
         path: The path that the tool was to follow, or the program that was planned.
         objective: The path or program before rounding or shaping; needed for `objective_error`,
             `objective_missed` and `corners`.
-        limits: The limits; by default the arm's own.
+        limits: Limits in place of those of the plan.
         until: End of the time that errors cover [s]. By default largest errors cover the whole
             execution, and root mean squares the time until the planned motion has ended and the
             tool stays below 1 mm/s. Not allowed for a program of more than one path.
@@ -280,8 +280,8 @@ def evaluate(
         raise InvalidInput(
             "until is for one path: the contours of a program are judged while they are worked on."
         )
-    bounds = choose_limits("evaluate", executed.arm, limits)
     trajectory = executed.taught.trajectory
+    bounds = resolve_limits("evaluate", executed.arm, limits, trajectory.limits)
     t, speed, duration = executed.t, executed.tool_speed, trajectory.duration
     moved = (t >= 0) & (t <= duration)
     settled = settling_time(executed, speed)

@@ -364,14 +364,15 @@ class Piece:
 
 
 def settling_time(executed: Execution, speed: FloatArray) -> float:
-    """Time after which the tool stays at rest [s].
+    """Time after which the tool stays at rest [s], not before the end of the plan.
 
     Args:
         executed: The execution.
         speed: Its tool speeds [m/s], (n,).
     """
     moving = np.flatnonzero(speed > REST_SPEED)
-    return float(executed.t[moving[-1]]) if len(moving) else 0.0
+    last = float(executed.t[moving[-1]]) if len(moving) else 0.0
+    return max(last, executed.taught.trajectory.duration)
 
 
 def common_delay(executed: Execution) -> float:
@@ -403,7 +404,7 @@ def evaluated_times(executed: Execution, until: float | None) -> tuple[float, fl
     if until is not None:
         return until, until
     # Rest at the end would reduce the root mean square, but a slow tool can still leave the path.
-    end = max(executed.taught.trajectory.duration, settling_time(executed, executed.tool_speed))
+    end = settling_time(executed, executed.tool_speed)
     return max(end, float(executed.t[-1])), end
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._describing import clock
 from armcontour.arms import Arm, Limits, SerialArm
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.arms.limits import by_direction
@@ -120,7 +121,7 @@ class LimitUse(Occurrence):
             f"{self.ratio:.4f}" if self.ratio < MOST_PLAIN else f"{self.ratio:.4g}",
             f"{self.value:.5g}",
             f"{self.limit:.5g} {self.unit}" if np.isfinite(self.limit) else "none",
-            f"{self.t:.4g} s",
+            f"{clock(self.t)} s",
             "" if self.joint is None else str(self.joint + 1),
             self.verdict,
         )

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from armcontour._describing import clock
 from armcontour.errors import InvalidInput
 from armcontour.identification.fitting import noise_of
 from armcontour.motion.log import Log
@@ -56,7 +57,7 @@ def refuse_fast(log: Log) -> None:
         if speeds[i] > FASTEST:
             raise InvalidInput(
                 f"{log.source}: {log.joint_names[j]} moves at {speeds[i]:.3g} rad/s at t = "
-                f"{log.t[i]:.3g} s, but no joint is faster than {FASTEST:g} rad/s: give the "
+                f"{clock(log.t[i])} s, but no joint is faster than {FASTEST:g} rad/s: give the "
                 "columns the units that they have, such as t [s].",
                 joint=j,
                 t=float(log.t[i]),

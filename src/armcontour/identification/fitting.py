@@ -57,13 +57,17 @@ class Search(NamedTuple):
     interval: float
     cycle: float
 
+    @property
+    def fastest(self) -> float:
+        """Largest velocity gain of the search [1/s]."""
+        return 1 / self.cycle if self.cycle else max(50.0, 1 / self.interval)
+
     def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
         """Bounds of the parameters of a model, logarithms for LOGARITHMIC, (m,) each."""
-        fastest = 1 / self.cycle if self.cycle else max(50.0, 1 / self.interval)
         slowest = min(1000.0, 1 / self.cycle) if self.cycle else 1000.0
         lead = 3.0 if model.order == "second" else 0.3
         ranges = JointServo(
-            (0.1, slowest), (0.5, fastest), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
+            (0.1, slowest), (0.5, self.fastest), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
             (0.01, 1e5), (0.0, 0.1),
         )  # fmt: skip
         found = np.array([getattr(ranges, x) for x in model.free]).T

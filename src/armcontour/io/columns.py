@@ -13,7 +13,8 @@ from armcontour.io.number_table import NUMBER
 from armcontour.io.units import parse
 
 Key = TypeVar("Key", bound=Hashable)
-_BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]")
+# A number in brackets, as in q[0], is an index and no unit.
+_BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>(?!\d*[\])])[^\])]*)[\])]")
 # Title of a column that is not needed.
 SKIPPED = "-"
 # For pint an angle is a plain number, so that "1/s" would be accepted as "rad/s".
@@ -44,9 +45,10 @@ def read_titles(
     *,
     where: str,
     example: str,
-    key_of: Callable[[str, bool], tuple[Key, str | None] | None],
+    key_of: Callable[[str, bool], tuple[Key, str | None] | tuple[Key, str | None, int] | None],
     si_of: Callable[[Key], str | None],
     unknown: Callable[[str], None],
+    option: str = "",
 ) -> dict[Key, Column[Key]]:
     """Read the titles of columns.
 
@@ -56,10 +58,12 @@ def read_titles(
         titles: All titles.
         where: File and line of the titles, for messages.
         example: Valid titles, for messages.
-        key_of: Takes a name, and whether a unit in brackets follows. Gives the quantity, and the
-            unit in the name; None for an unknown name.
+        key_of: Takes a name, and whether a unit in brackets follows. Gives the quantity, the unit
+            in the name, and perhaps a rank; None for an unknown name. Of columns of one quantity,
+            the one of the lowest rank is used.
         si_of: Takes a quantity and gives its SI unit; None if it has none.
-        unknown: Called with every unknown title but SKIPPED; may raise an error.
+        unknown: Called with every title that is not used but SKIPPED; may raise an error.
+        option: The option that names the columns, for messages.
 
     Returns:
         The known columns by their quantities, in their order.
@@ -70,6 +74,7 @@ def read_titles(
     if all(NUMBER.fullmatch(x) for x in titles):
         raise InvalidInput(f"{where}: the first line must name the columns, such as {example}.")
     found: dict[Key, Column[Key]] = {}
+    ranks: dict[Key, int] = {}
     for index, title in enumerate(titles):
         match = _BRACKETS.fullmatch(title)
         name, unit = (match["name"], match["unit"]) if match else (title, None)
@@ -78,14 +83,20 @@ def read_titles(
             if title != SKIPPED:
                 unknown(title)
             continue
-        key, suffix = known
+        key, suffix = known[:2]
+        rank = known[2] if len(known) == 3 else 0
         if unit is not None and suffix is not None:
             raise InvalidInput(f"{where}: the column {show(title)} has two units: leave one out.")
+        if key in found and rank == ranks[key]:
+            fix = f": leave one out, such as with {option} '{SKIPPED}={title}'" if option else ""
+            raise InvalidInput(f"{where}: {_describe_twice(found[key].title, title)}{fix}.")
         if key in found:
-            raise InvalidInput(f"{where}: {_describe_twice(found[key].title, title)}.")
+            unknown(title if rank > ranks[key] else found[key].title)
+            if rank > ranks[key]:
+                continue
         unit = suffix if unit is None else unit
         factor = 1.0 if unit is None else _factor(unit, si_of(key), title, where)
-        found[key] = Column(key, index, title, unit, factor)
+        found[key], ranks[key] = Column(key, index, title, unit, factor), rank
     return found
 
 

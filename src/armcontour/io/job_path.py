@@ -27,6 +27,7 @@ from armcontour.io.problems import place
 from armcontour.io.scene import rotation_of
 from armcontour.program import Contour, Program, contour_called
 from armcontour.program.moves import name_copy
+from armcontour.program.tools import part_of_tool
 
 # Keys that are arguments of `read_path`.
 READING = (
@@ -92,7 +93,7 @@ def unplaced_path(
         read = read_drawing(model, model.file, folder, progress) if drawing is None else drawing
         return _drawn(model, read, dimension)
     written = any(x is not None for x in (model.points, model.segments, model.spline))
-    options = (*READING, "repeat", *(() if written else ("frame",)))
+    options = (*READING, "repeat", "tool", *(() if written else ("frame",)))
     for x in dataclasses.fields(model):
         if x.name in options and getattr(model, x.name) != x.default:
             raise InvalidInput(
@@ -176,6 +177,8 @@ def read_drawing(
 
 def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
     """Repeat a drawing, lift it to space and orient the tool, as far as the job wants."""
+    if model.tool is not None:
+        program = part_of_tool(program, model.tool)
     if model.repeat is not None:
         program = _repeat(program, model.repeat, model.names)
     if dimension == 2:

@@ -4,61 +4,36 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._describing import several
 from armcontour._files import LARGE, read_text
-from armcontour._text import show
+from armcontour._text import list_some, show
 from armcontour.errors import InvalidInput
-from armcontour.io.columns import Column, read_titles
-from armcontour.io.number_table import CsvTable, read_columns, split_csv
+from armcontour.io.joint_table import (
+    JointColumns,
+    describe_match,
+    match_joints,
+    read_joint_columns,
+    read_joint_samples,
+)
+from armcontour.io.joint_titles import Key
 from armcontour.io.ros_files import is_ros_file, read_ros_log
 from armcontour.motion.log import INTERPOLATIONS, Log, cut
 
 if TYPE_CHECKING:
     from armcontour.learning import Recording
 
-COMMAND = ("command", "commanded", "cmd", "u", "setpoint", "target", "reference", "ref", "desired")
-MEASURED = ("measured", "meas", "actual", "feedback", "encoder")
-# A position without another word is the measured one.
-POSITION = ("q",)
-TIME = ("t", "time", "timestamp")
-# Words in titles that are neither the name of a joint nor its role.
-PLAIN = ("joint", "axis", "j", "position", "pos", "q")
-# Quantities in other columns of a log, which are not needed.
-OTHERS = (
-    "dq",
-    "ddq",
-    "qd",
-    "qdd",
-    "velocity",
-    "vel",
-    "speed",
-    "acceleration",
-    "acc",
-    "torque",
-    "effort",
-    "current",
-    "moment",
-    "force",
-    "tau",
-    "tcp",
-    "pose",
-    "voltage",
-    "temperature",
-)
-UNITS = ("rad", "deg", "mrad", "degree", "degrees", "radian", "radians")
-TIMES = ("s", "ms", "us", "sec", "seconds")
-TIMES_OF = ("t", "")
 EXAMPLE = "t,u1,q1,u2,q2 or t [s],command 1 [deg],measured 1 [deg]"
-TITLES = f"{EXAMPLE}; without such a line, name them with --columns"
-_WORDS = re.compile(r"[^\W\d_]+|\d+")
+# Titles that one message lists.
+MOST_NAMED = 8
 _INTERPOLATION = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)\s*", re.IGNORECASE)
-# "t", "command" or "measured", and the name of the joint; empty for the time.
-_Key = tuple[str, str]
+BOTH = ("command", "measured")
 
 
 @_checks.checked
@@ -75,10 +50,11 @@ def read_log(
 
     The first line of CSV names the columns: `t`, and for every joint a command such as `u1`,
     `command 1`, `q1_cmd`, `shoulder command`, and a measured position such as `q1`, `measured 1`,
-    `q1_actual`, `shoulder measured`. Units are SI unless in brackets or a suffix: `t [ms]`,
-    `command 1 [deg]`, `q1_deg`. Other columns are left out. Separators are commas, semicolons or
-    tabs. Lines that start with # are comments; the comment `# interpolation: step` gives the
-    interpolation between set-points.
+    `q1_actual`, `shoulder measured`; or as PlotJuggler, UR's RTDE client, KUKA's RSI, ABB's EGM and
+    libfranka name them. Units are SI unless in brackets or a suffix: `t [ms]`, `command 1 [deg]`,
+    `q1_deg`, or in a second line. Other columns, and those without a partner, are left out.
+    Separators are commas, semicolons, tabs or blanks. Lines that start with # are comments; the
+    comment `# interpolation: step` gives the interpolation between set-points.
 
     Of a bag, of storage mcap or sqlite3, the state of a joint trajectory controller is read: its
     reference (or desired) and feedback (or actual) positions. Its times begin at zero.
@@ -89,7 +65,8 @@ def read_log(
         end: Last time to use [s].
         unwrap: Whether to undo jumps of whole turns.
         columns: Names of the columns of CSV without a first line for them, separated by commas;
-            `-` for a column that is not needed.
+            `-` for a column that is not needed. Or new names of some columns (of a bag, of joints):
+            `q1 [deg]=axis_1`, `q# [deg]=axis_#` for every number, `-=tool_*` for any text.
         topic: Topic of a bag; by default the only one of its type.
 
     Raises:
@@ -97,12 +74,10 @@ def read_log(
     """
     place = _checks.read_place("read_log", file)
     if is_ros_file(place):
-        if columns is not None:
-            raise InvalidInput(f"{place.name} is a file of ROS, which has no columns to name.")
-        found = read_ros_log(place, topic)
+        found = read_ros_log(place, topic, columns)
         return cut(
             found.t, found.arrays["command"], found.arrays["q"], start, end, found.names,
-            source=place.name, unwrap=unwrap,
+            source=place.name, unwrap=unwrap, notes=found.notes,
         )  # fmt: skip
     if topic is not None:
         raise InvalidInput(f"{place.name} is CSV, which has no topics: leave --topic out.")
@@ -126,23 +101,26 @@ def parse_log(
     Raises:
         InvalidInput: As in `read_log`.
     """
-    table = split_csv(text, source, columns)
-    known = _read_roles(table)
-    joints = _pair(known, table.heading)
-    keys = [TIMES_OF, *(("command", x) for x in joints), *(("measured", x) for x in joints)]
-    values = _read_values(table, known, keys)
-    dof = len(joints)
-    return cut(
-        values[:, 0],
-        values[:, 1 : dof + 1],
-        values[:, dof + 1 :],
-        start,
-        end,
-        [f"joint {x}" if x.isdigit() else x for x in joints],
+    found = read_joint_columns(text, source, columns)
+    return _log(found, text, start=start, end=end, unwrap=unwrap)[0]
+
+
+def _log(found: JointColumns, text: str, **window: Any) -> tuple[Log, list[str]]:
+    """The log of joints with a command and a measured position, and their names in the table."""
+    joints, notes = _pair(found)
+    samples = read_joint_samples(found, [Key("q", role, x) for role in BOTH for x in joints])
+    command, measured = np.hsplit(samples.values, 2)
+    log = cut(
+        samples.t,
+        command,
+        measured,
+        joint_names=[f"joint {x}" if x.isdigit() else x for x in joints],
         interpolation=_find_interpolation(text.splitlines()),
-        source=source,
-        unwrap=unwrap,
+        source=found.table.source,
+        notes=(*notes, *samples.notes),
+        **window,
     )
+    return log, joints
 
 
 def read_run_log(
@@ -158,7 +136,7 @@ def read_run_log(
     """Read the log of one run of a robot, from which the next is learned.
 
     It is a log as `read_log` takes it, or CSV with measured positions alone. Joints with the names
-    of the arm are put in the order of the arm; others stay in theirs.
+    of the arm, also with a prefix, are put in the order of the arm; others stay in theirs.
 
     Args:
         file: As in `read_log`.
@@ -175,76 +153,61 @@ def read_run_log(
     place = FilePath(file)
     if not is_ros_file(place) and topic is None:
         text = read_text(file, "log", most=LARGE, latin=True)
-        table = split_csv(text, place.name, columns)
-        known = _read_roles(table)
-        if TIMES_OF in known and known.keys() - {TIMES_OF} and not _has_commands(known):
-            return _read_positions(table, known, joint_names, start, end, unwrap)
-    found = read_log(file, start=start, end=end, unwrap=unwrap, columns=columns, topic=topic)
-    found.refuse_gaps()
-    order = _arm_order(found.joint_names, joint_names)
+        found = read_joint_columns(text, place.name, columns, joint_names)
+        if found.joints("q", "measured") and not found.joints("q", "command"):
+            return _read_positions(found, joint_names, start, end, unwrap)
+        log, joints = _log(found, text, start=start, end=end, unwrap=unwrap)
+    else:
+        log = read_log(file, start=start, end=end, unwrap=unwrap, columns=columns, topic=topic)
+        joints = list(log.joint_names)
+    log.refuse_gaps()
+    order, matched = _arm_order(joints, joint_names, log.source, log.notes)
     return Log(
-        t=found.t,
-        command=found.command[:, order],
-        measured=found.measured[:, order],
-        joint_names=tuple(found.joint_names[i] for i in order),
-        interpolation=found.interpolation,
-        source=found.source,
+        t=log.t,
+        command=log.command[:, order],
+        measured=log.measured[:, order],
+        joint_names=tuple(log.joint_names[i] for i in order),
+        interpolation=log.interpolation,
+        source=log.source,
+        notes=(*log.notes, *matched),
     )
 
 
 def _read_positions(
-    table: CsvTable,
-    known: Mapping[_Key, Column[_Key]],
-    joint_names: Sequence[str],
-    start: float,
-    end: float,
-    unwrap: bool,
+    found: JointColumns, joint_names: Sequence[str], start: float, end: float, unwrap: bool
 ) -> Recording:
     """Measured positions of a log without commands."""
     from armcontour.learning import Recording
 
-    joints = _sorted([joint for role, joint in known if role == "measured"])
-    values = _read_values(table, known, [TIMES_OF, *(("measured", x) for x in joints)])
-    q = values[:, 1:]
+    source, joints = found.table.source, found.joints("q", "measured")
+    samples = read_joint_samples(found, [Key("q", "measured", x) for x in joints])
+    q = samples.values
     # A log refuses wrapped angles and numbers that no joint has.
-    found = cut(
-        values[:, 0], q, q, start, end, joints, source=table.source, unwrap=unwrap
-    )  # fmt: skip
-    found.refuse_gaps()
-    order = _arm_order(joints, joint_names)
-    return Recording(t=found.t, q=found.measured[:, order], source=table.source)
+    log = cut(samples.t, q, q, start, end, joints, source=source, unwrap=unwrap)
+    log.refuse_gaps()
+    order, matched = _arm_order(joints, joint_names, source)
+    notes = (*samples.notes, *matched)
+    return Recording(t=log.t, q=log.measured[:, order], source=source, notes=notes)
 
 
-def _arm_order(own: Sequence[str], joint_names: Sequence[str]) -> list[int]:
-    """Where the joints of an arm are among those of a log; all in their order if names differ."""
-    if set(joint_names) <= set(own):
-        return [own.index(x) for x in joint_names]
-    return list(range(len(own)))
+def _arm_order(
+    own: Sequence[str], joint_names: Sequence[str], source: str, notes: Sequence[str] = ()
+) -> tuple[list[int], list[str]]:
+    """Where the joints of an arm are among those of a log, all in their order if names differ.
 
-
-def _has_commands(known: Mapping[_Key, Column[_Key]]) -> bool:
-    """Whether a log has a command of any joint."""
-    return any(role == "command" for role, _ in known)
-
-
-def _read_roles(table: CsvTable) -> dict[_Key, Column[_Key]]:
-    """The columns that are needed, by role and joint."""
-    return read_titles(
-        table.names,
-        where=table.heading,
-        example=TITLES,
-        key_of=_column_role,
-        si_of=lambda key: "s" if key == TIMES_OF else "rad",
-        unknown=lambda title: None,
-    )
-
-
-def _read_values(
-    table: CsvTable, known: Mapping[_Key, Column[_Key]], keys: Sequence[_Key]
-) -> FloatArray:
-    """Columns in SI units, (samples, keys)."""
-    used = [known[key] for key in keys]
-    return read_columns(table, [x.index for x in used])[0] * [x.factor for x in used]
+    Raises:
+        InvalidInput: Names differ, and there are more or fewer joints.
+    """
+    order = match_joints(own, joint_names, source)
+    if order is not None:
+        return order, describe_match(own, joint_names, order)
+    if len(own) != len(joint_names):
+        raise InvalidInput(
+            f"{source} has {several(len(own), 'joint')} ({list_some(own, MOST_NAMED)}), but the "
+            f"arm has {len(joint_names)} ({list_some(joint_names, MOST_NAMED)}). "
+            f"{' '.join(notes) or 'Name its columns with --columns.'}"
+        )
+    return list(range(len(own))), []
 
 
 def _find_interpolation(lines: Sequence[str]) -> str | None:
@@ -256,60 +219,35 @@ def _find_interpolation(lines: Sequence[str]) -> str | None:
     return None
 
 
-def _column_role(name: str, has_unit: bool) -> tuple[_Key, str | None] | None:
-    """Role and joint of a column by its name, and the unit in the name; None if not needed."""
-    words = _WORDS.findall(name)
-    unit = None
-    if not has_unit and len(words) > 1 and words[-1].lower() in (*UNITS, *TIMES):
-        unit = words.pop().lower()
-    low = [x.lower() for x in words]
-    if not set(OTHERS).isdisjoint(low):
-        return None
-    if len(low) == 1 and low[0] in TIME:
-        return TIMES_OF, unit
-    for role, known in (("command", COMMAND), ("measured", MEASURED), ("measured", POSITION)):
-        at = [i for i, x in enumerate(low) if x in known]
-        if at:
-            del words[at[0]]
-            return (role, _joint_of(words)), unit
-    if len(low) == 2 and low[0] in PLAIN and low[1].isdigit():
-        return ("measured", _joint_of(words)), unit
-    return None
-
-
-def _joint_of(words: Sequence[str]) -> str:
-    """The number of a joint in the words of a title without its role, or else its name."""
-    named = [x for x in words if x.lower() not in PLAIN]
-    if len(named) == 1 and named[0].isdigit():
-        return named[0].lstrip("0") or "0"
-    return "_".join(words)
-
-
-def _pair(columns: Mapping[_Key, Column[_Key]], where: str) -> list[str]:
-    """Names of the joints, each of which must have a command and a measured position.
+def _pair(found: JointColumns) -> tuple[list[str], list[str]]:
+    """Names of the joints with a command and a measured position, and notes on the others.
 
     Raises:
-        InvalidInput: A column is missing.
+        InvalidInput: No joint has both.
     """
-    if TIMES_OF not in columns:
-        raise InvalidInput(f"{where}: the column t is missing: the times of the samples.")
-    joints = list(dict.fromkeys(joint for role, joint in columns if role != "t"))
-    if not joints:
+    where = found.table.heading
+    joints = {role: found.joints("q", role) for role in BOTH}
+    pairs = [x for x in joints["measured"] if x in joints["command"]]
+    if not any(joints.values()):
         raise InvalidInput(
             f"{where}: there is no command and no measured position: name the columns such as "
-            f"{EXAMPLE}."
+            f"{EXAMPLE}, also with --columns 'u#=COMMAND_#,q#=MEASURED_#'."
         )
-    for joint in joints:
-        for role, other in (("command", "measured"), ("measured", "command")):
-            if (role, joint) not in columns:
-                raise InvalidInput(
-                    f"{where}: the column {show(columns[other, joint].title)} has no {role} column "
-                    f"for the same joint: name one such as {'u' if role == 'command' else 'q'}"
-                    f"{joint if joint.isdigit() else '_' + joint}."
-                )
-    return _sorted(joints)
-
-
-def _sorted(joints: list[str]) -> list[str]:
-    """Joints in the order of their numbers; in their own order if they have names."""
-    return sorted(joints, key=lambda x: (len(x), x)) if all(x.isdigit() for x in joints) else joints
+    single = [key for key in found.known if key.kind == "q" and key.joint not in pairs]
+    if not pairs:
+        key = single[0]
+        other, letter = ("measured", "q") if key.role == "command" else ("command", "u")
+        raise InvalidInput(
+            f"{where}: the column {show(found.known[key].title)} has no {other} column for the "
+            f"same joint: name one such as {letter}{'' if key.joint.isdigit() else '_'}{key.joint},"
+            f" also with --columns '{letter}#=NAME_#'."
+        )
+    notes = []
+    for role, other in (("command", "measured"), ("measured", "command")):
+        titles = [show(found.known[x].title) for x in single if x.role == role]
+        if titles:
+            notes.append(
+                f"{list_some(titles, MOST_NAMED)} of {found.table.source} "
+                f"{'has' if len(titles) == 1 else 'have'} no {other} column: left out."
+            )
+    return pairs, notes

@@ -11,12 +11,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._text import LONGEST, parse_number, show
+from armcontour._text import LONGEST, list_some, parse_number, show
 from armcontour.errors import InvalidInput
 
 NUMBER = re.compile(
     r"[+-]?(?=\.?\d)(?P<whole>\d*)(?:\.(?P<part>\d*))?(?:[eE](?P<power>[+-]?\d+))?", re.ASCII
 )
+# A comma between digits, as in 0,125.
+_DECIMAL_COMMA = re.compile(r"(\d),(\d)")
+_QUOTED_COMMA = re.compile(r'"([-+]?\d+),(\d+(?:[eE][-+]?\d+)?)"')
+# Units in the second line of a table.
+_UNIT = re.compile(
+    r"(?:[mµun]?(?:s|m|rad)|sec|cm|deg|°|degrees?|radians?|turns?|rev|rpm|[mk]?(?:A|V|W|Nm|N|Hz|g)|%|"
+    r"°C)(?:[ */·]?(?:s|min|m|mm)(?:\^?2|²)?)?"
+)
+# Characters of `rename` that stand for others.
+WILD = {"#": r"(\d+)", "*": "(.*)"}
+# Lines that are searched for a decimal comma, and names that one message lists.
+MOST_TRIED = 1000
+MOST_NAMED = 12
 # Lines that are converted at a time: larger parts take more memory and save no time.
 CHUNK = 1 << 14
 
@@ -98,16 +111,22 @@ def last_digit(columns: Sequence[Digits]) -> float:
     return float(max(10.0**-places, 10.0 ** (highest - digits + 1)) if digits else 10.0**-places)
 
 
-def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
+def split_csv(
+    text: str, source: str, columns: str | None = None, *, decimal_commas: bool = True
+) -> CsvTable:
     """The table in CSV text with commas, semicolons, tabs or blanks between cells.
 
-    Lines that start with # are comments.
+    Lines that start with # are comments, and so are those above the names. A second line that has
+    only units belongs to the names.
 
     Args:
         text: The text.
         source: Name of the file, for messages.
         columns: Names of the columns, separated by commas, for a file without a line of names or
-            in place of the lines before the first one with a number.
+            in place of the lines before the first one with a number; or new names of some columns,
+            as `rename` takes them.
+        decimal_commas: Whether numbers may have a decimal comma, with other separators or in
+            quotes.
 
     Raises:
         InvalidInput: There is no line of column names, or no sample, or `columns` names more or
@@ -116,18 +135,21 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
     kept = _numbered_lines(text)
     if not kept:
         raise InvalidInput(f"{source} is empty: it must have a line of column names and samples.")
-    if columns is not None:
+    new = columns is not None and "=" in columns
+    if columns is not None and not new:
         count = columns.count(",") + 1
         samples = (k for k, (_, line) in enumerate(kept) if _is_sample(line, count))
         kept = kept[next(samples, 0) :]
+    else:
+        kept = kept[_preamble(kept) :]
     header, first = kept[0]
     separator = next((x for x in ";\t" if x in first), ",")
     if separator == "," and _is_blank_separated([line for _, line in kept[:2]]):
         # As the recorder of a UR's RTDE writes it.
         kept = [(number, "\t".join(line.split())) for number, line in kept]
         first, separator = kept[0][1], "\t"
-    names, named = tuple(_split(first, separator)), True
-    if columns is not None:
+    names, named = tuple(_split(first, separator)), 1
+    if columns is not None and not new:
         given = tuple(map(str.strip, columns.split(",")))
         if len(given) != len(names):
             raise InvalidInput(
@@ -137,14 +159,76 @@ def split_csv(text: str, source: str, columns: str | None = None) -> CsvTable:
         # Given names replace those of the file.
         named = not any(map(NUMBER.fullmatch, names))
         names, header = given, 0
+    elif len(kept) > 1 and (units := _units(_split(kept[1][1], separator), len(names))):
+        names = tuple(f"{x} [{y}]" if y else x for x, y in zip(names, units, strict=True))
+        named = 2
+    lines = [line for _, line in kept[named:]]
+    comma = _QUOTED_COMMA if separator == "," else _DECIMAL_COMMA
+    if decimal_commas and any(comma.search(x) for x in lines[:MOST_TRIED]):
+        lines = [comma.sub(r"\g<1>.\g<2>", x) for x in lines]
     return CsvTable(
         source=source,
-        names=names,
+        names=rename(names, columns, source) if columns is not None and new else names,
         header=header,
         separator=separator,
-        lines=[line for _, line in kept[named:]],
+        lines=lines,
         numbers=[number for number, _ in kept[named:]],
     )
+
+
+def _preamble(kept: Sequence[tuple[int, str]]) -> int:
+    """Number of lines above the names, which have as many cells as the first sample."""
+    lines = [line for _, line in kept[:MOST_TRIED]]
+    for k, line in enumerate(lines):
+        separator = next((x for x in ";\t," if x in line), None)
+        cells = _split(line, separator) if separator else line.split()
+        if len(cells) > 1 and all(NUMBER.fullmatch(x.replace(",", ".")) for x in cells[:2]):
+            counts = [len(_split(x, separator) if separator else x.split()) for x in lines[:k]]
+            return counts.index(len(cells)) if len(cells) in counts else 0
+    return 0
+
+
+def _units(cells: Sequence[str], count: int) -> list[str]:
+    """The units in a line below the names; empty if it is no such line."""
+    units = [x.strip("[]() ") for x in cells]
+    units = ["" if x in ("-", "1") else x for x in units]
+    known = all(not x or _UNIT.fullmatch(x) for x in units)
+    return units if len(units) == count and known and any(units) else []
+
+
+def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
+    """Names of columns or joints with new ones in the place of some.
+
+    Args:
+        names: The names.
+        pairs: `NEW=NAME`, separated by commas. A # stands for a number and a * for any text,
+            in both the same, as in `q# [deg]=joint_#`.
+        source: Name of the file, for messages.
+
+    Raises:
+        InvalidInput: A pair is incomplete, or no name is as it says.
+    """
+    found = list(names)
+    for pair in pairs.split(","):
+        new, _, old = map(str.strip, pair.partition("="))
+        wild = [x for x in old if x in WILD]
+        used = [x for x in new if x in WILD]
+        if not (new and old) or (used and used != wild):
+            raise InvalidInput(
+                f"New names are given as NEW=NAME, such as 't [ms]=time' or 'q# [deg]=joint_#', "
+                f"not {show(pair)}."
+            )
+        pattern = re.compile("".join(WILD.get(x) or re.escape(x) for x in old))
+        matches = {i: x for i, name in enumerate(names) if (x := pattern.fullmatch(name))}
+        if not matches:
+            raise InvalidInput(
+                f"{source} has no column or joint {show(old)} to rename: it has "
+                f"{list_some([show(x) for x in names], MOST_NAMED)}."
+            )
+        for i, match in matches.items():
+            parts = iter(match.groups())
+            found[i] = "".join(next(parts) if x in WILD else x for x in new)
+    return tuple(found)
 
 
 def _numbered_lines(text: str) -> list[tuple[int, str]]:
@@ -163,7 +247,7 @@ def _is_sample(line: str, count: int) -> bool:
 def _is_blank_separated(lines: Sequence[str]) -> bool:
     """Whether the cells of the first lines are separated by blanks, and by nothing else."""
     words = [len(x.split()) for x in lines]
-    return min(words) == max(words) > 1 and not any("," in x for x in lines)
+    return min(words) == max(words) > 1 and not any("," in _DECIMAL_COMMA.sub("", x) for x in lines)
 
 
 def read_columns(table: CsvTable, columns: Sequence[int]) -> tuple[FloatArray, list[Digits]]:

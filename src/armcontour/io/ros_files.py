@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -18,19 +18,32 @@ import numpy as np
 from armcontour import _yaml
 from armcontour._checks import FloatArray
 from armcontour._files import LARGE, MEGABYTE, SMALL, read_text
-from armcontour._text import show
+from armcontour._text import plain_number, show
 from armcontour.errors import InvalidInput
-from armcontour.io.number_table import Digits, last_digit
+from armcontour.io.joint_table import describe_match, match_joints, tidy_times
+from armcontour.io.number_table import Digits, last_digit, rename
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
-# Messages of MoveIt that have a trajectory, and the fields of goals and messages that lead to it.
-AROUND = ("moveit_msgs/msg/RobotTrajectory", "moveit_msgs/msg/DisplayTrajectory")
+# Goals of actions as ROS 1 and 2 record them.
+GOALS = tuple(
+    f"{package}/{'action' if '_' in end else 'msg'}/{name}{end}"
+    for package, name in (
+        ("control_msgs", "FollowJointTrajectory"),
+        ("moveit_msgs", "ExecuteTrajectory"),
+    )
+    for end in ("ActionGoal", "Goal", "_Goal", "_SendGoal_Request", "_SendGoal_Event")
+)
+# Messages that have a trajectory, and the fields of goals and messages that lead to it.
+AROUND = ("moveit_msgs/msg/RobotTrajectory", "moveit_msgs/msg/DisplayTrajectory", *GOALS)
 LEADING = ("request", "goal", "trajectory", "joint_trajectory")
+EVENT = "_SendGoal_Event"
 STATE = "sensor_msgs/msg/JointState"
 CONTROLLER = "control_msgs/msg/JointTrajectoryControllerState"
 # Names of command and measurement in a controller's state, in newer and older releases of ROS 2.
 COMMANDS = ("reference", "desired")
 MEASUREMENTS = ("feedback", "actual")
+# Fields of times in ROS 2 and 1.
+STAMPS = (("sec", "nanosec"), ("secs", "nsecs"))
 YAMLS = (".yaml", ".yml")
 BAGS = (".mcap", ".db3")
 ARRAYS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
@@ -49,12 +62,14 @@ class RosMotion:
         t: Times [s], (n,): from the start of a trajectory, or from the first message on.
         arrays: "q" [rad], and "dq", "ddq" or "command" where the file has them, (n, dof) each.
         digit: Value of the last printed digit of each array; zero where numbers are binary.
+        notes: What was recognised.
     """
 
     names: tuple[str, ...]
     t: FloatArray
     arrays: dict[str, FloatArray]
     digit: dict[str, float]
+    notes: tuple[str, ...] = ()
 
 
 def is_ros_file(file: str | FilePath) -> bool:
@@ -63,24 +78,29 @@ def is_ros_file(file: str | FilePath) -> bool:
     return place.is_dir() or place.suffix.lower() in (*YAMLS, *BAGS)
 
 
-def read_ros_motion(file: FilePath, joint_names: Sequence[str], topic: str | None) -> RosMotion:
+def read_ros_motion(
+    file: FilePath, joint_names: Sequence[str], topic: str | None, names: str | None = None
+) -> RosMotion:
     """Read the motion of some joints.
 
     Args:
         file: YAML of a JointTrajectory, of a FollowJointTrajectory goal or of MoveIt's
             RobotTrajectory or DisplayTrajectory; or a bag. Of a bag, the first of these that it
-            has: a JointTrajectory or a message of MoveIt, a controller's state (its measurement),
-            JointStates.
+            has: a JointTrajectory, a message of MoveIt or a goal, a controller's state (its
+            measurement), JointStates.
         joint_names: Names of the joints, in the order of the result; by default those of the file.
+            Those of the file may have a prefix.
         topic: Topic of a bag; by default the only one of its type.
+        names: New names of the file's joints, as `rename` takes them.
 
     Raises:
         InvalidInput: No such message, or a joint is missing.
     """
+    called = _renaming(file.name, names)
     if file.suffix.lower() in YAMLS and not file.is_dir():
         if topic is not None:
             raise InvalidInput(f"{file.name} is YAML, which has no topics: leave --topic out.")
-        return _read_yaml(file, joint_names)
+        return _read_yaml(file, joint_names, called)
     kind, messages = _read_bag(file, (TRAJECTORY, *AROUND, CONTROLLER, STATE), topic)
     if kind in (TRAJECTORY, *AROUND):
         if len(messages) > 1:
@@ -89,28 +109,66 @@ def read_ros_motion(file: FilePath, joint_names: Sequence[str], topic: str | Non
                 "per bag."
             )
         message = _trajectory_in(file.name, messages[0][1])
-        return _join_points(file.name, message.joint_names, message.points, joint_names)
-    wanted = tuple(joint_names) or tuple(_names_of(kind, messages[0][1]))
-    names = list(_names_of(kind, messages[0][1]))
-    messages = [x for x in messages if set(wanted) <= set(_names_of(kind, x[1]))]
-    if not messages:
-        raise InvalidInput(_describe_missing(file.name, names, wanted))
-    parts = [_measured_part(kind, x[1]) for x in messages]
-    orders = [_order(file.name, _names_of(kind, x[1]), wanted) for x in messages]
-    return RosMotion(
-        names=wanted,
-        t=_times([_stamp(x) for x in messages]),
-        arrays=_stack(file.name, parts, orders),
-        digit={},
+        return _join_points(file.name, called(message.joint_names), message.points, joint_names)
+    every = [called(_names_of(kind, x[1])) for x in messages]
+    wanted = tuple(joint_names) or every[0]
+    orders = [match_joints(x, wanted, file.name) for x in every]
+    if not any(orders):
+        raise InvalidInput(_describe_missing(file.name, every[0], wanted))
+    some = [i for i, x in enumerate(orders) if x]
+    return _tidy(
+        file.name,
+        [messages[i] for i in some],
+        _stack(
+            file.name,
+            [_measured_part(kind, messages[i][1]) for i in some],
+            [orders[i] or [] for i in some],
+        ),
+        wanted,
+        describe_match(every[some[0]], wanted, orders[some[0]] or []),
     )
 
 
-def read_ros_log(file: FilePath, topic: str | None) -> RosMotion:
+def _renaming(source: str, names: str | None) -> Callable[[Sequence[str]], tuple[str, ...]]:
+    """A function that renames joints.
+
+    Raises:
+        InvalidInput: The names are those of columns.
+    """
+    if names is not None and "=" not in names:
+        raise InvalidInput(
+            f"{source} is a file of ROS, which has no columns to name: --columns can only rename "
+            "its joints, such as 'elbow_joint=left_elbow_joint'."
+        )
+    return lambda x: tuple(x) if names is None else rename(tuple(x), names, source)
+
+
+def _tidy(
+    source: str,
+    messages: Sequence[tuple[int, Any]],
+    arrays: dict[str, FloatArray],
+    names: Sequence[str],
+    notes: Sequence[str],
+) -> RosMotion:
+    """The motion of messages with stamps, without repeated messages."""
+    values = np.concatenate(list(arrays.values()), axis=1)
+    t, rows, more = tidy_times(_times([_stamp(x) for x in messages]), values, NANOSECOND, source)
+    return RosMotion(
+        names=tuple(names),
+        t=t,
+        arrays={key: x[rows] for key, x in arrays.items()},
+        digit={},
+        notes=(*notes, *more),
+    )
+
+
+def read_ros_log(file: FilePath, topic: str | None, names: str | None = None) -> RosMotion:
     """Read commands and measured positions from the state of a controller in a bag.
 
     Args:
         file: The bag.
         topic: Its topic; by default the only one of that type.
+        names: New names of the joints, as `rename` takes them.
 
     Raises:
         InvalidInput: No such message, or messages without positions.
@@ -120,17 +178,22 @@ def read_ros_log(file: FilePath, topic: str | None) -> RosMotion:
             f"{file.name} is YAML, but a log needs commands and measured positions: record the "
             "topic controller_state of the joint trajectory controller in a bag, or write CSV."
         )
+    called = _renaming(file.name, names)
     _, messages = _read_bag(file, (CONTROLLER,), topic)
-    names = tuple(messages[0][1].joint_names)
-    orders = [_order(file.name, x[1].joint_names, names) for x in messages]
+    joints = called(messages[0][1].joint_names)
+    orders = [_order(file.name, called(x[1].joint_names), joints) for x in messages]
     arrays = {}
     for what, fields in (("command", COMMANDS), ("q", MEASUREMENTS)):
         parts = [_point(x[1], fields) for x in messages]
         arrays[what] = _stack(file.name, parts, orders, ("q",))["q"]
-    return RosMotion(names=names, t=_times([_stamp(x) for x in messages]), arrays=arrays, digit={})
+    return _tidy(file.name, messages, arrays, joints, ())
 
 
-def _read_yaml(file: FilePath, joint_names: Sequence[str]) -> RosMotion:
+def _read_yaml(
+    file: FilePath,
+    joint_names: Sequence[str],
+    called: Callable[[Sequence[str]], tuple[str, ...]],
+) -> RosMotion:
     """A JointTrajectory as it is exported, or as `ros2 topic echo` prints it or what has it.
 
     Raises:
@@ -147,7 +210,7 @@ def _read_yaml(file: FilePath, joint_names: Sequence[str]) -> RosMotion:
     if not isinstance(data["points"], list) or not isinstance(data["joint_names"], list):
         raise InvalidInput(f"{file.name}: joint_names and points must be lists.")
     points = [_Point(file.name, i, x) for i, x in enumerate(data["points"], start=1)]
-    names = [str(x) for x in data["joint_names"]]
+    names = called([str(x) for x in data["joint_names"]])
     return _join_points(file.name, names, points, joint_names, printed=True)
 
 
@@ -188,18 +251,42 @@ class _Point:
     """
 
     def __init__(self, source: str, number: int, data: Any) -> None:
-        try:
-            for name in ARRAYS.values():
-                setattr(self, name, [float(x) for x in data.get(name) or ()])
-            start = data["time_from_start"]
-            self.nanoseconds = int(start["sec"]) * 10**9 + int(start["nanosec"])
-            if abs(self.nanoseconds) >= 2**63:
-                raise ValueError("the time is beyond 292 years")
-        except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
+        where = f"{source}, point {number}"
+        if not isinstance(data, dict):
             raise InvalidInput(
-                f"{source}, point {number}: it needs lists of numbers, positions and perhaps "
-                f"velocities and accelerations, and time_from_start with sec and nanosec ({error})."
-            ) from None
+                f"{where}: it must have positions and time_from_start, not {show(data)}."
+            )
+        for name in ARRAYS.values():
+            values = data.get(name) or ()
+            numbers = (
+                [plain_number(x) for x in values] if isinstance(values, list | tuple) else [None]
+            )
+            if None in numbers:
+                raise InvalidInput(
+                    f"{where}: {name} must be a list of numbers, not {show(values)}."
+                )
+            setattr(self, name, numbers)
+        start = data.get("time_from_start")
+        self.nanoseconds = _nanoseconds(start)
+        if abs(self.nanoseconds) >= 2**63:
+            raise InvalidInput(
+                f"{where}: time_from_start must be a number of seconds, or sec and nanosec (secs "
+                f"and nsecs in ROS 1), within 292 years, not {show(start)}."
+            )
+
+
+def _nanoseconds(start: Any) -> int:
+    """A time in YAML [ns]: in seconds, or in the fields of ROS 1 or 2; too large if it is none."""
+    fields = [start]
+    if isinstance(start, dict):
+        pair = next((x for x in STAMPS if set(start) == set(x)), None)
+        fields = [] if pair is None else [start[x] for x in pair]
+    numbers = [plain_number(x) for x in fields]
+    if not numbers or None in numbers or isinstance(start, str):
+        return 2**63
+    if isinstance(start, dict):
+        return int(fields[0]) * 10**9 + int(fields[1])
+    return round(float(start) * 1e9)
 
 
 def _join_points(
@@ -215,6 +302,7 @@ def _join_points(
         raise InvalidInput(f"{source} has a trajectory without points.")
     wanted = tuple(joint_names) or tuple(names)
     order = _order(source, names, wanted)
+    notes = tuple(describe_match(names, wanted, order))
     arrays = _stack(source, points, [order] * len(points))
     times = [_duration(x) for x in points]
     return RosMotion(
@@ -222,6 +310,7 @@ def _join_points(
         t=np.array(times) * NANOSECOND,
         arrays=arrays,
         digit={x: _digit(values) for x, values in arrays.items()} if printed else {},
+        notes=notes,
     )
 
 
@@ -268,10 +357,10 @@ def _order(source: str, names: Sequence[str], wanted: Sequence[str]) -> list[int
     Raises:
         InvalidInput: One is missing.
     """
-    known = list(names)
-    if not set(wanted) <= set(known) or not wanted:
-        raise InvalidInput(_describe_missing(source, known, wanted))
-    return [known.index(x) for x in wanted]
+    found = match_joints(list(names), wanted, source)
+    if not found:
+        raise InvalidInput(_describe_missing(source, names, wanted))
+    return found
 
 
 def _describe_missing(source: str, known: Sequence[str], wanted: Sequence[str]) -> str:
@@ -279,7 +368,8 @@ def _describe_missing(source: str, known: Sequence[str], wanted: Sequence[str]) 
     return (
         f"{source} has the joints {', '.join(map(show, known))}, but "
         f"{', '.join(map(show, wanted)) or 'the names of joints'} are needed: give the arm of the "
-        "file with --arm, or its names to the joints."
+        "file with --arm, or its names to the joints, such as --columns "
+        f"'{wanted[0] if wanted else 'NAME'}={next(iter(known), 'NAME')}'."
     )
 
 
@@ -311,14 +401,20 @@ def _read_bag(
                 file.name, {k: x.msgtype for k, x in of_topic.items()}, kinds, topic
             )
             kind = of_topic[used].msgtype
-            messages = [
+            messages: list[tuple[int, Any]] = [
                 (at, reader.deserialize(read.count(raw), connection.msgtype))
                 for connection, at, raw in islice(
                     reader.messages([x for x in reader.connections if x.topic == used]),
                     # A second trajectory is refused, so further ones are not needed.
-                    2 if kind in (TRAJECTORY, *AROUND) else None,
+                    2 if kind in (TRAJECTORY, *AROUND) and not kind.endswith(EVENT) else None,
                 )
             ]
+            if kind.endswith(EVENT):
+                # Sent, received, and twice the response, which has no request.
+                goals = {
+                    bytes(x.request[0].goal_id.uuid): (at, x) for at, x in messages if x.request
+                }
+                messages = list(goals.values())
     except InvalidInput:
         raise
     except Exception as error:  # of damaged bags, rosbags lets errors of its libraries through

@@ -9,13 +9,13 @@ from armcontour._checks import FloatArray
 from armcontour._files import LARGE, read_text
 from armcontour.errors import InvalidInput
 from armcontour.io.columns import read_titles
+from armcontour.io.joint_titles import TIME, read_joint_title
 from armcontour.io.number_table import read_columns, split_csv
 
 AXES = ("x", "y", "z")
-TIME = ("t", "time", "timestamp")
 # Words that may stand beside the axis.
 PLAIN = ("tool", "tcp", "actual", "measured", "position", "pos")
-UNITS = ("m", "mm", "um", "cm", "s", "ms", "us")
+UNITS = ("m", "mm", "um", "cm")
 EXAMPLE = "t,x,y,z or t [ms],x [mm],y [mm],z [mm]"
 _WORDS = re.compile(r"[^\W\d_]+|\d+")
 
@@ -60,13 +60,12 @@ def read_tool_positions(file: str | FilePath, dimension: int) -> tuple[FloatArra
     return values[:, 0], values[:, 1:]
 
 
-def _quantity(name: str, has_unit: bool) -> tuple[str, str | None] | None:
-    """The quantity of a column by its name, and the unit in the name; None if not needed."""
+def _quantity(name: str, has_unit: bool) -> tuple[str, str | None, int] | None:
+    """Quantity, unit and rank of a column by its name; None if not needed."""
     words = [x.lower() for x in _WORDS.findall(name)]
     unit = words.pop() if not has_unit and len(words) > 1 and words[-1] in UNITS else None
     rest = [x for x in words if x not in PLAIN]
-    if len(rest) != 1:
-        return None
-    if rest[0] in TIME and len(words) == 1:
-        return "t", unit
-    return (rest[0], unit) if rest[0] in AXES else None
+    if len(rest) == 1 and rest[0] in AXES:
+        return rest[0], unit, 0
+    title = read_joint_title(name, has_unit)
+    return ("t", title.unit, title.rank) if title is not None and title.key == TIME else None

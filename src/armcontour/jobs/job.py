@@ -329,7 +329,7 @@ class Job:
         arm: The arm.
         path: The objective path, or a program of several contours.
         process: Leads, overlaps and events that are added to the contours.
-        branch: Branch of the inverse kinematics of a planar arm; None is its first branch.
+        branch: Branch of the inverse kinematics of a planar arm; by default the fastest.
         start: For an arm in space: joint positions near the start configuration [rad], (dof,); None
             takes the configuration that is fastest along the path.
         servo: The servo's nominal model, which compensation uses.

@@ -37,6 +37,7 @@ from armcontour.jobs.warnings import (
     jerk_stops,
     missed_speeds,
     not_judged,
+    oscillating,
     overloaded,
     slow_ends,
     stopping,
@@ -45,6 +46,7 @@ from armcontour.jobs.warnings import (
     worse_than_none,
 )
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
+from armcontour.motion.command_limits import describe_excess
 from armcontour.program import Program
 from armcontour.program.rounding import doubt_tolerance
 from armcontour.servo import ServoModel
@@ -135,7 +137,7 @@ class RunResult:
             corners.
         trajectory: The realizable trajectory.
         traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
-        exceeded: Sentences on limits that the smoothed plan exceeds.
+        exceeded: Sentences on limits above those of the arm, and that the smoothed plan exceeds.
         clearance: How far the arm stays from itself and from its cell, as planned; None for an arm
             whose shapes are not known.
         avoided: Sentences on other ways that were taken to keep clear; without a clearance, on why
@@ -339,8 +341,11 @@ class RunResult:
     def weak_points(self) -> tuple[str, ...]:
         """Sentences on weak points of the run, such as a coarse command interval."""
         found = self._weak_points_of_plan()
+        if self.servo is not None:
+            found += oscillating(self.servo)
         if self.taught is not None:
             found += cut_off(self.taught)
+            found += filter(None, [describe_excess(self.taught)])
         if self.execution is not None:
             found += self._weak_points_of_execution()
         return tuple(found)

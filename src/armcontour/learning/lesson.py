@@ -33,6 +33,7 @@ class Recording:
         in_plan_time: Whether `t` counts from the start of the plan, without error.
         exact: Whether `q` are the true positions of a simulation, without measurement noise.
         source: Where it comes from, for messages.
+        notes: As in `Log`.
 
     Raises:
         InvalidInput: The arrays are not finite numbers, or do not fit each other.
@@ -44,6 +45,7 @@ class Recording:
     in_plan_time: bool = False
     exact: bool = False
     source: str = "the log"
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         t = _checks.numbers(f"{self.source}: t", self.t, "s")

@@ -15,7 +15,7 @@ from armcontour.motion.execution import TaughtData
 SLACK = 1e-9
 
 
-def refuse_commands(taught: TaughtData, limits: Limits) -> None:
+def refuse_commands(taught: TaughtData, limits: Limits | None = None) -> None:
     """Refuse set-points outside a joint range, or that move faster than a velocity limit.
 
     A compensated command is ahead of the joint by about `dq / K_p`, and so can exceed the limits
@@ -23,16 +23,17 @@ def refuse_commands(taught: TaughtData, limits: Limits) -> None:
 
     Args:
         taught: The set-points.
-        limits: Limits with values per joint.
+        limits: Limits in place of those of the plan.
 
     Raises:
         CompensationError: A limit is exceeded; with the set-point of the largest excess.
     """
-    lower, upper = limits.joint_range(taught.q.shape[1])
+    dof, limits = taught.q.shape[1], taught.trajectory.limits_for(limits)
+    lower, upper = limits.joint_range(dof)
     _refuse_beyond(taught, "joint_upper", taught.q, upper)
     _refuse_beyond(taught, "joint_lower", -taught.q, -lower)
     rate = np.diff(taught.q, axis=0) / taught.period
-    amounts, most = by_direction(rate, limits.velocity_bounds(taught.q.shape[1]))
+    amounts, most = by_direction(rate, limits.velocity_bounds(dof))
     at = _worst(amounts, most)
     if at is None:
         return
@@ -49,6 +50,15 @@ def refuse_commands(taught: TaughtData, limits: Limits) -> None:
         needed=needed,
         allowed=allowed,
     )
+
+
+def describe_excess(taught: TaughtData) -> str:
+    """The sentence of `refuse_commands` for the limits of the plan; empty if it refuses nothing."""
+    try:
+        refuse_commands(taught)
+    except CompensationError as error:
+        return str(error)
+    return ""
 
 
 def _refuse_beyond(taught: TaughtData, name: str, values: FloatArray, most: FloatArray) -> None:

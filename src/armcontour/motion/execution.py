@@ -24,7 +24,7 @@ WHOLE = 1e-3
 WHOLE_CYCLES = 1e-9
 # Smallest and largest command interval [s]: shorter ones come near rounding errors of times; longer
 # ones say nothing about the motion between set-points.
-INTERVALS = (1e-6, 10.0)
+INTERVALS = (1e-6, 1.0)
 # Time between the samples of a plan in place of an execution [s], and their largest number.
 PLANNED_STEP, MOST_PLANNED = 1e-3, 20_000
 # No controller takes set-points more slowly [s]; industrial ones take them every 1 to 40 ms.
@@ -267,7 +267,16 @@ def check_interval(period: float) -> float:
     Raises:
         InvalidInput: The interval is not a number, or outside INTERVALS.
     """
-    return _checks.between("command interval", period, *INTERVALS, "s")
+    interval = _checks.number("command interval", period, "s")
+    if INTERVALS[1] < interval <= 1e3 * INTERVALS[1]:
+        raise InvalidInput(
+            f"command interval is {interval:g} s, but at most {INTERVALS[1]:g} s: a number without "
+            f"a unit is in s, so for {interval:g} ms give {interval:g} ms in a job, or "
+            f"{interval / 1e3:g} in Python.",
+            needed=interval,
+            allowed=INTERVALS[1],
+        )
+    return _checks.between("command interval", interval, *INTERVALS, "s")
 
 
 @_checks.explain_calls

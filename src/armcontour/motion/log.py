@@ -11,10 +11,12 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray, Value
-from armcontour._describing import brief, joint_rows, line_up, milliseconds, several
+from armcontour._describing import brief, clock, joint_rows, line_up, milliseconds, several
 from armcontour._sampling import (
+    GAP,
     LARGEST,
     LATEST,
+    describe_bursts,
     describe_short_step,
     find_far_time,
     find_large,
@@ -28,8 +30,6 @@ INTERPOLATIONS = ("linear", "step")
 POSITIONS = ("command", "measured")
 # Fewer samples cannot tell four parameters and a noise from each other.
 FEWEST = 50
-# An interval this many times the usual one is a gap: nobody knows what was commanded in it.
-GAP = 3.0
 # A jump this close to a whole turn [rad] is the edge of a counter.
 NEAR_A_TURN = 0.6
 
@@ -46,6 +46,7 @@ class Log(Value):
         joint_names: One per joint; "joint 1", ... by default.
         interpolation: What the controller does between set-points, "linear" or "step", if known.
         source: Where it comes from, for messages.
+        notes: What a reader recognised in the file, or left out of it.
 
     A log may have gaps, as of lost packets: nobody knows what was commanded in them.
 
@@ -60,6 +61,7 @@ class Log(Value):
     joint_names: tuple[str, ...] = ()
     interpolation: str | None = None
     source: str = "the log"
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         t = _checks.numbers(f"{self.source}: t", self.t, "s")
@@ -131,8 +133,10 @@ class Log(Value):
         if len(self.gaps):
             i = int(self.gaps[0])
             step = float(self.t[i + 1] - self.t[i])
+            if bursts := describe_bursts(self.t, self.source):
+                raise InvalidInput(bursts, index=i, t=float(self.t[i]))
             raise InvalidInput(
-                f"{self.source} has a gap of {step:g} s at t = {self.t[i]:g} s, where samples "
+                f"{self.source} has a gap of {step:g} s at t = {clock(self.t[i])} s, where samples "
                 f"usually come every {self.interval:g} s, and nobody knows what was commanded in "
                 "it: use the part before or after it.",
                 index=i,
@@ -150,7 +154,7 @@ class Log(Value):
         """
         return cut(
             self.t, self.command, self.measured, start, end, self.joint_names,
-            interpolation=self.interpolation, source=self.source,
+            interpolation=self.interpolation, source=self.source, notes=self.notes,
         )  # fmt: skip
 
     def _check_rows(self, name: str) -> FloatArray:
@@ -176,7 +180,7 @@ class Log(Value):
         steps = np.diff(self.t)
         i = find_short_step(self.t)
         if i is not None:
-            before, after = (f"sample {k + 1} at {self.t[k]:.9g} s" for k in (i - 1, i))
+            before, after = (f"sample {k + 1} at {float(self.t[k])!r} s" for k in (i - 1, i))
             raise InvalidInput(
                 f"{self.source}: {describe_short_step(before, after, float(steps[i - 1]))}.",
                 index=i,
@@ -189,7 +193,7 @@ class Log(Value):
             i, j = found
             raise InvalidInput(
                 f"{self.source}: the {name} position of {self.joint_names[j]} is "
-                f"{getattr(self, name)[i, j]:.3g} rad at t = {self.t[i]:g} s, but no joint "
+                f"{getattr(self, name)[i, j]:.3g} rad at t = {clock(self.t[i])} s, but no joint "
                 f"position is above {LARGEST['q']:g} rad: mend the number, or give the column its "
                 "unit.",
                 index=i,
@@ -205,8 +209,8 @@ class Log(Value):
         if abs(abs(steps[i]) - 2 * math.pi) < NEAR_A_TURN and np.ptp(values) < 2 * math.pi + 1e-3:
             raise InvalidInput(
                 f"{self.source}: the {name} position of {self.joint_names[j]} jumps by "
-                f"{steps[i]:.4g} rad at t = {self.t[i]:g} s, which is a wrapped angle: unwrap it "
-                "first.",
+                f"{steps[i]:.4g} rad at t = {clock(self.t[i])} s, which is a wrapped angle: unwrap "
+                "it first.",
                 index=i,
                 t=float(self.t[i]),
                 joint=j,
@@ -246,6 +250,7 @@ def join(logs: Sequence[Log]) -> Log:
         command=np.concatenate([x.command for x in logs]),
         measured=np.concatenate([x.measured for x in logs]),
         source=", ".join(dict.fromkeys(x.source for x in logs)),
+        notes=tuple(dict.fromkeys(note for x in logs for note in x.notes)),
     )
 
 
@@ -260,6 +265,7 @@ def cut(
     interpolation: str | None = None,
     source: str = "the log",
     unwrap: bool = False,
+    notes: Sequence[str] = (),
 ) -> Log:
     """The log from `start` to `end` [s], of arrays that need not be a log as a whole.
 
@@ -273,6 +279,7 @@ def cut(
         interpolation: As in `Log`.
         source: As in `Log`.
         unwrap: Undo jumps of whole turns.
+        notes: As in `Log`.
 
     Raises:
         InvalidInput: As `Log` does.
@@ -288,6 +295,7 @@ def cut(
         joint_names=tuple(joint_names),
         interpolation=interpolation,
         source=source,
+        notes=tuple(notes),
     )
 
 
@@ -311,7 +319,7 @@ def _used(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
     if len(t) and not used.any():
         raise InvalidInput(
             f"{source} has no sample from {start:g} s to {end:g} s: its times go from "
-            f"{np.min(t):g} s to {np.max(t):g} s."
+            f"{clock(np.min(t))} s to {clock(np.max(t))} s."
         )
     return np.asarray(used)
 

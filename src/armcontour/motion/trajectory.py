@@ -15,7 +15,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, count_kinds, digits, draw, line_up, several, to_html
-from armcontour.arms import Arm
+from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._laws import Motion, joint_motions, path_motions
@@ -160,6 +160,9 @@ class Trajectory(Value):
         spans: Parts of the trajectory by the moves of the program, in order; empty for a single
             path.
         events: Outputs that are switched during the motion, by time.
+        limits: Limits with which it was planned, without the reserve; None if it was not planned
+            with limits.
+        reserve: Share of the limits of joint acceleration and torque that was left to the servo.
         arm: The arm that it was planned for; None if it is not known.
 
     Attributes:
@@ -175,6 +178,8 @@ class Trajectory(Value):
     stretches: tuple[Stretch, ...] = ()
     spans: tuple[Span, ...] = ()
     events: tuple[TimedEvent, ...] = ()
+    limits: Limits | None = None
+    reserve: float = 0.0
     arm: Arm | None = None
     starts: FloatArray = field(init=False, repr=False)
     _parts: tuple[_Part, ...] = field(init=False, repr=False)
@@ -228,6 +233,32 @@ class Trajectory(Value):
             InvalidInput: As for `sample`.
         """
         return to_columns(self.sample(period))
+
+    @_checks.checked
+    def limited(self, limits: Limits, reserve: float = 0.0) -> Trajectory:
+        """The trajectory with the limits of its plan; rapids have the limits of the joints only.
+
+        Args:
+            limits: The limits, without the reserve.
+            reserve: Share of the limits that was left to the servo.
+        """
+        joints = limits.of_joints
+        spans = tuple(
+            x
+            if x.trajectory is None
+            else replace(
+                x,
+                trajectory=x.trajectory.limited(limits if x.kind == "contour" else joints, reserve),
+            )
+            for x in self.spans
+        )
+        return replace(self, spans=spans, limits=limits, reserve=reserve)
+
+    @_checks.checked
+    def limits_for(self, limits: Limits | None) -> Limits:
+        """The given limits, and where they give none, those of the plan, one value per joint."""
+        given = (limits or Limits()).for_joints(self.dof)
+        return given if self.limits is None else given.over(self.limits)
 
     @property
     def duration(self) -> float:

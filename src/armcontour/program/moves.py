@@ -15,7 +15,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import count_kinds, digits, extremes, line_up, several
-from armcontour._quantities import Distance, Length, Time
+from armcontour._quantities import Distance, Length, Speed, Time
 from armcontour._text import list_some, make_printable, shorten
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose
@@ -26,6 +26,8 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weaving import Woven
 
 Value = bool | float | str
+# Output whose numbers and texts are tools, as of T words in G-code; True and False are on and off.
+TOOL = "tool"
 # Largest numbers of moves and of segments of a repeated program: more take minutes to plan each.
 MOST_MOVES = 100_000
 MOST_SEGMENTS = 1_000_000
@@ -67,6 +69,11 @@ class Event:
         _checks.not_negative(f"place of the event {self.name}", self.s, "m")
         _checks.number(f"lead time of the event {self.name}", self.lead_time, "s")
         _checks.number(f"lead distance of the event {self.name}", self.lead_distance, "m")
+
+    @property
+    def changes_tool(self) -> bool:
+        """Whether the event is a tool change, by a number or a name of the tool."""
+        return self.name == TOOL and not isinstance(self.value, bool | np.bool_)
 
 
 @_checks.explain_calls
@@ -238,6 +245,8 @@ class Program:
         source: Origin of the program, such as the name of a file.
         notes: Sentences on parts that were left out or changed when the program was read.
         remarks: Sentences on what was found out or chosen, which nobody has to look at.
+        rapid_speed: Largest tool speed of rapids without a path [m/s]; None for the limits of the
+            joints only.
 
     Raises:
         InvalidInput: No contour, an object that is no move, an event between contours with an arc
@@ -248,9 +257,12 @@ class Program:
     source: str = ""
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    rapid_speed: Speed | None = None
 
     def __post_init__(self) -> None:
         _checks.check_fields(self)
+        if self.rapid_speed is not None:
+            _checks.positive("rapid_speed", self.rapid_speed, "m/s")
         what = "Contours, Rapids, Dwells and Events"
         moves = _checks.listed("moves of a program", self.moves, object, what)
         object.__setattr__(self, "moves", moves)

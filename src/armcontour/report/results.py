@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from armcontour import _checks
-from armcontour.arms import Arm, Limits
+from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.errors import InvalidInput
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.geometry import Path
@@ -127,10 +127,9 @@ def _planned(
     if arm is None:
         raise InvalidInput("This trajectory does not know its arm: plan it with an arm.")
     program = _program_of(plan, arm) if program is None else program
-    own: Limits | None = getattr(plan, "limits", None)
-    limits = next((x for x in (limits, own) if x is not None), arm.limits)
+    limits = resolve_limits("write_report", arm, limits, plan.limits)
     # Without the limits of the plan, nothing would seem to bind.
-    known = own is not None and plan.method == Method.OPTIMAL
+    known = plan.limits is not None and plan.method == Method.OPTIMAL
     explanation = explain(plan, arm) if known else None
     sharp = getattr(program.single_path, "objective", None)
     return RunResult(

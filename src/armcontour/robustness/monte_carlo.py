@@ -12,7 +12,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._describing import brief, line_up, mm
-from armcontour.arms import Arm, Limits
+from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.serial import ChainArm
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
@@ -170,7 +170,7 @@ def spread(
         path: The path that the tool must follow.
         arm: A planar two-link arm or a serial arm; with masses if the payload varies.
         servo: The nominal servo, in the middle of the box.
-        limits: Limits with the joint accelerations that saturate; the arm's own by default.
+        limits: Limits with the joint accelerations that saturate, in place of those of the plan.
         box: Largest errors of the parameters.
         samples: Number of executions.
         seed: Seed of the random numbers.
@@ -277,7 +277,7 @@ class _Model:
                 f"The taught data is for {taught.q.shape[1]} joints, but the arm {arm.name} has "
                 f"{dof}."
             )
-        own = (arm.limits if limits is None else limits).for_joints(dof)
+        own = resolve_limits("spread", arm, limits, taught.trajectory.limits)
         lower, upper = self.servo.saturate(*own.acceleration_bounds(dof))
         duration = taught.trajectory.duration
         end = duration if until is None else _checks.positive("until", until, "s")

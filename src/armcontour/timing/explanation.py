@@ -11,9 +11,10 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import line_up, several, to_html
-from armcontour.arms import Arm, Limits, choose_limits
+from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
+from armcontour.timing.common import with_reserve
 from armcontour.timing.constraints import Constraint, IntervalEnds, ToolSpeed, jerks_of
 from armcontour.timing.grid import Grid
 from armcontour.timing.optimal import constraints_of
@@ -162,13 +163,16 @@ def explain(
     Args:
         trajectory: The plan.
         arm: The arm that the plan was made for, or what has its `dof` and `limits`.
-        limits: The limits that the plan was made for; by default the arm's own.
+        limits: Limits in place of those of the plan, with which its reserve is taken off.
         constraints: The further constraints that the plan was made for.
 
     Raises:
         InvalidInput: The plan was made by another method, or is none.
     """
-    bounds = choose_limits("explain", arm, limits)
+    reduced = trajectory.limits
+    if reduced is not None:
+        reduced = with_reserve(reduced, trajectory.reserve)
+    bounds = resolve_limits("explain", arm, limits, reduced)
     constraints = _checks.listed("constraints", constraints, Constraint, "Constraints")
     laws: list[tuple[float, float, PathLaw]] = []
     stops: list[float] = []

@@ -128,16 +128,14 @@ class Analytic(Solver[PlanarTwoLink]):
     Args:
         path: The tool path.
         arm: The arm.
-        branch: One of `arm.branches`; the first by default.
+        branch: One of `arm.branches`.
         tolerance: Largest distance of the tool from the path between knots [m].
 
     Raises:
         InvalidInput: The path and the arm's workspace differ in dimension.
     """
 
-    def __init__(
-        self, path: Path, arm: PlanarTwoLink, branch: str | None, tolerance: float
-    ) -> None:
+    def __init__(self, path: Path, arm: PlanarTwoLink, branch: str, tolerance: float) -> None:
         if path.dimension != arm.dimension:
             raise InvalidInput(
                 f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "

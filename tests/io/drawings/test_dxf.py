@@ -394,6 +394,45 @@ def test_the_unit_of_the_drawing(refuses):
     refuses(lambda: read(document), ac.InvalidInput, "unit 20")
 
 
+def pairs(*tags):
+    return "".join(f"{code}\n{value}\n" for code, value in tags).encode()
+
+
+def bare(*entity, header=b""):
+    """A file as generators write it, with the tags of one entity."""
+    begin = (0, "SECTION"), (2, "ENTITIES")
+    end = (0, "ENDSEC"), (0, "EOF")
+    return header + pairs(*begin, *entity, *end)
+
+
+CUT = ((0, "LINE"), (8, "CUT"), (10, 0), (20, 0), (11, 10), (21, 0))
+
+
+def test_a_file_without_a_header_has_no_unit(refuses):
+    r12 = pairs((0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009"), (0, "ENDSEC"))
+    for header in (b"", r12, r12.replace(b"AC1009", b"AC1015")):
+        refusals(read, [(bare(*CUT, header=header), "part.dxf ... $INSUNITS ... mm")])
+        assert only(bare(*CUT, header=header), unit=MM).path.length == pytest.approx(0.01)
+    stated = r12.replace(b"0\nENDSEC", b"9\n$INSUNITS\n70\n1\n0\nENDSEC")
+    assert only(bare(*CUT, header=stated)).path.length == pytest.approx(0.254)
+
+
+def test_entities_without_the_marks_of_their_classes():
+    polyline = (0, "LWPOLYLINE"), (5, "1F"), (8, "CUT"), (62, 1), (90, 3), (70, 1)
+    # The coordinate 100 is no mark.
+    polyline += (10, 0), (20, 0), (10, 100), (20, 0), (42, 1.0), (10, 100), (20, 40)
+    for tags in (polyline, [x for x in polyline if x[0] not in (5, 62)]):
+        contour = only(bare(*tags), unit=MM)
+        assert contour.closed and contour.layer == "CUT"
+        wanted = 0.1 + np.pi * 0.02 + np.hypot(0.1, 0.04)
+        assert contour.path.length == pytest.approx(wanted, rel=1e-6)
+    text = (0, "MTEXT"), (8, "CUT"), (10, 0), (20, 0), (40, 2), (1, "part")
+    leader = (0, "LEADER"), (8, "0"), (76, 2), (10, 0), (20, 0), (10, 1), (20, 0)
+    program = read(bare(*text, *leader, *polyline), unit=MM)
+    assert len(program.contours) == 1
+    assert "1 MTEXT" in program.notes[0]
+
+
 def test_what_is_no_contour_is_left_out_and_counted():
     document, space = drawing()
     space.add_line((0, 0), (10, 0))

@@ -144,6 +144,8 @@ events/spindle_and_coolant => spindle speed=1000.0, spindle=True, coolant=flood,
 speed=2000.0@1 coolant=mist and flood@2 spindle=reverse@2 spindle=False@3 coolant=False@3, rapid
 events/on_only_once => spindle speed=500.0, spindle=True, cut spindle speed=600.0@2 spindle=False@3
 M5|G1 X1 F60 => spindle=False, cut
+M3 S60 I|G1 X1 F60|X2 S50|M5 I => spindle speed=60.0, spindle=True, cut spindle speed=50.0@1 \
+spindle=False@2
 G1 X1 F60|G0 X2|M5|G0 X3|G1 X4 => cut, rapid, spindle=False, rapid, cut
 events/dwell => cut, dwell 0.5, cut, cut
 events/pause => cut, pause=True, cut, pause=optional, cut

@@ -59,6 +59,43 @@ def is_arc(path, start, center, angle):
     assert np.sign(across) == np.sign(angle)
 
 
+def test_pixels_of_the_program_that_wrote_the_file():
+    inch, line = 0.0254, '<line x1="0" y1="90" x2="90" y2="90"/>'
+    illustrator = "<!-- Generator: Adobe Illustrator 24.0.1, SVG Export Plug-In -->"
+    old = 'inkscape:version="0.48.4 r9939"'
+
+    def drawn(page, comment="", body=line, **reading):
+        return read(f"{comment}<svg {SPACES} {page}>{body}</svg>".encode(), **reading)
+
+    for comment, page, pixel in (
+        ("", f'{old} width="180" height="180px"', inch / 90),
+        ("", 'inkscape:version="0.91 r13725" width="180" height="180"', inch / 90),
+        ("", f'{old} viewBox="0 0 180 180"', inch / 90),
+        ("", f'{old} width="50.8mm" height="50.8mm"', inch / 90),
+        (illustrator, 'width="180px" height="180px" viewBox="0 0 180 180"', inch / 72),
+        (illustrator, 'viewBox="0 0 180 180"', inch / 72),
+        # The page says its size, or the version has pixels of CSS.
+        ("", f'{old} width="180mm" height="180mm" viewBox="0 0 180 180"', 1e-3),
+        (illustrator, 'width="180mm" height="180mm" viewBox="0 0 180 180"', 1e-3),
+        ("", 'inkscape:version="0.92.4" width="180" height="180"', inch / 96),
+        ("", 'inkscape:version="1.0" width="180" height="180"', inch / 96),
+        (illustrator, 'inkscape:version="1.2" width="180" height="180"', inch / 96),
+    ):
+        program = drawn(page, comment)
+        assert program.path.length == pytest.approx(90 * pixel, rel=1e-12), page
+        # The page is 180 px high.
+        np.testing.assert_allclose(program.path.vertices[:, 1], 90 * pixel, rtol=1e-9)
+        noted = pixel in (inch / 90, inch / 72)
+        assert any("px is 1/" in x for x in program.notes) == noted, page
+        utf_16 = (
+            f'<?xml version="1.0" encoding="UTF-16"?>{comment}<svg {SPACES} {page}>{line}</svg>'
+        )
+        again = read(utf_16.encode("utf-16"))
+        assert again.path.length == pytest.approx(90 * pixel, rel=1e-12), page
+    program = drawn(f'{old} width="180" height="180"', unit=1e-3)
+    assert program.path.length == pytest.approx(0.09) and program.notes == ()
+
+
 def test_user_units_and_y_up_from_the_lower_edge():
     inch = 0.0254
     for page, unit, height in (

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.io.tables import refusals
 
-from armcontour.io.exports import Table, templates, write_table
+from armcontour.io.exports import Table, describe_program, templates, write_table
 from armcontour.motion import TimedEvent
 
 NUMBER = r"-?\d+\.\d+"
@@ -101,6 +101,15 @@ def test_analog_outputs_are_set_where_they_change(table, tmp_path):
     outputs = [({"power": 2}, "power ... from -1 to 1")]
     refusals(lambda x: made(high, tmp_path, "kuka", outputs=x), outputs)
     assert "SetAO aoP, 10.000000;" in made(high, tmp_path, "abb", outputs={"power": "aoP"})
+
+
+def test_programs_of_many_points_are_named(table):
+    for name, way in (("urscript", "RTDE"), ("kuka", "--period"), ("abb", "--period")):
+        assert describe_program(table(6, count=10_000, events=()), name, None, str) == []
+        (said,) = describe_program(table(6, count=12_345, events=()), name, None, str)
+        assert "12345 points" in said and way in said
+    for name in ("csv", "mcap", "own.j2"):
+        assert describe_program(table(6, count=12_345, events=()), name, None, str) == []
 
 
 def test_ours_refuse_arms_of_other_joints_and_other_outputs(table, tmp_path):

@@ -163,6 +163,54 @@ LIMITS = """joint_limits:
 """
 
 
+ELBOW = '<limit lower="-2.5" upper="2.5" effort="40" velocity="2.5"/>'
+
+
+def test_soft_limits_narrow_the_range(tmp_path):
+    for soft, lower, upper in (
+        ('soft_lower_limit="-1" soft_upper_limit="0.5"', -1, 0.5),
+        ('soft_lower_limit="-9" soft_upper_limit="0.5"', -2.5, 0.5),
+        # Controllers of the speed alone.
+        ("", -2.5, 2.5),
+        ('soft_lower_limit="0" soft_upper_limit="0"', -2.5, 2.5),
+    ):
+        arm = load(tmp_path, (ELBOW, f'{ELBOW}<safety_controller {soft} k_velocity="9"/>'))
+        assert (arm.limits.joint_lower[2], arm.limits.joint_upper[2]) == (lower, upper), soft
+        noted = any("soft limits of elbow" in x for x in arm.notes)
+        assert noted == ((lower, upper) != (-2.5, 2.5))
+    endless = '<limit effort="80" velocity="2"/>'
+    soft = 'safety_controller soft_lower_limit="-1" soft_upper_limit="1" k_velocity="9"'
+    arm = load(tmp_path, (endless, f"{endless}<{soft}/>"))
+    assert arm.limits.joint_lower[0] == -np.inf
+    file = tmp_path / "limits.yaml"
+    for switch, lower in (
+        ("has_soft_limits: true, ", -1),
+        ("", -1),
+        ("has_soft_limits: false, ", -2),
+    ):
+        limits = f"{{{switch}soft_lower_limit: -1, soft_upper_limit: 1, min_position: -2}}"
+        file.write_text(f"joint_limits: {{elbow: {limits}}}")
+        arm = given(joint_limits=file)
+        assert arm.limits.joint_lower[2] == lower
+        assert arm.limits.joint_upper[2] == (1 if lower == -1 else 2.5)
+
+
+def test_ranges_in_degrees_are_asked_about(tmp_path):
+    def changed(low, high):
+        return (ELBOW, ELBOW.replace("-2.5", f"{low}", 1).replace('upper="2.5"', f'upper="{high}"'))
+
+    words = "range of joint elbow from {} to {} rad ... degrees ... joint_limits.yaml"
+    ends = ((-170, 170), (-120, 0), (0, 350), (-540, 540))
+    refusals(lambda x: load(tmp_path, changed(*x)), [(x, words.format(*x)) for x in ends])
+    # Descriptions without ranges have numbers such as these; a usual wrist turns 2.5 times.
+    for ends in ((-1000, 1000), (-1e9, 1e9), (-15.71, 15.71)):
+        assert load(tmp_path, changed(*ends)).limits.joint_upper[2] == ends[1]
+    file = tmp_path / "limits.yaml"
+    file.write_text("joint_limits: {elbow: {min_position: -170, max_position: 170}}")
+    arm = load(tmp_path, changed(-170, 170), joint_limits=file)
+    assert arm.limits.joint_upper[2] == 170
+
+
 def test_zero_and_less_count_as_not_given(tmp_path):
     elbow = 'effort="40" velocity="2.5"'
     for effort, velocity, lacking in (

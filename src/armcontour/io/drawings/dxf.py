@@ -90,8 +90,18 @@ DRAWING_DATABASE = b"AC10"
 CUT_OFF = "The file has no end mark (EOF): it seems to be cut off, and contours may be missing."
 # What is between entities.
 STRUCTURE = ("SECTION", "ENDSEC", "TABLE", "ENDTAB", "EOF")
-# Codes of which one comes first in the class of a SPLINE.
-SPLINE_CODES = ("10", "40", "70", "71", "72", "73", "74", "210")
+# Classes of entities that ezdxf does not read without the marks of their classes, and codes that
+# come before the mark.
+CLASSES = {
+    "LWPOLYLINE": "AcDbPolyline",
+    "SPLINE": "AcDbSpline",
+    "MTEXT": "AcDbMText",
+    "LEADER": "AcDbLeader",
+    "HATCH": "AcDbHatch",
+}
+COMMON_CODES = frozenset(
+    "0 5 6 8 48 60 62 67 92 102 160 284 310 330 347 348 360 370 380 390 410 420 430 440".split()
+)
 # Numbers of objects in ezdxf's messages.
 ADDRESS = re.compile(r"\(#\d+\)")
 
@@ -129,7 +139,9 @@ def read_dxf(
             texts=reading.texts == "contours",
         )
         tell = tell_share(progress, source)
-        unit = _unit(document, source, reading)
+        # Without a header, ezdxf's own one says metres.
+        stated = b"$INSUNITS" in data
+        unit = _unit(document.header.get("$INSUNITS", 0) if stated else 0, source, reading)
         found = list(walk.shapes(unit, tell))
         pieces = _pieces(found, walk, source, reading, tell)
     notes += walk.notes
@@ -161,15 +173,14 @@ def read_dxf(
     return mend(program, printed, reading)
 
 
-def _unit(document: Any, source: str, reading: Reading) -> float:
-    """Length of the drawing's unit [m].
+def _unit(code: Any, source: str, reading: Reading) -> float:
+    """Length of the drawing's unit [m], by its code in the header.
 
     Raises:
         InvalidInput: Neither the reading nor the drawing has a known unit.
     """
     if reading.unit is not None:
         return reading.unit
-    code = document.header.get("$INSUNITS", 0)
     if code in UNITS:
         return UNITS[code]
     why = "does not say its unit" if code == 0 else f"has the unit {code!r}, which is not known"
@@ -675,10 +686,12 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
     # Codes and values alternate; the code 0 begins an entity.
     begins = [i for i in range(first + 1, len(lines) - 1, 2) if lines[i].strip() == "0"]
     kept, broken = lines[: begins[0] if begins else len(lines)], []
+    marked = False
     for i, end in itertools.pairwise([*begins, len(lines)]):
         kind, part = lines[i + 1].strip(), lines[i:end]
-        if kind == "SPLINE" and "AcDbSpline" not in part:
-            part = _mark_spline(part)
+        if kind in CLASSES:
+            part, before = _mark_class(part, CLASSES[kind]), part
+            marked = marked or part is not before
         try:
             if kind not in STRUCTURE:
                 factory.load(ExtendedTags.from_text("\n".join(part) + "\n"), None)
@@ -686,14 +699,31 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
             broken.append(f"{kind} in line {i + 2} ({ADDRESS.sub('', said(error))})")
         else:
             kept += part
+    if marked:
+        kept = _without_version_12(kept)
     return "\n".join([*kept, ""]).encode("utf-8", errors="surrogateescape"), broken
 
 
-def _mark_spline(lines: list[str]) -> list[str]:
-    """A SPLINE with the marks of its classes, which some programs leave out."""
-    own = next((k for k in range(0, len(lines), 2) if lines[k].strip() in SPLINE_CODES), len(lines))
-    marks = ["100", "AcDbEntity", "100", "AcDbSpline"]
-    return [*lines[:own], *marks, *lines[own:]] if "100" not in map(str.strip, lines) else lines
+def _without_version_12(lines: list[str]) -> list[str]:
+    """A file of a later version than R12, of which ezdxf reads no attributes in classes."""
+    names = [x.strip() for x in lines]
+    version = ["9", "$ACADVER", "1", "AC1015"]
+    if "$ACADVER" in names:
+        k = names.index("$ACADVER") + 2
+        return [*lines[:k], "AC1015" if names[k] == "AC1009" else lines[k], *lines[k + 1 :]]
+    if "HEADER" in names:
+        k = names.index("HEADER") + 1
+        return [*lines[:k], *version, *lines[k:]]
+    return ["0", "SECTION", "2", "HEADER", *version, "0", "ENDSEC", *lines]
+
+
+def _mark_class(lines: list[str], name: str) -> list[str]:
+    """An entity with the marks of its classes, which some programs leave out."""
+    codes = [x.strip() for x in lines[::2]]
+    if "100" in codes:
+        return lines
+    own = 2 * next((k for k, x in enumerate(codes) if x not in COMMON_CODES), len(codes))
+    return [*lines[:own], "100", "AcDbEntity", "100", name, *lines[own:]]
 
 
 def line_of_handle(data: bytes, handle: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +15,7 @@ from armcontour.geometry.mending import Printed
 from armcontour.io.drawings._svg_shapes import shape_of
 from armcontour.io.drawings._svg_tree import Element, tree_of
 from armcontour.io.drawings._svg_units import (
+    INCH,
     PIXEL,
     Box,
     affine,
@@ -42,6 +44,12 @@ from armcontour.program import Program
 MOST_SEGMENTS = 500_000
 # Attributes with the coordinates of a shape.
 COORDINATES = ("d", "points", "x", "y", "width", "height", "x1", "y1", "x2", "y2")
+# Versions of Inkscape with 90 px per inch, the comment of Illustrator, which has 72, and the bytes
+# in which it is; lengths that depend on no pixel.
+OLD_INKSCAPE = re.compile(r"0\.(?:[0-8]\d?|9|9[01])(?!\d)[.\d]*")
+ILLUSTRATOR = re.compile(rb"Generator:\s*Adobe\s+Illustrator", re.IGNORECASE)
+BEGINNING = 10_000
+ABSOLUTE = re.compile(r"\d\s*(?:mm|cm|in|pt|pc|q)$", re.IGNORECASE)
 # Largest number of elements that one note names.
 NAMED = 6
 
@@ -57,7 +65,8 @@ def read_svg(
 
     Coordinates are in metres from the lower left corner of the page, x to the right and y up.
     `reading.unit` is the length of the user unit. If it is None, width, height and viewBox define
-    the user unit, and without them it is a CSS pixel, 1/96 inch.
+    the user unit, and without them it is a pixel: 1/72 inch in files of Illustrator, 1/90 inch in
+    those of Inkscape before 0.92, else 1/96 inch as in CSS.
 
     Lines are kept, and so are arcs that are still circular after all transforms; other curves
     become tangent arcs within `reading.chord_tolerance`.
@@ -74,7 +83,7 @@ def read_svg(
             element and its line.
     """
     root = tree_of(data, source)
-    page, view, notes = _page(root, reading)
+    page, view, notes = _page(root, reading, data)
     walk = Walk(
         root=root, skip=reading.unknown == "skip", wanted=reading.layers, colors=reading.colors
     )
@@ -187,7 +196,18 @@ class _Budget:
             )
 
 
-def _page(root: Element, reading: Reading) -> tuple[Affine, Box | None, list[str]]:
+def _program_pixel(root: Element, data: bytes) -> tuple[float, str]:
+    """Length of a px of the program that wrote a file [m], and its name; "" for CSS pixels."""
+    version = root.get("inkscape:version")
+    if version:
+        number = OLD_INKSCAPE.match(version)
+        return (INCH / 90, f"Inkscape {number[0]}") if number else (PIXEL, "")
+    # It may be UTF-16.
+    illustrator = ILLUSTRATOR.search(data[:BEGINNING].replace(b"\0", b""))
+    return (INCH / 72, "Adobe Illustrator") if illustrator else (PIXEL, "")
+
+
+def _page(root: Element, reading: Reading, data: bytes) -> tuple[Affine, Box | None, list[str]]:
     """The coordinates of the page.
 
     Returns:
@@ -202,6 +222,18 @@ def _page(root: Element, reading: Reading) -> tuple[Affine, Box | None, list[str
     box = view_box(root)
     width, height = _extent(root, "width"), _extent(root, "height")
     unit = PIXEL if reading.unit is None else reading.unit
+    notes = []
+    absolute = any(ABSOLUTE.search(root.get(x)) for x in ("width", "height"))
+    if reading.unit is None and not (box is not None and absolute):
+        unit, program = _program_pixel(root, data)
+        if program:
+            notes.append(
+                f"{root.source} is by {program}, whose px is 1/{INCH / unit:.0f} inch: it is read "
+                "so, and not as the 1/96 inch of CSS. To change this, give the unit."
+            )
+        if absolute:
+            # Millimetres of the page are true, whatever a px is.
+            width, height = (x and x * PIXEL / unit for x in (width, height))
     if box is not None:
         # If only one of width and height is given, the aspect ratio of the viewBox gives the other.
         if reading.unit is not None or (width is None and height is None):
@@ -209,15 +241,15 @@ def _page(root: Element, reading: Reading) -> tuple[Affine, Box | None, list[str
         wide = width if width is not None else (height or 0.0) * box.width / box.height
         high = height if height is not None else wide * box.height / box.width
         inner = viewbox_transform(root, box, Box(0.0, 0.0, wide, high))
-        return _up(high, unit) @ inner, box, []
+        return _up(high, unit) @ inner, box, notes
     if height is None:
-        note = (
+        notes.append(
             f"{root.source} says no height of its page: y is 0 at its upper edge and negative "
             "below."
         )
-        return _up(0.0, unit), None, [note]
+        return _up(0.0, unit), None, notes
     view = Box(0.0, 0.0, width, height) if width is not None else None
-    return _up(height, unit), view, []
+    return _up(height, unit), view, notes
 
 
 def _extent(root: Element, key: str) -> float | None:

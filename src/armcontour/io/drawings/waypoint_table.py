@@ -66,7 +66,7 @@ def table_of(data: bytes, *, source: str, reading: Reading) -> Table:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InvalidInput(f"{source} is not UTF-8 text: save it as CSV in UTF-8.") from None
-    file = split_csv(text, source, reading.columns)
+    file = split_csv(text, source, reading.columns, decimal_commas=False)
     where = f", line {file.header}" if file.header else ", columns"
     columns, notes = _columns(file.names, source, where, reading)
     rows = []

@@ -10,7 +10,7 @@ from armcontour.io.exports.exporting import (
     write_table,
 )
 from armcontour.io.exports.table import Table, make_table
-from armcontour.io.exports.template import describe_unswitched, templates
+from armcontour.io.exports.template import describe_program, templates
 from armcontour.io.exports.text import csv_text
 
 __all__ = [
@@ -18,7 +18,7 @@ __all__ = [
     "Table",
     "chosen_format",
     "csv_text",
-    "describe_unswitched",
+    "describe_program",
     "export",
     "formats",
     "refuse_unknown_outputs",

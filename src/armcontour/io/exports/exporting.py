@@ -16,7 +16,7 @@ from armcontour.io.exports.destination import put
 from armcontour.io.exports.ros import write_mcap, write_ros_yaml
 from armcontour.io.exports.table import Table, make_table
 from armcontour.io.exports.tables import write_csv, write_npz
-from armcontour.io.exports.template import describe_unswitched, write_template
+from armcontour.io.exports.template import describe_program, write_template
 from armcontour.io.exports.urscript import write_urscript
 from armcontour.motion import TaughtData, Trajectory
 
@@ -114,7 +114,7 @@ def export(
         names = (*(x.name for x in table.events), *table.analog)
         refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
     # Where warnings are errors, nothing is written.
-    for said in describe_unswitched(
+    for said in describe_program(
         table,
         kind if template is None else template,
         outputs,

@@ -25,6 +25,13 @@ EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17, "urscript": 0}
 # What their programs have in the place of an event without an output.
 INSTEAD = {"abb": "comments", "kuka": "comments", "urscript": "messages (textmsg)"}
 ANALOG_EXAMPLES: dict[str, int | str] = {"abb": "aoPower", "kuka": 1, "urscript": "AO0"}
+# Points of a program of about 1 MB; longer programs are not confirmed on any controller. What to
+# do instead, by format.
+MOST_POINTS = 10_000
+FEWER = {
+    **dict.fromkeys(SHIPPED, "use a longer period (--period)"),
+    "urscript": "stream the set-points over RTDE (--export csv)",
+}
 # So many events are named in one sentence.
 MOST_NAMES = 4
 
@@ -111,13 +118,13 @@ def template_of(
         raise InvalidInput(f"{_error_line(error, source)}: {_sentence(error)}.") from None
 
 
-def describe_unswitched(
+def describe_program(
     table: Table,
     name: str | FilePath,
     outputs: Mapping[str, int | str] | None,
     name_output: Callable[[str, int | str], str],
 ) -> list[str]:
-    """Sentences on outputs that a program of urscript or of the package's templates does not set.
+    """Sentences on programs of urscript and of the package's templates: outputs not set, and size.
 
     The templates of users may switch events without outputs.
 
@@ -128,6 +135,11 @@ def describe_unswitched(
         name_output: How users name the output of an event.
     """
     found, given = [], outputs or {}
+    if name in FEWER and len(table.t) > MOST_POINTS:
+        found.append(
+            f"the program has {len(table.t)} points, and a controller may not hold more than "
+            f"{MOST_POINTS}: {FEWER[str(name)]}, or split the job."
+        )
     unset = [x for x in table.analog if x not in given]
     if unset and name in ANALOG_EXAMPLES:
         example = name_output(unset[0], ANALOG_EXAMPLES[str(name)])

@@ -32,16 +32,10 @@ ACCELERATING = {
     for word, end in (("has", "_limits"), ("max", ""))
 }
 # Keys of such files that armcontour does not use.
-IGNORED = {
-    "angle_wraparound",
-    "has_soft_limits",
-    "k_position",
-    "k_velocity",
-    "min_velocity",
-    "soft_lower_limit",
-    "soft_upper_limit",
-}
-KNOWN = {f"has_{kind}_limits" for kind in KINDS} | {x for kind in KINDS.values() for x in kind}
+IGNORED = {"angle_wraparound", "k_position", "k_velocity", "min_velocity"}
+SOFT = ("soft_lower_limit", "soft_upper_limit")
+KNOWN = {"has_soft_limits", *SOFT}
+KNOWN |= {f"has_{kind}_limits" for kind in KINDS} | {x for kind in KINDS.values() for x in kind}
 KNOWN |= ACCELERATING
 # Outer keys in files for the parameter server.
 WRAPPERS = ("/**", "ros__parameters", "robot_description_planning")
@@ -61,10 +55,10 @@ def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
     """Replace limits in a table by those of a `joint_limits.yaml`.
 
     A kind of limit that is switched off (`has_velocity_limits: false`) is lifted; a kind that is
-    not in the file stays. `max_deceleration` may be positive or, as in MoveIt, negative. The
-    smaller of `max_deceleration` and `max_acceleration` becomes the acceleration limit in both
-    directions, so that both are kept. The default scaling factors are not applied: they are
-    defaults of requests to MoveIt, not limits.
+    not in the file stays. Soft limits narrow the range. `max_deceleration` may be positive or, as
+    in MoveIt, negative. The smaller of `max_deceleration` and `max_acceleration` becomes the
+    acceleration limit in both directions, so that both are kept. The default scaling factors are
+    not applied: they are defaults of requests to MoveIt, not limits.
 
     Raises:
         InvalidInput: No such file, a file for other joints, or a value that is no limit.
@@ -163,6 +157,17 @@ def _override_joint(table: Table, k: int, where: str, entry: Any) -> None:
                 value = _given(where, entry, kind, key)
                 table[name][k] = table[name][k] if value is None else value
     _override_acceleration(table, k, where, entry)
+    if _switch(where, entry, "soft") is not False:
+        low, high = (_given(where, entry, "soft", key) for key in SOFT)
+        if low is not None and high is not None:
+            narrow(table, k, low, high)
+
+
+def narrow(table: Table, k: int, low: float, high: float) -> None:
+    """Narrow the range of joint k [rad] to soft limits."""
+    for name, value, inner in zip(JOINT_RANGE, (low, high), (max, min), strict=True):
+        own = table[name][k]
+        table[name][k] = value if own is None else inner(own, value)
 
 
 def _override_acceleration(table: Table, k: int, where: str, entry: Mapping[Any, Any]) -> None:

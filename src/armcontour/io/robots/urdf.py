@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from functools import partial
@@ -14,7 +15,7 @@ from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.io.robots.collision import Packages, link_shapes, missing_meshes
 from armcontour.io.robots.description import Description
-from armcontour.io.robots.joint_limits import KINDS, Table, limits_of, override
+from armcontour.io.robots.joint_limits import KINDS, SOFT, Table, limits_of, narrow, override
 from armcontour.io.robots.tip import choose_tip
 from armcontour.io.robots.tree import MOST_NAMED, TURNING, Joint, Tree, read_tree
 from armcontour.io.robots.xacro_file import Value, expand_xacro
@@ -30,6 +31,10 @@ HINT = (
 # Limits that a description gives in its limit elements; attribute of the element and kind in
 # joint_limits.yaml.
 GIVEN = {"joint_velocity": "velocity", "joint_torque": "effort"}
+# Ranges above these [rad] are asked about: usual arms have at most 2.5 turns. Those below these
+# [degrees] may be in degrees.
+MOST_RADIANS = 16.0
+MOST_DEGREES = 3601.0
 # Time from rest to the largest speed of a joint where no accelerations are given [s]. Universal
 # Robots' joint_limits.yaml has 180 deg/s and 180 deg/s², "for planning".
 RISE = 1.0
@@ -194,9 +199,14 @@ def _limits(
     """
     names = [joint.name for joint in moving]
     table = _table(tree, moving)
+    soft = _soften(table, moving, tree.file)
+    stated: Table = {**table, **{name: [None] * len(moving) for name in JOINT_RANGE}}
+    stated = {name: list(values) for name, values in stated.items()}
     own = {name: list(table[name]) for name in GIVEN}
     if file is not None:
         override(table, names, file)
+        override(stated, names, file)
+    _refuse_degrees(table, stated, moving, tree.file)
     lacking = {}
     for name, key in GIVEN.items():
         of = [x for x, value in zip(names, table[name], strict=True) if value is None]
@@ -207,7 +217,8 @@ def _limits(
     if not heavy:
         table["joint_torque"] = [None] * len(moving)
         lacking.pop("effort", None)
-    return assume_accelerations(limits_of(table, names, tree.file), _note(lacking, moving))
+    note = "; ".join(x for x in (soft, _note(lacking, moving)) if x)
+    return assume_accelerations(limits_of(table, names, tree.file), note)
 
 
 def assume_accelerations(limits: Limits, note: str) -> tuple[Limits, str]:
@@ -242,6 +253,48 @@ def _table(tree: Tree, moving: list[Joint]) -> Table:
                 value = joint.number("limit", key, tree.file) or 0.0
             table[name].append(value)
     return table
+
+
+def _soften(table: Table, moving: list[Joint], file: str) -> str:
+    """Narrow the ranges of joints to the soft limits of their safety controllers; give a note."""
+    narrowed = []
+    for k, joint in enumerate(moving):
+        low, high = (joint.number("safety_controller", key, file) for key in SOFT)
+        # Controllers of speed alone have no such limits, or two zeros.
+        if joint.kind != "continuous" and low is not None and high is not None and low < high:
+            before = [table[name][k] for name in JOINT_RANGE]
+            narrow(table, k, low, high)
+            if before != [table[name][k] for name in JOINT_RANGE]:
+                narrowed.append(joint.name)
+    if not narrowed:
+        return ""
+    return f"it has soft limits of {list_some(narrowed, MOST_NAMED)}, which are kept"
+
+
+def _refuse_degrees(table: Table, stated: Table, moving: list[Joint], file: str) -> None:
+    """Refuse ranges that no joint has in radians, but joints have in degrees.
+
+    Args:
+        table: The limits.
+        stated: Those of a file of joint limits, which are believed.
+        moving: The joints.
+        file: The description.
+
+    Raises:
+        InvalidInput: There is one.
+    """
+    for k, joint in enumerate(moving):
+        low, high = (table[name][k] or 0.0 for name in JOINT_RANGE)
+        # Descriptions without ranges have symmetrical powers of ten.
+        endless = low == -high and math.log10(high or 1.0).is_integer()
+        known = any(stated[name][k] is not None for name in JOINT_RANGE)
+        if MOST_RADIANS < max(-low, high) < MOST_DEGREES and not (endless or known):
+            raise InvalidInput(
+                f"{file}: the range of joint {joint.name} from {low:g} to {high:g} rad is "
+                f"{(high - low) / (2 * math.pi):.0f} turns: if these are degrees, write radians, "
+                f"{math.radians(low):.4g} to {math.radians(high):.4g}; if not, say so with "
+                "has_position_limits, min_position and max_position in a joint_limits.yaml."
+            )
 
 
 def _note(lacking: dict[str, str], moving: list[Joint]) -> str:

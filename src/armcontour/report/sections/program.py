@@ -12,6 +12,7 @@ from armcontour.evaluation import ErrorProfile
 from armcontour.jobs import RunResult, Study
 from armcontour.motion import Span
 from armcontour.program import Contour, Program, cut_parts
+from armcontour.program.preparing import PIERCE
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.sections.program_picture import picture
 
@@ -33,9 +34,9 @@ def program(study: Study) -> Section | None:
         title="Program",
         text=(
             "As planned: contours with the process on, leads, and rapids between them; with a "
-            "kerf, the drawn contours and the band of the cut. Rapids keep only the limits of the "
-            "joints: the tool may be faster than the assigned velocity. Between two moves the tool "
-            "is at rest."
+            "kerf, the drawn contours and the band of the cut. Rapids keep the limits of the "
+            "joints, and rapid_speed and approach_speed of the process if there are any; else the "
+            "tool may be faster than the assigned velocity. Between two moves the tool is at rest."
         ),
         tiles=tuple((name, _tiles(study.job.program, x)) for name, x in results),
         figures=(drawn,),
@@ -57,7 +58,8 @@ def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
     dwells = [x for x in spans if x.kind == "dwell"]
     at_work = sum(_work(x) for x in program.contours)
     time = sum(x.work[1] - x.work[0] for x in contours if x.work is not None)
-    leads = program.length - at_work
+    pierces = sum(_pierce_way(x) for x in program.contours)
+    leads = program.length - at_work - pierces
     closed = sum(x.closed for x in job.contours)
     layers = len({x.layer for x in program.contours})
     tiles = [
@@ -69,7 +71,8 @@ def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
         Tile(
             label="length at work",
             value=f"{at_work:.4g} m",
-            note=f"leads {leads * 1e3:.4g} mm" if leads > 1e-9 else "no leads",
+            note=(f"leads {leads * 1e3:.4g} mm" if leads > 1e-9 else "no leads")
+            + (f", pierces {pierces * 1e3:.4g} mm" if pierces else ""),
         ),
         Tile(
             label="time at work",
@@ -102,6 +105,12 @@ def _work(x: Contour) -> float:
     return end - start
 
 
+def _pierce_way(x: Contour) -> float:
+    """Length of the way from the height of the pierce to the lead-in or the contour [m]."""
+    tags = x.path.tags
+    return float(sum(x.path.lengths[k] for k, tag in enumerate(tags) if tag == PIERCE))
+
+
 def _time(spans: Sequence[Span]) -> float:
     """Total duration of moves [s]."""
     return float(sum(x.t[1] - x.t[0] for x in spans))
@@ -131,6 +140,7 @@ def _table(name: str, result: RunResult) -> Table:
         )
     several = len({x.layer for x in program.contours}) > 1 or program.contours[0].layer
     led = program.length - sum(_work(x) for x in program.contours) > 1e-9
+    pierced = any(_pierce_way(x) for x in program.contours)
     limit = result.run.limits.speed
     most = np.inf if limit is None else limit
     cells = [
@@ -138,6 +148,7 @@ def _table(name: str, result: RunResult) -> Table:
             *(k, program.contours[k], spans[k], errors[k] if errors else None, most),
             layers=bool(several),
             led=led,
+            pierced=pierced,
         )
         for k in order.tolist()
     ]
@@ -158,6 +169,7 @@ def _cells(
     *,
     layers: bool,
     led: bool,
+    pierced: bool,
 ) -> dict[str, str]:
     """Cells of a contour, by the titles of their columns."""
     assert span.work is not None
@@ -168,7 +180,10 @@ def _cells(
     found["length [mm]"] = f"{length * 1e3:.2f}"
     if led:
         start, end = contour.at_work
-        found["leads [mm]"] = f"{start * 1e3:.2f}, {(contour.path.length - end) * 1e3:.2f}"
+        way = _pierce_way(contour)
+        found["leads [mm]"] = f"{(start - way) * 1e3:.2f}, {(contour.path.length - end) * 1e3:.2f}"
+        if pierced:
+            found["pierce [mm]"] = f"{way * 1e3:.2f}"
     found |= {
         "from [s]": f"{span.work[0]:.3f}",
         "time [s]": f"{time:.3f}",

@@ -128,7 +128,7 @@ def export(x: Request) -> Frame:
     "taught" or "planned"; `period` of a plan [s]; `outputs`, `derivatives` and `tool_motion`.
     """
     from armcontour.io.exports import (
-        describe_unswitched,
+        describe_program,
         formats,
         make_table,
         refuse_unknown_outputs,
@@ -170,7 +170,7 @@ def export(x: Request) -> Frame:
         if outputs is not None:
             names = (*(y.name for y in table.events), *table.analog)
             refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
-        told = describe_unswitched(
+        told = describe_program(
             table,
             template or kind,
             outputs,

@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.faults import Fault
-from armcontour.io.drawings.gcode.words import Block
+from armcontour.io.drawings.gcode.words import LASER, Block
 
 # Rotary axes, which turn the part or the tool, and axes beside X, Y and Z.
 OTHER_AXES = "ABCUVW"
@@ -42,6 +42,9 @@ class Unknown:
             Fault: Something without which the rest of the program would be elsewhere.
         """
         words = block.words.keys()
+        if "I" in words and math.isnan(block.words["I"]) and not LASER.isdisjoint(block.m):
+            block.drop("I")
+            self.count("I of M3, M4 or M5 (power of a laser that changes with moves)", line)
         if (
             codes.SHIFT in block.g
             and words.isdisjoint("XYZES")

@@ -37,12 +37,14 @@ COMMENTS = re.compile(r"\([^()]*\)|;.*", re.DOTALL)
 O_WORD = re.compile(r"(?:N[0-9]+)?O")
 PROGRAM_NUMBER = re.compile(r"(?:N[0-9]+)?O[0-9]+(?:\.0*)?")
 # Flow control of Fanuc.
-FANUC_FLOW = re.compile(r"(?:IF|WHILE)\[|GOTO|END|DO")
+FANUC_FLOW = re.compile(r"IF|WHILE|GOTO|END|DO|ELSE|THEN")
 # What is computed, or a word with such a value: #1=2, X#1, Y-[2*#1], ZSIN[30].
 COMPUTED = re.compile(r"[A-Z]?[-+]*(?:#|[A-Z]*\[)")
 # Letters without a value, and text, which 3D printers have: G28 X Y, M84 X Y E, M862.3 P "MK3S".
 BARE = re.compile(r"[A-Z](?=[A-Z(;\"]|$)")
 TEXT = re.compile(r'"[^"]*"')
+# Codes of a laser, which may have a letter I.
+LASER = frozenset({3, 4, 5})
 # The sum of bytes that senders of 3D printers add to numbered lines: "N3 T0*57".
 CHECKSUM = re.compile(r"^(N[0-9]+[^;(*]*)\*[0-9]+(?=;|$)")
 # Spaces may stand anywhere, and case means nothing (LinuxCNC manual, "Format of a line").
@@ -125,6 +127,10 @@ def _read_other(block: Block, text: str, at: int) -> int:
     Raises:
         Fault: None of these.
     """
+    # As Marlin marks power that changes with moves: M3 S20 I.
+    if text[at] == "I" and not LASER.isdisjoint(block.m) and BARE.match(text, at):
+        _add_word(block, "I", math.nan)
+        return at + 1
     strange = any(x not in UNDERSTOOD_M for x in block.m)
     if strange and (found := TEXT.match(text, at)) is not None:
         return found.end()
@@ -227,6 +233,8 @@ def _what_is_wrong(text: str, at: int) -> str:
         if close < 0 or inner < 0:
             return "a comment that begins with ( and does not end: close it with )"
         return "a comment ( ) within a comment: leave out the inner parentheses"
+    if text.startswith(("//", "/*"), at):
+        return f"a comment {text[at : at + 2]}, which G-code does not have: write ( ) or ;"
     if here.isascii() and here.isalpha():
         return f"the letter {here} without a number after it"
     if here in "@^":
