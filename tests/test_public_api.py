@@ -112,6 +112,7 @@ def takers():
 def test_an_unknown_keyword_is_refused(limits, servo, refuses):
     # Calls that are right but for the keyword, and a name that exists.
     calls = {
+        "Limits.only": (ac.Limits.only, "joint_velocity"),
         "Limits.replace": (limits.replace, "joint_velocity"),
         "ServoModel.replace": (servo.replace, "kp"),
     }
@@ -143,7 +144,9 @@ def makers():
 def test_arguments_that_do_not_exist_are_answered_with_those_that_do(refuses):
     found = dict(makers())
     assert {"plan", "ServoModel", "ServoPlant", "Path.polyline", "load_arm"} <= set(found)
-    for value in found.values():
+    for key, value in found.items():
+        if key in takers():
+            continue
         names = [x for x in inspect.signature(value).parameters if len(x) > 5]
         refuses(lambda f=value: f(**{UNKNOWN: 1}), ac.InvalidInput, UNKNOWN, *names[:1])
         for name in names[:3]:
