@@ -128,7 +128,7 @@ def _pair(ours: str, peer: str) -> Pair:
     def notes() -> list[str]:
         found = call()
         rounded = ac.round_corners(path, tolerance=ur5e.CORNER_ERROR)
-        off = _off(rounded, arm.forward(found(_places(found.breaks))))
+        off = _off(rounded, arm.tool_position(found(_places(found.breaks))))
         if off > OFF:
             raise AssertionError(f"The plan leaves the rounded path by {off:.1e} m.")
         values = ", ".join(f"{k}={v:.5g}" for k, v in options.items()) or "its defaults"
@@ -228,7 +228,7 @@ def _judged(
     `law` is that of the law itself, `executed` that of the cubics through its samples; ours is
     executed as it is.
     """
-    tool = arm.forward(q)
+    tool = arm.tool_position(q)
     corner = max(np.linalg.norm(tool - x, axis=1).min() for x in ur5e.corners()[1:-1])
     speed = np.linalg.norm(arm.tool_velocity(q, dq), axis=1).max()
     lengths = f"corner error {corner * 1e3:.3f} mm, off the square {_off(path, tool) * 1e3:.3f} mm"

@@ -231,7 +231,7 @@ SWEEP = """t,q1,q2,q3,q4,q5,q6
 
 def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     (tmp_path / "sweep.csv").write_text(SWEEP)
-    at = ac.load_arm("ur5e").forward([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
+    at = ac.load_arm("ur5e").tool_position([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
     x, y, z = at
     wall = f"(noname)+\n* wall\n1\nbox\n0.001 0.3 0.3\n{x} {y} {z}\n0 0 0 1\n0 0 0 0\n.\n"
     (tmp_path / "cell.scene").write_text(wall)

@@ -168,9 +168,9 @@ def test_velocity_error_vanishes_when_the_poles_sum_to_minus_kv(arm, servo):
 def test_poles_that_cannot_be_are_refused(refuses):
     motion = laps([0.0, 0.2], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
     for poles, words, joint in (
-        ([-1, -1, 0], "negative real parts", 1),
-        ([[-1, -1, -1], [-1, 2, -1]], "without bound", 2),
-        ([1 + 1j, 1 - 1j, -1], "negative real parts", 1),
+        ([-1, -1, 0], "negative real parts", 0),
+        ([[-1, -1, -1], [-1, 2, -1]], "without bound", 1),
+        ([1 + 1j, 1 - 1j, -1], "negative real parts", 0),
         ([-1, -1], "2 rows of three", None),
         ([[-1, -1, -1]] * 3, "three finite numbers", None),
         ([-1, -1, np.nan], "finite", None),
@@ -179,7 +179,7 @@ def test_poles_that_cannot_be_are_refused(refuses):
         ([-1, -1 + 1j, -1 - 1j], "observer pole real", None),
         ("fast", "three finite numbers", None),
     ):
-        kind = ac.CompensationError if joint else ac.InvalidInput
+        kind = ac.CompensationError if joint is not None else ac.InvalidInput
         refuses(partial(place, motion, UNEVEN, poles=poles), kind, words, joint=joint)
 
 
@@ -404,7 +404,7 @@ def test_a_command_beyond_the_limits_is_refused(refuses):
         fast = limit == "joint_velocity"
         k = int(np.argmax(rates[:, j] if fast else np.abs(taught.q[:, j])))
         data = {"t": taught.t[k], "needed": rates[k, j] if fast else taught.q[k, j]}
-        data |= {"joint": j + 1, "limit": limit, "allowed": values[j]}
+        data |= {"joint": j, "limit": limit, "allowed": values[j]}
         call = partial(ac.compensate, SWING, servo, method="inverse", limits=limits)
         refuses(call, ac.CompensationError, f"joint {j + 1}", limit, **data)
         ac.compensate(SWING, servo, method="none", limits=limits)

@@ -47,7 +47,7 @@ def test_torque_of_a_law_and_of_samples(planned, robot):
         found = ac.check(given, robot, limits)["joint_torque"]
         assert found.ratio == pytest.approx(1 / 0.9, rel=2e-3)
         assert found.certain > 1 and found.joint is not None
-        assert found.limit == pytest.approx(0.9 * torque[found.joint - 1])
+        assert found.limit == pytest.approx(0.9 * torque[found.joint])
     loose = ac.check(planned, robot, robot.limits.replace(joint_torque=torque * 1.01))
     assert not loose.violated
 
@@ -85,7 +85,7 @@ def test_ranges_are_counted_from_their_middle(planned, robot):
     for given in (planned, sampled(planned), sampled(planned, dq=True)):
         found = ac.check(given, robot, limits)
         over = found["joint_upper"]
-        assert over.joint == 3 and over.limit == upper[2]
+        assert over.joint == 2 and over.limit == upper[2]
         assert over.value == pytest.approx(upper[2] + 0.1, abs=1e-4)
         assert over.ratio == pytest.approx(1 + 0.2 / (upper[2] - lower[2]), abs=1e-3)
         assert found["joint_lower"].ratio == pytest.approx(1, abs=1e-3)
@@ -95,7 +95,7 @@ def test_ranges_are_counted_from_their_middle(planned, robot):
     found = ac.check(planned, robot, ac.Limits.only(joint_lower=np.inf, joint_upper=one))[
         "joint_upper"
     ]
-    assert found.joint == 2 and found.ratio == pytest.approx(1 + 0.2 / np.pi, abs=1e-4)
+    assert found.joint == 1 and found.ratio == pytest.approx(1 + 0.2 / np.pi, abs=1e-4)
     endless = ac.Limits.only(joint_lower=np.inf, joint_upper=np.full(6, np.inf))
     assert ac.check(planned, robot, endless).not_judged == ("joint_lower", "joint_upper")
 

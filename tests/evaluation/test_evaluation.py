@@ -14,10 +14,10 @@ from armcontour.motion import LapLaw
 def by_hand(arm, t, tool, demand=None, planned=None):
     """An execution whose tool is at `tool` at times `t`; velocities by differences."""
     t, tool = np.asarray(t, float), np.asarray(tool, float)
-    q = arm.inverse(tool)
+    q = arm.joint_position(tool)
     dq = np.gradient(q, t, axis=0)
     demand = np.zeros_like(q) if demand is None else np.asarray(demand, float)
-    where = q if planned is None else arm.inverse(np.asarray(planned, float))
+    where = q if planned is None else arm.joint_position(np.asarray(planned, float))
     law = LapLaw(breaks=t, q=where, dq=np.diff(where, axis=0) / np.diff(t)[:, None],
                  ddq=np.zeros((len(t) - 1, 2)))  # fmt: skip
     trajectory = ac.Trajectory(laws=(law,), method="hand")
@@ -96,7 +96,7 @@ def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_acro
     along, across = 0.0, 0.0
     unit = np.diff(path([0.0, path.length]), axis=0)[0] / path.length
     for signs in product((-1, 1), repeat=arm.dof):
-        moved = arm.forward(done.q + signs * unexplained) - done.tool
+        moved = arm.tool_position(done.q + signs * unexplained) - done.tool
         ahead = moved @ unit
         along = max(along, np.abs(ahead).max())
         across = max(across, np.linalg.norm(moved - ahead[:, None] * unit, axis=1).max())

@@ -27,9 +27,9 @@ def dense(plan, places):
     share = np.linspace(1e-9, 1 - 1e-9, places)
     t = (breaks[:-1, None] + share * np.diff(breaks)[:, None]).ravel()
     q, dq, ddq, dddq = (plan(t, order) for order in range(4))
-    v = np.einsum("nij,nj->ni", ARM.jacobian(q), dq)
-    a = np.einsum("nij,nj->ni", ARM.jacobian(q), ddq)
-    a += np.einsum("nij,nj->ni", ARM.jacobian_rate(q, dq), dq)
+    v = np.einsum("nij,nj->ni", ARM.tool_jacobian(q), dq)
+    a = np.einsum("nij,nj->ni", ARM.tool_jacobian(q), ddq)
+    a += np.einsum("nij,nj->ni", ARM.tool_jacobian_rate(q, dq), dq)
     speed = np.hypot(*v.T)
     moving = speed > 1e-6
     across = np.abs(v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0])[moving] / speed[moving]

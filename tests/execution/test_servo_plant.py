@@ -151,7 +151,7 @@ def test_a_drive_that_cannot_hold_its_arm_is_an_error(refuses):
     weight = abs(heavy.torque(q[0], 0 * q[0], 0 * q[0])[1])
     up = np.array([0.0, -np.pi / 2, 0.0, 0.0, 0.0, 0.0])
     end = np.array([up, up, up + [0, 1.0, 0, 0, 0, 0]])
-    error = {"joint": 2, "allowed": 20.0}
+    error = {"joint": 1, "allowed": 20.0}
     for taught, words, data in (
         (taught_data(q), "raise its torque limit", {"t": 0.0, "needed": weight}),
         (taught_data(end, 0.5), "at the last set-point", {"t": 1.0}),

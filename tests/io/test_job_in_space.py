@@ -120,7 +120,7 @@ def test_a_job_cannot_trust_a_xacro_file(folder):
 
 BAD = """
 arm: {name: ur5e, file: x.urdf} => arm takes either name
-arm: {file: robot.txt} => arm.file must be a .yaml, .yml, .urdf, .xacro file
+arm: {file: robot.txt} => arm.file must be a .yaml, .yml, .urdf, .xacro, .xml, .mjcf file
 arm: {name: ur5e, tool: {position: [0, 0, 1 deg]}} => arm.tool.position (item 3): ... quantity in m
 arm: {name: ur5e, tool: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}} => arm.tool takes either rpy or
 arm: {name: ur5e, tool: {quaternion: [0, 0, 0, 2]}} => arm.tool.quaternion: ... length 1

@@ -56,7 +56,7 @@ def length(arm):
     """Distance of the tool point from that of the bare arm with all joints at 0 [m]."""
     zero = np.zeros(6)
     bare = ac.load_arm("ur5e", work=ac.Frame(position=(0.35, -0.15, 0.05)))
-    return np.linalg.norm(arm.forward(zero) - bare.forward(zero))
+    return np.linalg.norm(arm.tool_position(zero) - bare.tool_position(zero))
 
 
 def test_a_job_follows_the_contours_of_one_tool_with_its_frame_and_payload(read):

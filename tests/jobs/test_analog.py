@@ -58,7 +58,7 @@ def test_values_follow_the_speed_of_the_tool(plan):
     t = np.linspace(-0.1, trajectory.duration + 0.1, 4001)
     inside = (t >= 0) & (t <= trajectory.duration)
     q, dq = (trajectory(t[inside], order) for order in (0, 1))
-    x, y = ARM.forward(q).T
+    x, y = ARM.tool_position(q).T
     # Off in leads, in the rapid and where the contour switches the laser off; by the tool alone.
     first = (np.abs(y - 0.20) < 1e-6) & (x >= 0.30) & (x <= 0.38)
     second = (np.abs(y - 0.24) < 1e-6) & (x >= 0.30) & (x <= 0.38)
@@ -166,7 +166,7 @@ def test_values_are_off_where_the_file_is_off(text, travels):
     trajectory = ac.plan(program, ARM, LIMITS)
     functions = analog_outputs(program, trajectory, process, LIMITS)
     t = np.linspace(0, trajectory.duration, 3001)[1:-1]
-    x = 1e3 * ARM.forward(trajectory(t))[:, 0]
+    x = 1e3 * ARM.tool_position(trajectory(t))[:, 0]
     travel, near = (
         np.any([(x > a + gap) & (x < b - gap) for a, b in travels], axis=0) for gap in (0.01, -0.01)
     )

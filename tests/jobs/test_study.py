@@ -173,14 +173,14 @@ def test_what_cannot_be_is_refused_with_its_run_before_any_run_starts(job, in_sp
 
 def test_an_experiment_that_does_not_rest_leaves_the_other_results(job, monkeypatch):
     def fails(*_, **__):
-        raise ac.ExecutionError("Joint 1 does not rest.", joint=1)
+        raise ac.ExecutionError("Joint 1 does not rest.", joint=0)
 
     monkeypatch.setattr("armcontour.jobs.study.on_bodies", fails)
     this = changed(job.runs[0], experiment=Experiment())
     found = ac.run(with_runs(job, this, job.runs[1])).runs
     assert found["proposed"].experiment is None
     assert str(found["proposed"].failure) == "experiment: Joint 1 does not rest."
-    assert found["proposed"].failure.joint == 1
+    assert found["proposed"].failure.joint == 0
     assert found["proposed"].evaluation.contour_error.rms > 0
     assert found["conventional"].failure is None
 

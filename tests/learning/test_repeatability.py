@@ -46,7 +46,7 @@ class Robot:
 
     def tool(self, rms):
         """RMS of the tool for independent errors of the joints [m], about, along and across."""
-        jacobian = self.arm.jacobian(self.plan(np.linspace(0, self.plan.duration, 100)))
+        jacobian = self.arm.tool_jacobian(self.plan(np.linspace(0, self.plan.duration, 100)))
         return rms * float(np.sqrt((jacobian**2).sum(axis=(1, 2)).mean()))
 
 

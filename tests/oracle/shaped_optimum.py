@@ -168,7 +168,7 @@ class _Program:
         if job.velocity is not None:
             high_v[:] = job.velocity
         low_q, low_v = -high_q, -high_v
-        ends = ac.load_arm("pmk3s").inverse(job.points[[0, -1]]).T
+        ends = ac.load_arm("pmk3s").joint_position(job.points[[0, -1]]).T
         low_q[:, [0, -1]], high_q[:, [0, -1]] = ends, ends
         low_v[:, [0, -1]], high_v[:, [0, -1]] = 0.0, 0.0
         most, times = np.full(2 * m, job.acceleration), np.ones(len(time))

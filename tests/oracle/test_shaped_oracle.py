@@ -13,7 +13,7 @@ PAPER = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)
 
 def test_with_room_to_all_sides_it_is_the_slower_joint_alone(arm):
     points = np.array([(0.30, 0.20), (0.34, 0.22)])
-    step = np.abs(np.diff(arm.inverse(points), axis=0)).max()
+    step = np.abs(np.diff(arm.joint_position(points), axis=0)).max()
     found = solve(Job(points=points, tolerance=0.05, speed=10.0), 40, ["stops"])
     assert found == pytest.approx(2 * np.sqrt(step / 0.72), rel=1e-5)
 

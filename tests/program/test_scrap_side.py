@@ -6,7 +6,6 @@ from tests.geometry.tables import each
 
 import armcontour as ac
 from armcontour.errors import InvalidInput
-from armcontour.geometry.cutting import reverse_path
 from armcontour.program import Leads
 from armcontour.program.kerf import waste_sides
 
@@ -43,7 +42,7 @@ def ends(contour):
 def test_waste_is_outside_of_outlines_inside_of_holes_on_layers_that_are_cut():
     sides = waste_sides(contours(OUTLINE, HOLE, ISLAND, OPEN), PLAIN)
     assert sides == ["right", "left", "right", "left"]
-    turned = [reverse_path(x) for x in (OUTLINE, HOLE, ISLAND)]
+    turned = [x.reversed() for x in (OUTLINE, HOLE, ISLAND)]
     assert waste_sides(contours(*turned), PLAIN) == ["left", "right", "left"]
     # A hole is a hole whatever layers it and its outline are on.
     found = [*contours(OUTLINE), *contours(HOLE, layer="HOLES"), *contours(ISLAND, layer="PARTS")]
@@ -66,7 +65,7 @@ def test_waste_is_outside_of_outlines_inside_of_holes_on_layers_that_are_cut():
 
 
 def test_arcs_of_leads_lie_in_the_waste():
-    for paths in ((OUTLINE, HOLE), (reverse_path(OUTLINE), reverse_path(HOLE))):
+    for paths in ((OUTLINE, HOLE), (OUTLINE.reversed(), HOLE.reversed())):
         # What lies inside is cut first.
         done = prepared(contours(*paths), lead_in=lead(), lead_out=lead(), overlap=2e-3)
         hole, outline = done.contours
@@ -191,7 +190,7 @@ def test_closed_contours_run_in_the_direction_of_the_process_however_drawn(direc
     drawn = OUTLINE, HOLE, ISLAND
     # As mirrored blocks of a drawing are: any of them runs the other way.
     for mask in range(8):
-        paths = [reverse_path(x) if mask & 1 << k else x for k, x in enumerate(drawn)]
+        paths = [x.reversed() if mask & 1 << k else x for k, x in enumerate(drawn)]
         moves = [*contours(*paths), *contours(OPEN)]
         for values in ({}, {"kerf": 1e-3}):
             done = prepared(moves, direction=direction, order="drawn", **values).contours

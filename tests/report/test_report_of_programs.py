@@ -94,7 +94,7 @@ def test_the_picture_shows_contours_rapids_and_events_where_they_are(study, resu
         for s, near in ((0.0, 1e-6), (x.path.length / 2, 0.03), (x.path.length, 1e-6)):
             assert np.nanmin(np.linalg.norm(contours - x.path(s), axis=1)) < near
     rapid = next(x for x in result.trajectory.spans if x.kind == "rapid")
-    tool = result.execution.arm.forward(result.trajectory(np.linspace(*rapid.t, 3)))
+    tool = result.execution.arm.tool_position(result.trajectory(np.linspace(*rapid.t, 3)))
     for place in tool[[0, 2]] * 1e3:
         assert np.nanmin(np.linalg.norm(points(found["rapids"]) - place, axis=1)) < 1e-3
     events, on = result.trajectory.events, found["spindle on"]

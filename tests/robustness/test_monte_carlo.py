@@ -254,7 +254,7 @@ def test_a_serial_arm_in_space():
     trajectory = ac.Trajectory(laws=(law,), method="hand")
     taught = ac.TaughtData(period=8e-3, q=q, trajectory=trajectory, method="x")
     servo, limits = ac.ServoModel(kp=20.0, kv=100.0), ac.Limits.only(joint_acceleration=2.0)
-    own = taught, ac.Path.polyline(arm.forward(q[::8])), arm, servo, limits
+    own = taught, ac.Path.polyline(arm.tool_position(q[::8])), arm, servo, limits
     found = spread(*own, Box(gains=0.1), samples=4)
     # The error comes to a point at every corner of the path.
     agrees(found, *own, resolution=1e-4)

@@ -14,7 +14,7 @@ from armcontour.timing.limit_use import STILL, States, allowed, quantity, ratio
 def test_the_tool_moves_uniformly_and_velocity_jumps_at_corners(arm, objective, conventional):
     assert conventional.duration == pytest.approx(objective.length / 0.04, rel=1e-12)
     t = np.linspace(0, conventional.duration, 4001)
-    tool = arm.forward(conventional(t))
+    tool = arm.tool_position(conventional(t))
     np.testing.assert_allclose(tool, objective((0.04 * t).clip(0, objective.length)), atol=1e-8)
     velocity = arm.tool_velocity(conventional(t), conventional(t, 1))
     np.testing.assert_allclose(np.linalg.norm(velocity, axis=1), 0.04, rtol=1e-6)
@@ -127,7 +127,7 @@ def test_a_path(rounded, arm, limits, worst_ratios, refuses):
         planned = ac.plan(rounded, arm, limits, duration=slower * fastest)
         assert planned.duration == pytest.approx(slower * fastest, rel=1e-12)
         assert all(x <= 1 + 1e-9 for x in worst_ratios(planned, limits, arm).values()), slower
-        found = rounded.project(arm.forward(planned(np.linspace(0, planned.duration, 2001))))
+        found = rounded.project(arm.tool_position(planned(np.linspace(0, planned.duration, 2001))))
         assert found.distance.max() < 1e-7
         np.testing.assert_allclose(found.s[[0, -1]], [0, rounded.length], atol=1e-7)
     # It moves as it says: velocities and accelerations are the derivatives, by differences.

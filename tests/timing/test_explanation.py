@@ -53,7 +53,7 @@ def test_a_trapezoid_of_one_joint():
     # Up at 1 rad/s², down at 2 rad/s²: 0.125 and 0.0625 rad, known to one interval of 0.5 mrad.
     np.testing.assert_allclose(middle.s, [0.125, 2 - 0.0625], atol=1e-3)
     np.testing.assert_allclose(middle.t, [0.5, planned.duration - 0.25], atol=2e-3)
-    assert middle.joint == 1
+    assert middle.joint == 0
     assert (found.assigned_length, found.assigned_time, found.shortfalls) == (None, None, ())
     assert "joint 1 velocity 83%, joint 1 acceleration 17%; 0 shortfalls" in repr(found)
 
@@ -262,7 +262,7 @@ def test_a_path_is_traced_on_the_way(arm, rounded, traced, limits):
     other = ac.plan(rounded, arm, limits.replace(speed=0.05), method="mac", branch="negative")
     t = np.linspace(0, other.duration, 101)
     assert (other(t)[:, 1] < 0).all()
-    assert rounded.project(arm.forward(other(t))).distance.max() < 1e-6
+    assert rounded.project(arm.tool_position(other(t))).distance.max() < 1e-6
 
 
 def test_refusals(arm, rounded, traced, objective, limits, refuses):

@@ -111,7 +111,7 @@ def test_long_paths_are_compared_on_parts(monkeypatch, free):
     assert 1 <= len(whole) <= len(durations) / 2
     assert roughly(chosen, arm, limits) < 1.001 * min(durations)
     at = np.linspace(0, path.length, 997)
-    assert np.abs(arm.forward(chosen(at)) - path(at)).max() < 2e-10
+    assert np.abs(arm.tool_position(chosen(at)) - path(at)).max() < 2e-10
 
 
 def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monkeypatch, traced):
@@ -125,7 +125,7 @@ def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monke
     for x in found:
         assert min(np.abs(x(0.0) - q)[others].max() for q in starts) < 1e-2
     for q in starts:
-        assert arm.forward(q) == pytest.approx(path(0.0), abs=1e-9)
+        assert arm.tool_position(q) == pytest.approx(path(0.0), abs=1e-9)
 
 
 def test_long_path_out_of_reach_is_refused_as_a_short_one(monkeypatch):

@@ -66,9 +66,11 @@ def test_the_papers_job_with_these_and_other_limits(
 
 def test_the_tool_stays_on_the_path_and_goes_one_way(planned, rounded, arm):
     t, ends = np.linspace(0, planned.duration, 20001), [0.0, planned.duration]
-    found = rounded.project(arm.forward(planned(t)))
+    found = rounded.project(arm.tool_position(planned(t)))
     assert found.distance.max() < 1e-7 and np.diff(found.s).min() > -1e-9
-    np.testing.assert_allclose(arm.forward(planned(ends)), rounded.vertices[[0, -1]], atol=1e-8)
+    np.testing.assert_allclose(
+        arm.tool_position(planned(ends)), rounded.vertices[[0, -1]], atol=1e-8
+    )
     np.testing.assert_allclose(planned(ends, 1), 0, atol=1e-9)
     at = planned.breaks[1:-1]
     for order, near in ((0, 1e-12), (1, 1e-7)):
@@ -271,7 +273,7 @@ def test_gravity_helps_one_way_hinders_the_other_and_may_be_too_much(refuses):
 
     assert gravity(0.4).duration == pytest.approx(trapezoid(2.0, 0.6, 1.4), rel=1e-6)
     for weight in (1.2, -1.2):
-        data = {"joint": 1, "limit": "torque", "needed": weight, "allowed": np.sign(weight)}
+        data = {"joint": 0, "limit": "torque", "needed": weight, "allowed": np.sign(weight)}
         refuses(lambda x=weight: gravity(x), ac.NotRealizable, "even at rest", s=0.0, **data)
 
 

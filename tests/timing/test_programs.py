@@ -83,7 +83,7 @@ def judged(program, arm, limits, trajectory):
         over = [(x.name, x.ratio) for x in kept.uses if x.ratio > 1 + 1e-6 and "step" not in x.name]
         assert not over, (span.kind, span.name, over)
     for span, contour, offset in zip(contours, program.contours, program.breaks, strict=False):
-        found = contour.path.project(arm.forward(trajectory(np.linspace(*span.t, 300)[1:-1])))
+        found = contour.path.project(arm.tool_position(trajectory(np.linspace(*span.t, 300)[1:-1])))
         assert found.distance.max() < 1e-8
         # Once along all of it, overlaps included.
         times = np.linspace(*span.t, 2000)
@@ -92,14 +92,14 @@ def judged(program, arm, limits, trajectory):
         assert span.s == pytest.approx((offset, offset + contour.path.length), abs=1e-12)
         assert span.t[0] <= span.work[0] < span.work[1] <= span.t[1]
         work = contour.work or (0.0, contour.path.length)
-        at = arm.forward(trajectory(np.array(span.work)))
+        at = arm.tool_position(trajectory(np.array(span.work)))
         np.testing.assert_allclose(at, contour.path(work), atol=1e-9)
     asked = [x for x in program.moves if isinstance(x, Event)]
     asked += [x for contour in program.contours for x in contour.events]
     assert sorted(x.name for x in asked) == sorted(x.name for x in trajectory.events)
     assert [x.t for x in trajectory.events] == sorted(x.t for x in trajectory.events)
     for event in trajectory.events:
-        at = arm.forward(trajectory(event.due))
+        at = arm.tool_position(trajectory(event.due))
         np.testing.assert_allclose(at, event.point, atol=1e-9)
 
 
@@ -170,7 +170,7 @@ def test_the_other_methods_plan_programs_too(method):
     np.testing.assert_allclose(trajectory(seams, side="left"), trajectory(seams), atol=1e-9)
     assert len(trajectory.events) == 6
     for event in trajectory.events:
-        here = PMK3S.forward(trajectory(event.due))
+        here = PMK3S.tool_position(trajectory(event.due))
         work = [x for x in trajectory.spans if x.work]
         number = next(k for k, x in enumerate(work) if x.s[0] <= event.s <= x.s[1])
         s = event.s - work[number].s[0]
@@ -477,9 +477,9 @@ def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_the
     for contour, span, begin, end in moves:
         # Ready for 0.3 s at the height, and off where the tool leaves the waste again.
         assert begin.t == pytest.approx(span.t[0] - 0.32) and end.t == pytest.approx(span.t[1])
-        pierced = UR5E.forward(plan(np.linspace(begin.t, span.t[0], 50)))
+        pierced = UR5E.tool_position(plan(np.linspace(begin.t, span.t[0], 50)))
         np.testing.assert_allclose(pierced, np.tile(pierced[0], (50, 1)), atol=1e-9)
-        tool = UR5E.forward(plan(np.linspace(*span.t, 4000)))
+        tool = UR5E.tool_position(plan(np.linspace(*span.t, 4000)))
         assert pierced[0, 2] - tool[-1, 2] == pytest.approx(height)
         # Straight down and then along the level.
         high = tool[:, 2] > tool[-1, 2] + 1e-9

@@ -102,8 +102,8 @@ def test_refusals(refuses):
     loaded, stiff = ur5e(payload=Payload(mass=15.0)), ur5e(coulomb=[0, 0, 0, 0, 0, 29.0])
     path = ac.JointPath.spline([np.zeros(6), np.full(6, 0.3)])
     for arm, words, data in (
-        (loaded, "even at rest", {"joint": 2, "limit": "torque", "allowed": -150.0}),
-        (stiff, "in the slowest motion, with friction", {"joint": 6, "allowed": 28.0}),
+        (loaded, "even at rest", {"joint": 1, "limit": "torque", "allowed": -150.0}),
+        (stiff, "in the slowest motion, with friction", {"joint": 5, "allowed": 28.0}),
     ):
         own = torque_only(arm)
         refuses(lambda x=arm, y=own: ac.plan(path, x, y), ac.NotRealizable, words, **data)

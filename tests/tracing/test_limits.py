@@ -34,7 +34,7 @@ def test_ranges_that_limits_narrow_or_widen_are_used(ur5e):
     assert len(found) >= 2
     ways = [x(S) for x in (*found, ac.trace(LINE, ur5e, limits=limits))]
     for q in ways:
-        np.testing.assert_allclose(ur5e.forward(q), LINE(S), atol=1e-9)
+        np.testing.assert_allclose(ur5e.tool_position(q), LINE(S), atol=1e-9)
     for start in (None, found[0](0.0) + 0.01):
         planned = ac.plan(LINE, ur5e, limits, start=start)
         ways.append(planned(np.linspace(0, planned.duration, 200)))
@@ -73,7 +73,7 @@ def test_an_arm_in_the_plane_keeps_its_ranges(arm, refuses):
     np.testing.assert_array_equal(found.coefficients, free.coefficients)
     top = high[1] - 0.01
     tight = ac.Limits.only(joint_lower=-3.0, joint_upper=[3.0, top])
-    data = {"joint": 2, "limit": "joint_upper", "needed": high[1], "allowed": top}
+    data = {"joint": 1, "limit": "joint_upper", "needed": high[1], "allowed": top}
     for own, limits in ((arm, tight), (arm.with_limits(tight), None)):
         trace = partial(ac.trace, FLAT, own, limits=limits, branch="positive")
         refuses(trace, ac.Unreachable, **data)
@@ -136,7 +136,7 @@ def test_the_top_between_samples_counts(refuses):
         found = bump(height)
         refuses(
             lambda x=found: refuse_out_of_range(x, limits), ac.Unreachable, words,
-            joint=2, s=1.0, **data,
+            joint=1, s=1.0, **data,
         )  # fmt: skip
     # Ranges may be missing or endless.
     refuse_out_of_range(bump(5.0), ac.Limits.only())
@@ -151,7 +151,7 @@ def test_the_top_between_samples_counts(refuses):
         with pytest.raises(ac.Unreachable) as caught:
             refuse_out_of_range(path, ac.Limits.only(joint_upper=q.max() - 0.01))
         assert caught.value.needed == pytest.approx(q.max(), abs=1e-6), seed
-        assert caught.value.joint == 1 + int(np.argmax(q.max(axis=0))), seed
+        assert caught.value.joint == int(np.argmax(q.max(axis=0))), seed
 
 
 def test_every_method_refuses(traced, arm, limits):

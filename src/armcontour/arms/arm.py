@@ -364,7 +364,7 @@ class Arm(Locked, ABC):
         return Dynamics(self.chain)
 
     @abstractmethod
-    def forward(self, q: npt.ArrayLike) -> FloatArray:
+    def tool_position(self, q: npt.ArrayLike) -> FloatArray:
         """Tool points [m] of joint positions [rad].
 
         Args:
@@ -372,7 +372,7 @@ class Arm(Locked, ABC):
         """
 
     @abstractmethod
-    def jacobian(self, q: npt.ArrayLike) -> FloatArray:
+    def tool_jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Tool velocity per joint velocity [m/rad], (n, dimension, dof).
 
         Args:
@@ -380,8 +380,8 @@ class Arm(Locked, ABC):
         """
 
     @abstractmethod
-    def jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Time derivative of the Jacobian at the joint velocities `dq`, (n, dimension, dof).
+    def tool_jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
+        """Time derivative of `tool_jacobian` at the joint velocities `dq`, (n, dimension, dof).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -403,7 +403,7 @@ class Arm(Locked, ABC):
             q: Joint positions [rad], (..., dof).
             dq: Joint velocities [rad/s], same shape.
         """
-        return np.asarray(np.einsum("...ij,...j->...i", self.jacobian(q), np.asarray(dq)))
+        return np.asarray(np.einsum("...ij,...j->...i", self.tool_jacobian(q), np.asarray(dq)))
 
     def tool_acceleration(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
@@ -415,7 +415,7 @@ class Arm(Locked, ABC):
             dq: Joint velocities [rad/s], same shape.
             ddq: Joint accelerations [rad/s²], same shape.
         """
-        coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(q, dq), np.asarray(dq))
+        coupling = np.einsum("...ij,...j->...i", self.tool_jacobian_rate(q, dq), np.asarray(dq))
         return np.asarray(self.tool_velocity(q, ddq) + coupling)
 
     def tool_jerk(
@@ -438,11 +438,11 @@ class Arm(Locked, ABC):
         way = rate / np.where(total > 0, total, 1.0)
 
         def bias(along: float) -> FloatArray:
-            jacobian_rate = self.jacobian_rate(at + along * STEP * way, way)
+            jacobian_rate = self.tool_jacobian_rate(at + along * STEP * way, way)
             return np.asarray(np.einsum("...ij,...j->...i", jacobian_rate, way))
 
         change = (8 * (bias(1) - bias(-1)) - (bias(2) - bias(-2))) / (12 * STEP)
-        coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(at, rate), second)
+        coupling = np.einsum("...ij,...j->...i", self.tool_jacobian_rate(at, rate), second)
         return np.asarray(self.tool_velocity(at, dddq) + 3 * coupling + change * total**3)
 
     def tool_motion(

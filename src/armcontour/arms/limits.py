@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, Value
-from armcontour._describing import brief, digits, line_up
+from armcontour._describing import brief, digits, line_up, to_html
 from armcontour._quantities import (
     AccelerationLimit,
     AngularAccelerationLimit,
@@ -53,6 +53,7 @@ JOINT_VALUES = JOINT_LIMITS | dict.fromkeys(JOINT_RANGE, "rad")
 UNITS = JOINT_VALUES | TOOL_LIMITS
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Limits(Value):
     """Limits of the joints and of the tool.
@@ -129,6 +130,7 @@ class Limits(Value):
         return line_up("Limits" if rows else "Limits: none", rows)
 
     __repr__ = brief
+    _repr_html_ = to_html
 
     def _check_joints(self, name: str, values: FloatArray) -> None:
         unit = JOINT_LIMITS[name]

@@ -130,7 +130,7 @@ class PlanarTwoLink(ChainArm):
         """Length of all links together [m]."""
         return self.reach[1]
 
-    def inverse(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
+    def joint_position(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
         """Joint positions [rad] that put the tool at the points, (..., 2), eq. (3)-(4).
 
         The quadrant of (3) is corrected; theta1 is within (-2 pi, 2 pi).
@@ -202,7 +202,7 @@ class PlanarTwoLink(ChainArm):
     def _solve(self, q: npt.ArrayLike, right: FloatArray) -> FloatArray:
         """Solve `J(q) x = right` for x, (..., 2)."""
         self._common_shape([_checks.floats("states of an arm", q), right])
-        jacobian = self.jacobian(q)
+        jacobian = self.tool_jacobian(q)
         try:
             return np.asarray(np.linalg.solve(jacobian, right[..., None])[..., 0])
         except np.linalg.LinAlgError:

@@ -396,6 +396,6 @@ def _settling_time(before: Sequence[Law], robot: Robot, near: float) -> float:
     runs = [run(robot, taught)]
     if robot.box is not None:
         runs += [x for group in execute_over_box(robot, taught) for x in group.runs]
-    goal = robot.arm.forward(plan(plan.duration, side="left"))
+    goal = robot.arm.tool_position(plan(plan.duration, side="left"))
     far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > near] for x in runs]
     return max([0.0, *(float(x[-1]) - plan.duration for x in far if len(x))])

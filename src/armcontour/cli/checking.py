@@ -332,6 +332,8 @@ def _known(x: Occurrence) -> dict[str, float | int | None]:
     from armcontour.evaluation.tally import Occurrence
 
     values = {y.name: getattr(x, y.name) for y in fields(Occurrence)}
+    # Files and messages count joints from 1.
+    values["joint"] = None if x.joint is None else x.joint + 1
     return {k: v if v is None or math.isfinite(v) else None for k, v in values.items()}
 
 
@@ -343,7 +345,7 @@ def _cells(unit: str, x: Occurrence) -> tuple[str, ...]:
         f"{x.value:.6g} {unit}",
         f"{x.limit:.6g} {unit}" if math.isfinite(x.limit) else "none",
         clock(x.t, 6),
-        "" if x.joint is None else str(x.joint),
+        "" if x.joint is None else str(x.joint + 1),
     )
 
 
@@ -359,7 +361,7 @@ def _print(found: Check, arm: Arm, remarks: list[str]) -> None:
     whole = (0, HEADINGS.index("t [s]"))
     console.show_table(HEADINGS, rows, left=(0, len(HEADINGS) - 1), whole=whole)
     lines = [found.reconstruction]
-    named = sorted({x.joint for x in found.uses if x.joint is not None})
+    named = sorted({x.joint + 1 for x in found.uses if x.joint is not None})
     called = [joint_called(x, arm.joint_names) for x in named]
     if called != [str(x) for x in named]:
         lines.append(f"Joints: {', '.join(called)}.")

@@ -215,7 +215,7 @@ def _refuse(worst: FloatArray, lower: FloatArray, upper: FloatArray, p: float) -
         f"which lag as the servo does by itself, its demand is {needed:.6g} rad/s², above its "
         f"limit of {allowed:.6g} rad/s²; plan with a joint_acceleration lower by at least "
         f"{needed - allowed:.1g} rad/s², or take a shorter command interval.",
-        joint=j + 1,
+        joint=j,
         limit="joint_acceleration",
         needed=needed,
         allowed=allowed,

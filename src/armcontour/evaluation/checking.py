@@ -293,7 +293,7 @@ def _split_contours(samples: Any, arm: Arm, program: Program | None) -> list[_Pa
         ]
     assert program is not None
     log = _check_samples(samples, arm.dof, None)
-    windows = find_windows(arm.forward(log.q), program)
+    windows = find_windows(arm.tool_position(log.q), program)
     found = []
     for (first, last), path, start in zip(windows, paths, starts[:-1], strict=True):
         rows = {x: getattr(log, x) for x in ("t", "q", "dq", "ddq")}
@@ -533,7 +533,7 @@ def _refuse_values(t: FloatArray, columns: Mapping[str, FloatArray]) -> None:
                 f"{name} of joint {j + 1} is {values[row, j]:.3g} {UNITS[name]} in row {row + 1}, "
                 f"but no joint has more than {LARGEST[name]:g} {UNITS[name]}: mend the number.",
                 index=row,
-                joint=j + 1,
+                joint=j,
                 t=float(t[row]),
             )
 
@@ -576,8 +576,8 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         row = int(bad[0, 0])
-        joint = int(bad[0, 1]) + 1 if dof is not None else None
-        of = "" if joint is None else f" of joint {joint}"
+        joint = int(bad[0, 1]) if dof is not None else None
+        of = "" if joint is None else f" of joint {joint + 1}"
         raise InvalidInput(
             f"{name}{of} is {float(array[tuple(bad[0])])} in row {row + 1}: every number must be "
             "finite.",

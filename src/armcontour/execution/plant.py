@@ -160,7 +160,7 @@ def refuse_too_heavy(weight: FloatArray, limit: FloatArray, where: str, t: float
             f"its drive gives at most {limit[j]:.4g} N m: raise its torque limit or lighten its "
             "load.",
             t=t,
-            joint=j + 1,
+            joint=j,
             limit="joint_torque",
             needed=float(weight[j]),
             allowed=float(limit[j]),
@@ -252,7 +252,7 @@ class TorqueBounds:
                 f"gives at most {self.limit[j]:.4g} N m; raise its torque limit or lighten its "
                 "load.",
                 t=t,
-                joint=j + 1,
+                joint=j,
             )
         bias = self.arm.torque(q, dq, np.zeros_like(q))
         inertia = np.diagonal(self.arm.dynamics.mass_matrix(q))

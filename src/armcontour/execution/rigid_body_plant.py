@@ -276,7 +276,7 @@ class RigidBodyPlant(LimitedPlant):
             f"{off:.3g} rad from it, it still moves by {moved[worst]:.3g} rad in {window:.3g} s, "
             f"so its servo gains, torque limit and friction do not let it settle{missing}.",
             t=robot.now,
-            joint=j + 1,
+            joint=j,
         )
 
     def _refuse_weak(self, log: _Log, last: FloatArray, now: float) -> None:
@@ -301,7 +301,7 @@ class RigidBodyPlant(LimitedPlant):
             f"since its drive gives {allowed:.4g} N m where its servo asks for {needed:.4g} N m: "
             "raise its torque limit or lighten its load.",
             t=now,
-            joint=j + 1,
+            joint=j,
             limit="joint_torque",
             needed=needed,
             allowed=allowed,
@@ -513,7 +513,7 @@ class _Robot:
                 f"Joint {j + 1} has no equilibrium near its first set-point: its {loops} too low "
                 "for the weight that gravity feed-forward does not hold.",
                 t=self.start,
-                joint=j + 1,
+                joint=j,
             )
         where = "the first set-point"
         if plant._on_top and plant.gravity_feedforward:
@@ -541,7 +541,7 @@ class _Robot:
             f"Joint {j + 1} runs away at t = {t:.4g} s, at {speed:.3g} rad/s: its servo is "
             f"unstable with a step of {self.step:.3g} s; lower its gains or shorten the step.",
             t=t,
-            joint=j + 1,
+            joint=j,
         )
 
 

@@ -24,6 +24,7 @@ from armcontour.io.job_model import (
     ToolModel,
 )
 from armcontour.io.robots.loading import equip, load_arm, with_more_shapes
+from armcontour.io.robots.models import MJCF
 from armcontour.io.robots.tree import Tree
 from armcontour.io.robots.urdf import DESCRIPTIONS, arm_of_tree, is_description, read_description
 from armcontour.io.scene import assumed_tool, more_link_shapes, rotation_of, tool_shapes
@@ -32,7 +33,7 @@ from armcontour.program import Program
 from armcontour.program.tools import tools_of_contours
 from armcontour.scene import LinkShape
 
-ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS)
+ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS, *MJCF)
 
 
 def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False) -> Arm:

@@ -13,7 +13,6 @@ from armcontour._progress import Progress
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.frames import Frame
 from armcontour.geometry import Arc, Demand, Line, Path
-from armcontour.geometry.placing import keeps_plane, lift_path, place_path
 from armcontour.io.drawings.read import read_path
 from armcontour.io.drawings.reading import FARTHEST
 from armcontour.io.job_arm import frame_of
@@ -116,11 +115,11 @@ def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path 
         InvalidInput: A frame out of the plane in which the arm moves its tool.
     """
     frame = part_of(model)
-    if dimension == 2 and path.dimension == 2 and not keeps_plane(frame):
+    if dimension == 2 and path.dimension == 2 and not frame.keeps_plane:
         raise InvalidInput(LIFTED)
     if isinstance(path, Program):
         return path.placed(frame)
-    return path if model.frame is None else place_path(path, frame)
+    return path if model.frame is None else path.placed(frame)
 
 
 def _oriented(model: PathModel) -> Path:
@@ -185,7 +184,7 @@ def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
     if dimension == 2:
         _refuse_space(model, program)
         return program
-    program = program.mapped(lift_path)
+    program = program.mapped(Path.lifted)
     if model.orientation is not None:
         how = model.orientation
         if not isinstance(how, OrientationModel):

@@ -48,6 +48,7 @@ SHAPES = (ARC, FREE)
 TANGENT, CURVATURE = CONTINUITIES
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rounding:
     """How corners are rounded: by `tolerance`, or by `speed` and `acceleration`.
@@ -219,6 +220,7 @@ TRANSITION_TOLERANCE = 1e-5
 OF_FREE = ("line_tolerance", "zone", "iterations")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
     """A run: limits and methods for one plan of the job, to be compared with other runs.
@@ -314,6 +316,7 @@ class Run:
         }
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Job:
     """A path, an arm, a servo, and the runs to compare.

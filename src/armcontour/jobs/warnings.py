@@ -427,7 +427,7 @@ def smoothed_beyond(trajectory: Trajectory, arm: Arm, this: Run) -> list[str]:
     if not beyond:
         return []
     worst = max(beyond, key=lambda x: x.certain)
-    who = "the tool" if worst.joint is None else arm.joint_names[worst.joint - 1]
+    who = "the tool" if worst.joint is None else arm.joint_names[worst.joint]
     mend = "take shorter windows"
     if worst.name in RESERVED:
         # With a reserve the motion gets slower, too: this one is enough.

@@ -311,6 +311,6 @@ def keep_limits(
             name, j = "acceleration", int(np.argmax(rough))
         except CompensationError as error:
             assert error.joint is not None
-            name, j = str(error.limit), error.joint - 1
+            name, j = str(error.limit), error.joint
         reason = f"the {name} of the set-points of joint {j + 1} limits the step"
         share[j] = share[j] * SHORTER if share[j] > NO_STEP else 0.0

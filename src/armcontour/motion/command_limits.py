@@ -45,7 +45,7 @@ def refuse_commands(taught: TaughtData, limits: Limits | None = None) -> None:
         f"its joint_velocity of {allowed:.6g} rad/s: plan with a joint_velocity lower by "
         f"{needed - allowed:.2g} rad/s, with smoother accelerations, or with slower poles.",
         t=t,
-        joint=j + 1,
+        joint=j,
         limit="joint_velocity",
         needed=needed,
         allowed=allowed,
@@ -80,7 +80,7 @@ def _refuse_beyond(taught: TaughtData, name: str, values: FloatArray, most: Floa
         f"The set-point of joint {j + 1} at t = {t:.6g} s is {needed:.6g} rad, beyond its {name} "
         f"of {allowed:.6g} rad: plan {abs(needed - allowed):.2g} rad from it, or slower there.",
         t=t,
-        joint=j + 1,
+        joint=j,
         limit=name,
         needed=needed,
         allowed=allowed,

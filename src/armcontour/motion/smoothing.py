@@ -60,6 +60,7 @@ def smooth(trajectory: Trajectory, *windows: float) -> Trajectory:
         laws=tuple(laws),
         method=f"{trajectory.method}, smoothed",
         path=trajectory.path,
+        arm=trajectory.arm,
         limits=trajectory.limits,
         reserve=trajectory.reserve,
     )

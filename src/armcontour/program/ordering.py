@@ -14,7 +14,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp, log, shortest
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import cut_path, join_paths, reverse_path
+from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.near_points import nearest_points
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.program.kerf import waste_sides
@@ -307,7 +307,7 @@ def _backwards(contour: Contour) -> Contour:
     work = contour.work
     if work is not None:
         work = contour.path.length - work[1], contour.path.length - work[0]
-    return dataclasses.replace(contour, path=reverse_path(contour.path), work=work)
+    return dataclasses.replace(contour, path=contour.path.reversed(), work=work)
 
 
 def begin_places(path: Path, count: int) -> FloatArray:

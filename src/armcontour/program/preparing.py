@@ -14,7 +14,7 @@ from armcontour._describing import several
 from armcontour._text import shorten
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand, Path
-from armcontour.geometry.cutting import cut_path, join_paths, reverse_path
+from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weaving import weave_seam
 from armcontour.program.kerf import LeadPlacement, apply_kerf
@@ -399,7 +399,7 @@ def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: 
         result.insert(0, Rapid(path=line))
     if process.retract and not followed:
         line = _axial_line(path, path.length, process.retract, process.up, demand)
-        result.append(Rapid(path=reverse_path(line)))
+        result.append(Rapid(path=line.reversed()))
     return result
 
 

@@ -45,6 +45,7 @@ TOOL_SIDES = {"climb": "left", "conventional": "right"}
 DIRECTIONS = (DRAWN, *TOOL_SIDES, "clockwise", "counterclockwise")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lead:
     """A piece of path before or after a contour, for a tool that is at speed on the contour.
@@ -58,7 +59,7 @@ class Lead:
         active: Whether the process is on along the lead, as in cutting.
     """
 
-    length: Length | None = None
+    length: Length | None = field(default=None, kw_only=False)
     shape: Annotated[str, Choice(SHAPES)] = "line"
     side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
     active: bool = False
@@ -70,6 +71,7 @@ class Lead:
         _checks.choice("side", self.side, (*SIDES, WASTE))
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switch:
     """Events that switch the process on at the start of a contour, and off at its end.
@@ -81,8 +83,8 @@ class Switch:
         off_lead: Time by which it is switched off before the tool is at the end [s].
     """
 
-    name: str = "tool"
-    value: Value = True
+    name: str = field(default="tool", kw_only=False)
+    value: Value = field(default=True, kw_only=False)
     on_lead: Duration = 0.0
     off_lead: Duration = 0.0
 
@@ -94,6 +96,7 @@ class Switch:
             raise InvalidInput(f"The switch {self.name} must have another value on than off.")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pierce:
     """How the tool pierces the material before every contour, with the process on.
@@ -104,7 +107,7 @@ class Pierce:
             [m]; from there it moves straight down, stops, and starts along the lead-in.
     """
 
-    time: Duration
+    time: Duration = field(kw_only=False)
     height: Distance = 0.0
 
     def __post_init__(self) -> None:
@@ -112,6 +115,7 @@ class Pierce:
         _checks.not_negative("height of a pierce", self.height, "m")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Analog:
     """An analog output, such as a power or a flow, that follows the planned tool speed.
@@ -131,7 +135,7 @@ class Analog:
             off while any on/off output of the program or of `switch` is off, except coolant.
     """
 
-    name: str
+    name: str = field(kw_only=False)
     rest: Ratio = 0.0
     full: Ratio = 1.0
     speed: Speed | None = None
@@ -151,6 +155,7 @@ class Analog:
             _checks.positive(f"speed of the analog output {self.name}", self.speed, "m/s")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tabs:
     """Places of closed contours where the switch of the process is off, so that parts stay put.
@@ -161,7 +166,7 @@ class Tabs:
         spacing: Approximate length of contour per tab, in the place of a number [m].
     """
 
-    width: Length
+    width: Length = field(kw_only=False)
     count: Annotated[int, AtLeast(1)] | None = None
     spacing: Length | None = None
 
@@ -179,6 +184,7 @@ class Tabs:
 PLANES = ("tool", "frame")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weave:
     """How the tool weaves to both sides of a seam, perpendicular to the seam and to the tool axis.
@@ -196,7 +202,7 @@ class Weave:
         tolerance: Largest distance of the arcs from the sine [m].
     """
 
-    width: Length
+    width: Length = field(kw_only=False)
     pitch: Length | None = None
     frequency: Frequency | None = None
     dwell: Duration = 0.0
@@ -221,6 +227,7 @@ class Weave:
         _checks.choice("shape", self.shape, WEAVES)
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerProcess:
     """Values for the contours of one layer, in the place of those of the process.
@@ -247,6 +254,7 @@ class LayerProcess:
     direction: Annotated[str, Choice(DIRECTIONS)] = DRAWN
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Process:
     """Requirements of a process that are added to the contours of a program.

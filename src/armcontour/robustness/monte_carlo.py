@@ -559,7 +559,7 @@ def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:
     plan = taught.trajectory
     count = max(FEWEST_PLACES, PLACES_PER_INTERVAL * len(taught.q))
     t = np.union1d(np.linspace(0, plan.duration, count), plan.breaks)
-    tool = arm.forward(plan(t))
+    tool = arm.tool_position(plan(t))
     drawn = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)))
     margin = abs(path.length - drawn[-1]) + 1e-6 * path.length
     begin = taught.start_time + np.arange(len(taught.q) + 1) * taught.period
@@ -588,5 +588,5 @@ def _inertia(arm: Arm, taught: TaughtData, box: Box) -> FloatArray:
     if not np.any(box.payload):
         return np.zeros((arm.dof, 1))
     own = np.diagonal(arm.dynamics.mass_matrix(q), axis1=-2, axis2=-1)
-    added = (arm.jacobian(q) ** 2).sum(axis=-2)
+    added = (arm.tool_jacobian(q) ** 2).sum(axis=-2)
     return np.ascontiguousarray((added / own).T)

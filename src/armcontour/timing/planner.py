@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NoReturn, cast
 
 import numpy as np
@@ -204,6 +204,8 @@ def plan(
         found = slow_down(found, duration, traced, timing)
     _refuse_endless_motion(found)
     found = found.limited(bounds, reserve)
+    if isinstance(arm, Arm):
+        found = replace(found, arm=arm)
 
     if not isinstance(path, Tracing):
         if bounds.jerk_limits:

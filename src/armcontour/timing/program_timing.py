@@ -184,7 +184,7 @@ class JoinedMoves:
             self.stand(move.duration, step.move)
             return
         if isinstance(move, Event):
-            point = tuple(self.arm.forward(self._q).tolist())
+            point = tuple(self.arm.tool_position(self._q).tolist())
             self._add_event(move, self.t - move.lead_time, self.t, self.length, point)
             return
         assert trajectory is not None and step.joint_path is not None

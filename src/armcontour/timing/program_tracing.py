@@ -17,7 +17,7 @@ from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limit
 from armcontour.errors import ArmContourError, Unreachable, locate_errors
 from armcontour.frames import exp, log, shortest
 from armcontour.geometry import Path, ShapedPath
-from armcontour.geometry.cutting import cut_path, reverse_path
+from armcontour.geometry.cutting import cut_path
 from armcontour.geometry.orientation import Orientation
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
@@ -220,7 +220,7 @@ class _Tracer:
         try:
             at = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
             fastest = self._fastest(contour.path, at, branch=self.branch)
-            back = trace(reverse_path(path), limited, **configuration_of(arm, fastest(0.0)))
+            back = trace(path.reversed(), limited, **configuration_of(arm, fastest(0.0)))
             return trace(path, limited, **configuration_of(arm, back(back.length)))
         except ArmContourError:
             # Try the other configurations; errors of the contour are raised when it is traced.

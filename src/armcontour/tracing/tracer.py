@@ -27,6 +27,7 @@ FINER = 3
 SKETCHED = 0.01
 
 
+@_checks.explained
 def trace(
     path: Path,
     arm: Arm,
@@ -251,7 +252,7 @@ def _check_start(arm: SerialArm, start: npt.ArrayLike) -> FloatArray:
         raise InvalidInput(
             f"start has joint {j + 1} at {near[j]:.6g} rad, outside its range from {lower[j]:.6g} "
             f"to {upper[j]:.6g} rad: give angles in rad, or with their unit.",
-            joint=j + 1,
+            joint=j,
             needed=float(near[j]),
             allowed=float(lower[j] if near[j] < lower[j] else upper[j]),
         )

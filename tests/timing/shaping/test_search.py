@@ -159,12 +159,12 @@ def test_arcs_are_tangent_and_near_the_curve_between_samples(drawn):
 def test_the_curve_is_that_of_the_spline(case, drawn):
     arm = case[0]
     found, spline = drawn
-    knots = arm.forward(spline.knots)
+    knots = arm.tool_position(spline.knots)
     np.testing.assert_allclose(ac.Path(segments=found.segments)(found.knots), knots, atol=1e-9)
     # The middle of a span is on the curve, too.
     a = np.diff(spline.velocities, axis=0) / spline.h[:, None]
     h = spline.h[:, None]
-    middle = arm.forward(spline.knots[:-1] + spline.velocities[:-1] * h / 2 + a * h**2 / 8)
+    middle = arm.tool_position(spline.knots[:-1] + spline.velocities[:-1] * h / 2 + a * h**2 / 8)
     s = np.linspace(0, found.curve.breaks[-1], 200_001)
     piece = np.clip(np.searchsorted(found.curve.breaks, s) - 1, 0, len(found.curve.breaks) - 2)
     points = found.curve.on_piece(piece, s)

@@ -124,11 +124,15 @@ def _names(result: RunResult) -> str:
 
 def _table(name: str, result: RunResult) -> Table:
     """A row for every contour, or for those with the largest errors."""
-    program, errors = result.path, result.evaluation.contours
+    program = result.path
+    errors = () if result.evaluation is None else result.evaluation.contours
     spans = result.trajectory.contour_spans
     order = np.arange(len(spans))
     caption = f"Run {name}: contours in order"
-    if len(spans) > MOST_ROWS:
+    if len(spans) > MOST_ROWS and not errors:
+        order = order[:MOST_ROWS]
+        caption = f"Run {name}: the first {MOST_ROWS} of {len(spans)} contours"
+    elif len(spans) > MOST_ROWS:
         order = np.argsort([-x.max for x in errors], kind="stable")[:MOST_ROWS]
         caption = (
             f"Run {name}: the {MOST_ROWS} of {len(spans)} contours with the largest errors; all "
@@ -141,7 +145,7 @@ def _table(name: str, result: RunResult) -> Table:
     most = np.inf if limit is None else limit
     cells = [
         _cells(
-            *(k, program.contours[k], spans[k], errors[k], most),
+            *(k, program.contours[k], spans[k], errors[k] if errors else None, most),
             layers=bool(several),
             led=led,
             pierced=pierced,
@@ -160,7 +164,7 @@ def _cells(
     k: int,
     contour: Contour,
     span: Span,
-    error: ErrorProfile,
+    error: ErrorProfile | None,
     most: float,
     *,
     layers: bool,
@@ -180,12 +184,16 @@ def _cells(
         found["leads [mm]"] = f"{(start - way) * 1e3:.2f}, {(contour.path.length - end) * 1e3:.2f}"
         if pierced:
             found["pierce [mm]"] = f"{way * 1e3:.2f}"
-    return {
-        **found,
+    found |= {
         "from [s]": f"{span.work[0]:.3f}",
         "time [s]": f"{time:.3f}",
         "mean [mm/s]": f"{length / time * 1e3:.2f}",
         "as assigned": _assigned_share(contour, span, most),
+    }
+    if error is None:
+        return found
+    return {
+        **found,
         "RMS error [mm]": f"{error.rms * 1e3:.4f}",
         "largest [mm]": f"{error.max * 1e3:.4f}",
     }
@@ -218,13 +226,14 @@ def _rest(
     length = sum(_work(program.contours[k]) for k in which)
     ends = [spans[k].work or spans[k].t for k in which]
     times = [b - a for a, b in ends]
-    squares = sum(errors[k].rms ** 2 * t for k, t in zip(which, times, strict=True))
     cells = {
         "contour": f"and {len(which)} more",
         "length [mm]": f"{length * 1e3:.2f}",
         "time [s]": f"{sum(times):.3f}",
         "mean [mm/s]": f"{length / sum(times) * 1e3:.2f}",
-        "RMS error [mm]": f"{np.sqrt(squares / sum(times)) * 1e3:.4f}",
-        "largest [mm]": f"{max(errors[k].max for k in which) * 1e3:.4f}",
     }
+    if errors:
+        squares = sum(errors[k].rms ** 2 * t for k, t in zip(which, times, strict=True))
+        cells["RMS error [mm]"] = f"{np.sqrt(squares / sum(times)) * 1e3:.4f}"
+        cells["largest [mm]"] = f"{max(errors[k].max for k in which) * 1e3:.4f}"
     return tuple(cells.get(name, "") for name in header)
