@@ -101,7 +101,7 @@ class Limits(Value):
     lifted: frozenset[str] = field(default=frozenset(), init=False)
 
     def __post_init__(self) -> None:
-        lifted = {x for x in (*JOINT_LIMITS, *TOOL_LIMITS) if _is_endless(x, getattr(self, x))}
+        lifted = {x for x in UNITS if _is_endless(x, getattr(self, x))}
         if lifted:
             for name in lifted:
                 object.__setattr__(self, name, None)

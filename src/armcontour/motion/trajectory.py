@@ -256,7 +256,11 @@ class Trajectory(Value):
 
     @_checks.checked
     def limits_for(self, limits: Limits | None) -> Limits:
-        """The given limits, and where they give none, those of the plan, one value per joint."""
+        """The given limits, and where they give none, those of the plan, one value per joint.
+
+        Args:
+            limits: The given limits, or None.
+        """
         given = (limits or Limits()).for_joints(self.dof)
         return given if self.limits is None else given.over(self.limits)
 

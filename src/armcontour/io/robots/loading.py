@@ -155,8 +155,8 @@ def load_arm(
             override(table, arm.joint_names, limits_file)
             # The file has joint limits only; the arm keeps its other limits.
             own = limits_of(table, arm.joint_names, str(limits_file))
-            own = arm.limits.replace(**{key: getattr(own, key) for key in table})
-            arm = arm.with_limits(own)
+            values = ((key, getattr(own, key)) for key in table)
+            arm = arm.with_limits(Limits(**{k: np.inf if x is None else x for k, x in values}))
     arm = equip(arm, tool=tool, work=work, payload=payload)
     return arm if srdf is None else with_more_shapes(arm, srdf=FilePath(srdf))
 
