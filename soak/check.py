@@ -301,7 +301,9 @@ def draw(seed, violating):
         row = rows[int(rng.integers(len(rows)))]
         row[int(rng.integers(len(row)))] = str(rng.choice(WILD))
     dof = motion.q.shape[1]
-    head = ["t", *(f"{x}{j + 1}" for x in texts for j in range(dof))]
+    # Far positions in a column without a unit could be degrees, so that its unit is asked for.
+    units = {"q": " [rad]"}
+    head = ["t", *(f"{x}{j + 1}{units.get(x, '')}" for x in texts for j in range(dof))]
     return Case(
         seed=seed,
         arm=name,

@@ -66,6 +66,7 @@ class ChainArm(Arm):
         parts = np.concatenate([self.chain.positions, end.position[None]])
         return float(np.linalg.norm(parts, axis=1).sum())
 
+    @_checks.checked
     def forward(self, q: npt.ArrayLike) -> FloatArray:
         """Poses of the tool in the work frame as homogeneous transforms, (..., 4, 4).
 
@@ -82,6 +83,7 @@ class ChainArm(Arm):
         """
         return transforms(self.poses(q))
 
+    @_checks.checked
     def inverse(
         self,
         pose: Pose,
@@ -112,6 +114,7 @@ class ChainArm(Arm):
         solvers: Any = import_module("armcontour.arms.inverse")
         return np.asarray(solvers.solve(self, pose, near, every=all))
 
+    @_checks.checked
     def jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Geometric Jacobian: twist of the tool per joint velocity, (..., 6, dof).
 

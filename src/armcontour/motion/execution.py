@@ -126,6 +126,7 @@ class Execution(Value):
         return to_columns(self)
 
     @classmethod
+    @_checks.checked
     def of_plan(cls, trajectory: Trajectory, arm: Arm) -> Execution:
         """The motion of joints that follow a plan exactly.
 
