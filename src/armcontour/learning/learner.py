@@ -19,7 +19,7 @@ from armcontour.learning.lesson import LearnedRun, Lesson, Recording, record
 from armcontour.learning.lifted import Lifted, Nominal, rms
 from armcontour.learning.servo_fit import fit_servo
 from armcontour.motion import Execution, Log, TaughtData
-from armcontour.motion.command_limits import SLACK, refuse_commands
+from armcontour.motion.command_limits import SLACK, describe_excess, refuse_commands
 from armcontour.servo import ServoModel
 
 # What the joints did in a run.
@@ -73,7 +73,8 @@ def learn(
         arm: The nominal arm. If it has masses, and the servo is of second order, the model is one
             of rigid bodies; otherwise of its servos alone.
         servo: The nominal servo.
-        limits: Limits of the controller, as in `compensate`; by default they are not checked.
+        limits: Limits of the controller, as in `compensate`. Without `limits`, set-points keep
+            those of the plan, unless set-points of the last run exceed them already.
         gravity_feedforward: Whether the controller adds the torque against gravity.
         known: The arm as its controller knows it, if `arm` has what was found since, as a payload.
         tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
@@ -232,7 +233,7 @@ def _next_lesson(
     is_setback = now > before + SURE * known.resolution and not done
     setbacks += is_setback
     step = HALF**setbacks * (known.step if earlier else 1.0)
-    own = (limits or Limits()).for_joints(lifted.dof)
+    own = _limits_to_keep(seen, limits)
     fastest = ROUGHER * _accelerations(runs[0].q, seen.period)
     if own.joint_acceleration is not None:
         slowest = np.minimum(*np.abs(own.acceleration_bounds(lifted.dof)))
@@ -257,6 +258,12 @@ def _next_lesson(
         predicted=known.expected if finished else min(predicted, known.expected),
         noise=known.noise, best=known.best, repeats=known.repeats,
     )  # fmt: skip
+
+
+def _limits_to_keep(seen: Lesson, limits: Limits | None) -> Limits:
+    """The limits that lessons keep; of the plan's those only that its set-points kept."""
+    own = seen.trajectory.limits_for(limits)
+    return own.of_tool if limits is None and describe_excess(seen) else own
 
 
 def _reason_to_finish(known: Estimate, setbacks: int, is_setback: bool) -> str:
@@ -304,6 +311,6 @@ def keep_limits(
             name, j = "acceleration", int(np.argmax(rough))
         except CompensationError as error:
             assert error.joint is not None
-            name, j = str(error.limit), error.joint - 1
+            name, j = str(error.limit), error.joint
         reason = f"the {name} of the set-points of joint {j + 1} limits the step"
         share[j] = share[j] * SHORTER if share[j] > NO_STEP else 0.0
