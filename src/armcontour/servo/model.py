@@ -332,9 +332,9 @@ class ServoModel(Value):
         """
         if not self.is_plain("second"):
             raise InvalidInput(
-                f"{who} needs joint servos of order second without integrator, friction and "
-                f"cycle, but the servo has {self}: take the compensation inverse and independent "
-                "joints."
+                f"{who} needs joint servos of order second without friction and cycle, and "
+                f"without integrator, but the servo has {self}: take the compensation inverse and "
+                "independent joints."
             )
 
     def refuse_too_fast(self, period: float) -> None:
