@@ -284,8 +284,10 @@ class Lifted:
         right = self._means @ weights
         blocks: Any = [[self._left @ self._left.T, right], [right.T, None]]
         taught = self.start + np.arange(self.count)[:, None] * self.period
-        reached = (taught + self.nominal.servo.dead_time).ravel()
-        order = np.argsort(np.append(np.repeat(self.t, self.dof), reached), kind="stable")
+        reached = taught + self.nominal.servo.dead_time
+        # The last set-point holds until the end: eliminated earlier, it would couple all of it.
+        reached[-1] = np.inf
+        order = np.argsort(np.append(np.repeat(self.t, self.dof), reached.ravel()), kind="stable")
         conditions = csc_array(block_array(blocks))[order][:, order]
         return csc_array(conditions), csc_array(jumps[order][:, order]), order
 

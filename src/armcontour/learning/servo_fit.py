@@ -9,13 +9,14 @@ from armcontour._checks import FloatArray
 from armcontour.learning.lifted import Lifted
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
+from armcontour.servo.model import GAINS, LONGEST_DEAD_TIME
 
 # Usual time between two times of the response in the first fits [s].
 STEP = 4e-3
 # Largest factor between a fitted gain and that of the model.
 MOST_FACTOR = 5.0
-# Largest feed-forward.
-MOST_F = 1.5
+# Smallest feed-forward of a joint with acceleration feed-forward, and largest of any.
+LEAST_F, MOST_F = 1e-3, 1.5
 # Fits start from the feed-forward of the model and from these.
 STARTS = (0.0, 0.9)
 # Longest dead time [s]; no controller for contouring has more.
@@ -103,11 +104,15 @@ class _Fit:
         """The servo of parameters."""
         b, a, _, *c = x[:-1].reshape(-1, self.dof)
         nominal = self.nominal
+        # A servo with acceleration feed-forward has velocity feed-forward, too.
+        least = np.where(nominal.acceleration_feedforward > 0, LEAST_F, 0.0)
         return nominal.replace(
-            kp=nominal.kp / (1 + b),
-            kv=None if nominal.kv is None else nominal.kv * (1 + b) / (1 + c[0]),
-            velocity_feedforward=np.clip((nominal.velocity_feedforward + a) / (1 + b), 0.0, MOST_F),
-            dead_time=np.maximum(nominal.dead_time + x[-1], 0.0),
+            kp=np.clip(nominal.kp / (1 + b), *GAINS),
+            kv=None if nominal.kv is None else np.clip(nominal.kv * (1 + b) / (1 + c[0]), *GAINS),
+            velocity_feedforward=np.clip(
+                (nominal.velocity_feedforward + a) / (1 + b), least, MOST_F
+            ),
+            dead_time=np.clip(nominal.dead_time + x[-1], 0.0, LONGEST_DEAD_TIME),
         )
 
     def response(self, x: FloatArray) -> Lifted:
