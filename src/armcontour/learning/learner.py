@@ -183,8 +183,9 @@ def _fit_model(
         noises.append(noise)
         errors.append(measured - expected)
     lead = lifted.reaching(taught.q) - lifted.planned
-    variance = float(np.mean(unexplained(np.mean(noises, axis=0), lead)))
-    servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance)
+    noise = np.mean(noises, axis=0)
+    variance = float(np.mean(unexplained(noise, lead)))
+    servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance, noise)
     delay = float((servo.dead_time - nominal.servo.dead_time).max())
     early = max(int(delay / taught.period), 0) * taught.period
     taught = replace(taught, start_time=taught.start_time - early)

@@ -31,6 +31,8 @@ AFTER = 3.0
 # Penalties are powers of ten within these, so that few factors serve all runs; the search starts at
 # the first one.
 PENALTIES, FIRST = (-8, 6), 1e-3
+# Factors that are kept: those of the last penalties, and as many as a search ends with.
+MOST_FACTORS = 3
 
 
 class ToolError(NamedTuple):
@@ -257,6 +259,8 @@ class Lifted:
         -penalty L'L. They are quasi-definite, so that no pivots are needed.
         """
         if penalty not in self._factors:
+            while len(self._factors) >= MOST_FACTORS:
+                del self._factors[next(iter(self._factors))]
             conditions, jumps, order = self._conditions
             factors = splu(
                 conditions - penalty * jumps,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour.learning.lifted import Lifted
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
@@ -24,6 +24,8 @@ LONGEST_DELAY = 0.05
 # Standard deviations before the log is known: of logarithms of gains and of the feed-forward, and
 # of the dead time [s].
 PRIOR, DELAY_PRIOR = 0.5, 0.01
+# The same for joints that do not move: less than MOVES times their noise, or than STILL [rad].
+KNOWN, MOVES, STILL = 1e-6, 10.0, 1e-6
 # The penalty with which the first fits take all deviations for noise or the servo.
 NO_DISTURBANCE = 1e4
 # Most evaluations of a fit from each start, and of each of the fits that follow from the best.
@@ -37,7 +39,7 @@ LEAST_GAIN = 20.0
 
 
 def fit_servo(
-    taught: TaughtData, lifted: Lifted, error: FloatArray, variance: float
+    taught: TaughtData, lifted: Lifted, error: FloatArray, variance: float, noise: FloatArray
 ) -> tuple[ServoModel, tuple[float, float]]:
     """Servo model that the log of a run supports; that of `lifted` if no other is more probable.
 
@@ -50,6 +52,8 @@ def fit_servo(
         lifted: Response with the nominal servo.
         error: Measured deviation from the expected motion at these times [rad], (n, dof).
         variance: Variance of the white noise in them [rad²].
+        noise: Standard deviation of the measurement noise [rad], (dof,). Joints that move less
+            than MOVES times this, or than STILL, keep the nominal servo.
 
     Returns:
         The servo, and the RMS deviation of the joints from the motion with the nominal servo and
@@ -57,8 +61,9 @@ def fit_servo(
     """
     every = max(round(STEP / lifted.step), 1)
     few = Lifted(taught, lifted.nominal, lifted.t[::every])
-    coarse = _Fit(taught, few, error[::every], variance)
-    fit = _Fit(taught, lifted, error, variance)
+    still = np.ptp(lifted.planned, axis=0) < np.maximum(MOVES * noise, STILL)
+    coarse = _Fit(taught, few, error[::every], variance, still)
+    fit = _Fit(taught, lifted, error, variance, still)
     # Without changes, and with each feed-forward.
     dof, starts = lifted.dof, np.zeros((1 + len(STARTS), len(fit.spread)))
     starts[1:, dof : 2 * dof] = np.subtract.outer(STARTS, fit.nominal.velocity_feedforward)
@@ -90,14 +95,20 @@ class _Fit:
     """
 
     def __init__(
-        self, taught: TaughtData, lifted: Lifted, error: FloatArray, variance: float
+        self,
+        taught: TaughtData,
+        lifted: Lifted,
+        error: FloatArray,
+        variance: float,
+        still: BoolArray,
     ) -> None:
         self.taught, self.lifted = taught, lifted
         self.measured = lifted.expected(taught.q) + error
         self.deviation, self.penalty = float(np.sqrt(variance)), NO_DISTURBANCE
         self.nominal, self.dof = lifted.nominal.servo, lifted.dof
         spread = [PRIOR, PRIOR, np.inf, PRIOR][: 3 if self.nominal.kv is None else 4]
-        self.spread = np.append(np.repeat(spread, self.dof), DELAY_PRIOR)
+        each = np.where(still, KNOWN, np.array(spread)[:, None])
+        self.spread = np.append(each.ravel(), DELAY_PRIOR)
         self._last = np.zeros(len(self.spread)), lifted
 
     def servo(self, x: FloatArray) -> ServoModel:
