@@ -174,18 +174,19 @@ def _fit_model(
     change.
     """
     lifted = Lifted(taught, nominal)
-    errors, noises = [], []
+    errors, noises, interval = [], [], np.inf
     for log in logs:
         recording = record(log, taught)
         *_, expected, measured, noise = aligning.align(recording, lifted, taught)
         if not recording.in_plan_time and recording.command is None:
             return taught, lifted, (0.0, 0.0)
         noises.append(noise)
+        interval = min(interval, recording.interval)
         errors.append(measured - expected)
     lead = lifted.reaching(taught.q) - lifted.planned
     noise = np.mean(noises, axis=0)
     variance = float(np.mean(unexplained(noise, lead)))
-    servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance, noise)
+    servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance, noise, interval)
     delay = float((servo.dead_time - nominal.servo.dead_time).max())
     early = max(int(delay / taught.period), 0) * taught.period
     taught = replace(taught, start_time=taught.start_time - early)

@@ -39,7 +39,12 @@ LEAST_GAIN = 20.0
 
 
 def fit_servo(
-    taught: TaughtData, lifted: Lifted, error: FloatArray, variance: float, noise: FloatArray
+    taught: TaughtData,
+    lifted: Lifted,
+    error: FloatArray,
+    variance: float,
+    noise: FloatArray,
+    interval: float,
 ) -> tuple[ServoModel, tuple[float, float]]:
     """Servo model that the log of a run supports; that of `lifted` if no other is more probable.
 
@@ -54,6 +59,7 @@ def fit_servo(
         variance: Variance of the white noise in them [rad²].
         noise: Standard deviation of the measurement noise [rad], (dof,). Joints that move less
             than MOVES times this, or than STILL, keep the nominal servo.
+        interval: Time between two samples of the log [s].
 
     Returns:
         The servo, and the RMS deviation of the joints from the motion with the nominal servo and
@@ -63,6 +69,10 @@ def fit_servo(
     few = Lifted(taught, lifted.nominal, lifted.t[::every])
     still = np.ptp(lifted.planned, axis=0) < np.maximum(MOVES * noise, STILL)
     coarse = _Fit(taught, few, error[::every], variance, still)
+    # More times than two in an interval of the log say nothing more.
+    fine = max(int(min(interval / 2, STEP) / lifted.step * (1 + 1e-9)), 1)
+    if fine > 1:
+        lifted, error = Lifted(taught, lifted.nominal, lifted.t[::fine]), error[::fine]
     fit = _Fit(taught, lifted, error, variance, still)
     # Without changes, and with each feed-forward.
     dof, starts = lifted.dof, np.zeros((1 + len(STARTS), len(fit.spread)))
