@@ -16,7 +16,7 @@ from armcontour.errors import CompensationError, InvalidInput
 from armcontour.learning import aligning
 from armcontour.learning.estimating import UNTESTED, Estimate, smooth_error, unexplained
 from armcontour.learning.lesson import LearnedRun, Lesson, Recording, record
-from armcontour.learning.lifted import Lifted, Nominal, rms
+from armcontour.learning.lifted import NEAR_BOUND, Lifted, Nominal, rms
 from armcontour.learning.servo_fit import fit_servo
 from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import SLACK, refuse_commands
@@ -38,11 +38,12 @@ HALF, SLOWER = 0.5, 100.0
 # less than NO_STEP it gets none.
 SHORTER, NO_STEP = 0.8, 1e-6
 # Set-points may accelerate so many times as much as before learning, where this is above the limit
-# of the joint; smoother corrections, with a larger penalty, are tried before shorter ones.
+# of the joint.
 ROUGHER = 2.0
-SMOOTHINGS, SMOOTHER = 5, 10.0
 # Learning ends at a setback if the effect of the last change is off by more than this share.
 MOST_OFF = 1.0
+# A lesson has learned nothing if limits of the set-points leave less than this share of the change.
+NO_GAIN = 0.05
 # A run is worse than another one, not noisy, by this many standard deviations.
 SURE = 3.0
 
@@ -240,17 +241,21 @@ def _next_lesson(
         slowest = np.minimum(*np.abs(own.acceleration_bounds(lifted.dof)))
         fastest = np.maximum(slowest, fastest)
     penalty = known.penalty * SLOWER**setbacks
-    for _ in range(SMOOTHINGS):
-        change, response = lifted.correct(known.error, penalty)
-        change = step * (known.q - best.q + change)
-        share, reason = keep_limits(replace(seen, q=best.q), change, own, fastest)
-        if "acceleration" not in reason:
-            break
-        penalty *= SMOOTHER
+    # The set-points are `best.q + step (known.q - best.q + change)`.
+    offset, bend = known.q - best.q, fastest * seen.period**2 * (1 - NEAR_BOUND)
+    now_bent, from_there = (np.diff(x, 2, axis=0) for x in (best.q, offset))
+    least, most = ((x * bend - now_bent) / step - from_there for x in (-1, 1))
+    change = lifted.correct_within(known.error, penalty, least, most)
+    response = lifted.respond(change)
+    change = step * (offset + change)
+    share, reason = keep_limits(replace(seen, q=best.q), change, own, fastest)
     left = lifted.judge(max(known.off, UNTESTED) * response).rms
     left += (1 - float(share.min()) * step) * known.repeats
     predicted = float(np.linalg.norm([left, known.differs / np.sqrt(len(runs)), known.noise]))
     end = _reason_to_finish(known, setbacks, is_setback)
+    early = last is None and seen.delay >= seen.period
+    if reason and not (end or early) and rms(share * change) < NO_GAIN * rms(change):
+        end = f"nothing was learned, because {reason}"
     finished, averaged = bool(end), known.is_noise and known.differs > 0
     return replace(
         seen, runs=runs, method="learning", setbacks=setbacks, finished=finished,
