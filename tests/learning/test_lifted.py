@@ -122,3 +122,16 @@ def test_expected_motion_is_that_of_a_plant_with_feed_forward(kind):
     # Steps are sampled once per millisecond.
     near = 0.015 if kind == "step" else 3e-3
     assert np.abs(lifted.expected(taught.q)[inside] - expected).max() < near * lag
+
+
+def test_the_rest_after_the_last_set_point_takes_no_more_memory_per_time(lifted):
+    """A slow joint rests for long: its factors grow with the number of times, not its square."""
+    per_time = []
+    for kp in (20.0, 2.0):
+        servo = lifted.nominal.servo.replace(kp=kp)
+        taught = TaughtData(
+            period=lifted.period, q=np.zeros((lifted.count, 2)), trajectory=lifted.plan, method="x"
+        )
+        model = Lifted(taught, lifted.nominal._replace(servo=servo))
+        per_time.append(model._factored(1e-3)[0].L.nnz / len(model.t))
+    assert per_time[1] < 1.1 * per_time[0]

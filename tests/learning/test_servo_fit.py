@@ -7,7 +7,7 @@ from soak.learning import record, task, wrong_model
 import armcontour as ac
 from armcontour.motion import smooth
 
-from .robots import SERVO, loaded, rounded, with_inertias
+from .robots import SERVO, loaded, rods, rounded, with_inertias
 
 pytest.importorskip("mujoco")
 
@@ -96,3 +96,27 @@ def test_learning_ends_with_the_best_run_where_no_servo_can_be_fitted():
             break
     assert taught.finished and taught.reason
     np.testing.assert_array_equal(taught.q, taught.runs[taught.best].q)
+
+
+def one_moves(servo, true, noise=1e-5):
+    """A lesson of a planar arm whose second joint stands still."""
+    arm = rods()
+    plan = smooth(ac.plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 0.9)]), arm), 0.02)
+    taught = ac.compensate(plan, servo, method="inverse")
+    done = ac.execute(taught, ac.ServoPlant(arm, true, saturation="none"))
+    return ac.learn(taught, log_of(done, noise), arm=arm, servo=servo)
+
+
+def test_a_joint_that_stands_still_keeps_its_servo():
+    found = one_moves(SERVO, SERVO.replace(kp=18.0, velocity_feedforward=0.5)).servo
+    assert (found.kp[1], found.kv[1]) == pytest.approx((25.0, 150.0), rel=1e-3)
+    assert found.velocity_feedforward[1] == pytest.approx(0.0, abs=1e-3)
+    assert found.velocity_feedforward[0] == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_servo_with_acceleration_feed_forward_is_learned_from():
+    """A start of the fit has no velocity feed-forward, which such a servo must have."""
+    servo = SERVO.replace(velocity_feedforward=0.9, acceleration_feedforward=0.5)
+    lesson = one_moves(servo, SERVO.replace(velocity_feedforward=0.3))
+    assert lesson.servo.velocity_feedforward[0] < 0.6
+    assert lesson.predicted < 0.5 * lesson.runs[0].rms

@@ -38,8 +38,8 @@ HALF, SLOWER = 0.5, 100.0
 # less than NO_STEP it gets none.
 SHORTER, NO_STEP = 0.8, 1e-6
 # Set-points may accelerate so many times as much as before learning, where this is above the limit
-# of the joint.
-ROUGHER = 2.0
+# of the joint. Joints that hardly move count as accelerating by RESTING times the fastest one.
+ROUGHER, RESTING = 2.0, 0.25
 # Learning ends at a setback if the effect of the last change is off by more than this share.
 MOST_OFF = 1.0
 # A lesson has learned nothing if limits of the set-points leave less than this share of the change.
@@ -236,7 +236,8 @@ def _next_lesson(
     setbacks += is_setback
     step = HALF**setbacks * (known.step if earlier else 1.0)
     own = (limits or Limits()).for_joints(lifted.dof)
-    fastest = ROUGHER * _accelerations(runs[0].q, seen.period)
+    first = _accelerations(runs[0].q, seen.period)
+    fastest = ROUGHER * np.maximum(first, RESTING * first.max())
     if own.joint_acceleration is not None:
         slowest = np.minimum(*np.abs(own.acceleration_bounds(lifted.dof)))
         fastest = np.maximum(slowest, fastest)
@@ -245,12 +246,13 @@ def _next_lesson(
     offset, bend = known.q - best.q, fastest * seen.period**2 * (1 - NEAR_BOUND)
     now_bent, from_there = (np.diff(x, 2, axis=0) for x in (best.q, offset))
     least, most = ((x * bend - now_bent) / step - from_there for x in (-1, 1))
-    change = lifted.correct_within(known.error, penalty, least, most)
-    response = lifted.respond(change)
-    change = step * (offset + change)
+    bounded = lifted.correct_within(known.error, penalty, least, most)
+    response, wanted = lifted.respond(bounded), lifted.correct(known.error, penalty)[0]
+    change = step * (offset + bounded)
     share, reason = keep_limits(replace(seen, q=best.q), change, own, fastest)
     left = lifted.judge(max(known.off, UNTESTED) * response).rms
-    left += (1 - float(share.min()) * step) * known.repeats
+    lost = lifted.respond(step * (offset + wanted) - share * change)
+    left += lifted.judge(lost).rms + (1 - step) * known.repeats
     predicted = float(np.linalg.norm([left, known.differs / np.sqrt(len(runs)), known.noise]))
     end = _reason_to_finish(known, setbacks, is_setback)
     early = last is None and seen.delay >= seen.period
