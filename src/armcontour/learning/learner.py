@@ -40,8 +40,9 @@ SHORTER, NO_STEP = 0.8, 1e-6
 # Set-points may accelerate so many times as much as before learning, where this is above the limit
 # of the joint. Joints that hardly move count as accelerating by RESTING times the fastest one.
 ROUGHER, RESTING = 2.0, 0.25
-# Learning ends at a setback if the effect of the last change is off by more than this share.
-MOST_OFF = 1.0
+# Learning ends at this setback if the effect of the last change is off by more than this share: by
+# the servo model, unless learning has reduced the first error to the share PROVEN with it.
+SETBACKS_OFF, MOST_OFF, PROVEN = 2, 1.0, 0.5
 # A lesson has learned nothing if limits of the set-points leave less than this share of the change.
 NO_GAIN = 0.05
 # A run is worse than another one, not noisy, by this many standard deviations.
@@ -178,12 +179,12 @@ def _fit_model(
     errors, noises, interval = [], [], np.inf
     for log in logs:
         recording = record(log, taught)
-        *_, expected, measured, noise = aligning.align(recording, lifted, taught)
+        seen = aligning.align(recording, lifted, taught)
         if not recording.in_plan_time and recording.command is None:
             return taught, lifted, (0.0, 0.0)
-        noises.append(noise)
+        noises.append(seen.noise)
         interval = min(interval, recording.interval)
-        errors.append(measured - expected)
+        errors.append(seen.measured - seen.expected)
     lead = lifted.reaching(taught.q) - lifted.planned
     noise = np.mean(noises, axis=0)
     variance = float(np.mean(unexplained(noise, lead)))
@@ -196,7 +197,13 @@ def _fit_model(
 
 def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: Tool) -> LearnedRun:
     """Errors of a run."""
-    offset, rate, expected, measured, noise = aligning.align(recording, lifted, taught)
+    expected = None
+    if isinstance(taught, Lesson) and not recording.exact:
+        before = taught.runs[taught.best]
+        error = smooth_error(lifted, before.error, before.noise)
+        expected = lifted.planned + error + lifted.respond(taught.q - before.q)
+    aligned = aligning.align(recording, lifted, taught, expected)
+    offset, rate, expected, measured, noise, shift, outliers = aligned
     error = measured - lifted.planned
     # Noise of positions in the joints' loops: exact positions show it in the command that explains
     # them; the encoders' noise hides it, but the loops have the same noise in every cycle.
@@ -217,6 +224,7 @@ def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: T
         offset=offset, rate=rate, source=recording.source,
         predicted=taught.predicted if isinstance(taught, Lesson) else None,
         set_points_off=aligning.set_points_off(at, recording.command, taught),
+        encoder_shift=shift, outliers=outliers,
         **lifted.judge(smooth)._asdict(),
     )  # fmt: skip
 
@@ -272,13 +280,15 @@ def _reason_to_finish(known: Estimate, setbacks: int, is_setback: bool) -> str:
     """Why no further lesson is expected to reduce the error; empty if one may."""
     if known.is_noise:
         return "what remains is noise"
-    if setbacks >= MOST_SETBACKS:
-        return f"{setbacks} changes made the error larger"
-    if is_setback and known.off > MOST_OFF:
+    if is_setback and setbacks >= SETBACKS_OFF and known.off > MOST_OFF:
+        if known.runs[known.best].rms < PROVEN * known.runs[0].rms:
+            return "what remains does not repeat"
         return (
             f"the last change made the error larger, and its effect differs by {known.off:.0%} "
             "from that of the servo model, so identify the servo"
         )
+    if setbacks >= MOST_SETBACKS:
+        return f"{setbacks} changes made the error larger"
     return ""
 
 

@@ -16,6 +16,7 @@ from scipy.sparse.linalg import splu
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._sampling import GAP, interpolate
 from armcontour.arms import Arm
 from armcontour.drives import Drives, mean_over_three, respond_along
 from armcontour.geometry import Path
@@ -31,6 +32,8 @@ AFTER = 3.0
 # Penalties are powers of ten within these, so that few factors serve all runs; the search starts at
 # the first one.
 PENALTIES, FIRST = (-8, 6), 1e-3
+# Steps of the search for what gaps of a log hold, and the relative error of the model there.
+BRIDGES, BRIDGED = 10, 1e-3
 # Factors that are kept: those of the last penalties, and as many as a search ends with.
 MOST_FACTORS = 3
 # Weight and number of steps of the search for bounded second differences, and its tolerance relative
@@ -403,6 +406,30 @@ class Lifted:
         """
         difference = q - self.between(t, expected)
         return expected + np.asarray(CubicSpline(t, difference)(np.clip(self.t, t[0], t[-1])))
+
+    def bridge(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
+        """Deviations at the model's times, of deviations at the times of a log [rad], (n, dof).
+
+        In gaps of the log they are those that the model explains best together with all others, by
+        expectation and maximization.
+
+        Args:
+            t: Times of the plan [s], (m,).
+            deviation: Deviations from the expected motion [rad], (m, dof).
+            noise: Standard deviation of their white noise [rad], (dof,).
+        """
+        found = np.asarray(CubicSpline(t, deviation)(np.clip(self.t, t[0], t[-1])))
+        after = np.clip(np.searchsorted(t, self.t), 1, len(t) - 1)
+        wide = np.diff(t)[after - 1] > GAP * np.median(np.diff(t))
+        missing = wide & (self.t > t[0]) & (self.t < t[-1])
+        if not missing.any():
+            return found
+        found[missing] = interpolate(self.t[missing], t, deviation)
+        variance = max(float(np.mean(noise**2)), BRIDGED**2 * float(np.mean(found**2)))
+        penalty = self.choose_penalty(found, variance)
+        for _ in range(BRIDGES):
+            found[missing] = self.smooth(found, penalty)[missing]
+        return found
 
     def judge(self, error: FloatArray) -> ToolError:
         """Errors of the tool that errors of the joints make.
