@@ -120,3 +120,33 @@ def test_a_servo_with_acceleration_feed_forward_is_learned_from():
     lesson = one_moves(servo, SERVO.replace(velocity_feedforward=0.3))
     assert lesson.servo.velocity_feedforward[0] < 0.6
     assert lesson.predicted < 0.5 * lesson.runs[0].rms
+
+
+LOOPS = {"kp": (22.0, 24.0), "kv": (140.0, 130.0), "dead_time": 3e-3}
+
+
+@pytest.mark.parametrize(
+    "servo",
+    [
+        ac.ServoModel(order=("second", "first"), kp=(25.0, 20.0), kv=(150.0, np.inf)),
+        ac.ServoModel(order=("delay", "second"), kp=(np.inf, 25.0), kv=(np.inf, 150.0)),
+        ac.ServoModel(order=("unknown", "first"), kp=(np.inf, 25.0)),
+        ac.ServoModel(order="delay", dead_time=8e-3),
+        ac.ServoModel(order="unknown"),
+        SERVO.replace(friction=1e-4),
+        SERVO.replace(cycle=4e-3),
+    ],
+    ids=lambda x: f"{x.order} {x.friction} {x.cycle}",
+)
+def test_learning_starts_from_any_servo(servo):
+    """The second run shows an error that is 30 times smaller; a third one the noise."""
+    arm = rods()
+    limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(2)
+    taught = ac.compensate(smooth(ac.plan(rounded(), arm, limits), 0.02), servo, method="inverse")
+    robot = ac.ServoPlant(arm, ac.ServoModel(**LOOPS), saturation="none")
+    errors = []
+    for k in range(2):
+        done = ac.execute(taught, robot)
+        errors.append(ac.evaluate(done, taught.trajectory.path).contour_error.rms)
+        taught = ac.learn(taught, log_of(done, 1e-5, k), arm=arm, servo=servo)
+    assert errors[1] < max(errors[0] / 30, 2e-6)

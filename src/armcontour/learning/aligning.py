@@ -139,8 +139,8 @@ def align(
     """
     source, duration = recording.source, lifted.plan.duration
     servo = lifted.nominal.servo
-    fastest = servo.kp if servo.kv is None else np.sqrt(servo.kp * servo.kv)
-    allowed = 2 * math.pi / float(fastest.max()) / SAMPLES
+    loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
+    allowed = 2 * math.pi / float(np.sqrt(servo.kp * loops).max()) / SAMPLES
     if recording.interval > allowed:
         raise InvalidInput(
             f"{source} has a sample every {1e3 * recording.interval:.4g} ms, but the joints' loops "

@@ -21,6 +21,7 @@ from armcontour.learning.servo_fit import fit_servo
 from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import SLACK, refuse_commands
 from armcontour.servo import ServoModel
+from armcontour.servo.model import LONGEST_DEAD_TIME
 
 # What the joints did in a run.
 Executed: TypeAlias = Execution | Log | Recording
@@ -30,6 +31,8 @@ Tool: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike] | None
 
 # Usual cycle time of a drive [s], where the recording does not tell.
 CYCLE = 2.5e-4
+# Position loop gain of a joint whose servo has none [1/s]: that of many industrial drives.
+TYPICAL_GAIN = 25.0
 # Learning ends after this many setbacks; each halves the step and forbids changes that are ten
 # times as slow.
 MOST_SETBACKS = 3
@@ -132,8 +135,7 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
     """Runs as learning sees them, with times as the robot has them, before any estimate.
 
     Raises:
-        InvalidInput: There is no log, or positions of a tool with several; or learning knows no
-            such servo.
+        InvalidInput: There is no log, or positions of a tool with several.
     """
     if tool is not None:
         tool = _checks.listed("tool", tool, object, "times and positions of the tool", 2)
@@ -143,12 +145,7 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
             f"learn needs one log for positions of the tool, and at least one without: {len(logs)} "
             "are given."
         )
-    servo = nominal.servo.for_joints(nominal.arm.dof)
-    if not servo.is_plain("second", "first"):
-        raise InvalidInput(
-            "learn needs joint servos all of order second, or all of order first, without friction "
-            f"and cycle, but the servo has {servo}: give such a servo, which is fitted to the log."
-        )
+    servo = _linear(nominal.servo.for_joints(nominal.arm.dof))
     nominal = nominal._replace(servo=servo)
     if isinstance(taught, Lesson):
         nominal, misfits = nominal._replace(servo=taught.servo), taught.misfits
@@ -164,6 +161,25 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
         predicted=0.0, noise=0.0, best=0, repeats=0.0, finished=True, reason="learned nothing",
     )  # fmt: skip
     return seen, lifted
+
+
+def _linear(servo: ServoModel) -> ServoModel:
+    """The linear response of a servo with values per joint, which a fit can change.
+
+    Friction is learned, and a cycle delays by half of it. A joint that only delays its command is
+    one of order "first" with velocity feed-forward 1.
+    """
+    loop = np.isfinite(servo.kp)
+    orders = np.broadcast_to(servo.order, loop.shape)
+    return servo.replace(
+        order=tuple(np.where(loop, orders, "first")),
+        kp=np.where(loop, servo.kp, TYPICAL_GAIN),
+        velocity_feedforward=np.where(loop, servo.velocity_feedforward, 1.0),
+        acceleration_feedforward=np.where(loop, servo.acceleration_feedforward, 0.0),
+        dead_time=np.minimum(servo.dead_time + servo.cycle / 2, LONGEST_DEAD_TIME),
+        friction=0.0,
+        cycle=0.0,
+    )
 
 
 def _fit_model(

@@ -58,7 +58,7 @@ class ToolError(NamedTuple):
 class Nominal(NamedTuple):
     """The nominal robot of which a lifted model is made, with fields as those of `Drives`.
 
-    With masses, and a servo of order "second", rigid bodies respond, else the servos alone.
+    With masses, and servos all of order "second", rigid bodies respond, else the servos alone.
     """
 
     arm: Arm
@@ -69,7 +69,7 @@ class Nominal(NamedTuple):
     @property
     def drives(self) -> Drives | None:
         """The drives that move rigid bodies; None if the servos alone respond."""
-        moved = self.arm.has_bodies and self.servo.kv is not None
+        moved = self.arm.has_bodies and self.servo.is_plain("second")
         return Drives(**self._asdict()) if moved else None
 
 

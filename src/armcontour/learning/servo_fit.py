@@ -118,6 +118,8 @@ class _Fit:
         self.nominal, self.dof = lifted.nominal.servo, lifted.dof
         spread = [PRIOR, PRIOR, np.inf, PRIOR][: 3 if self.nominal.kv is None else 4]
         each = np.where(still, KNOWN, np.array(spread)[:, None])
+        if self.nominal.kv is not None:
+            each[3, np.isinf(self.nominal.kv)] = KNOWN
         self.spread = np.append(each.ravel(), DELAY_PRIOR)
         self._last = np.zeros(len(self.spread)), lifted
 
@@ -127,9 +129,13 @@ class _Fit:
         nominal = self.nominal
         # A servo with acceleration feed-forward has velocity feed-forward, too.
         least = np.where(nominal.acceleration_feedforward > 0, LEAST_F, 0.0)
+        kv = nominal.kv
+        if kv is not None:
+            changed = np.clip(kv * (1 + b) / (1 + c[0]), *GAINS)
+            kv = np.where(np.isinf(kv), kv, changed)
         return nominal.replace(
             kp=np.clip(nominal.kp / (1 + b), *GAINS),
-            kv=None if nominal.kv is None else np.clip(nominal.kv * (1 + b) / (1 + c[0]), *GAINS),
+            kv=kv,
             velocity_feedforward=np.clip(
                 (nominal.velocity_feedforward + a) / (1 + b), least, MOST_F
             ),
