@@ -48,6 +48,8 @@ ROUGHER, RESTING = 2.0, 0.25
 SETBACKS_OFF, MOST_OFF, PROVEN = 2, 1.0, 0.5
 # A lesson has learned nothing if limits of the set-points leave less than this share of the change.
 NO_GAIN = 0.05
+# Share of the error that the first lesson leaves, as a median, where its servo was fitted.
+FITTED = 0.1
 # A run is worse than another one, not noisy, by this many standard deviations.
 SURE = 3.0
 
@@ -274,7 +276,10 @@ def _next_lesson(
     response, wanted = lifted.respond(bounded), lifted.correct(known.error, penalty)[0]
     change = step * (offset + bounded)
     share, reason = keep_limits(replace(seen, q=best.q), change, own, fastest)
-    left = lifted.judge(max(known.off, UNTESTED) * response).rms
+    # Learning slows down from run to run, as noise and friction take a larger share.
+    rest = FITTED if any(seen.misfits) else UNTESTED
+    rest = max(known.off, float(np.sqrt(min(now / before, 1.0)))) if earlier else rest
+    left = lifted.judge(rest * response).rms
     lost = lifted.respond(step * (offset + wanted) - share * change)
     left += lifted.judge(lost).rms + (1 - step) * known.repeats
     predicted = float(np.linalg.norm([left, known.differs / np.sqrt(len(runs)), known.noise]))
