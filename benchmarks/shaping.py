@@ -103,7 +103,7 @@ def _line(
 
 
 def _space() -> Pair:
-    limits = ac.Limits(joint_velocity=3.14, joint_acceleration=8.0, speed=0.25)
+    limits = ac.Limits.only(joint_velocity=3.14, joint_acceleration=8.0, speed=0.25)
     return _pair(ur5e.square(), ur5e.load(), limits, {"tolerance": ur5e.CORNER_ERROR}, "no bar")
 
 

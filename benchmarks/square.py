@@ -44,7 +44,7 @@ from benchmarks.measured import Bar, Line, Missing, Pair, Taken, timed
 PYTHON = "ARMCONTOUR_ROBOPLAN_PYTHON"
 PROGRAM = Path(__file__).with_name("roboplan_peer.py")
 VELOCITY, ACCELERATION, SPEED = 3.14, 8.0, 0.25  # rad/s, rad/s², m/s
-JOINTS = ac.Limits(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
+JOINTS = ac.Limits.only(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
 # Places per interval at which a plan is judged.
 PLACES = 20
 # Tightened so that its tool stays within the corner error: half of the first is what its joint path
@@ -128,7 +128,7 @@ def _pair(ours: str, peer: str) -> Pair:
     def notes() -> list[str]:
         found = call()
         rounded = ac.round_corners(path, tolerance=ur5e.CORNER_ERROR)
-        off = _off(rounded, arm.forward(found(_places(found.breaks))))
+        off = _off(rounded, arm.tool_position(found(_places(found.breaks))))
         if off > OFF:
             raise AssertionError(f"The plan leaves the rounded path by {off:.1e} m.")
         values = ", ".join(f"{k}={v:.5g}" for k, v in options.items()) or "its defaults"
@@ -228,7 +228,7 @@ def _judged(
     `law` is that of the law itself, `executed` that of the cubics through its samples; ours is
     executed as it is.
     """
-    tool = arm.forward(q)
+    tool = arm.tool_position(q)
     corner = max(np.linalg.norm(tool - x, axis=1).min() for x in ur5e.corners()[1:-1])
     speed = np.linalg.norm(arm.tool_velocity(q, dq), axis=1).max()
     lengths = f"corner error {corner * 1e3:.3f} mm, off the square {_off(path, tool) * 1e3:.3f} mm"

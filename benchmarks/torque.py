@@ -37,7 +37,7 @@ def lines() -> list[Line]:
 
 def _prepare() -> Pair:
     arm = ur5e.load()
-    limits = ac.Limits(
+    limits = ac.Limits.only(
         joint_velocity=VELOCITY, joint_acceleration=ACCELERATION, joint_torque=TORQUE
     )
     limits = limits.for_joints(arm.dof)

@@ -259,7 +259,7 @@ def arguments_of(method: Callable[..., Any], x: Any) -> dict[str, Any]:
         **dict.fromkeys(("up", "directions", "direction"), [0.0, 0.0, 1.0]),
         **dict.fromkeys(("angles", "position"), [0.1, 0.2, 0.3]),
         **dict.fromkeys(("name", "layer"), "a"),
-        **dict.fromkeys(("tool", "work", "place", "frame"), ac.Frame()),
+        **dict.fromkeys(("tool", "work", "place", "frame", "pose"), ac.Frame()),
         **dict.fromkeys(("index", "order"), 0),
         **dict.fromkeys(("begin", "end"), (q[None],) * 3),
         **{"i": np.array([0]), "dof": 2, "limits": ac.Limits(joint_velocity=1.0), "shapes": None},

@@ -301,7 +301,9 @@ def draw(seed, violating):
         row = rows[int(rng.integers(len(rows)))]
         row[int(rng.integers(len(row)))] = str(rng.choice(WILD))
     dof = motion.q.shape[1]
-    head = ["t", *(f"{x}{j + 1}" for x in texts for j in range(dof))]
+    # Far positions in a column without a unit could be degrees, so that its unit is asked for.
+    units = {"q": " [rad]"}
+    head = ["t", *(f"{x}{j + 1}{units.get(x, '')}" for x in texts for j in range(dof))]
     return Case(
         seed=seed,
         arm=name,
@@ -350,10 +352,10 @@ def prove(case):
 
 def _limits(case):
     if case.limit == "speed":
-        return ac.Limits(speed=float(case.allowed[0]))
+        return ac.Limits.only(speed=float(case.allowed[0]))
     if case.limit == "joint_upper":
-        return ac.Limits(joint_lower=-case.allowed, joint_upper=case.allowed)
-    return ac.Limits(**{case.limit: case.allowed})
+        return ac.Limits.only(joint_lower=-case.allowed, joint_upper=case.allowed)
+    return ac.Limits.only(**{case.limit: case.allowed})
 
 
 def _motion(rng, dof):

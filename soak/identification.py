@@ -201,7 +201,7 @@ def record(
     q = HOME + 0.4 * window * np.einsum("kj,tkj->tj", size, waves)
     plan = ac.plan(ac.JointPath.spline(np.stack([HOME, HOME + 0.1])), known)
     taught = TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
-    limits = ac.Limits(joint_torque=np.full(len(HOME), 1e4))
+    limits = ac.Limits.only(joint_torque=np.full(len(HOME), 1e4))
     plant = ac.RigidBodyPlant(true, servo, limits, noise=OF_ROBOTS, seed=seed, known=known)
     done = ac.execute(taught, plant)
     n = int((len(q) - 1) * PERIOD / 1e-3) + 1

@@ -112,12 +112,12 @@ def _limits(rng: Random, path: ac.JointPath) -> ac.Limits:
     if some < 0.15:
         wanted["path_jerk"] = least * 10 ** rng.uniform(-0.5, 1.0)
     if some < 0.04:
-        return ac.Limits(**wanted)
+        return ac.Limits.only(**wanted)
     if rng.random() < 0.15:
         jerk[rng.random(dof) < 0.5] = np.inf
         if not np.isfinite(jerk).any():
             jerk[0] = factor * acceleration[0]
-    return ac.Limits(**wanted, joint_jerk=jerk)
+    return ac.Limits.only(**wanted, joint_jerk=jerk)
 
 
 def _speed(rng: Random, path: ac.JointPath, limits: ac.Limits) -> float:
@@ -411,7 +411,7 @@ def _tool_limits(rng: Random, arm: Any, path: ac.JointPath) -> ac.Limits:
         "joint_acceleration": acceleration,
         "joint_jerk": factor * acceleration,
     }
-    plain = ac.plan(path, arm, ac.Limits(**wanted), intervals=200)
+    plain = ac.plan(path, arm, ac.Limits.only(**wanted), intervals=200)
     tool = Tool(arm, Sampled(plain.laws[0], 3))
     names = TOOL + (ANGULAR if arm.dimension == 3 else ())
     for name in names:
@@ -424,7 +424,7 @@ def _tool_limits(rng: Random, arm: Any, path: ac.JointPath) -> ac.Limits:
         # The arm can hold itself, against its friction too.
         least = 1.2 * still + 1.1 * np.broadcast_to(arm.chain.coulomb, (dof,))
         wanted["joint_torque"] = 0.1 + least + rng.uniform(0.1, 1.0, dof) * torque
-    return ac.Limits(**wanted)
+    return ac.Limits.only(**wanted)
 
 
 def series(arm: Any, *q: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -569,7 +569,7 @@ def draw_move(seed: int) -> tuple[np.ndarray, ac.Limits]:
     velocity, acceleration = 10 ** rng.uniform(-1, 1, dof), 10 ** rng.uniform(-0.5, 1.5, dof)
     factor = 10 ** rng.uniform(np.log10(2), np.log10(300))
     jerk = factor * acceleration * 10 ** rng.uniform(-0.3, 0.3, dof)
-    return ends, ac.Limits(
+    return ends, ac.Limits.only(
         joint_velocity=velocity, joint_acceleration=acceleration, joint_jerk=jerk
     )
 

@@ -388,7 +388,7 @@ def plate(rng: np.random.Generator, kerf: float) -> tuple[bytes, Part]:
 
 def tool_path(program: ac.Program) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """The planned tool path along each contour, and its leads, from the joints of a plan."""
-    limits = ac.Limits(joint_acceleration=20.0, speed=0.1, centripetal_acceleration=0.5)
+    limits = ac.Limits.only(joint_acceleration=20.0, speed=0.1, centripetal_acceleration=0.5)
     arm = ac.PlanarTwoLink(name="two links", base=0.0, links=LINKS, limits=limits)
     planned = ac.plan(program, arm, limits)
     samples = planned.sample(STEP)

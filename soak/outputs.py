@@ -205,7 +205,7 @@ def judge_program(seed: int) -> int:
         raise
     analog = analog_outputs(program, plan, process, limits)
     t = np.arange(0, plan.duration + 0.05, STEP)
-    tool = arm.forward(plan(np.minimum(t, plan.duration)))
+    tool = arm.tool_position(plan(np.minimum(t, plan.duration)))
     speed = np.linalg.norm(np.gradient(tool, STEP, axis=0), axis=1)
     works = {x: np.zeros(len(t), dtype=bool) for x in ("laser", "glue")}
     leads = np.zeros(len(t), dtype=bool)

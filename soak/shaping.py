@@ -161,12 +161,12 @@ def _limits(rng: Random) -> ac.Limits:
         wanted["tool_acceleration"] = float(some(0.2))
     if rng.random() < 0.05:
         wanted["joint_torque"] = some(0.05, 2)
-    return ac.Limits(**wanted)
+    return ac.Limits.only(**wanted)
 
 
 def _space_limits(rng: Random) -> ac.Limits:
     cap = float(rng.uniform(0.2, 2)) if rng.random() < 0.5 else None
-    return ac.Limits(
+    return ac.Limits.only(
         joint_velocity=3.14,
         joint_acceleration=float(rng.uniform(2, 10)),
         speed=float(rng.uniform(0.05, 0.5)),
@@ -340,7 +340,7 @@ def judge(planned: ac.Trajectory, problem: Problem) -> list[str]:
     both = [np.concatenate(x) for x in zip(states, left, strict=True)]
     notes = _exceeded(problem, np.append(t, planned.breaks[1:]), both)
     notes += _differences(planned, problem)
-    notes += _keeping(planned, problem, t, problem.arm.forward(states[0]))
+    notes += _keeping(planned, problem, t, problem.arm.tool_position(states[0]))
     return notes + _ends(planned, problem) + _orientation(problem, states[0])
 
 
@@ -373,7 +373,7 @@ def _differences(planned: ac.Trajectory, problem: Problem) -> list[str]:
     h, q = t[1], planned(t)
     rounding = 64 * np.finfo(float).eps * max(1.0, np.abs(q).max())
     first, second = np.diff(q, axis=0) / h, np.diff(q, 2, axis=0) / h**2
-    tool = problem.arm.forward(q)
+    tool = problem.arm.tool_position(q)
     velocity, change = np.diff(tool, axis=0) / h, np.diff(tool, 2, axis=0) / h**2
     speed = np.linalg.norm(velocity, axis=1)
     low, high = limits.acceleration_bounds(q.shape[1])
@@ -423,7 +423,7 @@ def _keeping(planned: Any, problem: Problem, t: np.ndarray, points: np.ndarray) 
             continue
         bounds = t[max(j - 1, 0)], t[min(j + 1, len(t) - 1)]
         gap = minimize_scalar(
-            lambda x, v=vertex: np.linalg.norm(problem.arm.forward(planned([x]))[0] - v),
+            lambda x, v=vertex: np.linalg.norm(problem.arm.tool_position(planned([x]))[0] - v),
             bounds=bounds,
             method="bounded",
             options={"xatol": 1e-15},
@@ -450,7 +450,7 @@ def _promised(planned: Any, problem: Problem, pieces: Any, t: Any, points: Any) 
 def _ends(planned: ac.Trajectory, problem: Problem) -> list[str]:
     """Whether the motion starts and ends at rest where the objective does."""
     t = np.array([0.0, planned.duration])
-    gap = problem.arm.forward(planned(t)) - problem.objective.vertices[[0, -1]]
+    gap = problem.arm.tool_position(planned(t)) - problem.objective.vertices[[0, -1]]
     notes = []
     if np.linalg.norm(gap, axis=1).max() > TRACED:
         notes.append(f"misses an end by {np.linalg.norm(gap, axis=1).max():.3g} m")

@@ -93,7 +93,7 @@ def _limits(rng: Random, dof: int, size: float, *, tool: bool) -> ac.Limits:
             wanted["tool_acceleration"] = float(some(0.5))
         if rng.random() < 0.4:
             wanted["centripetal_acceleration"] = float(some(0.1))
-    return ac.Limits(**wanted)
+    return ac.Limits.only(**wanted)
 
 
 # Joint paths
@@ -235,7 +235,7 @@ def _turning_line(rng: Random) -> ac.Path:
         points = ends[0] + np.linspace(0, 1, 60)[:, None] * (ends[1] - ends[0])
         if not _within(ends, 1e-3):
             continue
-        steps = np.diff(PMK.inverse(points), axis=0)
+        steps = np.diff(PMK.joint_position(points), axis=0)
         if (np.ptp(np.sign(steps), axis=0) == 2).any():
             return ac.Path.polyline(ends)
 

@@ -117,7 +117,9 @@ def test_copies_work_as_what_was_copied(conventional, arm, limits, refuses):
         other = pickled(x)
         assert np.array_equal(other([0.1, 0.2], 2), x([0.1, 0.2], 2))
         assert np.array_equal(other.path(0.01), x.path(0.01))
-    assert np.array_equal(copy.deepcopy(arm).forward([0.3, 0.8]), arm.forward([0.3, 0.8]))
+    assert np.array_equal(
+        copy.deepcopy(arm).tool_position([0.3, 0.8]), arm.tool_position([0.3, 0.8])
+    )
     for value, state in ((ac.Frame(), [1, 2]), (ac.load_arm("pmk3s"), {"name": "pmk3s"})):
         refuses(lambda x=value, y=state: x.__setstate__(y), InvalidInput, "another version")
 

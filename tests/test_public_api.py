@@ -112,12 +112,72 @@ def takers():
 def test_an_unknown_keyword_is_refused(limits, servo, refuses):
     # Calls that are right but for the keyword, and a name that exists.
     calls = {
+        "Limits.only": (ac.Limits.only, "joint_velocity"),
         "Limits.replace": (limits.replace, "joint_velocity"),
         "ServoModel.replace": (servo.replace, "kp"),
     }
     assert set(takers()) == set(calls)
     for call, known in calls.values():
         refuses(lambda f=call: f(**{UNKNOWN: 1}), ac.InvalidInput, UNKNOWN, known)
+
+
+# Results, and classes that only their subclasses make.
+NOT_MADE = {
+    *("Arm", "Plant", "Batch", "Certificate", "Check", "Clearance", "Evaluation", "Explanation"),
+    *("Identification", "LearnedRun", "Lesson", "LimitUse", "Placement", "RobotIdentification"),
+    *("RoundedPath", "ShapedPath", "Study", "Tally"),
+}
+
+
+def makers():
+    """Public functions and constructors, by their names."""
+    for name in ac.__all__:
+        value = getattr(ac, name)
+        error = inspect.isclass(value) and issubclass(value, BaseException)
+        if callable(value) and not error and name not in NOT_MADE:
+            yield name, value
+            for key, member in inspect.getmembers(value, inspect.ismethod):
+                if not key.startswith("_"):
+                    yield f"{name}.{key}", member
+
+
+def test_arguments_that_do_not_exist_are_answered_with_those_that_do(refuses):
+    found = dict(makers())
+    assert {"plan", "ServoModel", "ServoPlant", "Path.polyline", "load_arm"} <= set(found)
+    for key, value in found.items():
+        if key in takers():
+            continue
+        names = [x for x in inspect.signature(value).parameters if len(x) > 5]
+        refuses(lambda f=value: f(**{UNKNOWN: 1}), ac.InvalidInput, UNKNOWN, *names[:1])
+        for name in names[:3]:
+            # One letter is missing.
+            wrong = name[:-2] + name[-1]
+            refuses(lambda f=value, x=wrong: f(**{x: 1}), ac.InvalidInput, wrong, name)
+    refuses(lambda: ac.Limits(joint_speed=1), ac.InvalidInput, "joint_velocity")
+    refuses(lambda: ac.plan(1, 2, 3, 4), ac.InvalidInput)
+    refuses(lambda: ac.Line((0, 0)), ac.InvalidInput, "end")
+    refuses(lambda: ac.Line((0, 0), (1, 0), start=(0, 0)), ac.InvalidInput)
+    refuses(lambda: ac.Limits(1.0), ac.InvalidInput)
+
+
+def test_the_first_arguments_need_no_names():
+    pairs = (
+        (ac.ServoModel(25, 150), ac.ServoModel(kp=25, kv=150), ("kp", "kv")),
+        (ac.Line((0, 0), (1, 0)), ac.Line(start=(0, 0), end=(1, 0)), ("start", "end")),
+        (
+            ac.Arc((1, 0), (0, 0), 2.0),
+            ac.Arc(start=(1, 0), center=(0, 0), angle=2.0),
+            ("start", "center", "angle"),
+        ),
+        (ac.Payload(2.0, (0, 0, 1)), ac.Payload(mass=2.0, center=(0, 0, 1)), ("mass", "center")),
+        (ac.Frame((1, 2, 3)), ac.Frame(position=(1, 2, 3)), ("position", "rotation")),
+        (ac.Event("tool", False), ac.Event(name="tool", value=False), ("name", "value")),
+        (ac.Dwell(0.5), ac.Dwell(duration=0.5), ("duration",)),
+        (ac.Lead(0.01), ac.Lead(length=0.01), ("length",)),
+    )
+    for by_place, by_name, names in pairs:
+        for name in names:
+            np.testing.assert_array_equal(getattr(by_place, name), getattr(by_name, name))
 
 
 OTHERS = (None, "text", 3.5, [1, 2], {"a": 1}, np.zeros((2, 2)), object())
@@ -205,10 +265,10 @@ def test_functions_of_numbers_refuse_what_is_none_in_one_sentence(
     plain += (planned.with_rests, planned.motion_with_rests, planned.time_at, planned.speed_at)
     functions = [(x, 1, NO_NUMBERS) for x in (*plain, planned.sample)]
     functions += [(rounded.project, 1, (*NO_NUMBERS, *NO_STATES)), (servo.command, 3, NO_NUMBERS)]
-    functions.append((arm.inverse, 1, (*NO_NUMBERS, *NO_STATES)))
+    functions.append((arm.joint_position, 1, (*NO_NUMBERS, *NO_STATES)))
     for x in (arm, space):
-        functions += [(f, 1, states) for f in (x.forward, x.jacobian, x.links)]
-        functions += [(f, 2, states) for f in (x.jacobian_rate, x.tool_velocity)]
+        functions += [(f, 1, states) for f in (x.tool_position, x.tool_jacobian, x.links)]
+        functions += [(f, 2, states) for f in (x.tool_jacobian_rate, x.tool_velocity)]
         functions += [(f, 3, states) for f in (x.tool_acceleration, x.tool_motion, x.torque)]
         functions.append((x.tool_jerk, 4, states))
     functions += [(arm.joint_velocity, 2, states), (arm.joint_acceleration, 3, states)]

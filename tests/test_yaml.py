@@ -190,7 +190,11 @@ def test_large_motions_are_refused(tmp_path):
 
 def test_numbers_out_of_range_are_refused():
     for interval in (1e9, 5e-324, 2e-7):
-        with pytest.raises(ac.InvalidInput, match="command interval must be from 1e-06 to 10 s"):
+        with pytest.raises(ac.InvalidInput, match="command interval must be from 1e-06 to 1 s"):
+            job(command_interval=interval)
+    # A number without a unit is in seconds.
+    for interval in (2, 8, 250.0):
+        with pytest.raises(ac.InvalidInput, match=f"is {interval:g} s.*{interval:g} ms"):
             job(command_interval=interval)
     for step in (1e-12, 1e-300, 5e-324, 1e-9, 1e9):
         with pytest.raises(ac.InvalidInput, match="drives must be from 1e-06 to 0.1 s"):

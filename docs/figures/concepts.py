@@ -55,7 +55,7 @@ def draw_fig_evaluation() -> Figure:
     figure, (near, time) = plt.subplots(1, 2, figsize=(9.0, 4.0), width_ratios=(1, 1.3))
     t = result.contour_error.t_max
     tool = 1e3 * executed.tool[np.searchsorted(executed.t, t)]
-    target = 1e3 * ARM.forward(plan(t))
+    target = 1e3 * ARM.tool_position(plan(t))
     nearest = 1e3 * ROUNDED(ROUNDED.project(tool[None] / 1e3).s)[0]
     path = ROUNDED(np.linspace(0, ROUNDED.length, 2000))
     near.plot(*1e3 * path.T, color=style.BLACK, lw=1, label="path")

@@ -261,7 +261,7 @@ def draw_fig08_trajectory() -> Figure:
     left.plot(*1e3 * OBJECTIVE.vertices.T, color=style.OBJECTIVE, ls="--", lw=1)
     for part in trajectory.stretches:
         q = trajectory(np.linspace(*part.t, 100))
-        for axes, points in ((left, 1e3 * ARM.forward(q)), (right, np.degrees(q))):
+        for axes, points in ((left, 1e3 * ARM.tool_position(q)), (right, np.degrees(q))):
             axes.plot(*points.T, color=style.RULES[part.kind], lw=2.2)
     for kind, colour in style.RULES.items():
         left.plot([], [], color=colour, label=style.RULE_NAMES[kind])
@@ -270,7 +270,7 @@ def draw_fig08_trajectory() -> Figure:
     at_left = "-13 0 10 -9 11 -9 12 7 12 7 12 7 -12 -7 -7 12 9 -11 12 6"
     at_right = "13 2 -13 -2 15 3 -4 -12 2 12 -2 12 -4 13 -6 -13 -12 -8 -12 -8"
     for axes, points, offsets in (
-        (left, 1e3 * ARM.forward(q), at_left),
+        (left, 1e3 * ARM.tool_position(q), at_left),
         (right, np.degrees(q), at_right),
     ):
         axes.plot(*points.T, "o", color=style.BLACK, ms=3.5, zorder=5)

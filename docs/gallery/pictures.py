@@ -29,7 +29,7 @@ def draw_01(names: Names) -> Figure:
     begin, seen = 0.0, set()
     for stretch in names["planned"].stretches:
         t = np.linspace(*stretch.t, 100)
-        tool = 1e3 * names["arm"].forward(names["planned"](t, side="left"))
+        tool = 1e3 * names["arm"].tool_position(names["planned"](t, side="left"))
         label = None if stretch.kind in seen else style.RULE_NAMES[stretch.kind]
         seen.add(stretch.kind)
         axes.plot(*tool.T, color=style.RULES[stretch.kind], lw=3, label=label)
@@ -102,7 +102,7 @@ def draw_06(names: Names) -> Figure:
     program = ac.prepare(names["gasket"], names["process"])
     for span in plan.spans:
         if span.kind == "rapid":
-            tool = 1e3 * arm.forward(plan(np.linspace(*span.t, 60), side="left"))
+            tool = 1e3 * arm.tool_position(plan(np.linspace(*span.t, 60), side="left"))
             axes.plot(*tool.T, color=style.GREY, lw=0.8, ls=(0, (4, 2)))
     for x in program.contours:
         whole = np.linspace(0, x.path.length, PLACES)

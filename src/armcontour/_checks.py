@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import FrozenInstanceError, fields, is_dataclass
 from functools import cache, wraps
+from inspect import Parameter, signature
 from os import PathLike
 from pathlib import Path as FilePath
 from types import CodeType, UnionType
@@ -23,11 +24,12 @@ from typing import (
 import numpy as np
 import numpy.typing as npt
 
-from armcontour._text import make_printable, show
+from armcontour._text import make_printable, show, suggest
 from armcontour.errors import InvalidInput
 
 P = ParamSpec("P")
 R = TypeVar("R")
+C = TypeVar("C")
 # Longest name [characters]: names are written in lines of robot programs, tables and terminals.
 LONGEST_NAME = 80
 FloatArray = npt.NDArray[np.float64]
@@ -671,9 +673,72 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                 kinds = known.get(name)
                 if kinds is not None and not isinstance(value, kinds):
                     refuse_other(user, value, *kinds, role=name)
-        return function(*args, **keywords)
+        # No second wrapper: warnings name the line so many calls above.
+        try:
+            return function(*args, **keywords)
+        except TypeError:
+            _refuse_call(function, args, keywords)
+            raise
 
     return call
+
+
+def explain_calls(constructed: type[C]) -> type[C]:
+    """Decorate a public dataclass: its constructors refuse arguments that they do not have."""
+    own: Any = constructed
+    own.__init__ = explained(own.__init__)
+    for name, x in list(vars(own).items()):
+        if isinstance(x, classmethod) and not name.startswith("_"):
+            setattr(own, name, classmethod(explained(x.__func__)))
+    return constructed
+
+
+def explained(function: Callable[P, R]) -> Callable[P, R]:
+    """The function, which refuses calls with wrong arguments by InvalidInput."""
+
+    @wraps(function)
+    def call(*args: P.args, **keywords: P.kwargs) -> R:
+        try:
+            return function(*args, **keywords)
+        except TypeError:
+            _refuse_call(function, args, keywords)
+            raise
+
+    return call
+
+
+def _refuse_call(
+    function: Callable[..., Any], args: tuple[Any, ...], keywords: Mapping[str, Any]
+) -> None:
+    """Refuse arguments that a function does not have, and the lack of those that it needs.
+
+    Raises:
+        InvalidInput: There are such arguments.
+    """
+    every = signature(function).parameters
+    slots = {name: x for name, x in every.items() if name not in ("self", "cls")}
+    given = args[len(every) - len(slots) :]
+    user = function.__qualname__.removesuffix(".__init__")
+    if any(x.kind in (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL) for x in slots.values()):
+        return
+    takes = f"it takes {', '.join(slots)}."
+    for name in keywords.keys() - slots.keys():
+        hint = suggest(name, slots, takes[:-1])
+        raise InvalidInput(f"{user} has no argument {show(name)} ({hint}).")
+    by_place = [x.name for x in slots.values() if x.kind is Parameter.POSITIONAL_OR_KEYWORD]
+    if len(given) > len(by_place):
+        only = f"only {' and '.join(by_place)}" if by_place else "no argument"
+        raise InvalidInput(
+            f"{user} takes {only} without a name: write the names of others; {takes}"
+        )
+    done = {*by_place[: len(given)], *keywords}
+    refuse_if(
+        len(done) < len(given) + len(keywords), f"{user} was given an argument twice; {takes}"
+    )
+    lacking = [
+        x.name for x in slots.values() if x.default is Parameter.empty and x.name not in done
+    ]
+    refuse_if(bool(lacking), f"{user} needs {' and '.join(lacking)}; {takes}")
 
 
 def check_fields(value: Any) -> None:

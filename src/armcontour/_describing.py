@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from html import escape
+from importlib import import_module
 from typing import Any
 
 from armcontour._text import make_printable, shorten, show
@@ -50,6 +53,42 @@ def brief(value: Any) -> str:
         f"{x.name}={_member(getattr(value, x.name))}" for x in fields(value) if x.repr
     )
     return f"{type(value).__name__}({shown})"
+
+
+def to_html(value: Any) -> str:
+    """What a result prints, as a table of HTML; for `_repr_html_` in notebooks."""
+    title, *lines = str(value).splitlines()
+    rows: list[list[str]] = []
+    for x in lines:
+        if rows and x.startswith(GAP * 3):
+            # A long line goes on.
+            rows[-1][-1] += f" {x.strip()}"
+        else:
+            rows.append(re.split(f"{GAP}+", x.strip()))
+    cells = ("".join(f"<td>{escape(x)}</td>" for x in row) for row in rows)
+    body = "".join(f"<tr>{x}</tr>" for x in cells)
+    if not rows:
+        return f"<p>{escape(title)}</p>"
+    return f"<table><caption>{escape(title)}</caption>{body}</table>"
+
+
+def draw(value: Any, kind: str = "path") -> Any:
+    """Draw a result as the report does: a figure of plotly, to show, change or save.
+
+        planned.figure("speed").show()
+        result.figure("error").write_html("error.html")
+
+    Args:
+        value: The result.
+        kind: "path", the path of the tool; "joints", positions, velocities and accelerations with
+            limits, of a study those of its first run; "speed", the tool speed with the assigned
+            velocity; "error", the contour error.
+
+    Raises:
+        InvalidInput: There is no such kind, or the result has nothing of it.
+    """
+    # An import by name: what draws knows the results.
+    return import_module("armcontour.report.results").draw_result(value, kind)
 
 
 def _member(value: Any, depth: int = 0) -> str:

@@ -24,7 +24,7 @@ class Quantity:
         example: Text that users may write.
         sign: Allowed range of the value; a "share" is from 0 to below 1. A "turn" without a unit is
             at most WHOLE_TURN either way.
-        endless: Whether the text "none" stands for infinity.
+        endless: Whether the value may be infinite, as `.inf` or as the texts "inf" and "none".
         bounds: Whether a lower and an upper bound may stand for each value of an array.
     """
 
@@ -65,7 +65,6 @@ Angle = Annotated[float, Quantity("rad", "90 deg")]
 Turn = Annotated[float, Quantity("rad", "90 deg", "turn")]
 AngularDistance = Annotated[float, Quantity("rad", "2 deg", "not negative")]
 AngularRate = Annotated[float, Quantity("rad/s", "90 deg/s", "positive")]
-AngularRateChange = Annotated[float, Quantity("rad/s^2", "720 deg/s^2", "positive")]
 Time = Annotated[float, Quantity("s", "20 ms")]
 Moment = Annotated[float, Quantity("s", "2 s")]
 Duration = Annotated[float, Quantity("s", "4 ms", "not negative")]
@@ -84,14 +83,23 @@ MORE_PAYLOAD = Quantity("kg", "2 kg")
 SHARE = Quantity("1", "50 %")
 LARGEST_SHARE = Quantity("1", "10 %", "not negative")
 # One value for all joints, or one per joint.
-JointAngles = Annotated[FloatArray, Quantity("rad", "90 deg")]
-JointVelocities = Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", "positive", bounds=True)]
-JointAccelerations = Annotated[
-    FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", bounds=True)
+# Limits, which infinity lifts.
+JointRanges = Annotated[FloatArray, Quantity("rad", "90 deg", endless=True)]
+JointVelocities = Annotated[
+    FloatArray, Quantity("rad/s", "1.5 rad/s", "positive", endless=True, bounds=True)
 ]
-JointJerks = Annotated[FloatArray, Quantity("rad/s^3", "4000 rad/s^3", "positive")]
-Jerk = Annotated[float, Quantity("m/s^3", "40 m/s^3", "positive")]
-JointTorques = Annotated[FloatArray, Quantity("N m", "150 N m", "positive")]
+JointAccelerations = Annotated[
+    FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", endless=True, bounds=True)
+]
+JointJerks = Annotated[FloatArray, Quantity("rad/s^3", "4000 rad/s^3", "positive", endless=True)]
+JointTorques = Annotated[FloatArray, Quantity("N m", "150 N m", "positive", endless=True)]
+SpeedLimit = Annotated[float, Quantity("m/s", "0.15 m/s", "positive", endless=True)]
+AccelerationLimit = Annotated[float, Quantity("m/s^2", "0.09 m/s^2", "positive", endless=True)]
+AngularSpeedLimit = Annotated[float, Quantity("rad/s", "90 deg/s", "positive", endless=True)]
+AngularAccelerationLimit = Annotated[
+    float, Quantity("rad/s^2", "720 deg/s^2", "positive", endless=True)
+]
+JerkLimit = Annotated[float, Quantity("m/s^3", "40 m/s^3", "positive", endless=True)]
 JointInertias = Annotated[FloatArray, Quantity("kg m^2", "1.2 kg m^2", "positive")]
 JointArmatures = Annotated[FloatArray, Quantity("kg m^2", "0.1 kg m^2", "not negative")]
 ViscousFrictions = Annotated[FloatArray, VISCOUS]

@@ -63,7 +63,12 @@ def list_some(names: Sequence[str], most: int) -> str:
 
 def suggest(name: str, known: Iterable[str], otherwise: str) -> str:
     """A question with the known name that is most similar to an unknown one, or `otherwise`."""
-    near = difflib.get_close_matches(name, known, n=1)
+    known = list(known)
+    # Two words of the field for one quantity.
+    alike = [
+        x for x in known if x.replace("velocity", "speed") == name.replace("velocity", "speed")
+    ]
+    near = alike or difflib.get_close_matches(name, known, n=1)
     return f"did you mean {near[0]}?" if near else otherwise
 
 

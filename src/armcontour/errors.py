@@ -16,7 +16,7 @@ and 7 is the answer of `check` that the samples cannot tell.
 
 A message is one sentence: what is wrong, where, and how to correct it. Attributes hold the same
 facts in SI units, for programs. Messages count joints, segments, waypoints, corners and items of a
-list in a file from 1. The attribute `index` counts from 0, as in Python.
+list in a file from 1. The attributes `index` and `joint` count from 0, as in Python.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class ArmContourError(Exception):
         index: Index of the wrong item in its input, from 0.
         s: Arc length of the position [m].
         t: Time of the event [s].
-        joint: Joint number, from 1 as in the paper.
+        joint: Index of the joint, from 0; the message counts joints from 1, as the paper does.
         limit: Name of the limit that binds.
         needed: Necessary value (unit of the limit).
         allowed: Allowed value (unit of the limit).

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -18,16 +18,24 @@ from armcontour.errors import InvalidInput
 ROTATION_TOLERANCE = 1e-6
 # Tolerance of the length of a given quaternion (about four printed digits), which is then scaled.
 QUATERNION_TOLERANCE = 1e-3
+# Largest z offset [m] and tilt with which a frame keeps a path in the x-y plane; also the largest
+# z component of the vectors of an arc that lies in a plane of constant z.
+IN_PLANE = 1e-12
 ORIGIN = _checks.lock_floats(np.zeros(3))
 UNTURNED = _checks.lock_floats(np.eye(3))
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame(Value):
     """The position and orientation of a frame in another frame.
 
+        table = Frame((0.5, 0.0, 0.1))
+        flipped = Frame((0.4, 0.0, 0.3), Rotation.from_euler("x", 180, degrees=True))
+
     Args:
-        position: Origin of the frame [m], (3,).
+        position: Origin of the frame [m], (3,); or the whole frame as a homogeneous transform,
+            (4, 4), or a pinocchio.SE3.
         rotation: Rotation matrix with the axes of the frame as columns, (3, 3), or another form
             that `rotations` accepts.
 
@@ -35,23 +43,38 @@ class Frame(Value):
         InvalidInput: The position does not have 3 coordinates, or the rotation is not one.
     """
 
-    position: FloatArray = field(default_factory=lambda: ORIGIN)
-    rotation: FloatArray = field(default_factory=lambda: UNTURNED)
+    position: FloatArray = field(default_factory=lambda: ORIGIN, kw_only=False)
+    rotation: FloatArray = field(default_factory=lambda: UNTURNED, kw_only=False)
 
     def __post_init__(self) -> None:
         # Most frames are these, and both are known to be right and are locked.
         if self.position is ORIGIN and self.rotation is UNTURNED:
             return
-        position = _checks.numbers("position of a frame", self.position, "m")
+        position, turned = read_poses("position of a frame", self.position)
         if position.shape != (3,):
             raise InvalidInput(
                 f"The position of a frame must be 3 coordinates in m, not {position.size}."
             )
         object.__setattr__(self, "position", _checks.lock_floats(position))
-        turned = rotations("rotation of a frame", self.rotation)
+        if turned is None:
+            turned = rotations("rotation of a frame", self.rotation)
+        elif self.rotation is not UNTURNED:
+            raise InvalidInput("A frame takes a transform, or a position and a rotation, not both.")
         if turned.shape != (3, 3):
             raise InvalidInput("A frame takes one rotation.")
         object.__setattr__(self, "rotation", _checks.lock_floats(turned))
+
+    @classmethod
+    def of(cls, pose: Pose) -> Frame:
+        """The frame of a pose: a `Frame` as it is, or what the constructor takes first.
+
+        Args:
+            pose: A Frame, a homogeneous transform, (4, 4), a pinocchio.SE3 or a position [m], (3,).
+
+        Raises:
+            InvalidInput: It is no pose.
+        """
+        return pose if isinstance(pose, Frame) else cls(pose)  # type: ignore[arg-type]
 
     @classmethod
     def rpy(cls, position: npt.ArrayLike, angles: npt.ArrayLike) -> Frame:
@@ -70,7 +93,7 @@ class Frame(Value):
             warnings.warn(
                 f"Roll, pitch and yaw are in radians, and {largest:g} rad is more than a whole "
                 f"turn: for degrees give np.radians({given.tolist()}).",
-                stacklevel=2,
+                stacklevel=3,
             )
         return cls(
             position=_checks.numbers("position of a frame", position, "m"), rotation=from_rpy(given)
@@ -89,10 +112,74 @@ class Frame(Value):
         return np.column_stack([self.rotation, self.position])
 
     @property
+    def homogeneous(self) -> FloatArray:
+        """Homogeneous transform, (4, 4)."""
+        return transforms(self.matrix)
+
+    @property
+    def keeps_plane(self) -> bool:
+        """Whether points of the x-y plane stay in it."""
+        lifted = max(abs(self.position[2]), float(np.abs(self.rotation[2] - [0, 0, 1]).max()))
+        return bool(lifted <= IN_PLANE)
+
+    @property
     def inverse(self) -> Frame:
         """The reference frame of this frame, in the coordinates of this frame."""
         back = self.rotation.T
         return Frame(position=-back @ self.position, rotation=back)
+
+
+class Transform(Protocol):
+    """An object with a homogeneous transform, such as `pinocchio.SE3`."""
+
+    @property
+    def homogeneous(self) -> FloatArray:
+        """The transform, (4, 4)."""
+
+
+Pose: TypeAlias = Frame | Transform | npt.ArrayLike
+
+
+def transforms(matrices: FloatArray) -> FloatArray:
+    """Homogeneous transforms of rotations beside positions, (..., 3, 4) to (..., 4, 4)."""
+    found = np.zeros((*matrices.shape[:-2], 4, 4))
+    found[..., :3, :], found[..., 3, 3] = matrices, 1.0
+    return found
+
+
+def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
+    """Positions and rotations of poses in any form that users have.
+
+    Args:
+        name: Name of the poses, for messages.
+        poses: A `Frame`; a `pinocchio.SE3` or another object with `homogeneous` or `as_matrix`;
+            homogeneous transforms, (..., 4, 4); or positions alone [m], (..., 2) or (..., 3).
+
+    Returns:
+        Positions [m], (..., 3), or (..., 2) if they are given so; and rotation matrices,
+        (..., 3, 3), or None for positions alone.
+
+    Raises:
+        InvalidInput: The shape is another one, or a transform is none of a rigid body.
+    """
+    for attribute in ("homogeneous", "as_matrix"):
+        if hasattr(poses, attribute):
+            found = getattr(poses, attribute)
+            poses = found() if callable(found) else found
+    array = _checks.numbers(name, poses, "m")  # type: ignore[arg-type]
+    if array.shape[-2:] == (4, 4) and array.size:
+        if not (array[..., 3, :] == (0.0, 0.0, 0.0, 1.0)).all():
+            raise InvalidInput(
+                f"{name}: the last row of a homogeneous transform must be 0, 0, 0, 1."
+            )
+        turned = rotations(f"rotation of {name}", array[..., :3, :3].reshape(-1, 3, 3))
+        return array[..., :3, 3], turned.reshape(*array.shape[:-2], 3, 3)
+    if array.shape[-1:] not in ((2,), (3,)) or not array.size:
+        raise InvalidInput(
+            f"{name} must be a Frame, a 4 by 4 transform, a pinocchio.SE3 or a position in m, but "
+            f"has the shape {array.shape}."
+        )
+    return array, None
 
 
 def rotations(name: str, values: Any) -> FloatArray:

@@ -35,10 +35,10 @@ def test_places_torques_and_jacobians(name):
         points, rotations = arm.pose(q)
         np.testing.assert_allclose(points, point, atol=1e-9)
         np.testing.assert_allclose(rotations, rotation, atol=1e-9)
-        np.testing.assert_allclose(arm.twist_jacobian(q), jacobian, atol=1e-9)
+        np.testing.assert_allclose(arm.jacobian(q), jacobian, atol=1e-9)
     else:
-        np.testing.assert_allclose(arm.forward(q), point[:, :2], atol=1e-9)
-        np.testing.assert_allclose(arm.jacobian(q), jacobian[:, :2], atol=1e-9)
+        np.testing.assert_allclose(arm.tool_position(q), point[:, :2], atol=1e-9)
+        np.testing.assert_allclose(arm.tool_jacobian(q), jacobian[:, :2], atol=1e-9)
 
 
 @each("name", ac.arm_names())

@@ -39,10 +39,10 @@ def test_forward_as_printed_1_and_2(arm):
     q = random_joints(20)
     t1, t12 = q[:, 0], q.sum(axis=1)
     x, y = L0 + L1 * np.sin(t1) + L2 * np.sin(t12), L1 * np.cos(t1) + L2 * np.cos(t12)
-    np.testing.assert_allclose(arm.forward(q), np.stack([x, y], axis=1), atol=1e-15)
+    np.testing.assert_allclose(arm.tool_position(q), np.stack([x, y], axis=1), atol=1e-15)
     # Angles are measured from y, clockwise.
-    np.testing.assert_allclose(arm.forward([0, 0]), (L0, L1 + L2), atol=1e-15)
-    np.testing.assert_allclose(arm.forward([np.pi / 2, 0]), (L0 + L1 + L2, 0), atol=1e-15)
+    np.testing.assert_allclose(arm.tool_position([0, 0]), (L0, L1 + L2), atol=1e-15)
+    np.testing.assert_allclose(arm.tool_position([np.pi / 2, 0]), (L0 + L1 + L2, 0), atol=1e-15)
 
 
 def test_inverse_as_printed_3_and_4_where_these_hold(arm):
@@ -54,25 +54,29 @@ def test_inverse_as_printed_3_and_4_where_these_hold(arm):
     d2 = c**2 + y**2
     t1 = np.arctan(c / y) - np.arccos((L1**2 - L2**2 + d2) / (2 * L1 * np.sqrt(d2)))
     t2 = np.pi - np.arccos((L1**2 + L2**2 - d2) / (2 * L1 * L2))
-    np.testing.assert_allclose(arm.inverse(points), np.stack([t1, t2], axis=1), atol=1e-9)
+    np.testing.assert_allclose(arm.joint_position(points), np.stack([t1, t2], axis=1), atol=1e-9)
     # The default branch is the paper's.
-    np.testing.assert_array_equal(arm.inverse(points), arm.inverse(points, "positive"))
+    np.testing.assert_array_equal(
+        arm.joint_position(points), arm.joint_position(points, "positive")
+    )
     assert arm.branches == tuple(BRANCHES)
 
 
 @each("branch", BRANCHES)
 def test_round_trips_from_the_tool_and_from_the_joints(arm, branch):
     points, sign = random_points(), BRANCHES[branch]
-    q = arm.inverse(points, branch)
-    np.testing.assert_allclose(arm.forward(q), points, atol=2e-15)
+    q = arm.joint_position(points, branch)
+    np.testing.assert_allclose(arm.tool_position(q), points, atol=2e-15)
     assert (np.sign(q[:, 1]) == sign).all()
     # Near the edges of the reach.
     for edge in (NEAR + 2e-9, NEAR + 1e-6, FAR - 1e-6, FAR - 2e-9):
         points = ring(edge, np.linspace(-3, 3, 50))
-        np.testing.assert_allclose(arm.forward(arm.inverse(points, branch)), points, atol=1e-14)
+        np.testing.assert_allclose(
+            arm.tool_position(arm.joint_position(points, branch)), points, atol=1e-14
+        )
     q = random_joints()
     q = q[np.sign(q[:, 1]) == sign]
-    turns = (arm.inverse(arm.forward(q), branch) - q) / (2 * np.pi)
+    turns = (arm.joint_position(arm.tool_position(q), branch) - q) / (2 * np.pi)
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-13)
     np.testing.assert_array_equal(np.round(turns[:, 1]), 0)
 
@@ -87,17 +91,19 @@ def test_any_arm_reaches_where_it_should(link1, link2, share, angle, branch):
     assert (near, far) == (abs(link1 - link2), link1 + link2)
     distance = near + share * (far - near)
     point = np.array([-0.3 + distance * np.cos(angle), distance * np.sin(angle)])
-    np.testing.assert_allclose(arm.forward(arm.inverse(point, branch)), point, atol=1e-13)
+    np.testing.assert_allclose(
+        arm.tool_position(arm.joint_position(point, branch)), point, atol=1e-13
+    )
 
 
 def test_the_jacobian_its_rate_and_tool_motion_agree_with_differences(arm):
     q, step = random_joints(), 1e-6
     for j, dq in enumerate(step * np.eye(2)):
-        difference = (arm.forward(q + dq) - arm.forward(q - dq)) / (2 * step)
-        np.testing.assert_allclose(arm.jacobian(q)[..., j], difference, atol=1e-9)
+        difference = (arm.tool_position(q + dq) - arm.tool_position(q - dq)) / (2 * step)
+        np.testing.assert_allclose(arm.tool_jacobian(q)[..., j], difference, atol=1e-9)
     dq = np.random.default_rng(2).normal(size=q.shape)
-    difference = (arm.jacobian(q + step * dq) - arm.jacobian(q - step * dq)) / (2 * step)
-    np.testing.assert_allclose(arm.jacobian_rate(q, dq), difference, atol=1e-8)
+    difference = (arm.tool_jacobian(q + step * dq) - arm.tool_jacobian(q - step * dq)) / (2 * step)
+    np.testing.assert_allclose(arm.tool_jacobian_rate(q, dq), difference, atol=1e-8)
 
     def q(t):
         return np.stack([np.sin(t), 1 + 0.5 * np.cos(2 * t)], axis=-1)
@@ -105,7 +111,7 @@ def test_the_jacobian_its_rate_and_tool_motion_agree_with_differences(arm):
     t, h = np.linspace(0, 3, 40), 1e-4
     dq = np.stack([np.cos(t), -np.sin(2 * t)], axis=-1)
     ddq = np.stack([-np.sin(t), -2 * np.cos(2 * t)], axis=-1)
-    before, now, after = (arm.forward(q(t + k * h)) for k in (-1, 0, 1))
+    before, now, after = (arm.tool_position(q(t + k * h)) for k in (-1, 0, 1))
     velocity, acceleration = (after - before) / (2 * h), (after - 2 * now + before) / h**2
     v, a = arm.tool_velocity(q(t), dq), arm.tool_acceleration(q(t), dq, ddq)
     np.testing.assert_allclose(v, velocity, atol=1e-8)
@@ -118,7 +124,7 @@ def test_the_jacobian_its_rate_and_tool_motion_agree_with_differences(arm):
 def test_blocks_of_states_end_anywhere(arm, n):
     q, dq, ddq = np.random.default_rng(n).normal(size=(3, n, 2))
     velocity, acceleration = arm.tool_motion(q, dq, ddq)
-    jacobian, rate = arm.jacobian(q), arm.jacobian_rate(q, dq)
+    jacobian, rate = arm.tool_jacobian(q), arm.tool_jacobian_rate(q, dq)
     np.testing.assert_allclose(velocity, np.einsum("nij,nj->ni", jacobian, dq), atol=1e-14)
     expected = np.einsum("nij,nj->ni", jacobian, ddq) + np.einsum("nij,nj->ni", rate, dq)
     np.testing.assert_allclose(acceleration, expected, atol=1e-14)
@@ -133,10 +139,10 @@ def test_links_lead_from_the_base_to_the_tool(arm):
     np.testing.assert_array_equal(points[:, 0], np.tile((L0, 0), (10, 1)))
     lengths = np.linalg.norm(np.diff(points, axis=1), axis=2)
     np.testing.assert_allclose(lengths, np.tile((L1, L2), (10, 1)))
-    np.testing.assert_array_equal(points[:, 2], arm.forward(q))
-    assert arm.inverse([0.35, 0.1]).shape == (2,)
-    assert arm.inverse(np.full((3, 4, 2), 0.2)).shape == (3, 4, 2)
-    assert arm.jacobian(np.ones((5, 2))).shape == (5, 2, 2)
+    np.testing.assert_array_equal(points[:, 2], arm.tool_position(q))
+    assert arm.joint_position([0.35, 0.1]).shape == (2,)
+    assert arm.joint_position(np.full((3, 4, 2), 0.2)).shape == (3, 4, 2)
+    assert arm.tool_jacobian(np.ones((5, 2))).shape == (5, 2, 2)
     assert arm.dof == 2 and arm.dimension == 2
 
 
@@ -155,25 +161,27 @@ def test_out_of_reach(arm, point, words, needed, allowed):
     points = [(0.35, 0.1), (0.41, 0.15), point, (9.0, 9.0)]
     data = {"point": point, "index": 2, "needed": needed, "allowed": allowed}
     for branch in BRANCHES:
-        call, data["limit"] = lambda x=branch: arm.inverse(points, x), "reach"
+        call, data["limit"] = lambda x=branch: arm.joint_position(points, x), "reach"
         refused((call, "PMK-3s", *words, data), kind=ac.Unreachable)
 
 
 def test_no_number_a_singular_arm_and_an_unknown_branch_are_refused(arm):
     refused(
-        (lambda: arm.inverse([(np.nan, 0.1)]), {"index": 0}),
+        (lambda: arm.joint_position([(np.nan, 0.1)]), {"index": 0}),
         (lambda: arm.joint_velocity([[0.0, 0.0]], [[1.0, 0.0]]), "PMK-3s", "singular"),
         kind=ac.Unreachable,
     )
-    refused((lambda: arm.inverse([0.35, 0.1], "left"), "branches positive, negative", "'left'"))
+    refused(
+        (lambda: arm.joint_position([0.35, 0.1], "left"), "branches positive, negative", "'left'")
+    )
 
 
 def test_the_plane_arm_in_space_is_the_same_arm(arm):
     space = SerialArm(name="space", chain=arm.chain, limits=arm.limits)
     q, dq, ddq = np.random.default_rng(4).normal(size=(3, 50, 2))
-    np.testing.assert_allclose(space.forward(q)[:, :2], arm.forward(q), atol=1e-15)
-    assert (space.forward(q)[:, 2] == 0).all()
-    np.testing.assert_allclose(space.jacobian(q)[:, :2], arm.jacobian(q), atol=1e-15)
+    np.testing.assert_allclose(space.tool_position(q)[:, :2], arm.tool_position(q), atol=1e-15)
+    assert (space.tool_position(q)[:, 2] == 0).all()
+    np.testing.assert_allclose(space.tool_jacobian(q)[:, :2], arm.tool_jacobian(q), atol=1e-15)
     a, b = (x.tool_acceleration(q, dq, ddq)[:, :2] for x in (space, arm))
     np.testing.assert_allclose(a, b, atol=1e-13)
     jerk = arm.tool_jerk(q, dq, ddq, dq)
@@ -194,7 +202,7 @@ def test_another_arm_is_made_with_other_limits_and_another_name(made):
     np.testing.assert_array_equal(other.limits.joint_velocity, np.full(made.dof, 0.5))
     assert made.limits is limits and made.name == slow.name == name
     q = np.full(made.dof, 0.3)
-    np.testing.assert_array_equal(other.forward(q), made.forward(q))
+    np.testing.assert_array_equal(other.tool_position(q), made.tool_position(q))
     for again in (other, copy.copy(other), copy.deepcopy(other), pickle.loads(pickle.dumps(other))):
         with pytest.raises(FrozenInstanceError):
             again.limits = limits
@@ -217,14 +225,14 @@ class Slide(ac.Arm):
         self.length = length
         self.offsets = offsets
 
-    def forward(self, q):
+    def tool_position(self, q):
         angle = np.asarray(q)[..., 0]
         return self.length * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
     def links(self, q):
         raise NotImplementedError
 
-    jacobian = jacobian_rate = links
+    tool_jacobian = tool_jacobian_rate = links
 
 
 class Longer(Slide):
@@ -257,7 +265,7 @@ def test_another_load_and_other_drives_change_the_torques_and_nothing_else(made)
     load = ac.Payload(mass=2.0)
     other = made.with_dynamics(payload=load, armature=0.1, viscous=[1.0] * made.dof)
     assert other.chain.payload is load and type(other) is type(made)
-    np.testing.assert_array_equal(other.forward(q), made.forward(q))
+    np.testing.assert_array_equal(other.tool_position(q), made.tool_position(q))
     np.testing.assert_array_equal(other.chain.coulomb, made.chain.coulomb)
     # Drives add their inertia and friction to their own joint alone.
     loaded = other.with_dynamics(armature=0.0, viscous=0.0)

@@ -58,21 +58,21 @@ def difference(function, q, dq):
 def test_the_jacobian_its_rate_and_the_drift_agree_with_differences(arm3, states):
     q, dq, _ = states
     twist = arm3.tool_twist(q, dq)
-    np.testing.assert_allclose(twist[:, :3], difference(arm3.forward, q, dq), atol=1e-8)
+    np.testing.assert_allclose(twist[:, :3], difference(arm3.tool_position, q, dq), atol=1e-8)
     before, after = arm3.pose(q - STEP * dq)[1], arm3.pose(q + STEP * dq)[1]
     turn = log(after @ np.swapaxes(before, 1, 2)) / (2 * STEP)
     np.testing.assert_allclose(twist[:, 3:], turn, atol=1e-8)
     np.testing.assert_array_equal(arm3.tool_velocity(q, dq), twist[:, :3])
-    np.testing.assert_array_equal(arm3.jacobian(q), arm3.twist_jacobian(q)[:, :3])
+    np.testing.assert_array_equal(arm3.tool_jacobian(q), arm3.jacobian(q)[:, :3])
     q, dq, ddq = states
-    rate = difference(arm3.twist_jacobian, q, dq)
-    np.testing.assert_allclose(arm3.jacobian_rate(q, dq), rate[:, :3], atol=1e-7)
+    rate = difference(arm3.jacobian, q, dq)
+    np.testing.assert_allclose(arm3.tool_jacobian_rate(q, dq), rate[:, :3], atol=1e-7)
     drift = np.einsum("nij,nj->ni", rate, dq)
     np.testing.assert_allclose(arm3.twist_drift(q, dq), drift, atol=1e-7)
     found = arm3.tool_twist_rate(q, dq, ddq)
     np.testing.assert_allclose(found, drift + arm3.tool_twist(q, ddq), atol=1e-7)
     np.testing.assert_array_equal(arm3.tool_acceleration(q, dq, ddq), found[:, :3])
-    exact = np.einsum("nij,nj->ni", arm3.jacobian_rate(q, dq), dq)
+    exact = np.einsum("nij,nj->ni", arm3.tool_jacobian_rate(q, dq), dq)
     np.testing.assert_allclose(exact, arm3.twist_drift(q, dq)[:, :3], atol=1e-12)
 
 
@@ -124,19 +124,19 @@ def test_blocks_of_states_end_anywhere(arm3, n):
     q, dq, ddq, dddq = states = np.random.default_rng(n).normal(size=(4, n, arm3.dof))
     twist, bend = arm3.tool_twist(q, dq), arm3.tool_twist_rate(q, dq, ddq)
     # The Jacobian and its rate are computed by other code.
-    expected = np.einsum("nij,nj->ni", arm3.twist_jacobian(q), dq)
+    expected = np.einsum("nij,nj->ni", arm3.jacobian(q), dq)
     np.testing.assert_allclose(twist, expected, rtol=0, atol=1e-13 * arm3.dof)
-    rate = arm3.jacobian_rate(q, dq)
+    rate = arm3.tool_jacobian_rate(q, dq)
     expected = arm3.tool_velocity(q, ddq) + np.einsum("nij,nj->ni", rate, dq)
     np.testing.assert_allclose(bend[:, :3], expected, rtol=0, atol=1e-12 * arm3.dof)
     velocity, acceleration = arm3.tool_motion(q, dq, ddq)
     np.testing.assert_array_equal(velocity, twist[:, :3])
     np.testing.assert_array_equal(acceleration, bend[:, :3])
     states.flags.writeable = False
-    points, jerk = arm3.forward(states[0]), arm3.tool_jerk(*states)
+    points, jerk = arm3.tool_position(states[0]), arm3.tool_jerk(*states)
     for k in range(n):
         one = states[:, k]
-        np.testing.assert_allclose(arm3.forward(one[0]), points[k], atol=1e-14)
+        np.testing.assert_allclose(arm3.tool_position(one[0]), points[k], atol=1e-14)
         np.testing.assert_allclose(arm3.tool_jerk(*one), jerk[k], atol=1e-12)
 
 
@@ -160,7 +160,7 @@ def test_pinocchio_sees_the_same_arm():
         expected = base.position + base.rotation @ place.translation
         np.testing.assert_allclose(point, expected, atol=1e-12)
         np.testing.assert_allclose(rotation, base.rotation @ place.rotation, atol=1e-12)
-        np.testing.assert_allclose(arm.twist_jacobian(q), turn @ seen, atol=1e-12)
+        np.testing.assert_allclose(arm.jacobian(q), turn @ seen, atol=1e-12)
 
 
 def test_the_work_frame_and_the_tool_only_say_where_from_and_where_to(arm3, states):
@@ -175,7 +175,7 @@ def test_the_work_frame_and_the_tool_only_say_where_from_and_where_to(arm3, stat
     equipped = bare.with_tool(tool)
     flange = bare.with_tool(Frame())
     at, axes = flange.pose(q)
-    np.testing.assert_allclose(equipped.forward(q), at + axes @ tool.position, atol=1e-12)
+    np.testing.assert_allclose(equipped.tool_position(q), at + axes @ tool.position, atol=1e-12)
     np.testing.assert_allclose(equipped.pose(q)[1], axes @ tool.rotation, atol=1e-12)
     # Nor do torques know of either.
     expected = arm3.torque(q, dq, ddq)
@@ -196,8 +196,8 @@ def test_links_lead_from_the_base_to_the_tool(arm3, states):
     points = arm3.links(q)
     assert points.shape == (200, arm3.dof + 3, 3)
     np.testing.assert_allclose(points[:, 0], np.tile(arm3.chain.base.position, (200, 1)))
-    np.testing.assert_allclose(points[:, -2], arm3.with_tool(Frame()).forward(q), atol=1e-12)
-    np.testing.assert_array_equal(points[:, -1], arm3.forward(q))
+    np.testing.assert_allclose(points[:, -2], arm3.with_tool(Frame()).tool_position(q), atol=1e-12)
+    np.testing.assert_array_equal(points[:, -1], arm3.tool_position(q))
     lengths = np.linalg.norm(np.diff(points, axis=1), axis=2)
     np.testing.assert_allclose(lengths, np.tile(lengths[0], (200, 1)), atol=1e-12)
     np.testing.assert_allclose(
@@ -209,12 +209,12 @@ def test_one_state_and_any_shape_of_states():
     arm = crooked(dof=4)
     q = np.random.default_rng(3).normal(size=(2, 5, 4))
     for method, count, shape in (
-        (arm.forward, 1, (3,)),
+        (arm.tool_position, 1, (3,)),
         (lambda x: arm.pose(x)[1], 1, (3, 3)),
         (arm.links, 1, (7, 3)),
-        (arm.jacobian, 1, (3, 4)),
-        (arm.twist_jacobian, 1, (6, 4)),
-        (arm.jacobian_rate, 2, (3, 4)),
+        (arm.tool_jacobian, 1, (3, 4)),
+        (arm.jacobian, 1, (6, 4)),
+        (arm.tool_jacobian_rate, 2, (3, 4)),
         (arm.twist_drift, 2, (6,)),
         (arm.tool_twist, 2, (6,)),
         (arm.tool_twist_rate, 3, (6,)),
@@ -237,11 +237,11 @@ def test_what_an_arm_is_made_of_stays_as_it_is_and_states_have_to_fit():
     np.testing.assert_array_equal(arm.limits.joint_velocity, np.ones(6))
     q = np.zeros((2, 6))
     q.setflags(write=False)
-    arm.forward(q)[0, 0] = 1.0  # results are the caller's own
+    arm.tool_position(q)[0, 0] = 1.0  # results are the caller's own
     refused(
-        (lambda: arm.forward(states), "crooked has 6 joints", "(5, 7)"),
-        (lambda: arm.jacobian_rate(states[:, :6], states), "(5, 6), (5, 7)"),
-        (lambda: arm.forward(1.0), "6 columns"),
+        (lambda: arm.tool_position(states), "crooked has 6 joints", "(5, 7)"),
+        (lambda: arm.tool_jacobian_rate(states[:, :6], states), "(5, 6), (5, 7)"),
+        (lambda: arm.tool_position(1.0), "6 columns"),
         (lambda: arm.tool_twist(states[:, :6], states[:3, :6]), "fit together", "(3, 6)"),
     )
 
@@ -266,7 +266,7 @@ ODD_LIMITS = (
     ({"joint_velocity": [1.0, np.nan]}, "joint_velocity", "finite", {"index": 1}),
     ({"speed": 0.0}, "speed", "0 m/s"),
     ({"speed": [0.1, 0.2]}, "speed", "one number"),
-    ({"speed": np.inf}, "speed", "finite"),
+    ({"speed": -np.inf}, "speed", "finite"),
     ({"centripetal_acceleration": -1.0}, "centripetal_acceleration", "-1 m/s²"),
     ({"joint_lower": "wide"}, "joint_lower", "in rad"),
     ({"joint_lower": [np.nan, 1.0]}, "joint_lower", "angle"),
@@ -325,7 +325,7 @@ def test_limits_chains_payloads_and_arms_that_cannot_be_are_refused():
 
 
 def test_limits_are_replaced_added_lifted_and_spread_over_joints():
-    assert set(UNITS) == {x.name for x in dataclasses.fields(ac.Limits)}
+    assert {*UNITS, "lifted"} == {x.name for x in dataclasses.fields(ac.Limits)}
     values = np.array([1.0, 2.0])
     limits = ac.Limits(joint_acceleration=values, speed=0.1)
     values[0] = 9.0
@@ -333,7 +333,9 @@ def test_limits_are_replaced_added_lifted_and_spread_over_joints():
     assert (other.speed, other.centripetal_acceleration) == (0.2, 0.5)
     np.testing.assert_array_equal(other.joint_acceleration, [1.0, 2.0])
     assert limits.speed == 0.1 and limits.centripetal_acceleration is None
-    assert other.replace(speed=None).speed is None
+    for none, lifted in ((None, set()), (np.inf, {"speed"})):
+        assert other.replace(speed=none).speed is None
+        assert other.replace(speed=none).lifted == lifted
     with pytest.raises(ValueError, match="read-only"):
         limits.joint_acceleration[0] = 9.0
     spread = ac.Limits(joint_acceleration=0.7, joint_velocity=[1.0, 2.0]).for_joints(2)
@@ -351,8 +353,8 @@ def test_limits_are_replaced_added_lifted_and_spread_over_joints():
 def test_jerk_is_limited_where_it_is_finite():
     for endless in (np.inf, [np.inf, np.inf]):
         limits = ac.Limits(joint_jerk=endless)
-        assert limits.jerk_limits == ()
-        np.testing.assert_array_equal(limits.for_joints(2).joint_jerk, [np.inf, np.inf])
+        assert limits.jerk_limits == () and limits.lifted == {"joint_jerk"}
+        assert limits.for_joints(2).joint_jerk is None
     some = ac.Limits(joint_jerk=[np.inf, 5.0], path_jerk=1.0)
     assert some.jerk_limits == ("joint_jerk", "path_jerk")
     assert some.of_joints.jerk_limits == ("joint_jerk",)

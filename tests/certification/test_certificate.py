@@ -21,6 +21,7 @@ SHORT = ("[0.350, 0.100], [0.380, 0.125], [0.350, 0.160]", "2 mm")
 JOB = """
 name: paper
 arm: pmk3s
+branch: positive
 path: {{points: [{points}]}}
 limits: {{speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}}
 corners: {{tolerance: {tolerance}}}
@@ -33,6 +34,7 @@ runs:
 LINE = """
 name: line
 arm: pmk3s
+branch: positive
 path: {points: [[0.30, 0.20], [0.40, 0.20]]}
 limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
 servo: {kp: 25 1/s, kv: 150 1/s}
@@ -42,6 +44,7 @@ runs:
 LAG = """
 name: lag
 arm: pmk3s
+branch: positive
 path: {points: [[0.35, 0.2], [0.4216768, 0.1589672], [0.3311563, 0.1382437]]}
 limits: {speed: 0.2914771, joint_acceleration: 5.5179714}
 corners: {tolerance: 0.13197796 mm}
@@ -187,7 +190,7 @@ def test_a_total_tolerance_is_split_and_given_back():
 def test_a_command_keeps_to_joint_velocities(refuses):
     slow = parse_job(LINE)
     run = slow.runs[0]
-    plan = ac.plan(slow.path, slow.arm, run.limits)
+    plan = ac.plan(slow.path, slow.arm, run.limits, branch=slow.branch)
     fastest = np.abs(plan(np.linspace(0, plan.duration, 2000), 1)).max(axis=0)
     # The plan may just be run, but the command that leads it exceeds the limit.
     limits = run.limits.replace(joint_velocity=fastest)

@@ -18,6 +18,7 @@ from armcontour.robustness.unknowns import Unknowns
 JOB = """
 name: corner
 arm: pmk3s
+branch: positive
 path: {points: [[0.30, 0.20], [0.32, 0.20], [0.32, 0.21]]}
 limits: {speed: 0.15 m/s, joint_acceleration: 2, joint_torque: 40}
 corners: {tolerance: 1 mm}
@@ -101,6 +102,7 @@ def test_what_the_budget_cannot_hold_is_refused_with_its_parts():
 OVERSHOOT = """
 name: overshoot
 arm: pmk3s
+branch: positive
 path: {points: [[0.30, 0.20], [0.34, 0.20], [0.34, 0.24]]}
 limits: {speed: 0.05 m/s, joint_acceleration: 2}
 corners: {tolerance: 0.25 mm}

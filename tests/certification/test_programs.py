@@ -167,3 +167,15 @@ def test_what_is_written_has_every_contour(certified):
     assert set(rows) == {"1", "2"} and rows == sorted(rows)
     page = render_report(certified.study, certificate=certified)
     assert all(f"{x.duration:.4f} s" in page for x in certified.contours)
+
+
+def test_rapids_of_a_certified_program_keep_their_speed():
+    speed = 0.03
+    found = ac.certify(quick(replace(LEADS, rapid_speed=speed)))
+    arm = found.job.arm
+    rapids = [x for x in found.trajectory.spans if x.kind == "rapid"]
+    assert rapids
+    for x in rapids:
+        t = np.linspace(0, x.trajectory.duration, 5001)
+        most = np.linalg.norm(arm.tool_velocity(*x.trajectory.motion(t, 1)), axis=1).max()
+        assert 0.99 * speed < most <= speed

@@ -37,7 +37,7 @@ def ball(name, radius, position, **more):
 
 def tip(q, arm=BALL):
     """The origin of link 6, the flange of this arm."""
-    return arm.with_tool(Frame()).forward(q)
+    return arm.with_tool(Frame()).tool_position(q)
 
 
 A = np.array([0.0, -1.2, 1.5, -1.8, -1.57, 0.0])

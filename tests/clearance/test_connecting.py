@@ -20,7 +20,7 @@ RANGES = ARM.limits.joint_range(6)
 
 def cell_with(size):
     """A wall in the middle between both postures."""
-    middle = ARM.with_tool(Frame()).forward((A + B) / 2)
+    middle = ARM.with_tool(Frame()).tool_position((A + B) / 2)
     wall = Obstacle(name="wall", shape=Box(size=size), place=Frame(position=middle))
     return Cell(ARM, Scene(obstacles=(wall,), margins=Margins(environment=0.005)))
 
@@ -33,8 +33,8 @@ def test_a_way_around_a_wall_is_found_and_clear():
     assert cell.check(path).kept
     # At many places, the ball is where the bounds say that it may be.
     q = path(np.linspace(0.0, path.breaks[-1], 500))
-    middle = ARM.with_tool(Frame()).forward((A + B) / 2)
-    off = np.abs(ARM.with_tool(Frame()).forward(q) - middle) - [0.15, 0.025, 0.25]
+    middle = ARM.with_tool(Frame()).tool_position((A + B) / 2)
+    off = np.abs(ARM.with_tool(Frame()).tool_position(q) - middle) - [0.15, 0.025, 0.25]
     assert (np.linalg.norm(np.maximum(off, 0.0), axis=1) >= 0.035 - 1e-9).all()
     again = connect(cell, A, B, RANGES)
     assert np.array_equal(again.coefficients, path.coefficients)

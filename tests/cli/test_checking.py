@@ -231,7 +231,7 @@ SWEEP = """t,q1,q2,q3,q4,q5,q6
 
 def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     (tmp_path / "sweep.csv").write_text(SWEEP)
-    at = ac.load_arm("ur5e").forward([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
+    at = ac.load_arm("ur5e").tool_position([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
     x, y, z = at
     wall = f"(noname)+\n* wall\n1\nbox\n0.001 0.3 0.3\n{x} {y} {z}\n0 0 0 1\n0 0 0 0\n.\n"
     (tmp_path / "cell.scene").write_text(wall)
@@ -255,3 +255,18 @@ def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     assert "floor" in {y for x in pairs for y in (x["first"], x["second"])}
     # A scene alone does not name the arm.
     assert check(tmp_path, "sweep.csv", "--scene", "scene.yaml").code == 2
+
+
+def test_degrees_in_columns_of_radians_are_asked_about(tmp_path, check):
+    t = np.linspace(0, 5, 501)
+    q = np.outer(3 * (t / 5) ** 2 - 2 * (t / 5) ** 3, [20, -60, 80, 20, 10, 5])
+    for unit, code in (("rad", 2), ("deg", 0)):
+        titles = "t [s]," + ",".join(f"q{k} [{unit}]" for k in range(1, 7))
+        write(tmp_path / "log.csv", titles, t, q)
+        done = check(tmp_path, "log.csv", "--arm", "ur5e")
+        assert done.code == code, done.out + done.errors
+        asked = done.errors.count("degrees: are they?")
+        assert asked == (unit == "rad") and ("'q3 [rad]' is 80 rad" in done.errors) == asked
+    # Radians that are only a little out of range are a violation.
+    write(tmp_path / "log.csv", titles.replace("deg", "rad"), t, q / 12)
+    assert check(tmp_path, "log.csv", "--arm", "ur5e").code == 1

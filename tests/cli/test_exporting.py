@@ -77,7 +77,9 @@ def test_tool_motion_is_that_of_the_arm(result, folder):
     np.testing.assert_allclose(turned, rotation, atol=1e-11)
     assert (np.sum(quaternion[1:] * quaternion[:-1], axis=1) > 0).all()
     step = 1e-6
-    speed = np.linalg.norm(arm.forward(q + step * dq) - arm.forward(q - step * dq), axis=1)
+    speed = np.linalg.norm(
+        arm.tool_position(q + step * dq) - arm.tool_position(q - step * dq), axis=1
+    )
     np.testing.assert_allclose(found["speed [m/s]"], speed / (2 * step), atol=1e-8)
 
 

@@ -106,9 +106,9 @@ def test_positions_of_the_tool(shop, tmp_path, refused, done):
     """A tracker, with a clock of its own, that sees links bend, which the encoders do not."""
     t, q = shop.table[:, 0] - BEGUN, np.radians(shop.table[:, 3:])
     bent = q + 1e-3 * np.sin(2 * np.pi * np.clip(t, 0, 2)[:, None] * [1.0, 1.5]) ** 2
-    tool = np.column_stack([1e3 * t, 1e3 * shop.job.arm.forward(bent)])
+    tool = np.column_stack([1e3 * t, 1e3 * shop.job.arm.tool_position(bent)])
     file = written(tmp_path, tool, "t [ms],x [mm],y [mm]", "tool.csv")
-    points = shop.job.arm.forward(q) + [0.1, 0.0]
+    points = shop.job.arm.tool_position(q) + [0.1, 0.0]
     other = written(tmp_path, np.column_stack([shop.table[:, 0], points]), "t,x,y", "other.csv")
     log, out = written(tmp_path, shop.table), tmp_path / "out"
     learn = ("learn", shop.file, "--taught", shop.first, "--log", log, "--out", out)
@@ -118,8 +118,8 @@ def test_positions_of_the_tool(shop, tmp_path, refused, done):
     run = summary(out)["learning"]["runs"][0]
     inside = (t >= 0) & (t <= shop.plan.trajectory.duration)
     path = shop.plan.path.path
-    seen = path.project(shop.job.arm.forward(bent[inside])).distance
-    blind = path.project(shop.job.arm.forward(q[inside])).distance
+    seen = path.project(shop.job.arm.tool_position(bent[inside])).distance
+    blind = path.project(shop.job.arm.tool_position(q[inside])).distance
     assert run["contour_rms"] == pytest.approx(np.sqrt(np.mean(seen**2)), rel=0.1)
     assert np.sqrt(np.mean(seen**2)) > 2 * np.sqrt(np.mean(blind**2))
 
@@ -165,7 +165,7 @@ def test_a_log_is_judged_without_learning(shop, tmp_path, done):
     # What the log has, by the nearest places of its samples.
     t, q = shop.table[:, 0] - BEGUN, np.radians(shop.table[:, 3:])
     inside = (t >= 0) & (t <= shop.plan.trajectory.duration)
-    off = shop.plan.path.path.project(shop.job.arm.forward(q[inside])).distance
+    off = shop.plan.path.path.project(shop.job.arm.tool_position(q[inside])).distance
     assert found["contour_error"]["max"] == pytest.approx(off.max(), rel=0.05)
     assert found["contour_error"]["rms"] == pytest.approx(np.sqrt(np.mean(off**2)), rel=0.05)
     at = found["contour_error"]["t_max"]

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.compensation.compensator import default_method
 from armcontour.motion import PathLaw, Rates
 
 from .motions import laps
@@ -64,7 +63,7 @@ def test_a_parabola_in_closed_form(interpolation, gain):
 def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interpolation, most):
     a = np.array([0.7, -0.4])
     servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=interpolation)
-    plant = ac.ServoPlant(arm, servo, ac.Limits(), saturation="none")
+    plant = ac.ServoPlant(arm, servo, ac.Limits.only(), saturation="none")
     for phase in np.linspace(0, 1, 8, endpoint=False):
         half = 0.3 + phase * 4e-3
         plan = laps([0, half, 2 * half], [(0.0, 0.0), half * a], [a, -a])
@@ -125,7 +124,7 @@ def test_compensation_is_linear(method):
 
 def test_the_inverse_undoes_the_servo(arm):
     trajectory = smooth()
-    plant = ac.ServoPlant(arm, UNEVEN, ac.Limits())
+    plant = ac.ServoPlant(arm, UNEVEN, ac.Limits.only())
     errors = []
     for period in (8e-3, 4e-3, 2e-3):
         taught = ac.compensate(trajectory, UNEVEN, method="inverse", period=period)
@@ -174,7 +173,3 @@ def test_joints_of_several_orders_are_compensated_by_the_inverse(refuses):
     unknown = ac.ServoModel(order="unknown")
     kept = ac.compensate(plan, unknown)
     np.testing.assert_allclose(kept.q, plan(np.clip(kept.t, 0, plan.duration)), atol=1e-5)
-    ur5e = ac.load_arm("ur5e")
-    assert default_method(servo, ur5e) == default_method(unknown, ur5e) == "inverse"
-    assert default_method(UNEVEN.replace(friction=1e-4), ur5e) == "inverse"
-    assert default_method(UNEVEN, ur5e) == "inverse_dynamics"

@@ -88,6 +88,8 @@ def fast(light, corners):
     return plan
 
 
+# Without inertias of drives set-points move faster than joints may, for which nobody asks here.
+@pytest.mark.filterwarnings("ignore:The set-points of joint")
 @pytest.mark.parametrize(
     ("armature", "period", "rms", "largest"),
     [(0.1, 4e-3, 0.004, 0.020), (0.0, 4e-3, 0.006, 0.030), (0.0, 1e-3, 0.0012, 0.006)],
@@ -209,7 +211,7 @@ def test_where_joints_turn_round_friction_changes_its_sign_without_chatter(heavy
 def test_refused(light, refuses):
     limits = ac.Limits(joint_velocity=[9.0, 9.0, 9.0, 9.0, 9.0, 1.2])
     call = partial(compensate, SWING, light, limits=limits)
-    refuses(call, ac.CompensationError, "joint_velocity of 1.2 rad/s", joint=6)
+    refuses(call, ac.CompensationError, "joint_velocity of 1.2 rad/s", joint=5)
     rods = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())
     path = ac.JointPath.spline([(0.1, 0.2), (0.4, 0.6)])
     plan = ac.plan(path, rods, ac.Limits(joint_velocity=1.0, joint_acceleration=9.0))

@@ -11,7 +11,7 @@ from armcontour.evaluation.error_profile import angle_off
 from armcontour.frames import exp
 
 ERROR = 5e-3
-LIMITS = ac.Limits(speed=0.15, joint_acceleration=0.72)
+LIMITS = ac.Limits.only(speed=0.15, joint_acceleration=0.72)
 
 
 @pytest.fixture(scope="module")
@@ -43,9 +43,9 @@ def test_a_tip_that_is_left_out_by_hand(arm):
     """Out and back along a line, but only to 3 mm before its end."""
     path = ac.Path.polyline([[0.30, 0.20], [0.36, 0.20], [0.30, 0.20]])
     x = np.concatenate([np.linspace(0.30, 0.357, 200), np.linspace(0.357, 0.30, 200)[1:]])
-    q = arm.inverse(np.stack([x, np.full_like(x, 0.20)], axis=1))
+    q = arm.joint_position(np.stack([x, np.full_like(x, 0.20)], axis=1))
     log = SimpleNamespace(t=np.linspace(0.0, 4.0, len(x)), q=q)
-    found = ac.check(log, arm, ac.Limits(), path, deviation=1e-6, missed=2e-3)
+    found = ac.check(log, arm, ac.Limits.only(), path, deviation=1e-6, missed=2e-3)
     assert found.path_deviation is not None and found.path_deviation.distance < 1e-9
     assert found["path_missed"].value == pytest.approx(3e-3, rel=1e-9)
     assert found.verdict == "violated"
@@ -125,7 +125,7 @@ def test_a_path_that_crosses_itself_may_hold_the_tool_in_two_ways():
 
     planned = ac.plan(path((5e-4, 5e-4, 0)), ROBOT, ROBOT.limits)
     q = planned(np.linspace(0, planned.duration, 20_001))
-    nearest = path(0).project(ROBOT.forward(q)).s
+    nearest = path(0).project(ROBOT.tool_position(q)).s
     assert angle_off(path(0).orientation, nearest, ROBOT.pose(q)[1]).max() > 0.2
     found = check(planned, path=path(0), points=20, orientation_deviation=np.radians(1))
     assert found.path_deviation.distance > 4e-4

@@ -47,14 +47,14 @@ def test_torque_of_a_law_and_of_samples(planned, robot):
         found = ac.check(given, robot, limits)["joint_torque"]
         assert found.ratio == pytest.approx(1 / 0.9, rel=2e-3)
         assert found.certain > 1 and found.joint is not None
-        assert found.limit == pytest.approx(0.9 * torque[found.joint - 1])
+        assert found.limit == pytest.approx(0.9 * torque[found.joint])
     loose = ac.check(planned, robot, robot.limits.replace(joint_torque=torque * 1.01))
     assert not loose.violated
 
 
 def test_dry_friction_at_rest_helps(robot):
     """At its ends a motion brakes with friction; standing, no more is certain than without it."""
-    limits = ac.Limits(joint_torque=[150, 150, 150, 28, 28, 28])
+    limits = ac.Limits.only(joint_torque=[150, 150, 150, 28, 28, 28])
     path = ac.JointPath.spline([np.zeros(6), np.array([1.0, 0, 0, 0, 0, 0])])
     found = ac.check(ac.plan(path, robot, limits), robot, limits)
     assert not found.violated
@@ -81,21 +81,23 @@ def test_ranges_are_counted_from_their_middle(planned, robot):
     q = planned(np.linspace(0, planned.duration, 20_001))
     upper, lower = q.max(axis=0), q.min(axis=0)
     upper[2] -= 0.1
-    limits = ac.Limits(joint_lower=lower, joint_upper=upper)
+    limits = ac.Limits.only(joint_lower=lower, joint_upper=upper)
     for given in (planned, sampled(planned), sampled(planned, dq=True)):
         found = ac.check(given, robot, limits)
         over = found["joint_upper"]
-        assert over.joint == 3 and over.limit == upper[2]
+        assert over.joint == 2 and over.limit == upper[2]
         assert over.value == pytest.approx(upper[2] + 0.1, abs=1e-4)
         assert over.ratio == pytest.approx(1 + 0.2 / (upper[2] - lower[2]), abs=1e-3)
         assert found["joint_lower"].ratio == pytest.approx(1, abs=1e-3)
         assert over in found.violations
     # With one end, or none.
     one = np.where(np.arange(6) == 1, q.max(axis=0) - 0.2, np.inf)
-    found = ac.check(planned, robot, ac.Limits(joint_upper=one))["joint_upper"]
-    assert found.joint == 2 and found.ratio == pytest.approx(1 + 0.2 / np.pi, abs=1e-4)
-    endless = ac.check(planned, robot, ac.Limits(joint_upper=np.full(6, np.inf)))
-    assert endless.not_judged == ("joint_upper",)
+    found = ac.check(planned, robot, ac.Limits.only(joint_lower=np.inf, joint_upper=one))[
+        "joint_upper"
+    ]
+    assert found.joint == 1 and found.ratio == pytest.approx(1 + 0.2 / np.pi, abs=1e-4)
+    endless = ac.Limits.only(joint_lower=np.inf, joint_upper=np.full(6, np.inf))
+    assert ac.check(planned, robot, endless).not_judged == ("joint_lower", "joint_upper")
 
 
 def test_turning_of_a_law_and_of_samples(turning, robot):

@@ -76,7 +76,7 @@ def test_a_plan_with_a_limit_of_jerk_is_executed_with_it():
     assert 0.99 < found.jerk_ratio.max() < 1.005
     assert found.limit_ratios["joint_jerk"] == pytest.approx(1, abs=1e-4)
     # Without the limit, the plan jumps.
-    free = ac.plan(path, ARM, limits.replace(joint_jerk=None))
+    free = ac.plan(path, ARM, limits.replace(joint_jerk=np.inf))
     taught = ac.compensate(free, servo, method="inverse", period=1e-3)
     rough = ac.evaluate(ac.execute(taught, plant), path, limits=limits)
     assert rough.jerk_ratio.max() > 10 and rough.command_jerk.max() > found.command_jerk.max()

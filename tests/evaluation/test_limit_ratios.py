@@ -6,7 +6,7 @@ import pytest
 import armcontour as ac
 
 ARM = ac.load_arm("pmk3s")
-LIMITS = ac.Limits(
+LIMITS = ac.Limits.only(
     joint_acceleration=[[-0.6, 0.7], [-0.6, 0.9]],
     joint_velocity=[[-0.8, 0.7], [-0.6, 0.8]],
     joint_jerk=1e3,
@@ -27,9 +27,9 @@ def dense(plan, places):
     share = np.linspace(1e-9, 1 - 1e-9, places)
     t = (breaks[:-1, None] + share * np.diff(breaks)[:, None]).ravel()
     q, dq, ddq, dddq = (plan(t, order) for order in range(4))
-    v = np.einsum("nij,nj->ni", ARM.jacobian(q), dq)
-    a = np.einsum("nij,nj->ni", ARM.jacobian(q), ddq)
-    a += np.einsum("nij,nj->ni", ARM.jacobian_rate(q, dq), dq)
+    v = np.einsum("nij,nj->ni", ARM.tool_jacobian(q), dq)
+    a = np.einsum("nij,nj->ni", ARM.tool_jacobian(q), ddq)
+    a += np.einsum("nij,nj->ni", ARM.tool_jacobian_rate(q, dq), dq)
     speed = np.hypot(*v.T)
     moving = speed > 1e-6
     across = np.abs(v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0])[moving] / speed[moving]
@@ -58,10 +58,10 @@ def measured(plan, path, limits=LIMITS):
 @pytest.mark.parametrize(("method", "places"), [("optimal", 11), ("conventional", 200)])
 def test_they_are_those_of_denser_places(method, places):
     # Limits of jerk are not planned for, but counted.
-    task = LIMITS.replace(joint_jerk=None, path_jerk=None)
+    task = LIMITS.replace(joint_jerk=np.inf, path_jerk=np.inf)
     path = ac.round_corners(PATH, tolerance=5e-3)
     if method == "conventional":
-        task, path = ac.Limits(speed=0.04), PATH
+        task, path = ac.Limits.only(speed=0.04), PATH
     plan = ac.plan(path, ARM, task, method=method)
     found = measured(plan, path)
     for name, ratio in dense(plan, places).items():

@@ -16,7 +16,7 @@ def arm():
 
 def executed(arm, tool, period, planned):
     """An execution whose tool goes through given points at regular times."""
-    q = arm.inverse(tool)
+    q = arm.joint_position(tool)
     dq = np.gradient(q, period, axis=0)
     return ac.Execution(
         arm=arm,

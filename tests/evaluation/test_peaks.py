@@ -29,7 +29,7 @@ def plan(arm_name, speed, tolerance, space):
         objective = objective.oriented(turns)
     path = ac.round_corners(objective, tolerance=tolerance) if tolerance else objective
     limits = arm.limits.replace(speed=speed)
-    return arm, objective, path, ac.plan(path, arm, limits)
+    return arm, objective, path, ac.plan(path, arm, limits, branch=None if space else "positive")
 
 
 def executions(trajectory, plant, period, method, resolution):
@@ -114,7 +114,8 @@ def test_a_peak_where_the_path_turns_is_found_though_no_sample_shows_it():
     arm = ac.load_arm("pmk3s")
     objective = ac.Path.polyline(TURNING)
     path = ac.round_corners(objective, tolerance=4e-5)
-    trajectory = ac.plan(path, arm, arm.limits.replace(speed=0.5, joint_acceleration=20.0))
+    limits = arm.limits.replace(speed=0.5, joint_acceleration=20.0)
+    trajectory = ac.plan(path, arm, limits, branch="positive")
     plant = ac.ServoPlant(arm, ac.ServoModel(kp=40.0, kv=1000.0), saturation="none")
     coarse, fine = executions(trajectory, plant, 8e-3, "inverse", 8e-3)
     error = ac.evaluate(coarse, path, objective=objective).objective_error
@@ -162,7 +163,7 @@ def short_contours(length, resolution):
     ]
     moves = (contours[0], ac.Rapid(), contours[1], ac.Dwell(duration=0.1))
     program = ac.Program(moves=moves)
-    trajectory = ac.plan(program, arm, arm.limits.replace(speed=0.15))
+    trajectory = ac.plan(program, arm, arm.limits.replace(speed=0.15), branch="positive")
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     taught = ac.compensate(trajectory, servo, method="inverse", period=8e-3)
     return program, ac.execute(taught, ac.ServoPlant(arm, servo), resolution=resolution)

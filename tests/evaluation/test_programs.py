@@ -76,7 +76,7 @@ def test_every_contour_is_judged_while_at_work_as_by_hand(execution, program):
         assert span.work is not None
         inside = (execution.t >= span.work[0]) & (execution.t < span.work[1])
         t = execution.t[inside]
-        off = nearest(contour.path, ARM.forward(execution.q[inside]))
+        off = nearest(contour.path, ARM.tool_position(execution.q[inside]))
         assert profile.max == pytest.approx(off.max(), rel=1e-6)
         mean = np.trapezoid(off**2, t) / (t[-1] - t[0])
         # Up to an interval between results at its ends.

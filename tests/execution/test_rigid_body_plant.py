@@ -34,7 +34,7 @@ def no_log(monkeypatch, tmp_path):
 @pytest.fixture
 def fails(refuses):
     """A check of an execution that fails, with joint 1 as its cause."""
-    return lambda call, *words, joint=1, **data: refuses(
+    return lambda call, *words, joint=0, **data: refuses(
         call, ac.ExecutionError, *words, **({} if joint is ANY else {"joint": joint}), **data
     )
 
@@ -150,7 +150,7 @@ def test_torque_saturation_in_closed_form_and_with_gravity():
     limit = 3.0
     arm = pendulum(gravity=WEIGHTLESS)
     q = [[0.0]] + [[2.0]] * 300
-    done = run(arm, q, ac.Limits(joint_torque=limit), interpolation="step")
+    done = run(arm, q, ac.Limits.only(joint_torque=limit), interpolation="step")
     at = (done.t >= 0.004) & (done.t <= 0.5)
     since = done.t[at] - 0.004
     np.testing.assert_allclose(done.q[at, 0], limit / INERTIA * since**2 / 2, atol=1e-12)
@@ -163,9 +163,9 @@ def test_torque_saturation_in_closed_form_and_with_gravity():
     assert free.saturated_time[0] == 0 and not free.saturated.any()
     assert np.abs(free.torque).max() > 100 * limit
     q = swing(1.0, 0.3)
-    by_torque = run(pendulum(), q, ac.Limits(joint_torque=12.0, joint_acceleration=99.0))
+    by_torque = run(pendulum(), q, ac.Limits.only(joint_torque=12.0, joint_acceleration=99.0))
     assert np.abs(by_torque.torque).max() == 12.0
-    by_acceleration = run(pendulum(), q, ac.Limits(joint_acceleration=4.0))
+    by_acceleration = run(pendulum(), q, ac.Limits.only(joint_acceleration=4.0))
     on_top = by_acceleration.torque[:, 0] - WEIGHT * np.cos(by_acceleration.q[:, 0])
     assert np.abs(on_top).max() == pytest.approx(4.0 * INERTIA)
     assert by_torque.saturated_time[0] > 0.05 and by_acceleration.saturated_time[0] > 0.05
@@ -224,7 +224,7 @@ def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
     given = ac.ServoModel(kp=KP, kv=KV, inertia=0.7)
     np.testing.assert_allclose(ac.RigidBodyPlant(drives, given, known=nominal).nominal_inertia, 0.7)
     # A drive that is rated for accelerations is rated for the bodies that its maker knew of.
-    rated = plant(drives, ac.Limits(joint_acceleration=4.0), known=nominal)
+    rated = plant(drives, ac.Limits.only(joint_acceleration=4.0), known=nominal)
     np.testing.assert_allclose(rated.torque_limit, 4.0 * INERTIA)
 
 
@@ -237,11 +237,11 @@ def test_nominal_inertia_is_taken_in_the_middle_of_the_ranges():
     free = plant(two_link())
     np.testing.assert_array_equal(free.reference, 0)
     np.testing.assert_allclose(free.nominal_inertia, at(0.0))
-    ranges = ac.Limits(joint_lower=[-3.0, 0.5], joint_upper=[np.inf, 2.5])
-    bent = plant(two_link(ranges), ac.Limits())
+    ranges = ac.Limits.only(joint_lower=[-3.0, 0.5], joint_upper=[np.inf, 2.5])
+    bent = plant(two_link(ranges), ac.Limits.only())
     np.testing.assert_allclose(bent.reference, [0.0, 1.5])
     np.testing.assert_allclose(bent.nominal_inertia, at(1.5))
-    above = ac.Limits(joint_lower=[0.5, -1.0])
+    above = ac.Limits.only(joint_lower=[0.5, -1.0])
     np.testing.assert_allclose(plant(two_link(above)).reference, [0.5, 0.0])
 
 
@@ -333,7 +333,7 @@ def test_a_step_too_long_for_the_gains_is_an_error(fails):
     )
     # Folded, the two rods have a mode that is far lighter than either joint alone.
     folding = np.column_stack([np.zeros(501), np.linspace(0, 3.0, 501)])
-    fails(partial(run, two_link(), folding, kv=1500.0, step=1e-3), "unstable", joint=2)
+    fails(partial(run, two_link(), folding, kv=1500.0, step=1e-3), "unstable", joint=1)
     assert run(two_link(), folding, kv=1500.0, step=2e-4).q[-1, 1] == pytest.approx(3.0, abs=1e-6)
 
 
@@ -342,7 +342,7 @@ def test_joints_that_run_away_or_do_not_settle_are_errors(fails, monkeypatch):
     monkeypatch.setattr(stability, "LOOKS", 0)
     fails(partial(run, pendulum(), swing(), kv=1000.0, step=4e-3), "runs away")
     # Saturated, it only rattles within steps: at their ends it seems to stand still.
-    free, weak = pendulum(gravity=WEIGHTLESS), ac.Limits(joint_torque=5.0)
+    free, weak = pendulum(gravity=WEIGHTLESS), ac.Limits.only(joint_torque=5.0)
     fails(partial(run, free, swing(), weak, kv=1000.0, step=4e-3), "not at rest")
     slow = {"kp": 0.01, "period": 0.02, "step": 5e-3, "resolution": 0.02}
     for arm, words in (
@@ -355,11 +355,11 @@ def test_joints_that_run_away_or_do_not_settle_are_errors(fails, monkeypatch):
 
 
 def test_drives_that_are_too_weak_are_errors(fails):
-    weak = ac.Limits(joint_torque=5.0)
+    weak = ac.Limits.only(joint_torque=5.0)
     data = {"limit": "joint_torque", "needed": WEIGHT, "allowed": 5.0, "t": 0.0}
     fails(partial(run, pendulum(), [[0.0]], weak), "to be held", **data)
     # What gravity feed-forward holds is no part of a limit that stands for accelerations.
-    slow = ac.Limits(joint_acceleration=10.0)
+    slow = ac.Limits.only(joint_acceleration=10.0)
     loaded = pendulum(payload=LOAD)
     assert run(loaded, [[0.0]], slow).torque[0, 0] > 10.0 * INERTIA
     words = ("takes 14.71 N m to be held", "beside gravity feed-forward", "at most 6 N m")
@@ -370,7 +370,7 @@ def test_drives_that_are_too_weak_are_errors(fails):
 
 def test_refused(refuses, monkeypatch):
     bare = ac.PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
-    one_way = ac.Limits(joint_acceleration=[[-2.0, 1.0]])
+    one_way = ac.Limits.only(joint_acceleration=[[-2.0, 1.0]])
     light = pendulum(centers=[[0.0, 0.0, 0.0]], armature=[0.0])
     empty = pendulum(masses=[0.0])
     assert run(empty, swing()).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
@@ -418,10 +418,10 @@ def test_late_and_cubic_commands_are_those_of_the_servo_plant():
         prompt = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation)
         servo = prompt.replace(dead_time=dead)
         done = ac.execute(taught, ac.RigidBodyPlant(arm, servo)).q[:1000]
-        exact = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits())).q[:1000]
+        exact = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits.only())).q[:1000]
         assert np.abs(done - exact).max() < 3e-4, (interpolation, dead)
         if np.any(dead):
-            other = ac.execute(taught, ac.ServoPlant(arm, prompt, ac.Limits())).q[:1000]
+            other = ac.execute(taught, ac.ServoPlant(arm, prompt, ac.Limits.only())).q[:1000]
             assert np.abs(done - other).max() > 3e-3, (interpolation, dead)
 
 

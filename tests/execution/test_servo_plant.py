@@ -24,9 +24,9 @@ def taught_data(q, period=0.02):
     return ac.TaughtData(period=period, q=np.asarray(q, float), trajectory=trajectory, method="x")
 
 
-def plant(arm, kp=25.0, kv=150.0, limit=None, interpolation="linear"):
+def plant(arm, kp=25.0, kv=150.0, limit=np.inf, interpolation="linear"):
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
-    return ac.ServoPlant(arm, servo, ac.Limits(joint_acceleration=limit))
+    return ac.ServoPlant(arm, servo, ac.Limits.only(joint_acceleration=limit))
 
 
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
@@ -49,7 +49,7 @@ def test_it_starts_and_ends_at_rest_and_keeps_still_at_a_single_set_point(arm):
 
 def test_the_resolution_is_kept_and_changes_nothing(arm):
     late = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=[0.0123, 0.0567])
-    uneven = ac.Limits(joint_acceleration=[[-1.0, 3.0], [-2.0, 0.5]])
+    uneven = ac.Limits.only(joint_acceleration=[[-1.0, 3.0], [-2.0, 0.5]])
     plants = [
         plant(arm, limit=limit, interpolation=interpolation)
         for limit, interpolation in product((None, 0.72, [3.0, 0.5]), ("linear", "step"))
@@ -93,7 +93,7 @@ def test_what_does_not_saturate(arm, servo):
     assert (done.peak_demand > 0.72).all()  # what it would have taken is said all the same
     np.testing.assert_array_equal(done.saturated_time, 0)
     np.testing.assert_array_equal(ac.ServoPlant(arm, servo).acceleration, [0.72, 0.72])
-    free = ac.ServoPlant(arm, servo, ac.Limits())
+    free = ac.ServoPlant(arm, servo, ac.Limits.only())
     np.testing.assert_array_equal(free.acceleration, [np.inf, np.inf])
 
 
@@ -101,7 +101,7 @@ def test_a_late_command_and_a_late_beginning(arm):
     # A motion that is over before the first joint begins: rest is when the last set-point arrived.
     q = np.linspace((0.0, 0.0), (0.01, 0.02), 5)
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=[0.5, 0.25])
-    done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits()), resolution=0.01)
+    done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=0.01)
     np.testing.assert_array_equal(done.q[done.t <= 0.5, 0], 0.0)
     np.testing.assert_array_equal(done.q[done.t <= 0.25, 1], 0.0)
     np.testing.assert_allclose(done.q[-1], q[-1], atol=1e-8)
@@ -123,7 +123,7 @@ def test_slow_gains_and_close_set_points_lose_no_digits(arm):
         ac.ServoModel(kp=5.0, kv=1000.0, interpolation="cubic"),
         ac.ServoModel(kp=5.0, order="first", interpolation="cubic"),
     ):
-        simulated = ac.ServoPlant(arm, servo, ac.Limits())
+        simulated = ac.ServoPlant(arm, servo, ac.Limits.only())
         coarse, fine = (
             ac.execute(taught_data(q, 1e-3), simulated, resolution=x) for x in (1e-3, 1e-4)
         )
@@ -132,26 +132,26 @@ def test_slow_gains_and_close_set_points_lose_no_digits(arm):
 
 def test_bounds_may_differ_between_directions(arm):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    limits = ac.Limits(joint_acceleration=[[-0.5, 2.0]])
+    limits = ac.Limits.only(joint_acceleration=[[-0.5, 2.0]])
     done = ac.execute(taught_data(RANDOM), ac.ServoPlant(arm, servo, limits))
     assert done.ddq.max() == 2.0 and done.ddq.min() == -0.5
-    same = ac.Limits(joint_acceleration=[[-2.0, 2.0]])
+    same = ac.Limits.only(joint_acceleration=[[-2.0, 2.0]])
     one, other = (
         ac.execute(taught_data(RANDOM), ac.ServoPlant(arm, servo, x))
-        for x in (same, ac.Limits(joint_acceleration=2.0))
+        for x in (same, ac.Limits.only(joint_acceleration=2.0))
     )
     np.testing.assert_array_equal(one.q, other.q)
 
 
 def test_a_drive_that_cannot_hold_its_arm_is_an_error(refuses):
     heavy = ac.load_arm("ur5e")
-    limits = ac.Limits(joint_torque=[150.0, 20.0, 150.0, 28.0, 28.0, 28.0])
+    limits = ac.Limits.only(joint_torque=[150.0, 20.0, 150.0, 28.0, 28.0, 28.0])
     simulated = ac.ServoPlant(heavy, SERVO, limits, saturation="torque")
     q = np.tile([0.0, -0.5, 0.5, 0.0, 0.0, 0.0], (3, 1))
     weight = abs(heavy.torque(q[0], 0 * q[0], 0 * q[0])[1])
     up = np.array([0.0, -np.pi / 2, 0.0, 0.0, 0.0, 0.0])
     end = np.array([up, up, up + [0, 1.0, 0, 0, 0, 0]])
-    error = {"joint": 2, "allowed": 20.0}
+    error = {"joint": 1, "allowed": 20.0}
     for taught, words, data in (
         (taught_data(q), "raise its torque limit", {"t": 0.0, "needed": weight}),
         (taught_data(end, 0.5), "at the last set-point", {"t": 1.0}),
@@ -184,7 +184,7 @@ def test_a_joint_may_be_faster_than_its_drive_could_keep_it(gravity, interpolati
     servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=interpolation)
     fast = np.concatenate([np.cumsum(np.linspace(0, 0.08, 20)), np.full(10, 0.9)])
     taught = taught_data(np.pi / 2 - 0.9 + fast[:, None])
-    start = ac.ServoPlant(arm, servo, ac.Limits(joint_torque=3 * limited))
+    start = ac.ServoPlant(arm, servo, ac.Limits.only(joint_torque=3 * limited))
     before = ac.execute(taught, start, resolution=0.02)
     # The first half with a strong drive, then it gets a third of that, and the joint is too fast.
     assert np.abs(arm.torque(before.q, before.dq, 0 * before.q)).max() > limited
@@ -218,18 +218,20 @@ def test_a_plan_within_every_torque_limit_runs():
     chain = own.chain.replace(viscous=[12.0, 12.0, 8.0, 2.0, 2.0, 1.0])
     arm = SerialArm(name="stiff", chain=chain, limits=own.limits)
     torque = 0.7 * own.limits.joint_torque
-    limits = ac.Limits(joint_velocity=6.0, joint_torque=torque)
+    limits = ac.Limits.only(joint_velocity=6.0, joint_torque=torque)
     path = ac.JointPath.spline(np.random.default_rng(3).uniform(-1.5, 1.5, (5, 6)))
     planned = ac.plan(path, arm, limits)
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(planned, servo, method="pole_placement", period=0.004)
+    taught = ac.compensate(
+        planned, servo, method="pole_placement", period=0.004, limits=ac.Limits.only()
+    )
     done = ac.execute(taught, ac.ServoPlant(arm, servo, limits))
     assert (np.abs(arm.torque(done.q, done.dq, 0 * done.q)) / torque).max() > 1.02
     np.testing.assert_allclose(done.q[-1], taught.q[-1], atol=1e-8)
 
 
 def test_saturation_by_default_is_in_what_is_limited():
-    torque = ac.Limits(joint_torque=30.0)
+    torque = ac.Limits.only(joint_torque=30.0)
     both = torque.replace(joint_acceleration=1.0)
     hung = pendulum(0.0)
     chain = hung.chain.replace(masses=None, centers=None, inertias=None)
@@ -238,7 +240,7 @@ def test_saturation_by_default_is_in_what_is_limited():
         (hung, both, SERVO, "acceleration"),
         (hung, torque, SERVO, "torque"),
         (bare, torque, SERVO, "none"),
-        (hung, ac.Limits(joint_velocity=1.0), SERVO, "none"),
+        (hung, ac.Limits.only(joint_velocity=1.0), SERVO, "none"),
         (hung, both, LAG, "none"),
         (hung, torque, LAG, "none"),
     ):
@@ -250,14 +252,14 @@ def test_saturation_by_default_is_in_what_is_limited():
 
 
 def test_the_range_of_the_demand_has_both_directions(arm):
-    limits = ac.Limits(joint_acceleration=[[-1.0, 2.0], [-3.0, 5.0]])
+    limits = ac.Limits.only(joint_acceleration=[[-1.0, 2.0], [-3.0, 5.0]])
     lag = LAG.replace(interpolation="cubic")
     cases = [
         (SERVO.replace(interpolation=x), bounds, 1e-3)
         for x in ("linear", "cubic")
-        for bounds in (limits, ac.Limits(), ac.Limits(joint_acceleration=3.0))
+        for bounds in (limits, ac.Limits.only(), ac.Limits.only(joint_acceleration=3.0))
     ]
-    for servo, bounds, near in (*cases, (lag, ac.Limits(), 1e-2)):
+    for servo, bounds, near in (*cases, (lag, ac.Limits.only(), 1e-2)):
         simulated = ac.ServoPlant(arm, servo, bounds)
         done = ac.execute(taught_data(RANDOM, 0.05), simulated, resolution=2e-5)
         seen = [done.demand.min(axis=0), done.demand.max(axis=0)]
@@ -279,7 +281,7 @@ def test_rounding_does_not_saturate(arm):
     """A cubic command of uniform acceleration asks, once the joint follows, for just that."""
     t = np.arange(200)[:, None] * 0.004
     taught = taught_data(2.0 + 0.5 * np.array([0.7, 0.72]) * t**2, 0.004)
-    limits = ac.Limits(joint_acceleration=[0.7, 0.72])
+    limits = ac.Limits.only(joint_acceleration=[0.7, 0.72])
     simulated = ac.ServoPlant(arm, SERVO.replace(interpolation="cubic"), limits)
     steps = (4e-3, 2e-3, 1e-3, 5e-4)
     times = [ac.execute(taught, simulated, resolution=x).saturated_time for x in steps]

@@ -15,7 +15,9 @@ SHAPED = {"method": "shaped", "tolerance": TOLERANCE, "smoothing": PERIOD, "rese
 
 @pytest.mark.parametrize(("centripetal", "longest"), [(0.09, 4.80), (None, 4.46)])
 def test_the_executed_tool_stays_within_the_tolerance(arm, objective, centripetal, longest):
-    limits = ac.Limits(speed=0.15, joint_acceleration=0.72, centripetal_acceleration=centripetal)
+    limits = ac.Limits.only(
+        speed=0.15, joint_acceleration=0.72, centripetal_acceleration=centripetal
+    )
     limits = limits.for_joints(2)
     planned = ac.plan(objective, arm, limits, **SHAPED)
     assert planned.duration <= longest

@@ -158,7 +158,7 @@ def test_speeds_tags_and_tolerances_of_segments_stay_on_their_sides():
 
 @each("kind", ["fixed", "turning", "following"])
 def test_the_tool_orientation_is_kept_and_does_not_jump(kind):
-    space = ac.geometry.placing.lift_path(slot())
+    space = slot().lifted()
     given = {
         "fixed": lambda: space.oriented(DOWN),
         "following": lambda: space.following_tangent((0, 0, 1)),

@@ -11,8 +11,8 @@ from tests.geometry.tables import arc, each, jumps, line, path_of, refused
 import armcontour as ac
 from armcontour.frames import Frame
 from armcontour.geometry.biarcs import UNEVEN
-from armcontour.geometry.cutting import cut_path, join_paths, reverse_path
-from armcontour.geometry.placing import drop_z, keeps_plane, lift_path, place_path
+from armcontour.geometry.cutting import cut_path, join_paths
+from armcontour.geometry.placing import drop_z
 
 TURN = 1.2
 END = (1 + 0.5 * np.sin(TURN), 0.5 - 0.5 * np.cos(TURN))
@@ -95,7 +95,7 @@ def test_parts_put_together_are_the_path(path):
 
 def test_what_cannot_be_cut_joined_placed_or_flattened_is_refused():
     flat, far = ac.Path.polyline([(0, 0), (1, 0)]), ac.Path.polyline([(2, 0), (3, 0)])
-    one, corner = lift_path(flat), ac.Path.polyline([[0, 0], [1, 0], [1, 1]])
+    one, corner = flat.lifted(), ac.Path.polyline([[0, 0], [1, 0], [1, 1]])
     other = ac.Path.polyline([(1, 0, 0), (2, 0, 0)]).oriented(Rotation.identity())
     leaning = path_of(arc((1, 0, 0), (0, 0, 0), 1, normal=(0, 1, 0)))
     up = ac.Path.polyline([(0, 0, 0), (0, 0, 1)])
@@ -110,7 +110,7 @@ def test_what_cannot_be_cut_joined_placed_or_flattened_is_refused():
         (lambda: join_paths([flat, far]), "must be continuous"),
         (lambda: join_paths([flat, one]), "plane or all in space"),
         (lambda: join_paths([one, other]), "orientation, or none"),
-        (lambda: place_path(PLANE, FLAT, scale=0.0), "scale"),
+        (lambda: PLANE.placed(FLAT, scale=0.0), "scale"),
         (lambda: drop_z(leaning), "Segment 1", "leaves the plane", {"index": 0}),
         (lambda: drop_z(up), "only goes up and down"),
     )
@@ -122,9 +122,9 @@ FLAT = Frame(position=[1, 2, 0], rotation=Rotation.from_rotvec([0, 0, 0.9]).as_m
 
 @each("path, scale", [(x, scale) for x in HELD.values() for scale in (1.0, 0.25)])
 def test_a_placed_path_is_seen_from_where_its_frame_stands(path, scale):
-    found = place_path(path, FRAME, scale=scale)
+    found = path.placed(FRAME, scale=scale)
     s = SHARES * path.length
-    seen = (FRAME.rotation @ (scale * lift_path(path)(s)).T).T + FRAME.position
+    seen = (FRAME.rotation @ (scale * path.lifted()(s)).T).T + FRAME.position
     assert found.length == pytest.approx(scale * path.length, rel=1e-12)
     np.testing.assert_allclose(found(scale * s), seen, atol=1e-12)
     if path.orientation is not None:
@@ -133,16 +133,16 @@ def test_a_placed_path_is_seen_from_where_its_frame_stands(path, scale):
 
 
 def test_a_path_in_the_plane_stays_there_where_its_frame_does():
-    assert keeps_plane(FLAT) and not keeps_plane(FRAME)
-    found, s = place_path(PLANE, FLAT, scale=2.0), SHARES * PLANE.length
+    assert FLAT.keeps_plane and not FRAME.keeps_plane
+    found, s = PLANE.placed(FLAT, scale=2.0), SHARES * PLANE.length
     assert found.dimension == 2
     seen = 2 * PLANE(s) @ FLAT.rotation[:2, :2].T + FLAT.position[:2]
     np.testing.assert_allclose(found(2 * s), seen, atol=1e-12)
     np.testing.assert_array_equal(found.tags, PLANE.tags)
     np.testing.assert_array_equal(found.speeds, PLANE.speeds)
     # In space and back.
-    there = lift_path(PLANE)
-    assert there.dimension == 3 and lift_path(there) is there and drop_z(PLANE) is PLANE
+    there = PLANE.lifted()
+    assert there.dimension == 3 and there.lifted() is there and drop_z(PLANE) is PLANE
     np.testing.assert_array_equal(there(s), np.pad(PLANE(s), ((0, 0), (0, 1))))
     np.testing.assert_allclose(drop_z(there)(s), PLANE(s), atol=1e-15)
     assert drop_z(there).tags == PLANE.tags
@@ -155,14 +155,14 @@ def test_a_path_in_the_plane_stays_there_where_its_frame_does():
 
 @held
 def test_a_reversed_path_runs_the_same_way_back(path):
-    found, s = reverse_path(path), SHARES * path.length
+    found, s = path.reversed(), SHARES * path.length
     alike(found, path, s, path.length - s, direction=-1)
     assert found.tags == path.tags[::-1]
     np.testing.assert_array_equal(found.speeds, path.speeds[::-1])
     np.testing.assert_array_equal(found.tolerances, path.tolerances[::-1])
     np.testing.assert_allclose(found.stops, (path.length - path.stops)[::-1], atol=1e-12)
     np.testing.assert_array_equal(found.waypoints, len(path) - path.waypoints[::-1])
-    alike(reverse_path(found), path, s, s)
+    alike(found.reversed(), path, s, s)
 
 
 # What rounding makes of an even turning differs a little with the direction.
@@ -171,19 +171,19 @@ def test_a_path_can_be_rounded_before_it_is_reversed_or_after(name):
     path, options = HELD[name], {"tolerance": 0.01}
     if path.orientation is not None:
         options["angular_tolerance"] = 0.05
-    before = reverse_path(ac.round_corners(path, **options))
-    after = ac.round_corners(reverse_path(path), **options)
+    before = ac.round_corners(path, **options).reversed()
+    after = ac.round_corners(path.reversed(), **options)
     s = SHARES * min(before.length, after.length)
     alike(before, after, s, s)
 
 
 def test_reversed_circles_and_placed_rounded_paths():
-    found = reverse_path(path_of(ac.Arc.circle((1, 0), (0, 0))))
+    found = path_of(ac.Arc.circle((1, 0), (0, 0))).reversed()
     np.testing.assert_allclose(found(np.pi / 2), (0, -1), atol=1e-15)
     np.testing.assert_allclose(found([0, found.length]), [(1, 0), (1, 0)], atol=1e-15)
     rounded = ac.round_corners(ac.Path.polyline([[0, 0], [1, 0], [1, 1]]), tolerance=1e-2)
-    moved = place_path(rounded, Frame(position=[1.0, 2.0, 0.0]), scale=2.0)
-    assert type(moved) is type(lift_path(rounded)) is ac.Path
+    moved = rounded.placed(Frame(position=[1.0, 2.0, 0.0]), scale=2.0)
+    assert type(moved) is type(rounded.lifted()) is ac.Path
     s = np.linspace(0, rounded.length, 9)
     np.testing.assert_allclose(moved(2 * s), rounded(s) * 2 + [1.0, 2.0], atol=1e-14)
 
@@ -308,11 +308,11 @@ def test_nearest_points_are_on_the_curve(smooth):
 
 def test_placed_lifted_and_dropped_it_is_the_same(smooth):
     s, frame = places(smooth), Frame.rpy((0.1, 0.2, 0.3), (0.4, 0.5, 0.6))
-    space = place_path(smooth, frame, scale=2.0)
+    space = smooth.placed(frame, scale=2.0)
     wanted = 2 * np.pad(smooth(s), ((0, 0), (0, 1))) @ frame.rotation.T + frame.position
     np.testing.assert_allclose(space(2 * s), wanted, atol=1e-14)
     assert jumps(space, 2).max() < 1e-12
-    np.testing.assert_allclose(drop_z(lift_path(smooth))(s), smooth(s), rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(drop_z(smooth.lifted())(s), smooth(s), rtol=1e-12, atol=1e-18)
     with pytest.raises(ac.InvalidInput, match="curve that leaves the plane"):
         drop_z(space)
 

@@ -14,7 +14,6 @@ import armcontour as ac
 from armcontour.frames import Frame, exp
 from armcontour.geometry import Segments, angle_between
 from armcontour.geometry.cutting import join_paths
-from armcontour.geometry.placing import lift_path, place_path
 
 R = 0.3
 NORMAL = np.array([1.0, -2.0, 0.5])
@@ -261,7 +260,7 @@ def gapped(gap):
 
 
 def test_a_path_of_checked_segments_shares_them():
-    path = lift_path(ROUNDED)
+    path = ROUNDED.lifted()
     others = path.oriented(np.eye(3)), path.following_tangent((0, 0, 1))
     for other in (*others, dataclasses.replace(path, merged=(1,))):
         assert other.segments is path.segments
@@ -273,11 +272,11 @@ def test_a_path_of_checked_segments_shares_them():
 
 def test_a_path_that_comes_apart_where_it_is_placed_or_joined_is_refused():
     near, far = ac.Path(segments=gapped(0.9e-9)), Frame.rpy([1e9, 1e9, 0], [0, 0, 1])
-    assert place_path(near, Frame(position=[1, 2, 3])).length == 2
-    away, n = place_path(ROUNDED, Frame(position=[9, 9, 0])), len(ROUNDED)
+    assert near.placed(Frame(position=[1, 2, 3])).length == 2
+    away, n = ROUNDED.placed(Frame(position=[9, 9, 0])), len(ROUNDED)
     refused(
-        (lambda: place_path(near, Frame(), scale=10), "Segment 2", {"index": 1}),
-        (lambda: place_path(ROUNDED, far), "must be continuous"),
+        (lambda: near.placed(Frame(), scale=10), "Segment 2", {"index": 1}),
+        (lambda: ROUNDED.placed(far), "must be continuous"),
         (lambda: join_paths([ROUNDED, away]), f"Segment {n + 1}", {"index": n}),
     )
 

@@ -48,19 +48,19 @@ class TestArm:
         above, below = (0.30, 0.20), (0.30, -0.20)
         assert_allclose(forward(*printed_inverse(*above)), above, atol=1e-12)
         assert np.linalg.norm(forward(*printed_inverse(*below)) - below) > 0.1
-        assert_allclose(forward(*arm.inverse(above)), above, atol=1e-12)
-        assert_allclose(forward(*arm.inverse(below)), below, atol=1e-12)
+        assert_allclose(forward(*arm.joint_position(above)), above, atol=1e-12)
+        assert_allclose(forward(*arm.joint_position(below)), below, atol=1e-12)
 
     def test_eq3_printed_arctangent_is_undefined_beside_the_base(self, arm):
         beside = np.float64(0.30), np.float64(0.0)
         with np.errstate(all="raise"), pytest.raises((FloatingPointError, ZeroDivisionError)):
             printed_inverse(*beside)
-        assert_allclose(forward(*arm.inverse(beside)), beside, atol=1e-12)
+        assert_allclose(forward(*arm.joint_position(beside)), beside, atol=1e-12)
 
     def test_eq4_printed_form_knows_one_elbow_of_two(self, arm):
         point = (0.30, 0.20)
         theta1, theta2 = printed_inverse(*point)
-        other = arm.inverse(point, branch="negative")
+        other = arm.joint_position(point, branch="negative")
         assert theta2 > 0
         assert_allclose(other[1], -theta2, atol=1e-12)
         # The other elbow needs its own theta1: a change of sign alone misses the point.
@@ -196,7 +196,7 @@ class TestLaps:
         limits = arm.limits.replace(speed=0.3)
         with pytest.raises(ac.NotRealizable) as caught:
             ac.plan(line, arm, limits, method="mac", knots=1000)
-        assert caught.value.joint == 2
+        assert caught.value.joint == 1
         assert caught.value.needed > LIMIT
         assert 0.12 < caught.value.s < 0.14  # before the joint turns round at 0.200 m
 
@@ -222,7 +222,9 @@ class TestLaps:
         k = len(law.breaks) // 2
         begin, end = law.breaks[k], law.breaks[k + 1]
         state = planned(begin), planned(begin, 1), planned(begin, 2)
-        place = arm.inverse(rounded([rounded.project(arm.forward(law.q[k + 1])[None]).s[0]]))[0]
+        place = arm.joint_position(
+            rounded([rounded.project(arm.tool_position(law.q[k + 1])[None]).s[0]])
+        )[0]
         printed = state[0] + state[1] * end + state[2] * end**2 / 2
         mended = state[0] + state[1] * (end - begin) + state[2] * (end - begin) ** 2 / 2
         assert np.abs(printed - place).max() > 0.01
@@ -230,7 +232,7 @@ class TestLaps:
         assert_allclose(planned(end), place, atol=1e-8)
 
     def test_eq21_plain_hand_over_of_the_velocity_alternates(self, arm, rounded):
-        knots = arm.inverse(rounded(np.linspace(0, rounded.breaks[1], 201)))
+        knots = arm.joint_position(rounded(np.linspace(0, rounded.breaks[1], 201)))
         _, plain = plain_laps(knots)
         joint_path = ac.trace(rounded, arm)
         slopes = joint_path(np.linspace(0, rounded.breaks[1] * (1 - 1e-15), 201), 1)
@@ -247,7 +249,7 @@ class TestLaps:
         assert zigzag(shipped) < 1e-3
 
     def test_eq21_plain_hand_over_never_forgets_an_error(self, arm, rounded):
-        knots = arm.inverse(rounded(np.linspace(0, rounded.breaks[1], 201)))
+        knots = arm.joint_position(rounded(np.linspace(0, rounded.breaks[1], 201)))
         error = 1e-5
         exact, _ = plain_laps(knots, np.array([0.0, 0.0]))
         wrong, _ = plain_laps(knots, np.array([error, 0.0]))
@@ -314,7 +316,7 @@ class TestMiddlePath:
         middle = next(x for x in planned.stretches if x.kind == "AVC")
         t = np.linspace(*middle.t, 41)[1:-1]
         q, dq, ddq = planned(t), planned(t, 1), planned(t, 2)
-        ends = arm.forward(planned(np.array(middle.t)))
+        ends = arm.tool_position(planned(np.array(middle.t)))
         along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
         v_f = np.linalg.norm(arm.tool_velocity(q, dq)[0])
         v_r = np.linalg.norm(arm.tool_velocity(q, dq)[-1])
@@ -424,15 +426,15 @@ class TestMiddlePathAcceleration:
 
     def test_eq27_p22_needs_a_bracket(self, arm):
         p, _ = self.matrices()
-        inverse = np.linalg.inv(arm.jacobian(self.theta))
+        inverse = np.linalg.inv(arm.tool_jacobian(self.theta))
         assert_allclose(p.ravel()[:3], inverse.ravel()[:3], rtol=1e-12)
         assert not np.isclose(p[1, 1], inverse[1, 1])
         assert_allclose(self.matrices(p22=True)[0], inverse, rtol=1e-12)
 
     def test_eq27_q22_needs_a_square(self, arm):
         _, q = self.matrices()
-        inverse = np.linalg.inv(arm.jacobian(self.theta))
-        rate = -inverse @ arm.jacobian_rate(self.theta, self.rate) @ inverse
+        inverse = np.linalg.inv(arm.tool_jacobian(self.theta))
+        rate = -inverse @ arm.tool_jacobian_rate(self.theta, self.rate) @ inverse
         assert_allclose(q.ravel()[:3], rate.ravel()[:3], rtol=1e-12)
         assert not np.isclose(q[1, 1], rate[1, 1])
         assert_allclose(self.matrices(q22=True)[1], rate, rtol=1e-12)

@@ -50,7 +50,7 @@ def values(read, table):
         for place, value in yaml.safe_load(wanted).items():
             x = value_at(found, place)
             numbers = type(value) in (int, float, list)
-            same = np.shape(x) == np.shape(value) if numbers else x == value
+            same = np.shape(x) == np.shape(value) if numbers else bool(np.all(x == value))
             if not same or (numbers and not np.allclose(x, value, rtol=1e-12, atol=1e-15)):
                 faults.append(f"{given}: {place} is {x!r}, not {value!r}")
     assert not faults, "\n".join(faults)

@@ -133,7 +133,7 @@ def test_a_process_has_values_by_layer_with_their_units(folder):
     cut, mark = prepare(made.program, made.process).contours
     assert cut.path.length == pytest.approx(0.065) and len(mark.events) == 10
     assert made.program.notes[-1] == "process.by_layer: no contour is on the layer 'GONE'."
-    open_speeds = "{process: {analog: [{name: power}]}, limits: {speed: null}}"
+    open_speeds = "{process: {analog: [{name: power}]}, limits: {speed: inf}}"
     refusals(lambda x: job(folder, x), [(open_speeds, "Run taught ... power ... contour a")])
     speeds = {"file": "layers.csv", "layers": {x: {"speed": "1 mm/s"} for x in ("CUT", "MARK")}}
     assert job(folder, open_speeds, path=speeds).process.analog

@@ -120,7 +120,7 @@ def test_a_job_cannot_trust_a_xacro_file(folder):
 
 BAD = """
 arm: {name: ur5e, file: x.urdf} => arm takes either name
-arm: {file: robot.txt} => arm.file must be a .yaml, .yml, .urdf, .xacro file
+arm: {file: robot.txt} => arm.file must be a .yaml, .yml, .urdf, .xacro, .xml, .mjcf file
 arm: {name: ur5e, tool: {position: [0, 0, 1 deg]}} => arm.tool.position (item 3): ... quantity in m
 arm: {name: ur5e, tool: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}} => arm.tool takes either rpy or
 arm: {name: ur5e, tool: {quaternion: [0, 0, 0, 2]}} => arm.tool.quaternion: ... length 1
@@ -128,7 +128,7 @@ arm: {name: ur5e, payload: {mass: 1, inertia: [1, 0, 0, 1, 0, 5]}} => arm.payloa
 arm: {file: robot.urdf, tip: tcp, locked: {lift: 10 deg}} => arm.locked.lift: ... in m, ... '10 deg'
 start: [0, 0, 0] => start has 3 values, but the arm has 6 joints
 start: {elbow: 0} => start names the joints 'elbow' ... shoulder_lift_joint
-ignore_jerk: true => unknown key ignore_jerk: ... joint_jerk: n
+ignore_jerk: true => unknown key ignore_jerk: ... joint_jerk: inf
 experiment: {runs: [three]} => experiment.runs names the run three
 experiment: {noise: 1 m} => experiment.noise: must be a quantity in rad
 corners: {tolerance: 0.001, continuity: tangent, transition_tolerance: 1 um} => n_tolerance is for

@@ -22,7 +22,7 @@ runs:
   plain: {}
   sharp: {corners: sharp}
   own: {limits: {speed: 10 mm/s, joint_velocity: 1.0}, corners: {tolerance: 1 mm}}
-  lifted: {limits: {speed: null}}
+  lifted: {limits: {speed: inf}}
   slow: {corners: {speed: 30 mm/s, acceleration: 0.05 m/s^2}}
 """)
 

@@ -58,7 +58,7 @@ def test_values_follow_the_speed_of_the_tool(plan):
     t = np.linspace(-0.1, trajectory.duration + 0.1, 4001)
     inside = (t >= 0) & (t <= trajectory.duration)
     q, dq = (trajectory(t[inside], order) for order in (0, 1))
-    x, y = ARM.forward(q).T
+    x, y = ARM.tool_position(q).T
     # Off in leads, in the rapid and where the contour switches the laser off; by the tool alone.
     first = (np.abs(y - 0.20) < 1e-6) & (x >= 0.30) & (x <= 0.38)
     second = (np.abs(y - 0.24) < 1e-6) & (x >= 0.30) & (x <= 0.38)
@@ -109,7 +109,7 @@ def test_layers_have_outputs_of_their_own():
     np.testing.assert_allclose(functions["power"](times), [1.0, 0.0, 0.0], atol=1e-6)
     np.testing.assert_array_equal(functions["gas"](times), [1.0, 3.0, 1.0])
     # A constant needs no assigned velocity.
-    only, lifted = dataclasses.replace(process, analog=()), LIMITS.replace(speed=None)
+    only, lifted = dataclasses.replace(process, analog=()), LIMITS.replace(speed=np.inf)
     found = analog_outputs(program, trajectory, only, lifted)["gas"](times)
     np.testing.assert_array_equal(found, [1.0, 3.0, 1.0])
 
@@ -143,7 +143,7 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_p
 
 
 def test_refuses_outputs_without_a_full_speed_and_odd_ones(plan):
-    lifted, own = LIMITS.replace(speed=None), dataclasses.replace(PROCESS, analog=(FLOW,))
+    lifted, own = LIMITS.replace(speed=np.inf), dataclasses.replace(PROCESS, analog=(FLOW,))
     assert list(analog_outputs(*plan, own, lifted)) == ["flow"]
     refused(
         (lambda: analog_outputs(*plan, PROCESS, lifted), "power", "contour 1", "limits.speed"),
@@ -166,7 +166,7 @@ def test_values_are_off_where_the_file_is_off(text, travels):
     trajectory = ac.plan(program, ARM, LIMITS)
     functions = analog_outputs(program, trajectory, process, LIMITS)
     t = np.linspace(0, trajectory.duration, 3001)[1:-1]
-    x = 1e3 * ARM.forward(trajectory(t))[:, 0]
+    x = 1e3 * ARM.tool_position(trajectory(t))[:, 0]
     travel, near = (
         np.any([(x > a + gap) & (x < b - gap) for a, b in travels], axis=0) for gap in (0.01, -0.01)
     )

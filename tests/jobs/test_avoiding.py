@@ -92,7 +92,7 @@ def test_a_rapid_goes_around_a_wall(job, free):
     # Contours stay the same, and the rapid starts and ends where they end and start.
     kinds = [x.kind for x in plan.trajectory.spans]
     assert kinds == ["contour", "rapid", "contour"]
-    torch = job.arm.forward(plan.trajectory(np.linspace(0, plan.trajectory.duration, 2000)))
+    torch = job.arm.tool_position(plan.trajectory(np.linspace(0, plan.trajectory.duration, 2000)))
     inside = (np.abs(torch[:, 0] - 0.45) < 0.01) & (torch[:, 2] < 0.14)
     assert not inside.any()
     data = json.loads(summary(Study(job=walled, runs={"taught": plan})))["runs"]["taught"][
@@ -135,7 +135,7 @@ def test_contours_are_followed_in_another_configuration(job, free, monkeypatch):
     plan = plan_of(job, scene=post_at_elbow(job, free))
     assert plan.clearance.kept and plan.avoided == (OTHER,)
     assert np.abs(plan.trajectory(0.0) - free.trajectory(0.0)).max() > 0.1
-    assert job.arm.forward(plan.trajectory(0.0)) == pytest.approx([0.4, -0.02, 0.1], abs=1e-9)
+    assert job.arm.tool_position(plan.trajectory(0.0)) == pytest.approx([0.4, -0.02, 0.1], abs=1e-9)
 
 
 def test_shapes_that_are_not_known_or_cannot_be_read(job):

@@ -13,7 +13,6 @@ from armcontour.jobs.learning import (
     LearningStudy,
     feeds_gravity_forward,
     learn_run,
-    limits_to_keep,
     plan_run,
     simulate_learning,
 )
@@ -91,11 +90,11 @@ def test_the_assumed_robot(job, plan):
 
 
 def test_limits_that_are_exceeded_before_learning_are_not_kept_but_said(job, plan, study):
-    assert limits_to_keep(job, plan) is plan.run.limits
+    assert not any("exceed limits" in x for x in dataclasses.replace(study, plan=plan).notes)
     rate = np.abs(np.diff(plan.taught.q, axis=0)).max(axis=0) / plan.taught.period
-    limits = plan.run.limits.replace(joint_velocity=0.9 * rate)
-    slow = dataclasses.replace(plan, run=dataclasses.replace(plan.run, limits=limits))
-    assert limits_to_keep(job, slow) is None
+    trajectory = plan.trajectory.limited(plan.run.limits.replace(joint_velocity=0.9 * rate))
+    taught = dataclasses.replace(plan.taught, trajectory=trajectory)
+    slow = dataclasses.replace(plan, trajectory=trajectory, taught=taught)
     told = dataclasses.replace(study, plan=slow).notes
     assert sum("exceed limits of the joints already before learning" in x for x in told) == 1
     robot, _ = unknown_robot(job, plan)

@@ -14,7 +14,6 @@ from armcontour._progress import Step
 from armcontour.errors import Unreachable
 from armcontour.frames import from_rpy
 from armcontour.geometry import Arc, Path
-from armcontour.geometry.placing import lift_path, place_path
 from armcontour.io.cell import read_cell
 from armcontour.io.job_overrides import JobOverrides
 from armcontour.jobs import Rounding, run, warnings_of
@@ -332,7 +331,7 @@ def test_stops_that_are_not_there_or_are_there_anyway_are_not_said():
 
 @each("orientation, stops", [("fixed", 0), ("follows", 0), ("turns", 2)])
 def test_transitions_in_space(orientation, stops):
-    way = place_path(lift_path(BENT), ac.Frame(position=(0.1, -0.2, 0.2)))
+    way = BENT.lifted().placed(ac.Frame(position=(0.1, -0.2, 0.2)))
     down = from_rpy([[np.pi, 0, 0]] * 3 + [[np.pi, 0, 0.05]])
     turned = {
         "fixed": lambda: way.oriented(down[0]),

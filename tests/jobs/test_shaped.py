@@ -124,7 +124,7 @@ def test_a_shape_is_never_slower_than_arcs_of_a_redundant_arm():
     axes = rng.normal(scale=3e-3, size=(13, 3)) - (0, 0, 1)
     path = Path.polyline(points).pointing(axes)
     arm = ac.load_arm("panda")
-    limits = arm.limits.replace(speed=0.15, joint_torque=None, joint_jerk=None)
+    limits = arm.limits.replace(speed=0.15, joint_torque=np.inf, joint_jerk=np.inf)
     arcs = Rounding(tolerance=3e-4, angular_tolerance=0.03)
     free = dataclasses.replace(arcs, shape="free", iterations=1)
     asked = {"limits": limits, "reserve": 0.1, "timing_options": {"intervals": 150}}

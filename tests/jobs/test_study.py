@@ -130,7 +130,7 @@ def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
 
 def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):
     first, second = job.runs
-    fast = changed(first, limits=first.limits.replace(speed=None))
+    fast = changed(first, limits=first.limits.replace(speed=np.inf))
     bad = changed(first, rounding=Rounding(tolerance=5e-3, acceleration=0.0))
     refused(
         (lambda: ac.run(with_runs(job, fast)), "mac needs an assigned velocity"),
@@ -173,14 +173,14 @@ def test_what_cannot_be_is_refused_with_its_run_before_any_run_starts(job, in_sp
 
 def test_an_experiment_that_does_not_rest_leaves_the_other_results(job, monkeypatch):
     def fails(*_, **__):
-        raise ac.ExecutionError("Joint 1 does not rest.", joint=1)
+        raise ac.ExecutionError("Joint 1 does not rest.", joint=0)
 
     monkeypatch.setattr("armcontour.jobs.study.on_bodies", fails)
     this = changed(job.runs[0], experiment=Experiment())
     found = ac.run(with_runs(job, this, job.runs[1])).runs
     assert found["proposed"].experiment is None
     assert str(found["proposed"].failure) == "experiment: Joint 1 does not rest."
-    assert found["proposed"].failure.joint == 1
+    assert found["proposed"].failure.joint == 0
     assert found["proposed"].evaluation.contour_error.rms > 0
     assert found["conventional"].failure is None
 

@@ -76,7 +76,7 @@ def test_a_demand_far_above_the_limit_is_said_and_by_whom():
 
 
 def test_a_smoothed_run_says_which_limit_it_exceeds_and_a_reserve_that_mends_it():
-    limits = ac.Limits(joint_acceleration=[0.72, 0.72], speed=0.1)
+    limits = ac.Limits.only(joint_acceleration=[0.72, 0.72], speed=0.1)
 
     def smoothed(windows, reserve=0.0):
         return run(
@@ -181,7 +181,7 @@ def measured(noise, points=80):
 def slow(path, **values):
     """The warning of a job at 150 mm/s whose contours are far slower."""
     arm = ac.load_arm("ur5e" if ac.Program.of(path).contours[0].path.dimension == 3 else "pmk3s")
-    limits = arm.limits.replace(speed=0.15, joint_torque=None, **values.pop("limits", {}))
+    limits = arm.limits.replace(speed=0.15, joint_torque=np.inf, **values.pop("limits", {}))
     rounding = Rounding(tolerance=3e-4, angular_tolerance=0.03)
     asked = {"compensation": "none", "limits": limits, "rounding": rounding, **values}
     found = warnings_of(job(path, arm=arm, **asked))
@@ -268,3 +268,18 @@ def test_wrong_axes_and_searches_are_refused():
         (lambda: read_uncertainty({"tilt": 0.1}, 2), "uncertainty has no axis 'tilt'"),
         (lambda: PlaceSearch(over={"z": (0, 1, 2)}).check(2), "over has no axis 'z'"),
     )
+
+
+def test_a_servo_that_oscillates_is_said_with_its_damping():
+    path = ac.Path.polyline([(0.3, 0.2), (0.34, 0.2)])
+    for gains, said in (
+        ({"kv": 100.0}, ""),
+        ({"kv": 25.0}, ""),
+        # A second-order system of damping 0.3 overshoots by 37 %.
+        ({"kv": 9.0}, "damping ratio is 0.30, and a step overshoots by 37%"),
+        ({"kv": [25.0, 9.0]}, "below kp of 25 1/s"),
+        ({"order": "first"}, ""),
+    ):
+        asked = dataclasses.replace(job(path), servo=ac.ServoModel(kp=25.0, **gains))
+        found = [x for x in warnings_of(asked) if "oscillates" in x]
+        assert len(found) == bool(said) and all(said in x and "100 1/s" in x for x in found)

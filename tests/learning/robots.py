@@ -25,7 +25,7 @@ def loaded(arm, *, seed=0, dead_time=0.0, noise=0.0):
     return ac.RigidBodyPlant(
         arm._copy(chain=chain),
         SERVO.replace(kp=GAINS, dead_time=dead_time),
-        ac.Limits(joint_torque=1e3).for_joints(2),
+        ac.Limits.only(joint_torque=1e3).for_joints(2),
         noise=noise,
         seed=seed,
         known=arm,
@@ -34,5 +34,5 @@ def loaded(arm, *, seed=0, dead_time=0.0, noise=0.0):
 
 def rods():
     """A planar arm without masses."""
-    limits = ac.Limits(joint_velocity=[3.0, 3.0], joint_acceleration=[5.0, 5.0])
+    limits = ac.Limits.only(joint_velocity=[3.0, 3.0], joint_acceleration=[5.0, 5.0])
     return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)

@@ -56,13 +56,13 @@ def in_space(runs):
     objective = ac.Path.polyline(np.array([0.45, 0.08, 0.2]) + 0.1 * corners)
     objective = objective.oriented(np.diag([1.0, -1.0, -1.0]))
     path = ac.round_corners(objective, tolerance=2.5e-4)
-    limits = ac.Limits(joint_velocity=3.14, joint_acceleration=6.4, speed=0.25)
+    limits = ac.Limits.only(joint_velocity=3.14, joint_acceleration=6.4, speed=0.25)
     plan = smooth(ac.plan(path, arm, limits), 0.02)
     taught = ac.compensate(plan, SERVO, method="inverse_dynamics", arm=arm)
 
     def robot(seed):
         real = SERVO.replace(kp=[25.0, 24.0, 26.0, 23.0, 25.0, 25.5])
-        return ac.RigidBodyPlant(true, real, noise=1e-5, seed=seed, known=arm)
+        return ac.RigidBodyPlant(true, real, arm.limits, noise=1e-5, seed=seed, known=arm)
 
     return teach(taught, arm, robot, path, objective, runs)
 

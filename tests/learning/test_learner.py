@@ -26,7 +26,7 @@ def path():
 
 @pytest.fixture(scope="module")
 def taught(arm, path):
-    limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0)
+    limits = ac.Limits.only(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0)
     plan = smooth(ac.plan(path, arm, limits.for_joints(2)), 0.02)
     return ac.compensate(plan, SERVO, method="inverse")
 
@@ -93,7 +93,7 @@ def test_it_ends_with_the_best_run_after_setbacks(arm, taught, late):
 @pytest.mark.parametrize("noise", [1e-6, 1e-4])
 def test_a_recording_with_the_noise_of_encoders_is_learned_from(taught, path, noise):
     arm, robot = ac.load_arm("pmk3s"), SERVO.replace(kp=[22.0, 27.0])
-    robot = ac.ServoPlant(arm, robot, ac.Limits(joint_acceleration=30.0).for_joints(2))
+    robot = ac.ServoPlant(arm, robot, ac.Limits.only(joint_acceleration=30.0).for_joints(2))
     errors, rng = [], np.random.default_rng(5)
     for _ in range(2):
         done = ac.execute(taught, robot)
@@ -109,7 +109,7 @@ def test_a_recording_with_the_noise_of_encoders_is_learned_from(taught, path, no
 def test_it_stops_when_only_noise_is_left(arm, taught):
     """A robot like its model, but with noise: two runs leave nothing."""
     loud = ac.RigidBodyPlant(
-        arm, SERVO, ac.Limits(joint_torque=1e3).for_joints(2), noise=1e-4, seed=1
+        arm, SERVO, ac.Limits.only(joint_torque=1e3).for_joints(2), noise=1e-4, seed=1
     )
     lesson = taught
     for _ in range(3):
@@ -124,7 +124,7 @@ def test_limits_of_commands_are_kept(arm, taught, late, refuses):
     done, _ = late
     teach_again = partial(ac.learn, taught, done[0], arm=arm, servo=SERVO)
     rate = np.abs(np.diff(taught.q, axis=0)).max(axis=0) / taught.period
-    close = ac.Limits(joint_velocity=1.0005 * rate)
+    close = ac.Limits.only(joint_velocity=1.0005 * rate)
     free, held = teach_again(), teach_again(limits=close)
     fastest = [np.abs(np.diff(x.q, axis=0)).max(axis=0) / taught.period for x in (free, held)]
     assert (fastest[0] > close.joint_velocity).any()
@@ -134,11 +134,11 @@ def test_limits_of_commands_are_kept(arm, taught, late, refuses):
     only = int(np.argmax(fastest[0] / rate))
     one = np.full(len(rate), 100.0)
     one[only] = 1.0005 * rate[only]
-    half = teach_again(limits=ac.Limits(joint_velocity=one))
+    half = teach_again(limits=ac.Limits.only(joint_velocity=one))
     others = np.arange(len(rate)) != only
     np.testing.assert_array_equal(half.q[:, others], free.q[:, others])
     assert (half.q[:, only] != free.q[:, only]).any()
-    slow = partial(teach_again, limits=ac.Limits(joint_velocity=0.5 * rate))
+    slow = partial(teach_again, limits=ac.Limits.only(joint_velocity=0.5 * rate))
     refuses(slow, ac.CompensationError, "joint_velocity")
 
 
@@ -202,7 +202,9 @@ def test_the_controller_may_know_another_arm(arm, taught):
     bare = loaded._copy(chain=loaded.chain.replace(payload=None))
     plan = taught.trajectory
     right = ac.compensate(plan, SERVO, method="inverse_dynamics", arm=loaded, known=bare)
-    robot = ac.RigidBodyPlant(loaded, SERVO, ac.Limits(joint_torque=1e3).for_joints(2), known=bare)
+    robot = ac.RigidBodyPlant(
+        loaded, SERVO, ac.Limits.only(joint_torque=1e3).for_joints(2), known=bare
+    )
     done = ac.execute(right, robot)
     found = {}
     for known in (bare, None):

@@ -10,7 +10,7 @@ from armcontour.motion import TaughtData
 
 def rods():
     """A planar arm without masses."""
-    limits = ac.Limits(joint_velocity=[9.0, 9.0], joint_acceleration=[900.0, 900.0])
+    limits = ac.Limits.only(joint_velocity=[9.0, 9.0], joint_acceleration=[900.0, 900.0])
     return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
 
 
@@ -20,7 +20,7 @@ def lifted(request):
     plan = ac.plan(
         ac.JointPath.spline([(0.1, 0.2), (0.4, 0.1)]),
         arm,
-        ac.Limits(joint_velocity=9.0, joint_acceleration=20.0),
+        ac.Limits.only(joint_velocity=9.0, joint_acceleration=20.0),
     )
     servo = ac.ServoModel(
         kp=[25.0, 20.0], kv=150.0, dead_time=3e-3, interpolation=request.param
@@ -106,7 +106,7 @@ def test_expected_motion_is_that_of_a_plant_with_feed_forward(kind):
     plan = ac.plan(
         ac.JointPath.spline([(0.1, 0.2), (0.4, 0.1)]),
         arm,
-        ac.Limits(joint_velocity=9.0, joint_acceleration=20.0),
+        ac.Limits.only(joint_velocity=9.0, joint_acceleration=20.0),
     )
     more = {} if kind == "step" else {"acceleration_feedforward": 0.6}
     servo = ac.ServoModel(

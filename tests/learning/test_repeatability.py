@@ -19,7 +19,9 @@ class Robot:
 
     def __init__(self, seed):
         self.arm, self.random = rods(), np.random.default_rng(seed)
-        limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(2)
+        limits = ac.Limits.only(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(
+            2
+        )
         self.plan = smooth(ac.plan(rounded(), self.arm, limits), 0.02)
         self.taught = ac.compensate(self.plan, SERVO, method="inverse")
         self.plant = ac.ServoPlant(self.arm, SERVO.replace(kp=GAINS), saturation="none")
@@ -44,7 +46,7 @@ class Robot:
 
     def tool(self, rms):
         """RMS of the tool for independent errors of the joints [m], about, along and across."""
-        jacobian = self.arm.jacobian(self.plan(np.linspace(0, self.plan.duration, 100)))
+        jacobian = self.arm.tool_jacobian(self.plan(np.linspace(0, self.plan.duration, 100)))
         return rms * float(np.sqrt((jacobian**2).sum(axis=(1, 2)).mean()))
 
 

@@ -36,7 +36,7 @@ def runs_of(taught, robot, noise, count, servo=SERVO):
 
 def with_set_points():
     arm = with_inertias()
-    limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(2)
+    limits = ac.Limits.only(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(2)
     return arm, ac.compensate(smooth(ac.plan(rounded(), arm, limits), 0.02), SERVO)
 
 
@@ -66,7 +66,7 @@ def test_random_wrong_models_are_learned_from(seed):
 
 def test_a_right_model_is_kept():
     arm, taught = with_set_points()
-    strong = ac.Limits(joint_torque=1e3).for_joints(2)
+    strong = ac.Limits.only(joint_torque=1e3).for_joints(2)
     for noise in (0.0, 1e-6, 1e-4):
         done = ac.execute(taught, ac.RigidBodyPlant(arm, SERVO, strong, known=arm, noise=noise))
         lesson = ac.learn(taught, done, arm=arm, servo=SERVO)

@@ -25,7 +25,7 @@ def taught(arm):
 def give_way(executed):
     """Tool positions of links that hang, and lag behind their encoders."""
     bent = executed.q - 2e-3 * executed.dq - [1e-3, -2e-3]
-    return executed.t, executed.arm.forward(bent)
+    return executed.t, executed.arm.tool_position(bent)
 
 
 def test_the_tool_counts_where_encoders_see_nothing(arm, taught):
@@ -37,7 +37,7 @@ def test_the_tool_counts_where_encoders_see_nothing(arm, taught):
             done = ac.execute(lesson, plant)
             t, points = give_way(done)
             plan = lesson.trajectory
-            due = arm.forward(plan(np.clip(t, 0, plan.duration)))
+            due = arm.tool_position(plan(np.clip(t, 0, plan.duration)))
             found.append(float(np.linalg.norm(points - due, axis=1).max()))
             tool = (t, points) if name == "tracker" else None
             lesson = ac.learn(lesson, done, arm=arm, servo=SERVO, tool=tool)
@@ -49,7 +49,7 @@ def test_a_tracker_may_have_a_clock_of_its_own(arm, taught):
     """Its offset and rate are found from the motion; a lag of the tool is part of the offset."""
     done = ac.execute(taught, ac.ServoPlant(arm, SERVO))
     log = ac.Recording(t=done.t + 2.0, q=done.q)
-    tool = 1.002 * done.t - 5.0, arm.forward(done.q)
+    tool = 1.002 * done.t - 5.0, arm.tool_position(done.q)
     with_tool, alone = (
         ac.learn(taught, log, arm=arm, servo=SERVO, tool=x).runs[0].error for x in (tool, None)
     )

@@ -137,7 +137,7 @@ def test_the_tool_is_at_the_place_then_and_stands_at_corners(kind):
     for name in (kind, f"{kind}, sharp"):
         path, trajectory = path_of(name), plan(name)
         s = places_of(name)
-        off = ARM.forward(trajectory(trajectory.time_at(s))) - path(s)
+        off = ARM.tool_position(trajectory(trajectory.time_at(s))) - path(s)
         # Laps are abreast of the place, and leave it by little.
         along = [path(s[own], 1, side=x) for x, own in (("left", s > 0), ("right", s == 0))]
         both = np.concatenate([off[s > 0], off[s == 0]])
@@ -145,7 +145,7 @@ def test_the_tool_is_at_the_place_then_and_stands_at_corners(kind):
         assert np.linalg.norm(off, axis=1).max() < (1e-4 if kind == "mac" else 1e-9)
     corners = OBJECTIVE.breaks[1:-1]
     t = trajectory.time_at(corners)
-    np.testing.assert_allclose(ARM.forward(trajectory(t)), OBJECTIVE(corners), atol=1e-9)
+    np.testing.assert_allclose(ARM.tool_position(trajectory(t)), OBJECTIVE(corners), atol=1e-9)
     for side, sign in (("left", -1), ("right", 1)):
         speed = trajectory.s(t, 1, side=side)
         np.testing.assert_allclose(speed, 0, atol=1e-4)

@@ -230,7 +230,7 @@ def test_a_joint_path_may_not_jump_and_stops_at_its_own_breaks(refuses):
     for stop in (0.5, 3.0, 2.0):
         refuses(lambda stop=stop: make(stops=[stop]), ac.InvalidInput)
     line[1, 0] = 1.1
-    refuses(make, ac.InvalidInput, "Joint 1 jumps by 0.1 rad", joint=1, s=1.0)
+    refuses(make, ac.InvalidInput, "Joint 1 jumps by 0.1 rad", joint=0, s=1.0)
 
 
 def test_short_intervals_far_along_a_path_do_not_bend_by_rounding():

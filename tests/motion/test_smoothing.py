@@ -65,7 +65,7 @@ def test_rates_are_derivatives_and_both_ends_at_rest_where_the_plan_is(planned, 
 def test_the_tool_stays_on_the_path(planned, arm, rounded):
     law = smooth(planned, 0.1, 0.05)
     t = np.linspace(0, law.duration, 20_000)
-    assert rounded.project(arm.forward(law(t))).distance.max() < 2e-9
+    assert rounded.project(arm.tool_position(law(t))).distance.max() < 2e-9
 
 
 def test_speeds_and_path_accelerations_never_exceed_the_plans_largest(planned):
@@ -108,7 +108,7 @@ def test_stops_stay_stops(arm, limits):
     assert law.duration == pytest.approx(planned.duration + 2 * 12e-3, abs=1e-12)
     stop = law.starts[1]
     assert max(np.abs(law(stop, 1, side=x)).max() for x in ("left", "right")) < 1e-10
-    np.testing.assert_allclose(arm.forward(law(stop)), (0.41, 0.15), atol=1e-9)
+    np.testing.assert_allclose(arm.tool_position(law(stop)), (0.41, 0.15), atol=1e-9)
 
 
 def test_a_window_may_be_longer_than_the_motion(arm, limits):

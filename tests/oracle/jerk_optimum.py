@@ -306,7 +306,7 @@ def run(seed: int) -> Outcome:
     else:
         best = solve(path, Bounds.of(limits, path.dof)).duration
         planned = ac.plan(path, limits=limits)
-        plain = ac.plan(path, limits=limits.replace(joint_jerk=None)).duration
+        plain = ac.plan(path, limits=limits.replace(joint_jerk=np.inf)).duration
         longer = planned.duration / plain - 1
         if not 0 < longer <= WITHOUT[name.split()[-1]]:
             notes.append(f"{longer:+.2%} of the plan without limits of jerk")

@@ -62,7 +62,7 @@ class Job:
     @property
     def limits(self) -> ac.Limits:
         """The same limits for the package."""
-        return ac.Limits(
+        return ac.Limits.only(
             joint_acceleration=[self.acceleration] * 2,
             joint_velocity=None if self.velocity is None else [self.velocity] * 2,
             speed=self.speed,
@@ -81,7 +81,7 @@ def _start(job, start, steps):
     """Of the nodes q (2, m + 1), dq, ddq (2, m) and durations of the lines (n,) to start from."""
     path = ac.Path.polyline(job.points)
     rounded = ac.round_corners(path, tolerance=0.0 if start == "stops" else start * job.tolerance)
-    planned = ac.plan(rounded, ac.load_arm("pmk3s"), job.limits)
+    planned = ac.plan(rounded, ac.load_arm("pmk3s"), job.limits, branch="positive")
     fine = np.linspace(0, planned.duration, 20_001)
     passed = np.interp(rounded.place(path.breaks[1:-1]), planned.s(fine), fine)
     ends = np.concatenate([[0.0], passed, [planned.duration]])
@@ -168,7 +168,7 @@ class _Program:
         if job.velocity is not None:
             high_v[:] = job.velocity
         low_q, low_v = -high_q, -high_v
-        ends = ac.load_arm("pmk3s").inverse(job.points[[0, -1]]).T
+        ends = ac.load_arm("pmk3s").joint_position(job.points[[0, -1]]).T
         low_q[:, [0, -1]], high_q[:, [0, -1]] = ends, ends
         low_v[:, [0, -1]], high_v[:, [0, -1]] = 0.0, 0.0
         most, times = np.full(2 * m, job.acceleration), np.ones(len(time))
@@ -203,7 +203,9 @@ def gap(seed: int, duration: float) -> float:
     """Share of a duration by which the shaped motion of the oracle's job is longer."""
     job = draw(seed)
     path, arm = ac.Path.polyline(job.points), ac.load_arm("pmk3s")
-    planned = ac.plan(path, arm, job.limits, method="shaped", tolerance=job.tolerance)
+    planned = ac.plan(
+        path, arm, job.limits, method="shaped", tolerance=job.tolerance, branch="positive"
+    )
     return planned.duration / duration - 1
 
 

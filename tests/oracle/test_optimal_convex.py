@@ -121,7 +121,7 @@ def test_random_splines(seed, worst_ratios):
     rng = np.random.default_rng(seed)
     dof = int(rng.integers(2, 5))
     joint_path = ac.JointPath.spline(rng.uniform(-2, 2, (int(rng.integers(3, 6)), dof)))
-    limits = ac.Limits(
+    limits = ac.Limits.only(
         joint_velocity=rng.uniform(0.5, 3, (dof, 2)) * (-1, 1) if seed % 2 else None,
         joint_acceleration=rng.uniform(0.5, 5, (dof, 2)) * (-1, 1),
     )
@@ -145,7 +145,7 @@ def test_tool_acceleration_on_an_arc(arm, radius):
     arc = ac.Arc(start=(0.35 + radius, 0.2), center=(0.35, 0.2), angle=np.pi / 2)
     path = ac.Path.from_segments([arc])
     joint_path = ac.trace(path, arm)
-    limits = ac.Limits(tool_acceleration=0.3, joint_acceleration=[1.0, 1.5])
+    limits = ac.Limits.only(tool_acceleration=0.3, joint_acceleration=[1.0, 1.5])
     s = np.unique(np.append(np.linspace(0, path.length, INTERVALS + 1), joint_path.breaks))
     s = np.delete(s, np.flatnonzero(np.diff(s) < 1e-9))
     s[-1] = joint_path.breaks[-1]

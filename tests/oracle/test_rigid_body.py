@@ -117,7 +117,7 @@ def error(step, limit):
     arm, period = skew_arm(), 0.008
     t = np.arange(0, 0.4, period)[:, None]
     q = np.array([0.3, -0.4, 0.6]) + np.array([0.8, -1.1, 1.3]) * (1 - np.cos(5 * t))
-    servo, limits = ac.ServoModel(kp=KP, kv=KV), ac.Limits(joint_torque=limit)
+    servo, limits = ac.ServoModel(kp=KP, kv=KV), ac.Limits.only(joint_torque=limit)
     plant = ac.RigidBodyPlant(arm, servo, limits, step=step)
     done = ac.execute(taught_data(q, period), plant, resolution=step)
     expected = by_pinocchio(arm.chain, plant.nominal_inertia, q, step, period, limit)

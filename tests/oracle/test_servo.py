@@ -15,7 +15,7 @@ GAINS = (OVERDAMPED, ALMOST_CRITICAL, CRITICAL, UNDERDAMPED, HARDLY_DAMPED, STIF
 
 def executed(arm, q, period, kp, kv, limit, resolution, interpolation="linear"):
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
-    plant = ac.ServoPlant(arm, servo, ac.Limits(joint_acceleration=limit))
+    plant = ac.ServoPlant(arm, servo, ac.Limits.only(joint_acceleration=limit))
     return ac.execute(taught_data(q, period), plant, resolution=resolution)
 
 

@@ -72,7 +72,9 @@ def test_unsaturated_against_an_integrator(arm, order, interpolation):
     for dead in DEAD_TIMES[1:] if order == "second" else DEAD_TIMES[4:]:
         servo = ac.ServoModel(**gains, interpolation=interpolation, dead_time=dead, order=order)
         servo = servo.for_joints(2)
-        done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits()), resolution=0.005)
+        done = ac.execute(
+            taught_data(q), ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=0.005
+        )
         n = round(0.3 / done.t[1])
         times = done.t[: n + 1]
         for j in range(2):
@@ -89,7 +91,7 @@ def test_saturated_against_an_integrator(arm, gains, interpolation):
     # With and without dead time, in turn.
     (kp, kv), dead = gains, 0.0137 if (gains == GAINS[1]) == (interpolation == "step") else 0.0
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation, dead_time=dead).for_joints(2)
-    limits = ac.Limits(joint_acceleration=[[-2.0, 0.72], [-1.0, 3.0]])
+    limits = ac.Limits.only(joint_acceleration=[[-2.0, 0.72], [-1.0, 3.0]])
     q = np.cumsum(np.random.default_rng(4).normal(size=(12, 2)), axis=0) * (3e-3, 1e-2)
     done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=2e-4)
     n = round(0.3 / done.t[1])
@@ -115,11 +117,11 @@ def test_brief_saturation_on_a_cubic_is_found(arm):
         q = np.cumsum(rng.normal(size=(8, 2)), axis=0) * 1e-3
         dead = rng.uniform(0, 0.03)
         servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=dead)
-        plant = ac.ServoPlant(arm, servo, ac.Limits())
+        plant = ac.ServoPlant(arm, servo, ac.Limits.only())
         free, fine = (ac.execute(taught_data(q), plant, resolution=x) for x in (PERIOD, 1e-5))
         most = np.abs(fine.demand).max(axis=0)
         np.testing.assert_allclose(free.peak_demand, most, rtol=1e-6)
-        limits = ac.Limits(joint_acceleration=free.peak_demand * (1 - 1e-9))
+        limits = ac.Limits.only(joint_acceleration=free.peak_demand * (1 - 1e-9))
         done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=PERIOD)
         assert (done.saturated_time > 0).all() and (done.saturated_time < 1e-3).all()
 
@@ -131,7 +133,7 @@ def test_torque_limits_against_an_integrator():
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.013).for_joints(6)
     rng = np.random.default_rng(5)
     q = np.array([0.2, -1.2, 1.4, -0.3, 0.4, 0.1]) + np.cumsum(rng.normal(size=(10, 6)), 0) * 0.02
-    plant = ac.ServoPlant(arm, servo, ac.Limits(joint_torque=limit), saturation="torque")
+    plant = ac.ServoPlant(arm, servo, ac.Limits.only(joint_torque=limit), saturation="torque")
     done = ac.execute(taught_data(q), plant, resolution=PERIOD)
     assert (done.saturated_time > 0.02).sum() >= 3
     commands = [command(x, "linear") for x in q.T]

@@ -50,7 +50,7 @@ def problem(seed):
         coulomb=rng.uniform(0, 5, 6) * size if seed % 2 else np.zeros(6),
         armature=rng.uniform(0, 1, 6) * size,
     )
-    limits = ac.Limits(
+    limits = ac.Limits.only(
         joint_torque=arm.limits.joint_torque * rng.uniform(0.6, 1, 6),
         joint_velocity=arm.limits.joint_velocity * rng.uniform(0.3, 1, 6),
     )

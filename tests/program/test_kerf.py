@@ -8,7 +8,6 @@ from tests.geometry.tables import each, line, path_of, refused
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Arc, Path
-from armcontour.geometry.cutting import reverse_path
 from armcontour.program import Contour, Event, Lead, Process, Program, Rapid, prepare
 
 SQUARE = Path.polyline([[0, 0], [0.1, 0], [0.1, 0.06], [0, 0.06], [0, 0]])
@@ -44,7 +43,7 @@ def area(path):
 
 def test_lines_and_corners_outside_and_inside_of_the_kerf():
     d = 1e-4
-    for drawn in (SQUARE, reverse_path(SQUARE)):
+    for drawn in (SQUARE, SQUARE.reversed()):
         (done,) = cut(drawn, kerf=2 * d).contours
         assert done.closed and len(done.path) == 8
         assert sorted(done.path.curvatures.tolist()) == pytest.approx([0] * 4 + [1 / d] * 4)

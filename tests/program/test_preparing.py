@@ -401,9 +401,12 @@ def test_rapids_of_the_program_keep_their_shape_where_leads_move_their_ends():
 def test_goes_down_and_up_where_no_rapid_of_the_program_links():
     path = Path.polyline([[0.4, 0, 0.1], [0.45, 0, 0.1]]).pointing([[0, 0, -1.0], [0, 0.6, -0.8]])
     tilt = np.array([0.0, 0.6, 0.8])
-    down, up = rapids(prepare(program(path), Process(approach=0.03, retract=0.02, up=tilt)))
-    np.testing.assert_allclose(down.vertices, [[0.4, 0.018, 0.124], [0.4, 0, 0.1]], atol=1e-15)
-    np.testing.assert_allclose(up.vertices, [[0.45, 0, 0.1], [0.45, 0.012, 0.116]], atol=1e-15)
+    process = Process(approach=0.03, retract=0.02, up=tilt, approach_speed=0.1)
+    # Along the tool axis, whatever is up.
+    down, up = rapids(prepare(program(path), process))
+    np.testing.assert_allclose(down.vertices, [[0.4, 0, 0.13], [0.4, 0, 0.1]], atol=1e-15)
+    np.testing.assert_allclose(up.vertices, [[0.45, 0, 0.1], [0.45, -0.012, 0.116]], atol=1e-15)
+    assert down.speeds.tolist() == up.speeds.tolist() == [0.1]
     np.testing.assert_allclose(down.orientation(0.01)[:, 2], [0, 0, -1], atol=1e-12)
     np.testing.assert_allclose(up.orientation(0.01)[:, 2], [0, 0.6, -0.8], atol=1e-12)
     path, other = (Path.polyline([[0.4, y, 0.1], [0.45, y, 0.1]]) for y in (0, 0.1))
@@ -416,7 +419,49 @@ def test_goes_down_and_up_where_no_rapid_of_the_program_links():
             np.testing.assert_allclose(rapid.vertices, points, atol=1e-15)
 
 
+def test_pierces_and_approaches_along_the_axis_of_a_tilted_tool():
+    path = Path.polyline([[0.4, 0, 0.1], [0.45, 0, 0.1]]).pointing([0.6, 0, -0.8])
+    pierce = {"pierce": ac.Pierce(time=0.1, height=0.01), "switch": Switch(name="laser")}
+    done = prepare(program(path), Process(approach=0.03, **pierce))
+    (contour,), (down,) = done.contours, rapids(done)
+    np.testing.assert_allclose(contour.path.vertices[0], [0.394, 0, 0.108], atol=1e-15)
+    np.testing.assert_allclose(down.vertices, [[0.382, 0, 0.124], [0.394, 0, 0.108]], atol=1e-15)
+
+
+def test_a_tool_change_is_a_rest_between_the_spindle_off_and_on():
+    off, on = (Event(name="spindle", value=x) for x in (False, True))
+    first, second = (Event(name="tool", value=x) for x in (1.0, 2.0))
+    drawn = program(first, on, BEND, off, second, on, SQUARE, off)
+    done = prepare(drawn, Process(tool_change=5.0))
+    assert kinds(done) == "Event Event Contour Event Event Dwell Event Contour Event"
+    # The first tool is mounted already.
+    assert [x.duration for x in done.moves if isinstance(x, Dwell)] == [5.0]
+    assert not done.notes
+    plain = prepare(drawn, Process())
+    assert kinds(plain) == kinds(drawn) and ["1 tool change" in x for x in plain.notes] == [True]
+    assert not prepare(program(first, on, BEND), Process()).notes
+    # A switch of the same name is another output than the tool.
+    switched = prepare(drawn, Process(tool_change=5.0, switch=Switch()))
+    assert [x.value for x in switched.moves if isinstance(x, Event) and x.name == "tool"] == [1, 2]
+    assert all([y.value for y in x.events] == [True, False] for x in switched.contours)
+
+
+def test_rapids_get_the_speed_that_nothing_else_gives_them():
+    path, other = (Path.polyline([[0.4, y, 0.1], [0.45, y, 0.1]]) for y in (0, 0.1))
+    moves = path, Rapid(path=Path.polyline([[0.45, 0, 0.1], [0.4, 0.1, 0.1]])), other
+    done = prepare(program(*moves), Process(retract=0.02, rapid_speed=0.5, approach_speed=0.1))
+    assert [x.speeds.tolist() for x in rapids(done)] == [[0.5], [0.1]]
+    assert done.rapid_speed == 0.5 and prepare(program(path), Process()).rapid_speed is None
+
+
 # --------------------------------------------------------------------------------- layers, orders
+
+
+def test_values_of_a_layer_are_none_for_null():
+    marks = {"overlap": None, "dwell": None, "events": None, "analog": None, "tabs": None}
+    process = Process(overlap=0.01, dwell=0.2, events=(Event(name="x"),), by_layer={"mark": marks})
+    own = process.of_layer("mark")
+    assert (own.overlap, own.dwell, own.events, own.analog, own.tabs) == (0.0, 0.0, (), (), None)
 
 
 def test_layers_demand_where_segments_do_not():
@@ -464,7 +509,10 @@ def test_refuses_values_that_make_no_process():
         ({"passes": 1.5}, "passes"),
         ({"by_layer": {"M": {"order": "drawn"}}}, "by_layer.M", "order"),
         ({"by_layer": {"M": {"passes": 0}}}, "by_layer.M", "passes"),
-        ({"by_layer": {"M": {"dwell": None}}}, "by_layer.M", "dwell"),
+        ({"by_layer": {"M": {"passes": None}}}, "by_layer.M", "passes"),
+        ({"by_layer": {"M": {"direction": "up"}}}, "by_layer.M", "direction"),
+        ({"direction": "climb", "kerf_side": "right"}, "climb", "kerf_side"),
+        *(({x: 0.0}, x) for x in ("tool_change", "rapid_speed", "approach_speed")),
     ]
     refused(*((lambda x=x: Process(**x), *words) for x, *words in processes))
     leads = {"length": 0.0}, {"length": -0.01}, {"shape": "spiral"}, {"side": "top"}

@@ -7,7 +7,6 @@ from tests.geometry.tables import arc, line, path_of, refused
 
 import armcontour as ac
 from armcontour.geometry import Arc, Path
-from armcontour.geometry.cutting import reverse_path
 from armcontour.program import Process
 from armcontour.program.nesting import nest
 
@@ -59,7 +58,7 @@ def test_the_parent_is_the_smallest_contour_around_whatever_the_order():
 
 def test_parents_and_areas_are_those_of_exact_arcs():
     hole = circle(0, 0, 0.02)
-    turned = ac.Contour(path=reverse_path(hole.path))
+    turned = ac.Contour(path=hole.path.reversed())
     half = arc((0.02, 0), (0.02, 0.01), np.pi)
     top, side = line((0.02, 0.02), (0, 0.02)), line((0, 0.02), (0, 0))
     d_shape = ac.Contour(path=path_of(line((0, 0), (0.02, 0)), half, top, side))

@@ -6,7 +6,6 @@ from tests.geometry.tables import each
 
 import armcontour as ac
 from armcontour.errors import InvalidInput
-from armcontour.geometry.cutting import reverse_path
 from armcontour.program import Leads
 from armcontour.program.kerf import waste_sides
 
@@ -43,7 +42,7 @@ def ends(contour):
 def test_waste_is_outside_of_outlines_inside_of_holes_on_layers_that_are_cut():
     sides = waste_sides(contours(OUTLINE, HOLE, ISLAND, OPEN), PLAIN)
     assert sides == ["right", "left", "right", "left"]
-    turned = [reverse_path(x) for x in (OUTLINE, HOLE, ISLAND)]
+    turned = [x.reversed() for x in (OUTLINE, HOLE, ISLAND)]
     assert waste_sides(contours(*turned), PLAIN) == ["left", "right", "left"]
     # A hole is a hole whatever layers it and its outline are on.
     found = [*contours(OUTLINE), *contours(HOLE, layer="HOLES"), *contours(ISLAND, layer="PARTS")]
@@ -66,7 +65,7 @@ def test_waste_is_outside_of_outlines_inside_of_holes_on_layers_that_are_cut():
 
 
 def test_arcs_of_leads_lie_in_the_waste():
-    for paths in ((OUTLINE, HOLE), (reverse_path(OUTLINE), reverse_path(HOLE))):
+    for paths in ((OUTLINE, HOLE), (OUTLINE.reversed(), HOLE.reversed())):
         # What lies inside is cut first.
         done = prepared(contours(*paths), lead_in=lead(), lead_out=lead(), overlap=2e-3)
         hole, outline = done.contours
@@ -163,3 +162,65 @@ def test_random_leads_lie_in_the_waste_or_are_refused():
             turns = (np.diff(a) + np.pi) % (2 * np.pi) - np.pi
             assert abs(round(turns.sum() / (2 * np.pi))) == 1
     assert 4 < refusals < 26
+
+
+# ------------------------------------------------------------------------------------- direction
+
+
+def turns_left(path, up=(0.0, 0.0, 1.0)):
+    """Whether a closed path is counter-clockwise, by the area of a polygon."""
+    points = path(np.linspace(0, path.length, 2001))
+    points = np.pad(points, ((0, 0), (0, 3 - path.dimension)))
+    area = np.cross(points[:-1], points[1:]).sum(axis=0)
+    return bool(area @ up > 0)
+
+
+@each(
+    "direction, left",
+    [
+        ("climb", [False, True, False]),
+        ("conventional", [True, False, True]),
+        ("clockwise", [False] * 3),
+        ("counterclockwise", [True] * 3),
+    ],
+)
+def test_closed_contours_run_in_the_direction_of_the_process_however_drawn(direction, left):
+    frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
+    up = frame.rotation[:, 2]
+    drawn = OUTLINE, HOLE, ISLAND
+    # As mirrored blocks of a drawing are: any of them runs the other way.
+    for mask in range(8):
+        paths = [x.reversed() if mask & 1 << k else x for k, x in enumerate(drawn)]
+        moves = [*contours(*paths), *contours(OPEN)]
+        for values in ({}, {"kerf": 1e-3}):
+            done = prepared(moves, direction=direction, order="drawn", **values).contours
+            assert [turns_left(x.path) for x in done[:3]] == left
+            np.testing.assert_array_equal(done[3].path.vertices, OPEN.vertices)
+    placed = ac.Program(moves=tuple(moves)).placed(frame)
+    done = ac.prepare(placed, ac.Process(direction=direction, up=up)).contours
+    assert [turns_left(x.path, up) for x in done[:3]] == left
+
+
+def test_climb_has_the_kerf_to_the_left_of_the_edge():
+    moves = contours(OUTLINE, HOLE)
+    done = prepared(moves, direction="climb", kerf=2e-3, order="drawn").contours
+    sides = prepared(moves, direction="climb", kerf=2e-3, kerf_side="left", order="drawn").contours
+    for one, other in zip(done, sides, strict=True):
+        assert one.path.length == pytest.approx(other.path.length, abs=1e-12)
+    assert done[0].path.length > OUTLINE.length and done[1].path.length < HOLE.length
+
+
+def test_a_layer_has_its_own_direction_and_events_on_the_way_keep_the_drawn_one():
+    moves = [*contours(OUTLINE), *contours(HOLE, layer="HOLES")]
+    by_layer = {"HOLES": {"direction": "clockwise"}}
+    done = prepared(moves, direction="counterclockwise", by_layer=by_layer, order="drawn").contours
+    assert [turns_left(x.path) for x in done] == [True, False]
+    end, inner = (
+        ac.Contour(path=OUTLINE, name="rim", events=(ac.Event(name="glue", s=s),))
+        for s in (OUTLINE.length, 0.05)
+    )
+    (done,) = prepared([end], direction="clockwise").contours
+    assert [x.s for x in done.events] == pytest.approx([done.path.length])
+    with pytest.raises(InvalidInput, match=r"contour rim .* clockwise.* glue"):
+        prepared([inner], direction="clockwise")
+    assert prepared([inner], direction="counterclockwise").contours[0].events[0].s == 0.05

@@ -270,6 +270,8 @@ NEVER: set[Place] = {
 }
 _AXIS = {"from": 0.0, "to": 0.01, "places": 2}
 _ASKED: dict[str, Any] = {"over": {"x": _AXIS}, "refine": False}
+# Keys that hold tools by their names.
+_TOOLS = (lambda x: {"placement": _ASKED | {"tools": x}}), (lambda x: {"tools": x})
 # The first base that has a field is the one it is tried in; what no base has is added to the first.
 BASES: list[dict[str, Any]] = [
     PLANE,
@@ -323,6 +325,7 @@ BASES: list[dict[str, Any]] = [
     SPACE,
     {**SPACE, "path": {"file": "points.csv", "smooth_axes": 1e-3}},
     _with(SPACE, process={"approach": 0.01, "retract": 0.01}),
+    _with(SPACE, process={"rapid_speed": 0.5, "approach_speed": 0.1, "tool_change": 5.0}),
     _with(SPACE, process={**_PIERCED, "by_layer": {"": _PIERCED}}),
     _with(SPACE, limits={"angular_acceleration": 10.0, "joint_torque": 100.0}),
     _with(SPACE, arm={"tool": _TURNED, "work": _TURNED}),
@@ -343,12 +346,16 @@ BASES: list[dict[str, Any]] = [
     ),
     _with(PLANE, placement=_ASKED | {"about": [0.3, 0.2, 0.0]}),
     _with(SPACE, placement=_ASKED | {"tools": {"short": [0.0, 0.0, 0.1]}}),
+    _with(SPACE, tools={"T1": [0.0, 0.0, 0.1]}),
+    _with(SPACE, tools={"T1": {"payload": SPACE["arm"]["payload"]}}),
     *(
-        _with(SPACE, placement=_ASKED | {"tools": {"short": x}})
+        _with(SPACE, **of({"short": x}))
+        for of in _TOOLS
         for x in (_TURNED, *(_BODY_TURNS[k] | {"position": [0.0, 0.0, 0.1]} for k in (0, 1)))
     ),
     *(
-        _with(SPACE, placement=_ASKED | {"tools": {"short": {"shapes": x}}})
+        _with(SPACE, **of({"short": {"shapes": x}}))
+        for of in _TOOLS
         for x in (
             *(_bodies(*_MOVING, **turn) for turn in _BODY_TURNS),
             *(_bodies(*_SIZES, margin=0.01, **turn) for turn in _BODY_TURNS),
@@ -361,6 +368,7 @@ BASES: list[dict[str, Any]] = [
     *(_with(SPACE, scene=_bodies(*_SIZES, margin=0.01, **x)) for x in _BODY_TURNS),
     _with(SPACE, scene=_bodies("halfspaces", normal=[0.0, 0.0, 1.0])),
     _with(SPACE, scene={"margins": {"environment": 0.01, "own": 0.001, "tool": 0.001}}),
+    _with(SPACE, scene={"floor": -0.4}),
     *(
         _with(SPACE, scene={"files": [
             {"file": "cell.scene", "at": [0.0, 0.0, 0.0], "margin": 0.01, **x}
@@ -496,8 +504,8 @@ TEXTS = {
     "--arm", "--arms", "--base", "--cell", "--cluster", "--color", "--columns", "--continuity",
     "--contour", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
-    "--model", "--move", "--objective", "--out", "--output", "--package", "--path", "--plant",
-    "--predict", "--run", "--scene", "--skip", "--taught", "--texts",
+    "--model", "--move", "--objective", "--only-tool", "--out", "--output", "--package", "--path",
+    "--plant", "--predict", "--run", "--scene", "--skip", "--taught", "--texts",
     "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units",
     "--waypoint-columns", "--xacro-arg",
 }  # fmt: skip

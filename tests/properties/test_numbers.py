@@ -29,6 +29,7 @@ FIELDS = fields()
 DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 # Half a million arcs are made before that is refused.
 SLOW = [("path.spline.points.0.0", "1e9")]
+MAY_BE_ENDLESS = {"limits", "kp", "kv", "acceleration_limit"}
 
 
 # Refusals that need not say the key: they name the file, the run, or the option that is a key too.
@@ -85,8 +86,9 @@ def check_field(place, words, folder):
             key = re.search(rf"\b{place[0]}[.: ]", said)
             if "\n" in said or not (key or any(x in said for x in WITHOUT_KEY)):
                 yield f"{shown(place)}: {word}: {said}"
-        # What is no finite number is refused in any field, but for text where that may stand.
-        elif word in ("nan", "inf", "-inf"):
+        # What is no finite number is refused in any field, but for text where that may stand; and
+        # infinity where it lifts a limit, or stands for a loop without a delay.
+        elif word in ("nan", "-inf") or (word == "inf" and not set(place) & MAY_BE_ENDLESS):
             yield f"{shown(place)}: {word} is read"
 
 

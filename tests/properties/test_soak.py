@@ -48,7 +48,9 @@ def test_the_oracle_of_check_knows_where_the_tool_is():
         q = np.random.default_rng(0).uniform(-3, 3, (200, dof))
         # The controller's base may be turned against the oracle's: distances tell.
         for k in (1, 7):
-            pair = [np.linalg.norm(x[k:] - x[:-k], axis=1) for x in (forward(q), arm.forward(q))]
+            pair = [
+                np.linalg.norm(x[k:] - x[:-k], axis=1) for x in (forward(q), arm.tool_position(q))
+            ]
             np.testing.assert_allclose(*pair, atol=1e-12)
         for j in range(dof):
             moved = q.copy()

@@ -70,6 +70,6 @@ def test_the_judge_sees_jumps_and_wrong_times(problem, planned):
 
 
 def test_the_judge_sees_a_plan_without_limits_of_jerk(problem):
-    plain = ac.plan(problem.path, limits=problem.limits.replace(joint_jerk=None))
+    plain = ac.plan(problem.path, limits=problem.limits.replace(joint_jerk=np.inf))
     notes, _ = judge(plain, problem.limits)
     assert any(x.startswith("third differences") for x in notes)

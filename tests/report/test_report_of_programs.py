@@ -16,7 +16,7 @@ from armcontour.geometry.cutting import cut_path
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.read import read_path
 from armcontour.jobs import run
-from armcontour.program import Lead, Process
+from armcontour.program import Lead, Pierce, Process, Switch
 from armcontour.report import render_report, sections
 from armcontour.report.outline import VISIBLE, simplify
 from armcontour.report.sections.bindings import MOST_BARS, bindings, merge_bindings
@@ -94,7 +94,7 @@ def test_the_picture_shows_contours_rapids_and_events_where_they_are(study, resu
         for s, near in ((0.0, 1e-6), (x.path.length / 2, 0.03), (x.path.length, 1e-6)):
             assert np.nanmin(np.linalg.norm(contours - x.path(s), axis=1)) < near
     rapid = next(x for x in result.trajectory.spans if x.kind == "rapid")
-    tool = result.execution.arm.forward(result.trajectory(np.linspace(*rapid.t, 3)))
+    tool = result.execution.arm.tool_position(result.trajectory(np.linspace(*rapid.t, 3)))
     for place in tool[[0, 2]] * 1e3:
         assert np.nanmin(np.linalg.norm(points(found["rapids"]) - place, axis=1)) < 1e-3
     events, on = result.trajectory.events, found["spindle on"]
@@ -207,3 +207,14 @@ def test_the_sample_drawings_are_what_their_script_writes(tmp_path):
             np.testing.assert_allclose(one.path.lengths, other.path.lengths, atol=1e-12)
         if not name.endswith(".dxf"):  # whose bytes depend on the version of ezdxf
             assert (tmp_path / name).read_bytes() == (DRAWINGS / name).read_bytes()
+
+
+def test_leads_and_pierces_are_told_apart(tmp_path):
+    switch, pierce = Switch(name="laser"), Pierce(time=0.1, height=4e-3)
+    leads = {"lead_in": Lead(length=3e-3, active=True), "lead_out": Lead(length=2e-3)}
+    process = Process(switch=switch, pierce=pierce, **leads)
+    study = study_of(tmp_path, GCODE, "ur5e", process=process)
+    (table,) = sections.program(study).tables
+    for row in table.rows:
+        cells = dict(zip(table.header, row, strict=True))
+        assert cells["leads [mm]"] == "3.00, 2.00" and cells["pierce [mm]"] == "4.00"

@@ -112,7 +112,7 @@ SMALL = {
 def executed(u, taught, errors):
     """Joint positions on the rigid bodies, every drive cycle."""
     arm, known, servo = u.robot(errors)
-    limits = ac.Limits(joint_torque=[40.0, 40.0])
+    limits = ac.Limits.only(joint_torque=[40.0, 40.0])
     return ac.execute(taught, ac.RigidBodyPlant(arm, servo, limits, known=known), resolution=5e-4)
 
 
@@ -158,7 +158,7 @@ def test_unknown_weight_sags_from_the_start_to_the_end():
     for i in (0, -1):
         np.testing.assert_allclose(said[i], done.q[i] - found.q[i], rtol=0.01, atol=1e-7)
     # At its ends the path has no length to slide along: all of the sag is an error there.
-    tool = arm.jacobian(found.q[:1])[0] @ said[0]
+    tool = arm.tool_jacobian(found.q[:1])[0] @ said[0]
     assert found.across().worst().bound[0] == pytest.approx(np.linalg.norm(tool), rel=1e-6)
     weighed = Unknowns.of(Box(payload=[0.0, 0.5], payload_known=True), arm, servo)
     assert np.abs(deviations_of(taught, path, weighed).each[0]).max() < 1e-12
@@ -207,7 +207,7 @@ def test_the_bound_in_space_is_that_of_the_worst_of_all_corners(planar):
         assert np.linalg.norm(off) == pytest.approx(worst.bound[i], rel=1e-9)
 
 
-LIMITS = ac.Limits(joint_torque=[40.0, 40.0])
+LIMITS = ac.Limits.only(joint_torque=[40.0, 40.0])
 # Drives with a long cycle, of which a run takes a moment.
 COARSE = {"step": 1e-3}
 

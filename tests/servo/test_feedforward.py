@@ -28,8 +28,15 @@ def arm():
 @pytest.fixture(scope="module")
 def plan(arm):
     path = ac.Path.polyline([(0.30, 0.20), (0.36, 0.20), (0.36, 0.26)])
-    limits = ac.Limits(joint_acceleration=[20.0, 20.0], speed=0.2)
-    return ac.plan(ac.round_corners(path, tolerance=2e-3), arm, limits, intervals=400, reserve=0.5)
+    limits = ac.Limits.only(joint_acceleration=[20.0, 20.0], speed=0.2)
+    return ac.plan(
+        ac.round_corners(path, tolerance=2e-3),
+        arm,
+        limits,
+        intervals=400,
+        reserve=0.5,
+        branch="positive",
+    )
 
 
 def servo_of(kind, **more):

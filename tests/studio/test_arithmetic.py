@@ -71,7 +71,7 @@ def test_the_page_has_links_and_tool_where_the_library_has_them():
     )
     for arm, q, header, rows in zip(arms, postures, headers, found, strict=True):
         poses = np.array(rows).reshape(len(q), -1, 3, 4)
-        assert np.abs(poses[:, -1, : arm.dimension, 3] - arm.forward(q)).max() < 1e-14
+        assert np.abs(poses[:, -1, : arm.dimension, 3] - arm.tool_position(q)).max() < 1e-14
         if arm.dimension == 3:
             assert np.abs(poses[:, -1, :, :3] - arm.pose(q)[1]).max() < 1e-14
         base = np.array(header["base"])

@@ -261,7 +261,7 @@ def test_the_arm_is_played_closely_also_between_contours(
         a, execution = packed(executed_frame(executed, view)).arrays, executed.execution
         played = [np.interp(execution.t, a["pose_t"], q) for q in a["q"].T]
         np.testing.assert_allclose(np.transpose(played), execution.q, rtol=0, atol=1e-4)
-        tool = execution.arm.forward(a["q"])
+        tool = execution.arm.tool_position(a["q"])
         np.testing.assert_allclose(a["xyz"][:, : tool.shape[1]], tool, rtol=0, atol=1e-7)
 
 
@@ -283,7 +283,7 @@ def test_refusals_are_where_they_are(paper, plans, view):
     assert "waypoint" not in refusal_header(error, view, tier=1, waypoints=waypoints[:1])["at"]
     # A time has the place of the plan.
     planned, error = plans["optimal"], ExecutionError("It did not rest.", t=2.0, joint=1)
-    tool = planned.job.arm.forward(planned.trajectory(2.0))
+    tool = planned.job.arm.tool_position(planned.trajectory(2.0))
     at = refusal_header(error, view, tier=2, planned=planned)["at"]
     np.testing.assert_allclose(at["uv"], uv(view, tool))
     told = refusal_header(Collision("Somewhere."), view, tier=3)

@@ -44,7 +44,7 @@ def largest(trajectory, order):
 
 @pytest.mark.parametrize(("lead", "acceleration"), [(3, 0.5), (30, 0.05)])
 def test_a_velocity_limit_holds_beside_a_kink(lead, acceleration):
-    limits = ac.Limits(joint_velocity=[1.0, 1.0], joint_acceleration=[acceleration, 50.0])
+    limits = ac.Limits.only(joint_velocity=[1.0, 1.0], joint_acceleration=[acceleration, 50.0])
     path = bent_path(1.0, 2.0, lead, 0.2)
     for intervals in (20, 40, 400, 4000):
         planned = plan_optimal(path, TwoJoints(), limits, intervals=intervals)
@@ -54,7 +54,7 @@ def test_a_velocity_limit_holds_beside_a_kink(lead, acceleration):
 
 def test_an_interval_between_two_rests_is_planned():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)])
-    limits = ac.Limits(joint_acceleration=[1.0, 1.0])
+    limits = ac.Limits.only(joint_acceleration=[1.0, 1.0])
     planned = plan_optimal(path, TwoJoints(), limits, grid=np.array([0.0, path.length]))
     assert planned.duration == pytest.approx(2.0)
     assert len(grid_through(path, np.array([0.0]))) == 2
@@ -76,7 +76,7 @@ class Round(Constraint):
 
 def test_the_smaller_of_two_radii_limits():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)])
-    limits = ac.Limits(joint_velocity=[10.0, 10.0])
+    limits = ac.Limits.only(joint_velocity=[10.0, 10.0])
     for radii in ([0.5], [0.5, 0.7]):
         own = [Round(x) for x in radii]
         planned = plan_optimal(path, TwoJoints(), limits, constraints=own)
@@ -130,7 +130,7 @@ def test_a_row_whose_part_of_the_mean_cancels_still_limits(steps, share, sign):
         return -2 * w * share * sign * before, sign * before, 0 * before
 
     bounds = ([-1e3], [1.0]) if sign > 0 else ([-1.0], [1e3])
-    limits, grid = ac.Limits(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
+    limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
     own = SecondOrder("own", coefficients, *bounds)
     planned = ac.plan(EVEN, limits=limits, constraints=[own], grid=grid)
     u, x = near_the_middle(planned)
@@ -141,7 +141,7 @@ def test_a_row_whose_part_of_the_mean_cancels_still_limits(steps, share, sign):
 @pytest.mark.parametrize("off", [0.0, 1e-16, 1e-12, 1e-8, 1e-5])
 @pytest.mark.parametrize("share", [1.0, 1 - 1e-12, 1 + 1e-8, 0.5])
 def test_a_vector_whose_part_of_the_mean_cancels_still_limits(share, off):
-    limits, grid = ac.Limits(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
+    limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
     own = Vectors(share, off)
     u, x = near_the_middle(ac.plan(EVEN, limits=limits, constraints=[own], grid=grid))
     size = np.linalg.norm(own.a * u[:, None] + own.b * x[:, None], axis=1)
@@ -160,7 +160,10 @@ def test_vectors_whose_parts_of_the_mean_cancel_up_to_rounding_still_limit(share
 
 
 def test_refusals(refuses):
-    path, limits = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)]), ac.Limits(joint_acceleration=1.0)
+    path, limits = (
+        ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)]),
+        ac.Limits.only(joint_acceleration=1.0),
+    )
     for options in (
         *({"intervals": x} for x in (1, 0, 2.5, np.nan)),
         *({"grid": x} for x in ([], [0.0, 9.0])),
@@ -171,7 +174,9 @@ def test_refusals(refuses):
     # A constraint that limits nothing says so.
     more = {"constraints": [JointMotion((-np.ones(2), np.ones(2)))]}
     words = "Nothing limits the acceleration"
-    refuses(lambda: plan_optimal(path, TwoJoints(), ac.Limits(), **more), ac.InvalidInput, words)
+    refuses(
+        lambda: plan_optimal(path, TwoJoints(), ac.Limits.only(), **more), ac.InvalidInput, words
+    )
 
 
 def test_a_circle_of_many_chords_takes_as_long_as_a_circle(arm):

@@ -14,7 +14,7 @@ from armcontour.timing.limit_use import STILL, States, allowed, quantity, ratio
 def test_the_tool_moves_uniformly_and_velocity_jumps_at_corners(arm, objective, conventional):
     assert conventional.duration == pytest.approx(objective.length / 0.04, rel=1e-12)
     t = np.linspace(0, conventional.duration, 4001)
-    tool = arm.forward(conventional(t))
+    tool = arm.tool_position(conventional(t))
     np.testing.assert_allclose(tool, objective((0.04 * t).clip(0, objective.length)), atol=1e-8)
     velocity = arm.tool_velocity(conventional(t), conventional(t, 1))
     np.testing.assert_allclose(np.linalg.norm(velocity, axis=1), 0.04, rtol=1e-6)
@@ -94,7 +94,7 @@ def test_an_even_turn_takes_the_time_it_must(robot):
     line = ac.Path.polyline([(0.4, -0.1, 0.4), (0.4, 0.1, 0.4)]).oriented(
         Rotation.concatenate([down, turned])
     )
-    limits = ac.Limits(angular_acceleration=1.5)
+    limits = ac.Limits.only(angular_acceleration=1.5)
     planned = ac.plan(line, robot, limits)
     bare = 2 * np.sqrt(angle / 1.5)
     assert bare * (1 - 1e-9) < planned.duration < bare * (1 + 7e-4)
@@ -127,7 +127,7 @@ def test_a_path(rounded, arm, limits, worst_ratios, refuses):
         planned = ac.plan(rounded, arm, limits, duration=slower * fastest)
         assert planned.duration == pytest.approx(slower * fastest, rel=1e-12)
         assert all(x <= 1 + 1e-9 for x in worst_ratios(planned, limits, arm).values()), slower
-        found = rounded.project(arm.forward(planned(np.linspace(0, planned.duration, 2001))))
+        found = rounded.project(arm.tool_position(planned(np.linspace(0, planned.duration, 2001))))
         assert found.distance.max() < 1e-7
         np.testing.assert_allclose(found.s[[0, -1]], [0, rounded.length], atol=1e-7)
     # It moves as it says: velocities and accelerations are the derivatives, by differences.
@@ -158,7 +158,7 @@ def test_refused(traced, arm, limits, refuses):
 
 def test_a_joint_path_that_stands_still_somewhere(worst_ratios):
     path = ac.JointPath.spline([(0.0, 0.0), (0.6, 1.1), (0.0, 0.0)], ends="clamped")
-    limits = ac.Limits(joint_acceleration=[5.0, 8.0])
+    limits = ac.Limits.only(joint_acceleration=[5.0, 8.0])
     planned = ac.plan(path, limits=limits, duration=3.0)
     assert planned.duration == pytest.approx(3.0, rel=1e-12)
     assert max(worst_ratios(planned, limits).values()) <= 1 + 1e-9
@@ -186,7 +186,7 @@ def test_gravity_and_friction():
     ur5e = ac.load_arm("ur5e")
     viscous = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
     robot = SerialArm(name="UR5e", chain=ur5e.chain.replace(viscous=viscous), limits=ur5e.limits)
-    limits = ac.Limits(joint_torque=ur5e.limits.joint_torque, joint_velocity=3.0)
+    limits = ac.Limits.only(joint_torque=ur5e.limits.joint_torque, joint_velocity=3.0)
     fastest = ac.plan(SPLINE, robot, limits, intervals=500).duration
     for slower in (1.0003, 1.5, 6.0):
         planned = ac.plan(SPLINE, robot, limits, intervals=500, duration=slower * fastest)
@@ -225,7 +225,7 @@ def test_a_tool_on_a_circle(arm):
 
 def test_refusals(arm, refuses):
     states = about_joint(arm, 1)
-    found = ratio("joint_jerk", ac.Limits(joint_jerk=[np.inf, 10.0]), states)
+    found = ratio("joint_jerk", ac.Limits.only(joint_jerk=[np.inf, 10.0]), states)
     np.testing.assert_allclose(found, [[0, 0.7], [0, 0], [0, 0.3]], rtol=1e-12)
     without = States(arm, states.q, states.dq, states.ddq)
     for name in ("joint_jerk", "tool_jerk"):
@@ -236,14 +236,14 @@ def test_refusals(arm, refuses):
 
 
 def test_each_direction_is_compared_to_its_own_acceleration_if_it_is_limited(arm):
-    limits = ac.Limits(joint_acceleration=[[-2.0, 5.0]]).for_joints(2)
+    limits = ac.Limits.only(joint_acceleration=[[-2.0, 5.0]]).for_joints(2)
     states = about_joint(arm, 1)
     found = ratio("joint_acceleration", limits, states)
     np.testing.assert_allclose(found, [[0, 0.06], [0, 2.0], [0, 1.0]], rtol=1e-12)
     np.testing.assert_array_equal(allowed("joint_acceleration", limits, states)[1], [5.0, -2.0])
     states = about_joint(arm, 0)
     for name in ("joint_velocity", "joint_acceleration", "speed"):
-        assert not ratio(name, ac.Limits(), states).any()
+        assert not ratio(name, ac.Limits.only(), states).any()
 
 
 def test_dry_friction_at_rest_is_the_one_that_helps(arm):

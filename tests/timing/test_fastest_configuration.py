@@ -54,7 +54,7 @@ def test_no_plan_is_shorter_than_its_bound_and_all_come_the_fastest_first(traced
 def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypatch):
     # The speed of the tool bounds all of the path, whichever way the arm reaches it.
     arm, path = ac.load_arm("ur5e"), ac.Path.polyline(CORNERS[:2]).oriented(DOWN)
-    slow = arm.limits.replace(speed=0.02, tool_acceleration=0.2, joint_torque=None)
+    slow = arm.limits.replace(speed=0.02, tool_acceleration=0.2, joint_torque=np.inf)
     usual = next(trace_by_duration(path, arm, slow))
     assert len(usual) > 1
     rng = np.random.default_rng(4)
@@ -72,14 +72,14 @@ def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypa
 def test_bounds_in_closed_form():
     # One joint, 2 rad: up to speed within 0.5 rad, on for 1 rad, down within 0.5 rad.
     line = JointPath.spline([[0.0], [2.0]])
-    limits = ac.Limits(joint_velocity=[2.0], joint_acceleration=[4.0])
+    limits = ac.Limits.only(joint_velocity=[2.0], joint_acceleration=[4.0])
     assert bound_duration(line, limits) == pytest.approx(0.5 + 0.5 + 0.5, rel=1e-12)
     slower = limits.replace(joint_velocity=[[-1e-3, 2.0]], joint_acceleration=[[-2.0, 4.0]])
     assert bound_duration(line, slower) == pytest.approx(0.5 + 0.25 + 1.0, rel=1e-12)
     line = JointPath.spline([[0.0, 0.0], [2.0, 1.0], [3.0, 4.0]])
-    assert bound_duration(line, ac.Limits()) == 0.0
+    assert bound_duration(line, ac.Limits.only()) == 0.0
     # Velocities alone: the slower joint takes 4 rad at 2 rad/s.
-    fast = bound_duration(line, ac.Limits(joint_velocity=[10.0, 2.0]))
+    fast = bound_duration(line, ac.Limits.only(joint_velocity=[10.0, 2.0]))
     assert 0.98 * 2.0 < fast <= 2.0
 
 
@@ -111,7 +111,7 @@ def test_long_paths_are_compared_on_parts(monkeypatch, free):
     assert 1 <= len(whole) <= len(durations) / 2
     assert roughly(chosen, arm, limits) < 1.001 * min(durations)
     at = np.linspace(0, path.length, 997)
-    assert np.abs(arm.forward(chosen(at)) - path(at)).max() < 2e-10
+    assert np.abs(arm.tool_position(chosen(at)) - path(at)).max() < 2e-10
 
 
 def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monkeypatch, traced):
@@ -125,7 +125,7 @@ def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monke
     for x in found:
         assert min(np.abs(x(0.0) - q)[others].max() for q in starts) < 1e-2
     for q in starts:
-        assert arm.forward(q) == pytest.approx(path(0.0), abs=1e-9)
+        assert arm.tool_position(q) == pytest.approx(path(0.0), abs=1e-9)
 
 
 def test_long_path_out_of_reach_is_refused_as_a_short_one(monkeypatch):

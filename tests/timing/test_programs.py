@@ -83,7 +83,7 @@ def judged(program, arm, limits, trajectory):
         over = [(x.name, x.ratio) for x in kept.uses if x.ratio > 1 + 1e-6 and "step" not in x.name]
         assert not over, (span.kind, span.name, over)
     for span, contour, offset in zip(contours, program.contours, program.breaks, strict=False):
-        found = contour.path.project(arm.forward(trajectory(np.linspace(*span.t, 300)[1:-1])))
+        found = contour.path.project(arm.tool_position(trajectory(np.linspace(*span.t, 300)[1:-1])))
         assert found.distance.max() < 1e-8
         # Once along all of it, overlaps included.
         times = np.linspace(*span.t, 2000)
@@ -92,14 +92,14 @@ def judged(program, arm, limits, trajectory):
         assert span.s == pytest.approx((offset, offset + contour.path.length), abs=1e-12)
         assert span.t[0] <= span.work[0] < span.work[1] <= span.t[1]
         work = contour.work or (0.0, contour.path.length)
-        at = arm.forward(trajectory(np.array(span.work)))
+        at = arm.tool_position(trajectory(np.array(span.work)))
         np.testing.assert_allclose(at, contour.path(work), atol=1e-9)
     asked = [x for x in program.moves if isinstance(x, Event)]
     asked += [x for contour in program.contours for x in contour.events]
     assert sorted(x.name for x in asked) == sorted(x.name for x in trajectory.events)
     assert [x.t for x in trajectory.events] == sorted(x.t for x in trajectory.events)
     for event in trajectory.events:
-        at = arm.forward(trajectory(event.due))
+        at = arm.tool_position(trajectory(event.due))
         np.testing.assert_allclose(at, event.point, atol=1e-9)
 
 
@@ -125,12 +125,12 @@ def test_keeps_all_that_holds_of_programs_in_the_plane():
 def test_smoothed_programs_have_all_but_the_limits():
     windows = 0.01, 0.03
     moves = Dwell(duration=0.1), Event(name="coolant"), Rapid(), Contour(path=BEND, events=GLUE)
-    program, gentle = plane(LINE, *moves), IN_PLANE.replace(centripetal_acceleration=None)
+    program, gentle = plane(LINE, *moves), IN_PLANE.replace(centripetal_acceleration=np.inf)
     plain, smoothed = (
         ac.plan(program, PMK3S, gentle, reserve=0.4, intervals=800, smoothing=x)
         for x in ((), windows)
     )
-    judged(program, PMK3S, ac.Limits(), smoothed)
+    judged(program, PMK3S, ac.Limits.only(), smoothed)
     assert smoothed.method == "optimal, smoothed"
     assert [x.kind for x in smoothed.spans] == [x.kind for x in plain.spans]
     for before, after in zip(plain.spans, smoothed.spans, strict=True):
@@ -170,7 +170,7 @@ def test_the_other_methods_plan_programs_too(method):
     np.testing.assert_allclose(trajectory(seams, side="left"), trajectory(seams), atol=1e-9)
     assert len(trajectory.events) == 6
     for event in trajectory.events:
-        here = PMK3S.forward(trajectory(event.due))
+        here = PMK3S.tool_position(trajectory(event.due))
         work = [x for x in trajectory.spans if x.work]
         number = next(k for k, x in enumerate(work) if x.s[0] <= event.s <= x.s[1])
         s = event.s - work[number].s[0]
@@ -265,11 +265,39 @@ def test_free_rapids_are_bang_bang_at_the_limits_of_the_joints(arm):
     np.testing.assert_allclose(trajectory(t), begin + share[:, None] * (end - begin), atol=1e-9)
 
 
+@pytest.mark.parametrize("jerk", [None, 500.0])
+def test_rapids_and_approaches_keep_their_speeds_at_all_times(jerk):
+    moves = [in_space(Path.polyline([[x, 0.1], [x, 0.14]])) for x in (0.3, 0.45)]
+    between = Path.polyline([[0.35, -0.16, 0.1], [0.4, -0.16, 0.25], [0.5, -0.2, 0.1]])
+    limits = UR5E.limits if jerk is None else UR5E.limits.replace(joint_jerk=jerk)
+    free = Process(begin="drawn", approach=0.05, retract=0.05)
+    slow = dataclasses.replace(free, rapid_speed=0.3, approach_speed=0.1)
+    rng = np.random.default_rng(3)
+    for drawn in (program_of(*moves), program_of(moves[0], Rapid(path=between), moves[1])):
+        speeds = {}
+        for process in (free, slow):
+            plan = ac.plan(ac.prepare(drawn, process), UR5E, limits.replace(speed=0.1))
+            found = speeds[process] = []
+            for span in plan.spans:
+                if span.kind != "rapid":
+                    continue
+                t = np.sort(rng.uniform(0, span.trajectory.duration, 4000))
+                q, dq = span.trajectory.motion(t, 1)
+                found.append(float(np.linalg.norm(UR5E.tool_velocity(q, dq), axis=1).max()))
+        long = [x > 0.3 for x in speeds[free]]
+        short = [x for x, y in zip(speeds[slow], long, strict=True) if not y]
+        assert len(long) == len(speeds[slow]) and any(long)
+        # The speed is reached, and never exceeded.
+        assert max(speeds[slow]) == pytest.approx(0.3, rel=2e-3) and max(speeds[slow]) <= 0.3
+        assert short == pytest.approx([0.1] * len(short), rel=1e-6) and max(short) <= 0.1 + 1e-12
+
+
 def test_contours_take_their_time_alone_and_leave_a_reserve_on_rapids_too():
     second = Path.polyline([[0.35, 0.25], [0.3, 0.25]])
     spans = ac.plan(program_of(BEND, Rapid(), second), PMK3S, IN_PLANE).spans
     assert [x.kind for x in spans] == ["contour", "contour"]  # they meet
-    alone = [ac.plan(x, PMK3S, IN_PLANE).duration for x in (BEND, SQUARE)]
+    branch = PMK3S.branch_of(ac.plan(TWO, PMK3S, IN_PLANE)(0.0))
+    alone = [ac.plan(x, PMK3S, IN_PLANE, branch=branch).duration for x in (BEND, SQUARE)]
     ratios, told = [], []
     for reserve in (0.0, 0.4):
         trajectory = ac.plan(TWO, PMK3S, IN_PLANE, reserve=reserve, progress=told.append)
@@ -311,9 +339,10 @@ def test_errors_name_the_contour_or_the_rapid(refuses):
 def test_explains_every_contour_of_a_program_in_its_own_time_and_place():
     program = plane()
     trajectory = ac.plan(program, PMK3S, IN_PLANE)
-    told = ac.explain(trajectory, PMK3S, IN_PLANE)
+    told = ac.explain(trajectory, PMK3S)
     paths = [x.path for x in program.contours]
-    alone = [ac.explain(ac.plan(x, PMK3S, IN_PLANE), PMK3S, IN_PLANE) for x in paths]
+    branch = PMK3S.branch_of(trajectory(0.0))
+    alone = [ac.explain(ac.plan(x, PMK3S, IN_PLANE, branch=branch), PMK3S) for x in paths]
     expected = [
         (x.name, *(np.array(x.t) + span.t[0]), *(np.array(x.s) + span.s[0]))
         for one, span in zip(alone, trajectory.contour_spans, strict=True)
@@ -406,7 +435,7 @@ def test_a_rapid_turns_the_tool_by_half_a_turn_unless_it_is_free_to_turn(axis_on
 def test_of_configurations_as_fast_for_a_contour_that_for_the_next_ones_is_chosen():
     # The speed of the tool bounds both contours; the way between them depends on the posture.
     program = ac.round_corners(program_of(in_space(SQUARE), in_space(BEND, 0.3)), tolerance=1e-3)
-    limits = IN_SPACE.replace(speed=0.02, joint_torque=None)
+    limits = IN_SPACE.replace(speed=0.02, joint_torque=np.inf)
     equals = next(trace_by_duration(program.contours[0].path, UR5E, limits))
     assert len(equals) > 1
     durations = [ac.plan(program, UR5E, limits, start=x(0.0)).duration for x in equals]
@@ -448,9 +477,9 @@ def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_the
     for contour, span, begin, end in moves:
         # Ready for 0.3 s at the height, and off where the tool leaves the waste again.
         assert begin.t == pytest.approx(span.t[0] - 0.32) and end.t == pytest.approx(span.t[1])
-        pierced = UR5E.forward(plan(np.linspace(begin.t, span.t[0], 50)))
+        pierced = UR5E.tool_position(plan(np.linspace(begin.t, span.t[0], 50)))
         np.testing.assert_allclose(pierced, np.tile(pierced[0], (50, 1)), atol=1e-9)
-        tool = UR5E.forward(plan(np.linspace(*span.t, 4000)))
+        tool = UR5E.tool_position(plan(np.linspace(*span.t, 4000)))
         assert pierced[0, 2] - tool[-1, 2] == pytest.approx(height)
         # Straight down and then along the level.
         high = tool[:, 2] > tool[-1, 2] + 1e-9
@@ -465,7 +494,12 @@ def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_the
 def test_a_path_a_program_of_it_and_its_joint_path_have_one_plan(method):
     path = ac.round_corners(BEND, tolerance=1e-3)
     program = program_of(path)
-    given = path, program, ac.trace(path, PMK3S), trace_program(program, PMK3S, IN_PLANE)
+    given = (
+        path,
+        program,
+        ac.trace(path, PMK3S, branch="negative"),
+        trace_program(program, PMK3S, IN_PLANE),
+    )
     plans = [ac.plan(x, PMK3S, IN_PLANE, method=method) for x in given]
     t = np.linspace(0, plans[0].duration, 500)
     for x in plans:

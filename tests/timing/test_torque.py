@@ -27,7 +27,7 @@ def ur5e(**changes):
 
 
 def torque_only(arm, **more):
-    return ac.Limits(joint_torque=arm.limits.joint_torque, **more)
+    return ac.Limits.only(joint_torque=arm.limits.joint_torque, **more)
 
 
 def judged(planned, arm, limits):
@@ -68,7 +68,7 @@ def test_dry_friction_may_be_nearly_all_that_gravity_leaves():
     path = ac.JointPath.spline([(0.0, -0.5, 0.3, 0, 0, 0), (0.5, 0.4, 0.5, 0, 0, 0)])
     q = path(np.linspace(0, path.length, 1000))
     holding = np.abs(arm.torque(q, 0 * q, 0 * q)).max(axis=0)
-    limits = ac.Limits(joint_torque=holding * 1.001 + 0.01)
+    limits = ac.Limits.only(joint_torque=holding * 1.001 + 0.01)
     judged(ac.plan(path, arm, limits), arm, limits)
 
 
@@ -102,8 +102,8 @@ def test_refusals(refuses):
     loaded, stiff = ur5e(payload=Payload(mass=15.0)), ur5e(coulomb=[0, 0, 0, 0, 0, 29.0])
     path = ac.JointPath.spline([np.zeros(6), np.full(6, 0.3)])
     for arm, words, data in (
-        (loaded, "even at rest", {"joint": 2, "limit": "torque", "allowed": -150.0}),
-        (stiff, "in the slowest motion, with friction", {"joint": 6, "allowed": 28.0}),
+        (loaded, "even at rest", {"joint": 1, "limit": "torque", "allowed": -150.0}),
+        (stiff, "in the slowest motion, with friction", {"joint": 5, "allowed": 28.0}),
     ):
         own = torque_only(arm)
         refuses(lambda x=arm, y=own: ac.plan(path, x, y), ac.NotRealizable, words, **data)
@@ -112,7 +112,7 @@ def test_refusals(refuses):
     hint = "load_arm takes a joint_limits.yaml"
     arm = SerialArm(name="bare", chain=chain, limits=bare.limits, limits_hint=hint)
     refuses(lambda: ac.plan(path, arm), ac.InvalidInput, "masses of the arm bare are not known")
-    refuses(lambda: ac.plan(path, arm, ac.Limits()), ac.InvalidInput, "joint_torque", hint)
+    refuses(lambda: ac.plan(path, arm, ac.Limits.only()), ac.InvalidInput, "joint_torque", hint)
 
 
 def test_a_payload_slows_the_arm():

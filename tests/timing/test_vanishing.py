@@ -48,7 +48,7 @@ def from_rest_to_rest(way, velocity, acceleration):
 def test_toppras_robustness_suite(name, worst_ratios):
     points, velocity, acceleration = SUITE[name]
     path = ac.JointPath.spline(points, np.linspace(0, 1, len(points)), ends="clamped")
-    limits = ac.Limits(joint_velocity=velocity, joint_acceleration=acceleration)
+    limits = ac.Limits.only(joint_velocity=velocity, joint_acceleration=acceleration)
     planned = ac.plan(path, limits=limits)
     # These are straight lines of the joints: there and back again in the second and third.
     turns = points[[0, 1, 2]] if name in ("small_joint_2", "small_joint_3") else points[[0, -1]]
@@ -71,14 +71,14 @@ def test_a_cubic_passes_the_place_at_which_it_does_not_move(factor, stops, worst
     coefficients[0, :4] = np.array([-1.0, 3.0, -3.0, 1.0])[:, None] * WAY
     coefficients[1, 3] = factor * WAY
     path = ac.JointPath(breaks=[-1.0, 0.0, 1.0], coefficients=coefficients)
-    limits = ac.Limits(joint_acceleration=2.0, joint_velocity=50.0)
+    limits = ac.Limits.only(joint_acceleration=2.0, joint_velocity=50.0)
     planned = ac.plan(path, limits=limits)
     ways = [WAY, factor * WAY] if stops else [(1 + factor) * WAY]
     best = sum(from_rest_to_rest(x, [50.0] * 3, [2.0] * 3) for x in ways)
     assert 1 - 1e-12 <= planned.duration / best < 1 + 1e-4
     assert worst_ratios(planned, limits)["joint_acceleration"] <= 1 + 1e-9
     # A start speed means the same along a straight piece.
-    begun = ac.plan(path, limits=ac.Limits(joint_acceleration=2.0), start_speed=0.5)
+    begun = ac.plan(path, limits=ac.Limits.only(joint_acceleration=2.0), start_speed=0.5)
     np.testing.assert_allclose(begun(0.0, 1), 3 * WAY * 0.5, rtol=1e-9)
 
 
@@ -105,7 +105,7 @@ def test_a_line_is_passed_where_it_nearly_does_not_move(slope, breaks):
 def test_a_curve_has_the_same_optimum_in_another_parameter(worst_ratios):
     """A parabola q = a u + b u², and the same with u = s², which stands still at its start."""
     a, b = np.random.default_rng(3).uniform(-1, 1, (2, 4))
-    limits = ac.Limits(joint_acceleration=[1.0, 0.7, 2.0, 1.5], joint_velocity=0.8)
+    limits = ac.Limits.only(joint_acceleration=[1.0, 0.7, 2.0, 1.5], joint_velocity=0.8)
     durations = []
     for powers in ((1, 2), (2, 4)):
         coefficients = np.zeros((1, 6, 4))
@@ -141,7 +141,7 @@ def test_bent_quintics_from_rest_without_acceleration(seed, worst_ratios):
     begin = q[:2], np.array([rest, v]), np.array([rest, a])
     end = q[1:], np.array([v, rest]), np.array([a, rest])
     path = ac.JointPath.hermite(np.array([0.0, 1.0, 2.0]), begin, end)
-    limits = ac.Limits(joint_acceleration=[2.0, 1.0, 3.0], joint_velocity=2.0)
+    limits = ac.Limits.only(joint_acceleration=[2.0, 1.0, 3.0], joint_velocity=2.0)
     planned = ac.plan(path, limits=limits)
     assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9
     np.testing.assert_allclose(planned([0, planned.duration], 1), 0, atol=1e-9)
@@ -167,7 +167,7 @@ def test_out_and_back_along_a_spline(ends, worst_ratios):
         out = rng.uniform(-2, 2, (int(rng.integers(2, 7)), int(rng.integers(1, 7))))
         path = ac.JointPath.spline(np.concatenate([out, out[-2::-1]]), ends=ends)
         most = rng.uniform(0.5, 5, out.shape[1])
-        limits = ac.Limits(joint_acceleration=most, joint_velocity=3.0)
+        limits = ac.Limits.only(joint_acceleration=most, joint_velocity=3.0)
         planned = ac.plan(path, limits=limits)
         assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9, seed
         fine = ac.plan(path, limits=limits, intervals=40_000)
@@ -177,7 +177,7 @@ def test_out_and_back_along_a_spline(ends, worst_ratios):
 
 
 def test_pieces_in_which_nothing_moves_are_left_out(refuses):
-    limits = ac.Limits(joint_acceleration=2.0)
+    limits = ac.Limits.only(joint_acceleration=2.0)
     still = np.zeros((3, 6, 1))
     still[0, 1], still[1:, 0], still[2, 1] = 1.0, 1.0, 1.0
     path = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
@@ -197,7 +197,7 @@ def test_pieces_in_which_nothing_moves_are_left_out(refuses):
         # Without an arm.
         (bent, limits.replace(joint_torque=1.0), {}, "an arm with masses"),
         (bent, None, {}, "needs an Arm"),
-        (flat, ac.Limits(speed=1.0), {}, "needs an Arm"),
+        (flat, ac.Limits.only(speed=1.0), {}, "needs an Arm"),
     ):
         call = functools.partial(ac.plan, given, limits=own, **options)
         refuses(call, ac.InvalidInput, words)
@@ -210,7 +210,7 @@ def test_a_given_grid_plans_a_cusp_that_the_default_grid_plans(count, extra):
     slopes, none = np.array([[1, 0.5], [0, 0], [-1, 0.4], [-0.8, -1.0]]), np.zeros((3, 2))
     begin, end = (q[:-1], slopes[:-1], none), (q[1:], slopes[1:], none)
     path = ac.JointPath.hermite(np.array([0.0, 0.5, 1.0, 1.6]), begin, end)
-    limits = ac.Limits(joint_acceleration=[1.0, 1.0], joint_velocity=[1.0, 1.0])
+    limits = ac.Limits.only(joint_acceleration=[1.0, 1.0], joint_velocity=[1.0, 1.0])
     grid = np.sort(np.concatenate([np.linspace(0, 1.6, count), extra]))
     expected = ac.plan(path, limits=limits).duration
     assert ac.plan(path, limits=limits, grid=grid).duration == pytest.approx(expected, rel=5e-3)

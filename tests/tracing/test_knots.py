@@ -21,4 +21,4 @@ def test_a_small_path_has_no_more_knots_than_its_turns_ask_for():
     assert len(first_knots(large, arm.span)) == len(first_knots(large, 0.0)) == 51
     traced = ac.trace(small, arm)
     s = np.linspace(0.0, small.length, 2000)
-    assert np.abs(arm.forward(traced(s)) - small(s)).max() < 1e-10
+    assert np.abs(arm.tool_position(traced(s)) - small(s)).max() < 1e-10

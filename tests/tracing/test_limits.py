@@ -1,5 +1,7 @@
 """Joints' ranges in tracing: those of the limits given rule, and refusals name what helps."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -32,7 +34,7 @@ def test_ranges_that_limits_narrow_or_widen_are_used(ur5e):
     assert len(found) >= 2
     ways = [x(S) for x in (*found, ac.trace(LINE, ur5e, limits=limits))]
     for q in ways:
-        np.testing.assert_allclose(ur5e.forward(q), LINE(S), atol=1e-9)
+        np.testing.assert_allclose(ur5e.tool_position(q), LINE(S), atol=1e-9)
     for start in (None, found[0](0.0) + 0.01):
         planned = ac.plan(LINE, ur5e, limits, start=start)
         ways.append(planned(np.linspace(0, planned.duration, 200)))
@@ -42,7 +44,7 @@ def test_ranges_that_limits_narrow_or_widen_are_used(ur5e):
     with pytest.raises(ac.Unreachable):
         ac.trace(LINE, tight)
     # Limits without ranges have none.
-    for limits in (ur5e.limits, ac.Limits()):
+    for limits in (ur5e.limits, ac.Limits.only()):
         assert len(trace_all(LINE, tight, limits=limits)) == len(trace_all(LINE, ur5e))
     assert ac.plan(LINE, tight, ur5e.limits.replace(joint_acceleration=5.0)).duration > 0
 
@@ -58,7 +60,7 @@ def test_the_velocities_of_limits_tell_the_shortest_way(ur5e):
     for joint in range(6):
         velocity = np.full(6, 3.0)
         velocity[joint] = 0.01
-        found = trace_all(LINE, ur5e, limits=ac.Limits(joint_velocity=velocity))
+        found = trace_all(LINE, ur5e, limits=ac.Limits.only(joint_velocity=velocity))
         ways = [(np.abs(np.diff(x(S), axis=0)) / velocity).max(axis=1).sum() for x in found]
         assert (np.diff(ways) > -1e-3 * max(ways)).all(), joint
 
@@ -66,15 +68,21 @@ def test_the_velocities_of_limits_tell_the_shortest_way(ur5e):
 def test_an_arm_in_the_plane_keeps_its_ranges(arm, refuses):
     free = ac.trace(FLAT, arm)
     low, high = (getattr(free(free.breaks), x)(axis=0) for x in ("min", "max"))
-    inside = ac.Limits(joint_lower=low - 1e-6, joint_upper=high + 1e-6)
+    inside = ac.Limits.only(joint_lower=low - 1e-6, joint_upper=high + 1e-6)
     found = ac.trace(FLAT, arm, limits=inside)
     np.testing.assert_array_equal(found.coefficients, free.coefficients)
     top = high[1] - 0.01
-    tight = ac.Limits(joint_lower=-3.0, joint_upper=[3.0, top])
-    data = {"joint": 2, "limit": "joint_upper", "needed": high[1], "allowed": top}
+    tight = ac.Limits.only(joint_lower=-3.0, joint_upper=[3.0, top])
+    data = {"joint": 1, "limit": "joint_upper", "needed": high[1], "allowed": top}
     for own, limits in ((arm, tight), (arm.with_limits(tight), None)):
-        refuses(lambda x=own, y=limits: ac.trace(FLAT, x, limits=y), ac.Unreachable, **data)
-    turned = ac.trace(FLAT, arm, limits=ac.Limits(joint_lower=[5.0, 0.0], joint_upper=[7.0, 3.0]))
+        trace = partial(ac.trace, FLAT, own, limits=limits, branch="positive")
+        refuses(trace, ac.Unreachable, **data)
+        # The other branch is inside, and taken where none is named.
+        other = ac.trace(FLAT, own, limits=limits)
+        assert (other(FLAT.breaks)[:, 1] < 0).all()
+    turned = ac.trace(
+        FLAT, arm, limits=ac.Limits.only(joint_lower=[5.0, 0.0], joint_upper=[7.0, 3.0])
+    )
     np.testing.assert_allclose(turned(0.1 * FLAT.length), free(0.1 * FLAT.length) + [2 * np.pi, 0])
 
 
@@ -99,7 +107,7 @@ def test_freeing_the_tool_axis_is_no_advice_where_it_is_free_already(ur5e):
     three = SerialArm(name="three", chain=chain, limits=ac.Limits())
     narrow = ranges(ur5e, 1, 0.5, 0.6)
     far, leaves = (ac.Path.polyline([(x, 0, 0.3), (4.0, 0, 0.3)]) for x in (3.0, 0.3))
-    for arm, limits in ((ur5e, narrow), (three, ac.Limits(joint_lower=2.0, joint_upper=2.1))):
+    for arm, limits in ((ur5e, narrow), (three, ac.Limits.only(joint_lower=2.0, joint_upper=2.1))):
         for path, own in ((POINTS, limits), (far, None), (leaves, None)):
             with pytest.raises(ac.Unreachable) as caught:
                 ac.trace(path.pointing([0, 0, -1]) if arm is ur5e else path, arm, limits=own)
@@ -117,7 +125,7 @@ def bump(height):
 
 
 def test_the_top_between_samples_counts(refuses):
-    limits = ac.Limits(joint_upper=[2.0, 0.5], joint_lower=[-0.1, -0.1])
+    limits = ac.Limits.only(joint_upper=[2.0, 0.5], joint_lower=[-0.1, -0.1])
     refuse_out_of_range(bump(0.5), limits)
     upper = {"limit": "joint_upper", "needed": 0.500001, "allowed": 0.5}
     lower = {"limit": "joint_lower", "needed": -0.3, "allowed": -0.1}
@@ -128,20 +136,22 @@ def test_the_top_between_samples_counts(refuses):
         found = bump(height)
         refuses(
             lambda x=found: refuse_out_of_range(x, limits), ac.Unreachable, words,
-            joint=2, s=1.0, **data,
+            joint=1, s=1.0, **data,
         )  # fmt: skip
     # Ranges may be missing or endless.
-    refuse_out_of_range(bump(5.0), ac.Limits())
-    refuse_out_of_range(bump(5.0), ac.Limits(joint_upper=[np.inf, np.inf]))
+    refuse_out_of_range(bump(5.0), ac.Limits.only())
+    refuse_out_of_range(bump(5.0), ac.Limits.only(joint_upper=[np.inf, np.inf]))
     for seed in range(20):
         rng = np.random.default_rng(seed)
         path = ac.JointPath(breaks=np.array([0.0, 1.5]), coefficients=rng.uniform(-1, 1, (1, 6, 3)))
         q = path(np.linspace(0, 1.5, 20_001))
-        refuse_out_of_range(path, ac.Limits(joint_lower=q.min() - 1e-6, joint_upper=q.max() + 1e-6))
+        refuse_out_of_range(
+            path, ac.Limits.only(joint_lower=q.min() - 1e-6, joint_upper=q.max() + 1e-6)
+        )
         with pytest.raises(ac.Unreachable) as caught:
-            refuse_out_of_range(path, ac.Limits(joint_upper=q.max() - 0.01))
+            refuse_out_of_range(path, ac.Limits.only(joint_upper=q.max() - 0.01))
         assert caught.value.needed == pytest.approx(q.max(), abs=1e-6), seed
-        assert caught.value.joint == 1 + int(np.argmax(q.max(axis=0))), seed
+        assert caught.value.joint == int(np.argmax(q.max(axis=0))), seed
 
 
 def test_every_method_refuses(traced, arm, limits):

@@ -27,7 +27,7 @@ PATHS = {
 
 def off_path(arm, path, traced):
     s = np.linspace(0, path.length, 20011)
-    return np.linalg.norm(arm.forward(traced(s)) - path(s), axis=1).max()
+    return np.linalg.norm(arm.tool_position(traced(s)) - path(s), axis=1).max()
 
 
 @pytest.mark.parametrize("branch", BRANCHES)
@@ -56,7 +56,9 @@ def test_derivatives_agree_with_exact_kinematics(arm):
         traced = ac.trace(path, arm, tolerance=1e-10)
         s = (path.breaks[:-1, None] + (np.arange(200) + 0.5) / 200 * path.lengths[:, None]).ravel()
         # By differences of the closed-form inverse along the path itself.
-        before, now, after = (np.unwrap(arm.inverse(path(s + k * h)), axis=0) for k in (-1, 0, 1))
+        before, now, after = (
+            np.unwrap(arm.joint_position(path(s + k * h)), axis=0) for k in (-1, 0, 1)
+        )
         first, second = (after - before) / (2 * h), (after - 2 * now + before) / h**2
         for k, expected, near in ((1, first, 1e-5), (2, second, 1e-3)):
             near = near * np.abs(expected).max() + (k - 1) * 1e-4
@@ -69,12 +71,12 @@ def test_corners_are_two_sided_and_the_turn_of_an_arc_jumps_in_the_second_deriva
     at = rounded.breaks[1]
     q, jump = traced(at), traced(at, 2) - traced(at, 2, side="left")
     np.testing.assert_allclose(traced(at, 1, side="left"), traced(at, 1), atol=1e-9)
-    curvature = np.linalg.solve(arm.jacobian(q), rounded(at, 2, side="right"))
+    curvature = np.linalg.solve(arm.tool_jacobian(q), rounded(at, 2, side="right"))
     np.testing.assert_allclose(jump, curvature, rtol=1e-6)
     sharp = ac.trace(objective, arm)
     for at in objective.stops:
         for side in ("left", "right"):
-            tool = arm.jacobian(sharp(at)) @ sharp(at, 1, side=side)
+            tool = arm.tool_jacobian(sharp(at)) @ sharp(at, 1, side=side)
             np.testing.assert_allclose(tool, objective(at, 1, side=side), atol=1e-9)
 
 

@@ -1,6 +1,6 @@
 """Arms: kinematics, dynamics and limits. Knows no path, no time and no file."""
 
-from armcontour.arms.arm import Arm, choose_limits
+from armcontour.arms.arm import Arm, compare_limits, resolve_limits
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.dynamics import Dynamics
 from armcontour.arms.limits import Limits
@@ -15,5 +15,6 @@ __all__ = [
     "Payload",
     "PlanarTwoLink",
     "SerialArm",
-    "choose_limits",
+    "compare_limits",
+    "resolve_limits",
 ]

@@ -14,7 +14,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, Locked
 from armcontour._describing import several
 from armcontour.arms.chain import Chain, Payload
-from armcontour.arms.limits import Limits
+from armcontour.arms.limits import DIRECTED, JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
 from armcontour.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 # The step along the motion for the derivative of the rate of the Jacobian [rad]: truncation, its
 # fourth power over 30, and rounding, 1e-16 over it, are about equal.
 STEP = 1e-3
+# A limit that exceeds the arm's by less than this share, or angle of a range [rad], is the arm's,
+# rounded to the digits that people write.
+SAME_LIMIT = 1e-3
 # A point that is so far out of reach more probably has a wrong unit than a wrong place [m]: arms
 # reach 0.5 to 4 m, and points in mm that are taken as m are hundreds of metres away.
 FAR_OUT = 20.0
@@ -36,26 +39,94 @@ def hint_at_unit(gap: float) -> str:
     return "; lengths without a unit are metres: one may be missing (for drawings --units mm)"
 
 
-def choose_limits(user: str, arm: Arm, limits: Limits | None) -> Limits:
-    """The given limits, or those of the arm, with one value per joint.
+def resolve_limits(
+    user: str, arm: Arm, limits: Limits | None, planned: Limits | None = None
+) -> Limits:
+    """The limits that hold: the given ones, else those of a plan, else the arm's, value by value.
 
     Args:
         user: What needs them, the first words of the message.
         arm: The arm.
-        limits: The given limits, or None.
+        limits: The given limits; None if none are given.
+        planned: The limits of the plan that is used; None if there is none, or it has none.
+
+    Returns:
+        The limits with one value per joint; no limit is None that the arm has and nothing lifts.
 
     Raises:
-        InvalidInput: They are no limits, or are for another number of joints, or it is no arm.
+        InvalidInput: They are no limits, are for another number of joints or leave a joint no
+            range, or it is no arm.
     """
     # To time a joint path, an arm needs a number of joints and limits only.
-    if not (hasattr(arm, "dof") and hasattr(arm, "limits")):
+    # A trajectory has both, too, and can be called.
+    if callable(arm) or not (hasattr(arm, "dof") and hasattr(arm, "limits")):
         _checks.refuse_other(user, arm, Arm)
     if limits is not None and not isinstance(limits, Limits):
         raise InvalidInput(
             f"{user} needs Limits, such as arm.limits.replace(speed=0.1), not "
             f"{type(limits).__name__}."
         )
-    return (arm.limits if limits is None else limits).for_joints(arm.dof)
+    first, *others = (x for x in (limits, planned, arm.limits) if x is not None)
+    resolved = first.for_joints(arm.dof)
+    for x in others:
+        resolved = resolved.over(x.for_joints(arm.dof))
+    return resolved
+
+
+def compare_limits(limits: Limits, arm: Arm) -> str:
+    """A sentence on the limits that are above the arm's own; empty if there are none.
+
+    Lifted limits do not count.
+
+    Args:
+        limits: The limits, with one value per joint.
+        arm: The arm.
+    """
+    above = []
+    for name, unit in UNITS.items():
+        values, own = getattr(limits, name), getattr(arm.limits, name)
+        if values is None or own is None or values is own:
+            continue
+        asked, has = (_as_ceilings(name, x, arm.dof) for x in (values, own))
+        scale = np.maximum(np.abs(has), 1.0 if name in JOINT_RANGE else 0.0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            excess = np.where(np.isfinite(asked) & np.isfinite(has), (asked - has) / scale, 0.0)
+        side, j = np.unravel_index(int(excess.argmax()), excess.shape)
+        if excess[side, j] > SAME_LIMIT:
+            sign = -1.0 if side or name == "joint_lower" else 1.0
+            factor = 1e3 if name in TOOL_LIMITS and unit.startswith("m/") else 1.0
+            joint = "" if name in TOOL_LIMITS else f" of joint {j + 1}"
+            written = f"m{unit}" if factor > 1 else unit
+            here, there = (f"{sign * factor * x[side, j]:.6g} {written}" for x in (asked, has))
+            above.append(f"{name}{joint} is {here}, the arm's {there}")
+    if not above:
+        return ""
+    called = getattr(arm, "name", "without a name")
+    return (
+        f"limits are above those of the arm {called}, so a real one may not follow the plan: "
+        f"{'; '.join(above)}."
+    )
+
+
+def _as_ceilings(name: str, values: npt.ArrayLike, dof: int) -> FloatArray:
+    """Values of a limit that larger numbers widen: upward, and downward if there are two.
+
+    Args:
+        name: Name of the limit.
+        values: Its values.
+        dof: Number of joints.
+
+    Returns:
+        (1, 1), (1, dof) or (2, dof).
+    """
+    array = np.asarray(values, dtype=np.float64)
+    if name in TOOL_LIMITS:
+        return array.reshape(1, 1)
+    if array.ndim == 2:
+        return np.stack([array[:, 1], -array[:, 0]])
+    sign = -1.0 if name == "joint_lower" else 1.0
+    rows = 2 if name in DIRECTED else 1
+    return sign * np.broadcast_to(array, (rows, dof))
 
 
 class Arm(Locked, ABC):
@@ -113,12 +184,13 @@ class Arm(Locked, ABC):
         """The arm with other limits.
 
         Args:
-            limits: The new limits, one value for all joints or one per joint.
+            limits: The new limits, one value for all joints or one per joint; limits that are not
+                given stay.
 
         Raises:
             InvalidInput: The number of values differs from the number of joints.
         """
-        own = limits.for_joints(self.dof)
+        own = resolve_limits("with_limits", self, limits)
         return self if own is self.limits else self._copy(limits=own)
 
     def with_name(self, name: str) -> Self:
@@ -292,7 +364,7 @@ class Arm(Locked, ABC):
         return Dynamics(self.chain)
 
     @abstractmethod
-    def forward(self, q: npt.ArrayLike) -> FloatArray:
+    def tool_position(self, q: npt.ArrayLike) -> FloatArray:
         """Tool points [m] of joint positions [rad].
 
         Args:
@@ -300,7 +372,7 @@ class Arm(Locked, ABC):
         """
 
     @abstractmethod
-    def jacobian(self, q: npt.ArrayLike) -> FloatArray:
+    def tool_jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Tool velocity per joint velocity [m/rad], (n, dimension, dof).
 
         Args:
@@ -308,8 +380,8 @@ class Arm(Locked, ABC):
         """
 
     @abstractmethod
-    def jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Time derivative of the Jacobian at the joint velocities `dq`, (n, dimension, dof).
+    def tool_jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
+        """Time derivative of `tool_jacobian` at the joint velocities `dq`, (n, dimension, dof).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -331,7 +403,7 @@ class Arm(Locked, ABC):
             q: Joint positions [rad], (..., dof).
             dq: Joint velocities [rad/s], same shape.
         """
-        return np.asarray(np.einsum("...ij,...j->...i", self.jacobian(q), np.asarray(dq)))
+        return np.asarray(np.einsum("...ij,...j->...i", self.tool_jacobian(q), np.asarray(dq)))
 
     def tool_acceleration(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
@@ -343,7 +415,7 @@ class Arm(Locked, ABC):
             dq: Joint velocities [rad/s], same shape.
             ddq: Joint accelerations [rad/s²], same shape.
         """
-        coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(q, dq), np.asarray(dq))
+        coupling = np.einsum("...ij,...j->...i", self.tool_jacobian_rate(q, dq), np.asarray(dq))
         return np.asarray(self.tool_velocity(q, ddq) + coupling)
 
     def tool_jerk(
@@ -366,11 +438,11 @@ class Arm(Locked, ABC):
         way = rate / np.where(total > 0, total, 1.0)
 
         def bias(along: float) -> FloatArray:
-            jacobian_rate = self.jacobian_rate(at + along * STEP * way, way)
+            jacobian_rate = self.tool_jacobian_rate(at + along * STEP * way, way)
             return np.asarray(np.einsum("...ij,...j->...i", jacobian_rate, way))
 
         change = (8 * (bias(1) - bias(-1)) - (bias(2) - bias(-2))) / (12 * STEP)
-        coupling = np.einsum("...ij,...j->...i", self.jacobian_rate(at, rate), second)
+        coupling = np.einsum("...ij,...j->...i", self.tool_jacobian_rate(at, rate), second)
         return np.asarray(self.tool_velocity(at, dddq) + 3 * coupling + change * total**3)
 
     def tool_motion(

@@ -27,6 +27,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
 BODIES = ("masses", "centers", "inertias")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Payload(Value):
     """A load at the tool, in the frame of the chain's tip.
@@ -41,8 +42,8 @@ class Payload(Value):
         InvalidInput: The mass is negative, or no body can have this inertia.
     """
 
-    mass: Mass
-    center: FloatArray = field(default_factory=lambda: np.zeros(3))
+    mass: Mass = field(kw_only=False)
+    center: FloatArray = field(default_factory=lambda: np.zeros(3), kw_only=False)
     inertia: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
 
     def __post_init__(self) -> None:
@@ -56,6 +57,7 @@ class Payload(Value):
         object.__setattr__(self, "inertia", _checks.lock_floats(inertia))
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chain(Value):
     """Revolute joints in series, each with the link after the joint; arrays have one row per joint.

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms.chain import Chain, joint_frames
+from armcontour.arms.limits import Limits, or_unlimited
 from armcontour.errors import InvalidInput
 
 
@@ -218,13 +219,28 @@ def _numbers(chain: Chain) -> FloatArray:
     return found
 
 
+def pinocchio_model(chain: Chain, limits: Limits) -> Any:
+    """As `ChainArm.pinocchio`."""
+    pin, dof = pinocchio(), len(chain)
+    model = _model(pin, chain)
+    for name, place in (("tip", chain.tip), ("tool", chain.tip @ chain.tool)):
+        at = pin.SE3(np.array(place.rotation), np.array(place.position))
+        model.addFrame(pin.Frame(name, dof, at, pin.FrameType.OP_FRAME))
+    model.lowerPositionLimit, model.upperPositionLimit = limits.joint_range(dof)
+    model.velocityLimit = limits.velocity_bounds(dof)[1]
+    model.effortLimit = or_unlimited(limits.joint_torque, dof)
+    for name in ("armature", "damping", "upperDryFrictionLimit"):
+        values = {"damping": chain.viscous, "upperDryFrictionLimit": chain.coulomb}
+        setattr(model, name, np.array(values.get(name, chain.armature)))
+    return model
+
+
 def _model(pin: Any, chain: Chain) -> Any:
-    """Pinocchio's model of a chain with its payload."""
+    """Pinocchio's model of a chain with its payload; without masses the links have none."""
     model = pin.Model()
     model.gravity.linear = np.array(chain.gravity)
     joint = 0
     identity = pin.SE3.Identity()
-    assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
     for k, name in enumerate(chain.joints):
         joint = model.addJoint(
             joint,
@@ -232,10 +248,11 @@ def _model(pin: Any, chain: Chain) -> Any:
             pin.SE3(np.array(chain.rotations[k]), np.array(chain.positions[k])),
             name,
         )
-        body = pin.Inertia(
-            float(chain.masses[k]), np.array(chain.centers[k]), np.array(chain.inertias[k])
-        )
-        model.appendBodyToJoint(joint, body, identity)
+        if chain.masses is not None and chain.centers is not None and chain.inertias is not None:
+            body = pin.Inertia(
+                float(chain.masses[k]), np.array(chain.centers[k]), np.array(chain.inertias[k])
+            )
+            model.appendBodyToJoint(joint, body, identity)
     if chain.payload is not None:
         load = chain.payload
         body = pin.Inertia(load.mass, np.array(load.center), np.array(load.inertia))

@@ -6,14 +6,20 @@ They are known in closed form for most arms of six joints; else they are searche
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._pool import map_in_threads, split_evenly
 from armcontour.arms import _newton
-from armcontour.arms.serial import SerialArm
+from armcontour.arms.arm import hint_at_unit
+from armcontour.arms.planar import PlanarTwoLink
+from armcontour.arms.serial import ChainArm, SerialArm
+from armcontour.errors import InvalidInput, Unreachable
+from armcontour.frames import UNTURNED, Pose, read_poses
 
-# Task dimension of the whole pose, for which there are closed forms.
-WHOLE = 6
+# Task dimension of the whole pose, for which there are closed forms, and that of the tool point.
+WHOLE, POINT = 6, 3
 # Number of joint positions that the search starts from. With this number the search found all
 # eight configurations of a common six-joint arm in each of thousands of random poses.
 SEEDS = 400
@@ -22,6 +28,8 @@ SEEDS = 400
 SEARCH_WEIGHT = 0.5
 REACH_WEIGHT = 10.0
 MOST_STEPS = 200
+# To find the distance of a pose that is out of reach, this number of them is tried.
+REACH_SEEDS = 60
 # The search from all of them is shared by threads in so many parts.
 PARTS = 8
 # A pose is reached if position and orientation are closer than this [m, rad].
@@ -30,6 +38,102 @@ MET = 1e-8
 # many solutions, so only solutions that differ a lot are listed.
 APART = 1e-3
 APART_REDUNDANT = 0.5
+
+
+def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool) -> FloatArray:
+    """As `ChainArm.inverse`; `every` is its `all`."""
+    points, axes = read_poses("pose", pose)
+    if every and points.ndim > 1:
+        raise InvalidInput(f"All configurations are those of one pose, not of {points.shape[:-1]}.")
+    rows = points.reshape(-1, points.shape[-1])
+    start = None if near is None else _checks.per_joint("near", near, arm.dof, "rad")
+    if isinstance(arm, PlanarTwoLink):
+        if rows[:, 2:].any():
+            raise InvalidInput(f"The arm {arm.name} moves in the plane: z of a pose must be 0.")
+        known = np.stack([arm.joint_position(rows[:, :2], x) for x in arm.branches], axis=1)
+    elif rows.shape[1] != 3:
+        raise InvalidInput(f"The arm {arm.name} moves in space: give x, y and z of a position.")
+    turned = np.broadcast_to(
+        UNTURNED if axes is None else axes.reshape(-1, 3, 3), (len(rows), 3, 3)
+    )
+    solutions: list[FloatArray] = []
+    for i, point in enumerate(rows):
+        gap = 0.0
+        if isinstance(arm, PlanarTwoLink):
+            found = known[i]
+        else:
+            assert isinstance(arm, SerialArm)
+            target, task = np.column_stack([turned[i], point]), POINT if axes is None else WHOLE
+            found = configurations(arm, target, task)
+            if start is not None and task < arm.dof:
+                # Of infinitely many, the sample need not have one that is near.
+                found = np.concatenate([configurations(arm, target, task, start), found])
+            if not len(found):
+                gap = float(out_of_reach(arm, target[None], task, seeds(arm)[:REACH_SEEDS])[0])
+        inside = _within_ranges(arm, found, start)
+        if not len(inside):
+            _refuse(arm, i, point, found, gap)
+        if every:
+            return inside
+        start = inside[0]
+        solutions.append(start)
+    return np.reshape(solutions, (*points.shape[:-1], arm.dof))
+
+
+def _within_ranges(arm: ChainArm, found: FloatArray, near: FloatArray | None) -> FloatArray:
+    """Solutions within the joint ranges, the nearest to a position or to the middle first."""
+    turned = [shift_by_turns(arm, q[None], near) for q in found]
+    inside = np.array([q[0] for q, fits in turned if fits]).reshape(-1, arm.dof)
+    away = np.abs(inside - (_middle(arm) if near is None else near)).max(axis=1)
+    return np.asarray(inside[np.argsort(away, kind="stable")])
+
+
+def _refuse(arm: ChainArm, index: int, point: FloatArray, found: FloatArray, gap: float) -> None:
+    """Raise Unreachable for a pose: it has no solution, or only ones out of the joint ranges."""
+    if len(found):
+        why = f"with joints out of their ranges only, such as {np.round(found[0], 4).tolist()} rad"
+    elif gap > MET:
+        why = f"as the tool stays {gap:.3g} m away"
+    else:
+        why = "with this rotation"
+    raise Unreachable(
+        f"The arm {arm.name} does not reach the pose at {tuple(np.round(point, 6).tolist())} m "
+        f"{why}: move or turn the pose{hint_at_unit(gap)}.",
+        point=point.tolist(),
+        index=index,
+        limit="range" if len(found) else "reach",
+        needed=gap,
+        allowed=0.0,
+    )
+
+
+def _middle(arm: ChainArm) -> FloatArray:
+    """Middle of each joint range [rad], 0 for a range without both ends, (dof,)."""
+    lower, upper = arm.limits.joint_range(arm.dof)
+    both = np.isfinite(lower) & np.isfinite(upper)
+    return np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2
+
+
+def shift_by_turns(
+    arm: ChainArm, q: FloatArray, start: FloatArray | None = None
+) -> tuple[FloatArray, bool]:
+    """The positions, shifted by whole turns, and whether they are in the joint ranges then.
+
+    They are as near to the start as the ranges allow, or as near to the middle of the ranges as
+    possible. A joint whose range has one end only is shifted into its range.
+    """
+    lower, upper = arm.limits.joint_range(arm.dof)
+    low, high, turn = q.min(axis=0), q.max(axis=0), 2 * np.pi
+    both = np.isfinite(lower) & np.isfinite(upper)
+    middle = _middle(arm)
+    least = np.where(both, -np.inf, np.ceil((lower - low) / turn))
+    most = np.where(both, np.inf, np.floor((upper - high) / turn))
+    turns = np.rint((middle - (low + high) / 2) / turn)
+    shift = turn * np.minimum(np.maximum(turns, least), most)
+    if start is not None:
+        near = turn * np.rint((start - q[0]) / turn)
+        shift = np.where((low + near >= lower) & (high + near <= upper), near, shift)
+    return q + shift, bool(((low + shift >= lower) & (high + shift <= upper)).all())
 
 
 def configurations(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,18 +13,18 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, Value
-from armcontour._describing import brief, digits, line_up
+from armcontour._describing import brief, digits, line_up, to_html
 from armcontour._quantities import (
-    Acceleration,
-    AngularRate,
-    AngularRateChange,
-    Jerk,
+    AccelerationLimit,
+    AngularAccelerationLimit,
+    AngularSpeedLimit,
+    JerkLimit,
     JointAccelerations,
-    JointAngles,
     JointJerks,
+    JointRanges,
     JointTorques,
     JointVelocities,
-    Speed,
+    SpeedLimit,
 )
 from armcontour.errors import InvalidInput
 
@@ -47,14 +48,18 @@ TOOL_LIMITS = {
 }
 # Limits of jerk, which only the method optimal keeps.
 JERK_LIMITS = ("joint_jerk", "tool_jerk", "path_jerk")
-# The unit of every field of `Limits` with one value for all joints or one per joint, and of all.
+# The unit of every limit with one value for all joints or one per joint, and of every limit.
 JOINT_VALUES = JOINT_LIMITS | dict.fromkeys(JOINT_RANGE, "rad")
 UNITS = JOINT_VALUES | TOOL_LIMITS
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Limits(Value):
-    """Limits of the joints and of the tool; what is not given is not limited.
+    """Limits of the joints and of the tool.
+
+    Limits replace those of an arm value by value: None is the arm's own limit, infinity lifts it.
+    In a lifted limit, the value is None, too, and `lifted` has its name.
 
     Args:
         joint_acceleration: Largest acceleration of each joint, either way [rad/s²], (dof,); or the
@@ -72,6 +77,9 @@ class Limits(Value):
         tool_jerk: Largest jerk of the tool, as a vector's length [m/s³].
         path_jerk: Largest third derivative of the arc length over time, either way [m/s³].
 
+    Attributes:
+        lifted: Names of the limits that are lifted.
+
     Raises:
         InvalidInput: A limit that is not above zero, bounds that zero is not between, or a range
             that is empty.
@@ -81,17 +89,23 @@ class Limits(Value):
     joint_velocity: JointVelocities | None = None
     joint_torque: JointTorques | None = None
     joint_jerk: JointJerks | None = None
-    joint_lower: JointAngles | None = None
-    joint_upper: JointAngles | None = None
-    speed: Speed | None = None
-    tool_acceleration: Acceleration | None = None
-    centripetal_acceleration: Acceleration | None = None
-    angular_speed: AngularRate | None = None
-    angular_acceleration: AngularRateChange | None = None
-    tool_jerk: Jerk | None = None
-    path_jerk: Jerk | None = None
+    joint_lower: JointRanges | None = None
+    joint_upper: JointRanges | None = None
+    speed: SpeedLimit | None = None
+    tool_acceleration: AccelerationLimit | None = None
+    centripetal_acceleration: AccelerationLimit | None = None
+    angular_speed: AngularSpeedLimit | None = None
+    angular_acceleration: AngularAccelerationLimit | None = None
+    tool_jerk: JerkLimit | None = None
+    path_jerk: JerkLimit | None = None
+    lifted: frozenset[str] = field(default=frozenset(), init=False)
 
     def __post_init__(self) -> None:
+        lifted = {x for x in UNITS if _is_endless(x, getattr(self, x))}
+        if lifted:
+            for name in lifted:
+                object.__setattr__(self, name, None)
+            object.__setattr__(self, "lifted", frozenset(lifted))
         for name in JOINT_LIMITS:
             values = getattr(self, name)
             if values is not None:
@@ -99,20 +113,24 @@ class Limits(Value):
                 object.__setattr__(self, name, _checks.lock_floats(values))
         for name in JOINT_RANGE:
             self._check_range(name)
-        if self.joint_lower is not None and self.joint_upper is not None:
-            self._refuse_empty(self.joint_lower, self.joint_upper)
+        self._refuse_empty_range()
         for name, unit in TOOL_LIMITS.items():
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, _checks.positive(name, value, unit))
 
     def __str__(self) -> str:
-        """The limits that are given, with their units."""
-        given = {x: getattr(self, x) for x in UNITS if getattr(self, x) is not None}
-        rows = [(x, f"{_list_values(values)} {UNITS[x]}") for x, values in given.items()]
+        """The limits that are given or lifted, with their units."""
+        given = {x: getattr(self, x) for x in UNITS}
+        rows = [
+            (x, "none" if values is None else f"{_list_values(values)} {UNITS[x]}")
+            for x, values in given.items()
+            if values is not None or x in self.lifted
+        ]
         return line_up("Limits" if rows else "Limits: none", rows)
 
     __repr__ = brief
+    _repr_html_ = to_html
 
     def _check_joints(self, name: str, values: FloatArray) -> None:
         unit = JOINT_LIMITS[name]
@@ -142,7 +160,10 @@ class Limits(Value):
             limit=name,
         )
 
-    def _refuse_empty(self, lower: FloatArray, upper: FloatArray) -> None:
+    def _refuse_empty_range(self) -> None:
+        lower, upper = self.joint_lower, self.joint_upper
+        if lower is None or upper is None:
+            return
         if len({x.size for x in (lower, upper)} - {1}) > 1:
             raise InvalidInput(
                 f"joint_lower has {lower.size} values, but joint_upper {upper.size}: give one for "
@@ -170,35 +191,78 @@ class Limits(Value):
                 f"{name} must be between -{_checks.LARGEST:g} and {_checks.LARGEST:g} rad, or "
                 f"infinite where there is none, but is {float(array[far].flat[0]):g} rad."
             )
+        # Infinity means no end of the range, whatever its sign.
+        sign = -1.0 if name == "joint_lower" else 1.0
+        if np.isinf(array).any():
+            array = _checks.lock_floats(np.where(np.isinf(array), sign * np.inf, array))
         object.__setattr__(self, name, array)
 
     def replace(self, **changes: Any) -> Limits:
-        """The same limits with some of them changed; None lifts one.
+        """The same limits with some of them changed.
 
         Args:
-            changes: New values by the names of the limits.
+            changes: New values by the names of the limits. Infinity lifts a limit; None stands for
+                the limit of the arm with which the limits are used.
 
         Raises:
             InvalidInput: An unknown name, or a value that is not a limit.
         """
-        known = [x.name for x in dataclasses.fields(self)]
         for name in changes:
-            if name not in known:
-                raise InvalidInput(f"Unknown limit {name!r}: the limits are {', '.join(known)}.")
-        return dataclasses.replace(self, **changes)
+            if name not in UNITS:
+                raise InvalidInput(f"Unknown limit {name!r}: the limits are {', '.join(UNITS)}.")
+        return dataclasses.replace(self, **(dict.fromkeys(self.lifted, math.inf) | changes))
 
-    def _with(self, changes: Mapping[str, FloatArray | None]) -> Limits:
-        """The same limits with some lifted, or replaced by others that need no check."""
-        found = object.__new__(Limits)
+    @classmethod
+    def only(cls, **values: Any) -> Limits:
+        """The given limits, with all others lifted, so that no limit of an arm is left.
+
+        Args:
+            values: Values by the names of the limits.
+
+        Raises:
+            InvalidInput: As of `replace`.
+        """
+        given = cls().replace(**values)
+        return given._without(x for x in UNITS if getattr(given, x) is None)
+
+    @_checks.checked
+    def over(self, others: Limits) -> Limits:
+        """These limits, and where they have neither a value nor lift one, the others.
+
+        Args:
+            others: The other limits, such as those of an arm.
+
+        Raises:
+            InvalidInput: A joint range is empty.
+        """
+        missing = [x for x in UNITS if getattr(self, x) is None and x not in self.lifted]
+        added = {x: y for x in missing if (y := getattr(others, x)) is not None}
+        lifted = others.lifted.intersection(missing)
+        if not added and not lifted:
+            return self
+        merged = self._with(added, self.lifted | lifted)
+        if not added.keys().isdisjoint(JOINT_RANGE):
+            merged._refuse_empty_range()
+        return merged
+
+    def _with(self, changes: Mapping[str, Any], lifted: frozenset[str]) -> Limits:
+        """The same limits with some replaced by others that need no check, and those lifted."""
+        changed = object.__new__(Limits)
         for name in UNITS:
-            object.__setattr__(found, name, changes.get(name, getattr(self, name)))
-        return found
+            object.__setattr__(changed, name, changes.get(name, getattr(self, name)))
+        object.__setattr__(changed, "lifted", lifted)
+        return changed
+
+    def _without(self, names: Iterable[str]) -> Limits:
+        """The same limits with some lifted."""
+        names = tuple(names)
+        lifted = self.lifted.union(names)
+        return self if lifted == self.lifted else self._with(dict.fromkeys(names), lifted)
 
     @property
     def of_joints(self) -> Limits:
         """The limits and ranges of the joints, without the limits of the tool."""
-        given = any(getattr(self, name) is not None for name in TOOL_LIMITS)
-        return self._with(dict.fromkeys(TOOL_LIMITS)) if given else self
+        return self._without(TOOL_LIMITS)
 
     @property
     def jerk_limits(self) -> tuple[str, ...]:
@@ -209,13 +273,12 @@ class Limits(Value):
     @property
     def without_jerk(self) -> Limits:
         """The limits without those of jerk."""
-        given = any(getattr(self, name) is not None for name in JERK_LIMITS)
-        return self._with(dict.fromkeys(JERK_LIMITS)) if given else self
+        return self._without(JERK_LIMITS)
 
     @property
     def of_tool(self) -> Limits:
         """The limits of the tool, without the limits and ranges of the joints."""
-        return self._with(dict.fromkeys((*JOINT_LIMITS, *JOINT_RANGE)))
+        return self._without(JOINT_VALUES)
 
     def for_joints(self, dof: int) -> Limits:
         """The same limits with one value per joint.
@@ -245,7 +308,7 @@ class Limits(Value):
                 _checks.per_joint(name, np.where(np.isinf(values), 0.0, values), dof, unit)
             one_each = changes[name] = np.full(dof, values)
             one_each.setflags(write=False)
-        return self._with(changes) if changes else self
+        return self._with(changes, self.lifted) if changes else self
 
     def acceleration_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower (negative) and upper bound of every joint's acceleration, infinite without one.
@@ -293,6 +356,22 @@ class Limits(Value):
         """Whether every joint may accelerate alike in both directions."""
         values = self.joint_acceleration
         return values is None or values.ndim < 2 or bool((values.sum(axis=1) == 0).all())
+
+
+def _is_endless(name: str, values: Any) -> bool:
+    """Whether a limit is infinite for every joint, in both directions."""
+    if values is None or isinstance(values, str):
+        return False
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        # Refused by its check.
+        return False
+    if name in TOOL_LIMITS and array.ndim:
+        return False
+    if array.ndim == 2 and array.shape[1] == 2:
+        array = array * (-1.0, 1.0)
+    return bool(array.size and np.isposinf(array).all())
 
 
 def _list_values(values: npt.ArrayLike) -> str:

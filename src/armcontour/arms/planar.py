@@ -130,7 +130,7 @@ class PlanarTwoLink(ChainArm):
         """Length of all links together [m]."""
         return self.reach[1]
 
-    def inverse(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
+    def joint_position(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
         """Joint positions [rad] that put the tool at the points, (..., 2), eq. (3)-(4).
 
         The quadrant of (3) is corrected; theta1 is within (-2 pi, 2 pi).
@@ -158,6 +158,15 @@ class PlanarTwoLink(ChainArm):
             self.link2 * np.sin(q2), self.link1 + self.link2 * np.cos(q2)
         )
         return np.stack([q1, q2], axis=-1)
+
+    def branch_of(self, q: npt.ArrayLike) -> str:
+        """The one of `branches` to which joint positions belong.
+
+        Args:
+            q: Joint positions [rad], (2,).
+        """
+        bend = float(np.sin(_checks.shaped("joint positions", q, (2,), "rad")[1]))
+        return self.branches[0 if bend >= 0 else 1]
 
     def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
         """Joint velocities [rad/s] that give the tool the velocity `velocity`, eq. (28).
@@ -193,7 +202,7 @@ class PlanarTwoLink(ChainArm):
     def _solve(self, q: npt.ArrayLike, right: FloatArray) -> FloatArray:
         """Solve `J(q) x = right` for x, (..., 2)."""
         self._common_shape([_checks.floats("states of an arm", q), right])
-        jacobian = self.jacobian(q)
+        jacobian = self.tool_jacobian(q)
         try:
             return np.asarray(np.linalg.solve(jacobian, right[..., None])[..., 0])
         except np.linalg.LinAlgError:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from functools import cached_property
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +15,7 @@ from armcontour.arms.arm import Arm
 from armcontour.arms.chain import Chain, Payload, link_table
 from armcontour.arms.closed_form import ClosedForm
 from armcontour.arms.limits import Limits
-from armcontour.frames import Frame
+from armcontour.frames import Frame, Pose, transforms
 
 # Joint axes are parallel if the sine of their angle is below this, for rounding errors.
 PARALLEL = 1e-9
@@ -41,6 +43,22 @@ class ChainArm(Arm):
         self.limits_hint = limits_hint
         self.link_table = link_table(chain)
 
+    @property
+    def pinocchio(self) -> Any:
+        """A new `pinocchio.Model` of the arm in the frame of its base.
+
+        It has the masses, the payload, friction and limits, and the frames `tip` and `tool`.
+
+            model = arm.pinocchio
+            mass = pinocchio.crba(model, model.createData(), q)
+
+        Raises:
+            InvalidInput: pinocchio is not installed.
+        """
+        from armcontour.arms.dynamics import pinocchio_model
+
+        return pinocchio_model(self.chain, self.limits)
+
     @cached_property
     def span(self) -> float:
         """Distances from joint to joint, and on to the tool, together [m]."""
@@ -48,22 +66,92 @@ class ChainArm(Arm):
         parts = np.concatenate([self.chain.positions, end.position[None]])
         return float(np.linalg.norm(parts, axis=1).sum())
 
+    @_checks.checked
     def forward(self, q: npt.ArrayLike) -> FloatArray:
+        """Poses of the tool in the work frame as homogeneous transforms, (..., 4, 4).
+
+        An arm in the plane has such poses, too: they lie in the plane z = 0.
+
+            arm = load_arm("ur5e")
+            arm.forward(np.zeros(6))[:3, 3]  # the tool point [m]
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+
+        Raises:
+            InvalidInput: The number of columns is not that of the joints.
+        """
+        return transforms(self.poses(q))
+
+    @_checks.checked
+    def inverse(
+        self,
+        pose: Pose,
+        near: npt.ArrayLike | None = None,
+        all: bool = False,  # noqa: A002, FBT001, FBT002
+    ) -> FloatArray:
+        """Joint positions [rad] with which the tool has a pose, (dof,), within the joint ranges.
+
+        In closed form for arms of two joints and most arms of six; else by a search.
+
+            q = arm.inverse(arm.forward(start), near=start)
+            elbow_up_and_down = arm.inverse(Frame((0.4, 0.1, 0.3), flipped), all=True)
+
+        Args:
+            pose: The pose in the work frame: a 4 by 4 transform, a pinocchio.SE3 or a Frame. A
+                position alone [m] leaves the rotation free, and so does an arm in the plane, whose
+                poses have z = 0. Of several poses, (n, 4, 4), each starts from the one before it.
+            near: Joint positions [rad] to which the solution is nearest, (dof,); by default the
+                middle of the joint ranges.
+            all: Whether all configurations for one pose are returned, the nearest first, (k, dof).
+                They do not differ by whole turns. Of infinitely many, these are some.
+
+        Raises:
+            Unreachable: No joint positions within the ranges reach the pose.
+            InvalidInput: It is no pose, or `near` is for another number of joints.
+        """
+        # An import by name: the solvers take the arms of this file.
+        solvers: Any = import_module("armcontour.arms.inverse")
+        return np.asarray(solvers.solve(self, pose, near, every=all))
+
+    @_checks.checked
+    def jacobian(self, q: npt.ArrayLike) -> FloatArray:
+        """Geometric Jacobian: twist of the tool per joint velocity, (..., 6, dof).
+
+        The first three rows are the velocity of the tool point [m/rad], the last three the angular
+        velocity [rad/rad], along the axes of the work frame; pinocchio calls that
+        `LOCAL_WORLD_ALIGNED`.
+
+            arm = load_arm("ur5e")
+            twist = arm.jacobian(q) @ dq
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+
+        Raises:
+            InvalidInput: The number of columns is not that of the joints.
+        """
+        from armcontour.arms._kinematics import jacobians
+
+        leading, (rows,) = self._rows(q)
+        return np.asarray(jacobians(self.link_table, rows).reshape(*leading, 6, self.dof))
+
+    def tool_position(self, q: npt.ArrayLike) -> FloatArray:
         """Tool points [m], (n, dimension), in the plane eq. (1)-(2)."""
         return self.poses(q)[..., : self.dimension, 3].copy()
 
     def links(self, q: npt.ArrayLike) -> FloatArray:
         """Points of all joints and of the tool, (n, dof + 1, dimension) [m]."""
         found = self._frames(q)[..., : self.dimension, 3].copy()
-        found[..., -1, :] = self.forward(q)
+        found[..., -1, :] = self.tool_position(q)
         return found
 
-    def jacobian(self, q: npt.ArrayLike) -> FloatArray:
+    def tool_jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Tool velocity per joint velocity [m/rad], (n, dimension, dof)."""
-        return self._twist_jacobian(q)[..., : self.dimension, :]
+        return self.jacobian(q)[..., : self.dimension, :]
 
-    def jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Time derivative of the Jacobian at the joint velocities `dq`, (n, dimension, dof)."""
+    def tool_jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
+        """Time derivative of `tool_jacobian` at the joint velocities `dq`, (n, dimension, dof)."""
         leading, (rows, rates) = self._rows(q, dq)
         frames = self._frames(rows)
         points, directions = frames[..., 3], frames[:, :-1, :, 2]
@@ -126,13 +214,6 @@ class ChainArm(Arm):
         leading, (rows,) = self._rows(q)
         return np.asarray(frames_of(self.link_table, rows).reshape(*leading, self.dof + 1, 3, 4))
 
-    def _twist_jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """Velocity and angular velocity of the tool per joint velocity, (..., 6, dof)."""
-        from armcontour.arms._kinematics import jacobians
-
-        leading, (rows,) = self._rows(q)
-        return np.asarray(jacobians(self.link_table, rows).reshape(*leading, 6, self.dof))
-
 
 class SerialArm(ChainArm):
     """A serial arm in space.
@@ -176,29 +257,29 @@ class SerialArm(ChainArm):
     def moves_in_a_plane(self) -> bool:
         """Whether all joints are parallel, so that the tool stays in a plane."""
         # The rows of the angular velocity are the axes of the joints.
-        axes = self.twist_jacobian(np.zeros(self.dof))[3:]
+        axes = self.jacobian(np.zeros(self.dof))[3:]
         return bool(np.linalg.matrix_rank(axes, tol=PARALLEL) < 2)
 
     @_checks.checked
-    def with_tool(self, tool: Frame, payload: Payload | None = None) -> SerialArm:
+    def with_tool(self, tool: Pose, payload: Payload | None = None) -> SerialArm:
         """A copy of the arm with another tool.
 
         Args:
-            tool: Tool frame in the frame of the tip. Its origin follows paths; its z axis is the
-                tool axis.
+            tool: Tool frame in the frame of the tip: a Frame, a 4 by 4 transform, a pinocchio.SE3
+                or a position [m]. Its origin follows paths; its z axis is the tool axis.
             payload: Load at the tip; by default the load of this arm.
         """
         carried = self.chain.payload if payload is None else payload
-        return self._with(self.chain.replace(tool=tool, payload=carried))
+        return self._with(self.chain.replace(tool=Frame.of(tool), payload=carried))
 
     @_checks.checked
-    def with_work(self, work: Frame) -> SerialArm:
+    def with_work(self, work: Pose) -> SerialArm:
         """A copy of the arm with its tool points in another work frame.
 
         Args:
-            work: Work frame of the paths, in the frame of the base.
+            work: Work frame of the paths, in the frame of the base, in the forms of a tool.
         """
-        return self._with(self.chain.replace(base=work.inverse), "closed_form")
+        return self._with(self.chain.replace(base=Frame.of(work).inverse), "closed_form")
 
     def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3).
@@ -216,14 +297,6 @@ class SerialArm(ChainArm):
         found[..., 0, :] = self.chain.base.position
         found[..., -2, :] = point + rotation @ self.chain.tool.inverse.position
         return found
-
-    def twist_jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """The geometric Jacobian: twist of the tool per joint velocity, (n, 6, dof).
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-        """
-        return self._twist_jacobian(q)
 
     def twist_drift(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
         """Bias acceleration `dJ/dt dq` of the tool: its twist rate at ddq = 0, (n, 6).

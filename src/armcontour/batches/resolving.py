@@ -30,7 +30,7 @@ from armcontour.program import Program
 from armcontour.scene import Scene
 
 # Keys of a job that read files, and keys inside of these that name them.
-WITH_FILES = ("arm", "path", "scene")
+WITH_FILES = ("arm", "tools", "path", "scene")
 FILE_KEYS = ("file", "files", "joint_limits")
 # Keys of a job that may choose the run, by what is done with it.
 CHOOSERS = {CERTIFY: "certificate", PLACE: "placement"}

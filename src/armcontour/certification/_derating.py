@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -171,9 +172,10 @@ def plan_derated(
     """
     refuse_out_of_range(joint_path, limits)
     others = {name: getattr(limits, name) * factor for name, factor in factors.items()}
-    rest = limits.replace(joint_acceleration=None, **others)
+    rest = limits.replace(joint_acceleration=math.inf, **others)
     constraints: list[Constraint] = [Cap(derating)]
     if limits.joint_acceleration is not None:
         constraints.append(DeratedAcceleration(*limits.acceleration_bounds(arm.dof), derating))
     found = plan_optimal(joint_path, arm, rest, intervals=intervals, constraints=constraints)
+    found = found.limited(limits)
     return found, smooth(found, *windows) if windows else found

@@ -51,7 +51,11 @@ class Derated:
 
 
 def plan_fastest_rapid(
-    joint_path: JointPath, before: Sequence[Law], robot: Robot, margin: float = 1.0
+    joint_path: JointPath,
+    before: Sequence[Law],
+    robot: Robot,
+    margin: float = 1.0,
+    speed: float | None = None,
 ) -> Derated:
     """Plan the fastest rapid that keeps all joint limits on every robot of the box.
 
@@ -63,6 +67,7 @@ def plan_fastest_rapid(
         before: The laws before it.
         robot: The robot.
         margin: Share of its limits that the rapid may use.
+        speed: As of `time_rapid`.
 
     Raises:
         NotRealizable: No rapid was found that keeps its limits.
@@ -73,7 +78,7 @@ def plan_fastest_rapid(
     found = [
         x
         for multiples in (((),) if robot.limits.jerk_limits else WINDOWS)
-        if (x := _derate(joint_path, approach, robot, multiples, GOAL * margin)) is not None
+        if (x := _derate(joint_path, approach, robot, multiples, GOAL * margin, speed)) is not None
     ]
     if not found:
         raise NotRealizable(
@@ -91,6 +96,7 @@ def _derate(
     robot: Robot,
     multiples: tuple[float, ...],
     goal: float,
+    speed: float | None,
 ) -> Derated | None:
     """Derate a rapid until it keeps its limits; None if MOST_TRIALS plans do not.
 
@@ -100,12 +106,13 @@ def _derate(
         robot: The robot.
         multiples: Windows of the moving averages in command intervals.
         goal: Share of its limits that it may use.
+        speed: As of `time_rapid`.
     """
     windows = tuple(x * robot.run.period for x in multiples)
     factors: dict[str, float] = {}
     for _ in range(MOST_TRIALS):
         left = {name: getattr(robot.limits, name) * share for name, share in factors.items()}
-        plan = time_rapid(joint_path, robot.arm, robot.limits.replace(**left))
+        plan = time_rapid(joint_path, robot.arm, robot.limits.replace(**left), speed)
         plan = smooth(plan, *windows) if windows else plan
         over = {name: x for name, x in _uses(plan, approach, robot).items() if x > goal}
         if not over:

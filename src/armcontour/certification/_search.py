@@ -15,6 +15,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
+from armcontour.arms.limits import UNITS
 from armcontour.certification._approach import Approach
 from armcontour.certification._bodies import (
     LinearFigures,
@@ -483,7 +484,7 @@ class Search:
             if name in BY_PLACE:
                 kind = "acceleration" if name.startswith("joint_") else "speed"
                 self.tightness[kind] /= ratio * (1 + KEPT)
-            elif name in type(self.setting.limits).__dataclass_fields__:
+            elif name in UNITS:
                 found[name] = found.get(name, 1.0) / (ratio * (1 + KEPT))
         return found
 

@@ -349,7 +349,7 @@ def plan_fastest(robot: Robot, program: Program, traced: Tracing) -> Trajectory:
     """
     options = {"intervals": intervals_of(program)}
     timing = Timing(robot.arm, robot.limits, Method.OPTIMAL, options)
-    return time_program(traced, timing)
+    return time_program(traced, timing).limited(robot.limits)
 
 
 def unexplained_part(robot: Robot, traced: Tracing) -> float:

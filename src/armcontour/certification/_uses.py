@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.compensation import compensate
+from armcontour.compensation.compensator import teach
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.pieces import Piece, evaluated_times
 from armcontour.execution import Plant, RigidBodyPlant, ServoPlant, execute
@@ -107,7 +107,7 @@ class Robot:
 
     def teach(self, plan: Trajectory, period: float | None = None) -> TaughtData:
         """Taught data of a plan, every `period` or command interval of the run [s]."""
-        return compensate(
+        return teach(
             plan,
             self.model,
             method=self.run.compensation,
@@ -558,16 +558,18 @@ def _across(setting: Setting, group: _Group, taught: TaughtData) -> tuple[FloatA
     base = plan(np.clip(t - group.late, 0.0, plan.duration))
     if len(runs) > 1:
         base = np.mean([x.q[:n] for x in runs], axis=0)
-    jacobian = arm.jacobian(base)
+    jacobian = arm.tool_jacobian(base)
     off = np.array([x.q[:n] - base for x in runs])
     # (runs, n, dimension, dof): what each joint's error does to the tool.
     moved = jacobian[None] * off[:, :, None, :]
-    nearest = setting.path.project(arm.forward(base))
+    nearest = setting.path.project(arm.tool_position(base))
     tangent = setting.path(nearest.s, 1)
     total = np.zeros(n)
     for direction in _normals(tangent):
         # The centre's own distance adds to what the joints do.
-        own = np.abs(np.einsum("nd,nd->n", arm.forward(base) - setting.path(nearest.s), direction))
+        own = np.abs(
+            np.einsum("nd,nd->n", arm.tool_position(base) - setting.path(nearest.s), direction)
+        )
         side = np.einsum("rndj,nd->rnj", moved, direction)
         total = np.maximum(total, own + side.max(axis=0).sum(axis=1))
     return t, total

@@ -197,7 +197,7 @@ class Assembly:
             with step.named():
                 found = self._plan(step, joined)
             joined.add(step, found)
-        trajectory = joined.trajectory()
+        trajectory = joined.trajectory().limited(self.robot.limits)
         contours = tuple(x for x in self._done if isinstance(x, PlannedContour))
         spans = trajectory.contour_spans
         taught, execution, judged, checked = self._execute(trajectory, contours)
@@ -253,7 +253,10 @@ class Assembly:
             found = self._recall(lambda: self._search(path, before))
         else:
             margin = self._margins.get(len(self._done), 1.0)
-            found = self._recall(lambda: plan_fastest_rapid(path, before, self.robot, margin))
+            speed = self.program.rapid_speed
+            found = self._recall(
+                lambda: plan_fastest_rapid(path, before, self.robot, margin, speed)
+            )
         assert not isinstance(found, float)
         return found.trajectory
 
@@ -393,6 +396,6 @@ def _settling_time(before: Sequence[Law], robot: Robot, near: float) -> float:
     runs = [run(robot, taught)]
     if robot.box is not None:
         runs += [x for group in execute_over_box(robot, taught) for x in group.runs]
-    goal = robot.arm.forward(plan(plan.duration, side="left"))
+    goal = robot.arm.tool_position(plan(plan.duration, side="left"))
     far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > near] for x in runs]
     return max([0.0, *(float(x[-1]) - plan.duration for x in far if len(x))])

@@ -37,7 +37,7 @@ class Lowered:
         cause: For what, a key of `REASONS`.
         share: Largest share that it is lowered by: of the speed of the plan with nothing derated,
             or of the limit.
-        joint: Joint that is derated most, from 1; None for what is not of a joint.
+        joint: Index of the joint that is derated most, from 0; None for what is not of a joint.
         joint_name: Its number with its name; "" without a joint.
         s: Arc length at which it is lowered most [m]; None for limits lowered along all of it.
         t: Time in the whole motion at which the plan is there [s]; None without a place.
@@ -118,7 +118,7 @@ def find_lowered(
                     what="acceleration",
                     cause=cause,
                     share=float(share[k, j]),
-                    joint=None if alike else j + 1,
+                    joint=None if alike else j,
                     joint_name="" if alike else joint_called(j + 1, names),
                     **at(k, np.asarray((share > LEAST).any(axis=1))),
                 )

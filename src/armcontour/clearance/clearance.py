@@ -70,7 +70,8 @@ class PairClearance:
         t = self.t if self.first_time is None else self.first_time
         when = f"{'' if self.first_time is None else 'first '}at t = {clock(t)} s"
         x, y, z = self.points[1] * 1e3
-        return f"{self.second} and {self.first} {near}, {when} near ({x:.4g}, {y:.4g}, {z:.4g}) mm"
+        place = f"({x:.4g}, {y:.4g}, {z:.4g}) mm in the work frame"
+        return f"{self.second} and {self.first} {near}, {when} near {place}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -135,7 +135,7 @@ def certified_rows(found: Certificate) -> list[tuple[str, str]]:
     budget, e, worst = found.budget, found.evaluation, found.worst
     rows = [
         ("motion", f"{found.duration:.4f} s"),
-        ("at rest after", f"{e.settled:.3f} s"),
+        ("at rest after", f"{e.settled:.4f} s"),
         ("uncertified optimum", f"{found.uncertified.duration:.4f} s"),
     ]
     if len(found.contours) > 1:

@@ -187,7 +187,30 @@ def _samples(trajectory: FilePath, arm: Arm, x: CheckOptions) -> TrajectoryFile:
             f"({', '.join(map(show, samples.joints))}), but the arm {arm.name} has {arm.dof} "
             f"({', '.join(arm.joint_names)}): give all of them, or the arm of the file with --arm."
         )
+    _refuse_degrees(samples, arm)
     return _with_noise(samples, x.noise)
+
+
+def _refuse_degrees(samples: TrajectoryFile, arm: Arm) -> None:
+    """Refuse positions far out of the joint ranges that are within them if they are degrees.
+
+    Raises:
+        InvalidInput: There are such positions.
+    """
+    from armcontour.errors import InvalidInput
+
+    low, high = arm.limits.joint_range(arm.dof)
+    beyond = np.maximum(samples.q - high, low - samples.q)
+    row, joint = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+    turned = np.radians(samples.q)
+    if beyond[row, joint] <= 2 * math.pi or (turned < low).any() or (turned > high).any():
+        return
+    raise InvalidInput(
+        f"{samples.source}: {show(samples.joints[joint])} is {samples.q[row, joint]:.4g} rad at "
+        f"t = {samples.t[row]:.4g} s, more than a turn out of its range, but all joints of the "
+        f"{arm.name} are within their ranges if the positions are degrees: are they? Then give "
+        "all positions and rates that unit, such as q1 [deg] and dq1 [deg/s]."
+    )
 
 
 def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
@@ -309,6 +332,8 @@ def _known(x: Occurrence) -> dict[str, float | int | None]:
     from armcontour.evaluation.tally import Occurrence
 
     values = {y.name: getattr(x, y.name) for y in fields(Occurrence)}
+    # Files and messages count joints from 1.
+    values["joint"] = None if x.joint is None else x.joint + 1
     return {k: v if v is None or math.isfinite(v) else None for k, v in values.items()}
 
 
@@ -320,7 +345,7 @@ def _cells(unit: str, x: Occurrence) -> tuple[str, ...]:
         f"{x.value:.6g} {unit}",
         f"{x.limit:.6g} {unit}" if math.isfinite(x.limit) else "none",
         clock(x.t, 6),
-        "" if x.joint is None else str(x.joint),
+        "" if x.joint is None else str(x.joint + 1),
     )
 
 
@@ -336,7 +361,7 @@ def _print(found: Check, arm: Arm, remarks: list[str]) -> None:
     whole = (0, HEADINGS.index("t [s]"))
     console.show_table(HEADINGS, rows, left=(0, len(HEADINGS) - 1), whole=whole)
     lines = [found.reconstruction]
-    named = sorted({x.joint for x in found.uses if x.joint is not None})
+    named = sorted({x.joint + 1 for x in found.uses if x.joint is not None})
     called = [joint_called(x, arm.joint_names) for x in named]
     if called != [str(x) for x in named]:
         lines.append(f"Joints: {', '.join(called)}.")

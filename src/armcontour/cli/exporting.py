@@ -302,7 +302,7 @@ def _two_points(job: Job, period: float, events: Sequence[Event], x: Exports) ->
     from armcontour.motion import Samples, TimedEvent
 
     zeros = np.zeros((2, job.arm.dof))
-    point = tuple(job.arm.forward(zeros)[0].tolist())
+    point = tuple(job.arm.tool_position(zeros)[0].tolist())
     return tabulate(
         Samples(t=np.array([0.0, period]), q=zeros, dq=zeros, ddq=zeros),
         name=_title(job, REFERENCE),

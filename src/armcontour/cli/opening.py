@@ -51,6 +51,7 @@ def read_overrides(x: JobOptions) -> JobOverrides:
         skip_unknown=x.skip_unknown,
         skip_words=split_words(x.skip),
         tools=read_tools(x.tool),
+        tool=x.only_tool,
         speed=read_option("--speed", x.speed, kinds.Speed),
         corner_tolerance=read_option("--tolerance", x.tolerance, kinds.Distance),
         corner_shape=x.corner_shape,

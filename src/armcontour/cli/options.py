@@ -17,7 +17,7 @@ from typer.core import TyperCommand, TyperGroup
 TOPICS = {
     "Drawing": ("units", "scale", "layer", "contour", "color", "flat", "texts", "skip_unknown",
                 "waypoint_columns"),
-    "G-code": ("skip", "tool"),
+    "G-code": ("skip", "tool", "only_tool"),
     "Cell and position of the drawing": ("cell", "at", "turn", "ignore_collisions"),
     "Speed, corners and start": ("speed", "tolerance", "corner_shape", "line_tolerance", "zone",
                                  "iterations", "continuity", "from_s"),
@@ -287,6 +287,10 @@ class JobOptions(DrawingOptions):
             help="Of rounded corners: tangent, as arcs have it, or curvature, with which the tool "
             "goes on where jerk is limited (the default there).",
         ),
+    ] = None
+    only_tool: Annotated[
+        str | None,
+        typer.Option("--only-tool", help="Only the contours of this tool of a job's tools: T2."),
     ] = None
     from_s: Annotated[
         str | None,

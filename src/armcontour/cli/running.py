@@ -241,7 +241,7 @@ def _cells(result: RunResult) -> list[str]:
     on_servo = [*_errors(e), "-" if unlimited else f"{e.demand_ratio.max():.4f}"]
     return [
         f"{e.duration:.4f}",
-        f"{result.judged.settled:.3f}",
+        f"{result.judged.settled:.4f}",
         *(on_servo if result.judged is e else ["-"] * len(on_servo)),
         "-" if free else f"{e.jerk_ratio.max():.4f}",
         f"{e.missed.max * 1e3:.4f}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from armcontour.arms import Arm, Limits
 from armcontour.compensation.set_points import SETTLING, set_point_times
 from armcontour.errors import InvalidInput
 from armcontour.motion import LONGEST_CLOCK, TaughtData, Trajectory, check_interval
-from armcontour.motion.command_limits import refuse_commands
+from armcontour.motion.command_limits import describe_excess, refuse_commands
 from armcontour.servo import ServoModel
 
 # Durations are sums with rounding errors: an interval that is longer by this share is as long.
@@ -27,7 +28,7 @@ def compensate(
     trajectory: Trajectory,
     servo: ServoModel,
     *,
-    method: str | None = None,
+    method: str = "inverse",
     period: float = 4e-3,
     arm: Arm | None = None,
     limits: Limits | None = None,
@@ -53,13 +54,13 @@ def compensate(
             time 0, is the start of the plan. "inverse_dynamics" is the inverse of drives that move
             the bodies of `arm`, best for plans that are smoothed over a command interval; its first
             and last set-points hold the arm at both ends of the plan. "pole_placement" is the
-            paper's compensator (26). "none" is the trajectory itself, without time advance. By
-            default the one of `default_method`.
+            paper's compensator (26). "none" is the trajectory itself, without time advance.
         period: Command interval [s].
         arm: The nominal arm whose bodies the drives move, for "inverse_dynamics"; other methods do
-            not use it. By default set-points are for the servo model alone.
-        limits: Limits of the controller: set-points must be within joint_lower and joint_upper, and
-            must not move faster than joint_velocity. By default they are not checked.
+            not use it.
+        limits: Limits of the controller, in place of those of the plan: set-points must be within
+            joint_lower and joint_upper, and must not move faster than joint_velocity. Set-points
+            that exceed the limits of the plan, where none are given, are a warning.
         poles: For "pole_placement": two regulator poles and the observer pole [1/s], (3,), or three
             per joint, (dof, 3).
         gravity_feedforward: For "inverse_dynamics": whether the controller adds the gravity torque;
@@ -72,12 +73,44 @@ def compensate(
             fit the joints or the interval, the interval is longer than the motion, the set-points
             are too many, "inverse_dynamics" has no arm with masses, or it or "pole_placement" has a
             servo with joints of another order than "second", friction or a cycle.
-        CompensationError: Poles are not stable, or set-points exceed the limits.
+        CompensationError: Poles are not stable, or set-points exceed the given limits.
+
+    Warns:
+        UserWarning: No limits are given, and set-points exceed those of the plan.
     """
-    method = default_method(servo, arm) if method is None else method
+    given = {"poles": poles, "gravity_feedforward": gravity_feedforward, "known": known}
+    taught = teach(trajectory, servo, method=method, period=period, arm=arm, **given)
+    if limits is not None:
+        refuse_commands(taught, limits)
+    elif excess := describe_excess(taught):
+        warnings.warn(excess, stacklevel=3)
+    return taught
+
+
+def teach(
+    trajectory: Trajectory,
+    servo: ServoModel,
+    *,
+    method: str,
+    period: float,
+    arm: Arm | None,
+    **given: Any,
+) -> TaughtData:
+    """Taught data as of `compensate`, without a check of limits.
+
+    Args:
+        trajectory: As in `compensate`, like the others.
+        servo: See above.
+        method: See above.
+        period: See above.
+        arm: See above.
+        given: Options of the method, or None.
+
+    Raises:
+        ArmContourError: As `compensate`.
+    """
     _checks.choice("method", method, METHODS)
     interval = check_interval(period)
-    given = {"poles": poles, "gravity_feedforward": gravity_feedforward, "known": known}
     options = {name: x for name, x in given.items() if x is not None}
     _refuse_options(method, options)
     model = servo.for_joints(trajectory.dof)
@@ -90,7 +123,7 @@ def compensate(
         "take a longer command interval or a higher speed",
     )
     start, q, cut_off = _set_points(trajectory, model, interval, method, arm, options)
-    taught = TaughtData(
+    return TaughtData(
         period=interval,
         q=q,
         trajectory=trajectory,
@@ -98,24 +131,6 @@ def compensate(
         start_time=start,
         cut_off=cut_off,
     )
-    if limits is not None:
-        refuse_commands(taught, limits.for_joints(trajectory.dof))
-    return taught
-
-
-def default_method(servo: ServoModel, arm: Arm | None) -> str:
-    """The method of the smallest contour error, see docs/guides/compensations.md.
-
-    Args:
-        servo: The servo model.
-        arm: The arm whose bodies the drives move; None for joints that move as the servo model.
-
-    Returns:
-        "inverse_dynamics" for bodies of known masses and a servo of second order without friction
-        and cycle, else "inverse".
-    """
-    plain = servo.is_plain("second")
-    return "inverse_dynamics" if plain and arm is not None and arm.has_bodies else "inverse"
 
 
 def _refuse_long_interval(period: float, duration: float) -> None:

@@ -215,7 +215,7 @@ def _refuse_range(placed: ComplexArray) -> None:
         raise CompensationError(
             f"The compensator's poles of joint {j + 1} are {shown.tolist()} 1/s: they must "
             "have negative real parts, or the set-points grow without bound.",
-            joint=j + 1,
+            joint=j,
         )
     low, high = GAINS
     if (-placed.real < low).any() or (np.abs(placed) > high).any():

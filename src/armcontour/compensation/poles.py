@@ -89,7 +89,10 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
 
 @_checks.checked
 def fastest_poles(
-    servo: ServoModel, trajectory: Trajectory, limits: Limits, period: float = 4e-3
+    servo: ServoModel,
+    trajectory: Trajectory,
+    limits: Limits | None = None,
+    period: float = 4e-3,
 ) -> FloatArray:
     """The fastest poles whose taught data does not saturate the servo.
 
@@ -101,7 +104,7 @@ def fastest_poles(
     Args:
         servo: Servo model of order "second".
         trajectory: Trajectory that the joints should follow.
-        limits: Limits with the joint accelerations of the servo.
+        limits: Limits with the joint accelerations of the servo, in place of those of the plan.
         period: Command interval [s].
 
     Returns:
@@ -115,7 +118,7 @@ def fastest_poles(
             "second".
     """
     interval = check_interval(period)
-    bounds = _needed_bounds(limits, trajectory.dof)
+    bounds = _needed_bounds(trajectory.limits_for(limits), trajectory.dof)
     model = servo.for_joints(trajectory.dof)
     kv = _second_order(model)
 
@@ -143,7 +146,7 @@ def _needed_bounds(limits: Limits, dof: int) -> tuple[FloatArray, FloatArray]:
             "The fastest poles are those that do not saturate: give joint_acceleration.",
             limit="joint_acceleration",
         )
-    return limits.for_joints(dof).acceleration_bounds(dof)
+    return limits.acceleration_bounds(dof)
 
 
 def _demand_share(
@@ -212,7 +215,7 @@ def _refuse(worst: FloatArray, lower: FloatArray, upper: FloatArray, p: float) -
         f"which lag as the servo does by itself, its demand is {needed:.6g} rad/s², above its "
         f"limit of {allowed:.6g} rad/s²; plan with a joint_acceleration lower by at least "
         f"{needed - allowed:.1g} rad/s², or take a shorter command interval.",
-        joint=j + 1,
+        joint=j,
         limit="joint_acceleration",
         needed=needed,
         allowed=allowed,

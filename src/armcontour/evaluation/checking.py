@@ -25,8 +25,9 @@ from armcontour._sampling import (
     find_short_step,
 )
 from armcontour._text import capitalise
-from armcontour.arms import Arm, Limits, SerialArm, choose_limits
+from armcontour.arms import Arm, Limits, SerialArm, resolve_limits
 from armcontour.arms.limits import TOOL_LIMITS
+from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking_samples import judge_samples
 from armcontour.evaluation.contour_windows import find_windows
@@ -45,6 +46,7 @@ from armcontour.evaluation.tally import (
     merge_uses,
 )
 from armcontour.geometry import Path
+from armcontour.motion import Trajectory
 from armcontour.program import Program
 
 # A computed number may be wrong by this many units in its last binary place.
@@ -197,7 +199,7 @@ def check(
             `law(t, order, side=...)` with orders up to 2, and 3 for jerk, with `duration` and
             `breaks`.
         arm: The arm.
-        limits: The limits; by default the arm's own.
+        limits: Limits in place of those of the plan, or of the arm where the samples are no plan.
         path: The path that the tool was to follow, or the program that was planned. With the
             objective path in its place, rounded and shaped motions are judged against that.
         deviation: Largest distance of the tool from the path [m].
@@ -228,7 +230,7 @@ def check(
         return _check_parts(samples, arm, limits, program, allowed=allowed, **options)
     on = None if program is None else program.path
     _refuse_path(arm, on, deviation, missed, orientation_deviation)
-    bounds = choose_limits("check", arm, limits)
+    bounds = resolve_limits("check", arm, limits, _limits_of_plan(samples))
     tally = Tally(arm, bounds, on, deviation, orientation_deviation)
     tolerance = _checks.not_negative("tolerance", tolerance)
     points = _checks.whole("points", points, 0, 10_000)
@@ -291,7 +293,7 @@ def _split_contours(samples: Any, arm: Arm, program: Program | None) -> list[_Pa
         ]
     assert program is not None
     log = _check_samples(samples, arm.dof, None)
-    windows = find_windows(arm.forward(log.q), program)
+    windows = find_windows(arm.tool_position(log.q), program)
     found = []
     for (first, last), path, start in zip(windows, paths, starts[:-1], strict=True):
         rows = {x: getattr(log, x) for x in ("t", "q", "dq", "ddq")}
@@ -299,6 +301,11 @@ def _split_contours(samples: Any, arm: Arm, program: Program | None) -> list[_Pa
         motion = SimpleNamespace(**part, resolution=getattr(samples, "resolution", None))
         found.append(_Part(motion=motion, path=path, t=0.0, s=start))
     return found
+
+
+def _limits_of_plan(motion: Any) -> Limits | None:
+    """The limits with which a motion was planned; None if it was not, or they are not known."""
+    return motion.limits if isinstance(motion, Trajectory) else None
 
 
 def _check_parts(
@@ -326,7 +333,7 @@ def _check_parts(
     if callable(motion):
         # Without spans, `check` judges the law as a whole.
         motion = replace(cast("Any", motion), spans=())
-    bounds = choose_limits("check", arm, limits)
+    bounds = resolve_limits("check", arm, limits, _limits_of_plan(motion))
     tool = bounds.of_tool
     whole = check(motion, arm, bounds.of_joints, **options)
     uses = {x.name: x for x in whole.uses}
@@ -424,7 +431,7 @@ def _refuse_path(
 
 def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[str, ...]:
     """Names of the limits, and of requirements of the path, that were not judged."""
-    wanted = [x for x in Limits.__dataclass_fields__ if getattr(limits, x) is not None]
+    wanted = [x for x in LIMIT_UNITS if getattr(limits, x) is not None]
     if path is not None and path.orientation is not None:
         wanted.append("orientation_deviation")
     own = path is not None and bool(np.isfinite(path.speeds).any())
@@ -526,7 +533,7 @@ def _refuse_values(t: FloatArray, columns: Mapping[str, FloatArray]) -> None:
                 f"{name} of joint {j + 1} is {values[row, j]:.3g} {UNITS[name]} in row {row + 1}, "
                 f"but no joint has more than {LARGEST[name]:g} {UNITS[name]}: mend the number.",
                 index=row,
-                joint=j + 1,
+                joint=j,
                 t=float(t[row]),
             )
 
@@ -569,8 +576,8 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         row = int(bad[0, 0])
-        joint = int(bad[0, 1]) + 1 if dof is not None else None
-        of = "" if joint is None else f" of joint {joint}"
+        joint = int(bad[0, 1]) if dof is not None else None
+        of = "" if joint is None else f" of joint {joint + 1}"
         raise InvalidInput(
             f"{name}{of} is {float(array[tuple(bad[0])])} in row {row + 1}: every number must be "
             "finite.",

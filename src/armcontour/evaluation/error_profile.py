@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Value
-from armcontour._describing import brief, place_and_time
+from armcontour._describing import brief, degrees, mm, place_and_time, to_html
 from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.nearest import pack
 from armcontour.geometry.orientation import turns_between
@@ -68,6 +68,7 @@ class ErrorProfile(Value):
         max: Largest value [m or rad].
         t_max: Time of the largest value [s].
         s_max: Arc length of the largest value [m].
+        angular: Whether the errors are angles.
     """
 
     t: FloatArray
@@ -78,6 +79,7 @@ class ErrorProfile(Value):
     max: float
     t_max: float
     s_max: float
+    angular: bool = False
 
     def __post_init__(self) -> None:
         for name in ("t", "values", "s"):
@@ -86,11 +88,13 @@ class ErrorProfile(Value):
             object.__setattr__(self, "signed", _checks.lock_floats(self.signed))
 
     def __str__(self) -> str:
-        """RMS and largest value in SI units, with time and place."""
+        """RMS and largest value, with time and place."""
         where = place_and_time(self.t_max, self.s_max)
-        return f"Error profile: RMS {self.rms:.4g}, largest {self.max:.4g} at {where} (m or rad)"
+        show = degrees if self.angular else mm
+        return f"Error profile: RMS {show(self.rms)}, largest {show(self.max)} at {where}"
 
     __repr__ = brief
+    _repr_html_ = to_html
 
     @classmethod
     def over_time(
@@ -158,6 +162,7 @@ class ErrorProfile(Value):
             max=worst.max,
             t_max=worst.t_max,
             s_max=worst.s_max,
+            angular=worst.angular,
         )
 
 

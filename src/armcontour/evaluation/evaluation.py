@@ -6,7 +6,7 @@ The evaluation shares only geometry and arms with the code that made the executi
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,14 +16,16 @@ from armcontour._checks import FloatArray, Value
 from armcontour._describing import (
     brief,
     degrees,
+    draw,
     extremes,
     line_up,
     milliseconds,
     mm,
     place_and_time,
     several,
+    to_html,
 )
-from armcontour.arms import Limits, choose_limits
+from armcontour.arms import Limits, resolve_limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
@@ -93,6 +95,7 @@ class Evaluation(Value):
             interval [rad/s³], (dof,).
         saturated: Share of the time for which each joint was saturated, (dof,).
         contours: The contour error of every contour, in order.
+        judged: What was evaluated, for figures and reports; None if it is not known.
     """
 
     duration: float
@@ -121,6 +124,7 @@ class Evaluation(Value):
     command_jerk: FloatArray
     saturated: FloatArray
     contours: tuple[ErrorProfile, ...] = ()
+    judged: Judged | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("demand", "demand_ratio", "jerk", "jerk_ratio", "command_jerk", "saturated"):
@@ -132,6 +136,27 @@ class Evaluation(Value):
         return line_up(title, [*self._errors, *self._use])
 
     __repr__ = brief
+    _repr_html_ = to_html
+    figure = draw
+
+    def to_dict(self) -> dict[str, FloatArray]:
+        """Errors over time as columns that `pandas.DataFrame` takes, by name.
+
+            pandas.DataFrame(result.to_dict()).plot(x="t", y="contour_error")
+
+        Returns:
+            `t` [s], `s` [m], `contour_error` [m] and `tracking_error` [m], (n,) each; NaN between
+            the contours of a program.
+        """
+        error, lag = self.contour_error, self.tracking_error
+        known = np.isfinite(lag.values)
+        late = np.interp(error.t, lag.t[known], lag.values[known])
+        return {
+            "t": error.t.copy(),
+            "s": error.s.copy(),
+            "contour_error": error.values.copy(),
+            "tracking_error": np.where(np.isfinite(error.values), late, np.nan),
+        }
 
     @property
     def _errors(self) -> list[tuple[str, str]]:
@@ -198,6 +223,23 @@ def _most(shares: FloatArray) -> str:
     return f"{shares[worst]:.4f} (joint {worst + 1})"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judged(Value):
+    """Inputs of an evaluation.
+
+    Args:
+        executed: The execution.
+        path: The program that the tool was to follow.
+        objective: The program before rounding or shaping; None if it was not given.
+        limits: The limits.
+    """
+
+    executed: Execution
+    path: Program
+    objective: Program | None
+    limits: Limits
+
+
 @_checks.checked
 def evaluate(
     executed: Execution,
@@ -220,7 +262,7 @@ def evaluate(
         path: The path that the tool was to follow, or the program that was planned.
         objective: The path or program before rounding or shaping; needed for `objective_error`,
             `objective_missed` and `corners`.
-        limits: The limits; by default the arm's own.
+        limits: Limits in place of those of the plan.
         until: End of the time that errors cover [s]. By default largest errors cover the whole
             execution, and root mean squares the time until the planned motion has ended and the
             tool stays below 1 mm/s. Not allowed for a program of more than one path.
@@ -238,8 +280,8 @@ def evaluate(
         raise InvalidInput(
             "until is for one path: the contours of a program are judged while they are worked on."
         )
-    bounds = choose_limits("evaluate", executed.arm, limits)
     trajectory = executed.taught.trajectory
+    bounds = resolve_limits("evaluate", executed.arm, limits, trajectory.limits)
     t, speed, duration = executed.t, executed.tool_speed, trajectory.duration
     moved = (t >= 0) & (t <= duration)
     settled = settling_time(executed, speed)
@@ -280,6 +322,7 @@ def evaluate(
         **_compute_demands(executed, bounds, end),
         utilisation=_utilisation(executed, bounds, duration) if limit_use else None,
         limit_ratios=measure_limit_ratios(trajectory, executed.arm, bounds) if limit_use else None,
+        judged=Judged(executed=executed, path=program, objective=before, limits=bounds),
     )
 
 

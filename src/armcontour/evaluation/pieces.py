@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -87,7 +87,7 @@ class Piece:
         """Tool points of the piece and around it [m], and which of them are those of the piece."""
         # The tool is at the start of the work between two samples.
         first = max(self.which.start - 1, 0)
-        points = self.executed.arm.forward(self.executed.q[first : self.beyond])
+        points = self.executed.arm.tool_position(self.executed.q[first : self.beyond])
         return points, slice(self.which.start - first, self.which.stop - first)
 
     @property
@@ -143,7 +143,7 @@ class Piece:
         """Distance from the tool to its planned position at a time `delay` earlier [m]."""
         trajectory = self.executed.taught.trajectory
         planned = trajectory(np.clip(self.t - delay, 0.0, trajectory.duration))
-        off = length(self.tool - self.executed.arm.forward(planned))
+        off = length(self.tool - self.executed.arm.tool_position(planned))
         return self._over_time(off, self.found.s)
 
     @property
@@ -188,7 +188,7 @@ class Piece:
             return angle_off(orientation, s, turned), s
 
         angle = angle_off(orientation, self.found.s, arm.pose(self.q)[1])
-        return self._over_time(angle, self.found.s, measure)
+        return replace(self._over_time(angle, self.found.s, measure), angular=True)
 
     @cached_property
     def corners(self) -> tuple[CornerDeviation, ...]:
@@ -222,7 +222,7 @@ class Piece:
 
         def measure(t: FloatArray) -> FloatArray:
             both = t.reshape(2, m, -1).swapaxes(0, 1).reshape(m, -1)
-            tool = self.executed.arm.forward(fine(both.ravel()))
+            tool = self.executed.arm.tool_position(fine(both.ravel()))
             found = np.asarray(of(tool.reshape(*both.shape, -1)))
             return found.reshape(m, 2, -1).swapaxes(0, 1).reshape(t.shape)
 
@@ -308,7 +308,7 @@ class Piece:
 
         def measure(i: int, t: FloatArray) -> Errors | None:
             q = self._between(i, t)
-            return None if q is None else self._near(found, i, self.executed.arm.forward(q))
+            return None if q is None else self._near(found, i, self.executed.arm.tool_position(q))
 
         hidden = None
         if self._is_told:
@@ -364,14 +364,15 @@ class Piece:
 
 
 def settling_time(executed: Execution, speed: FloatArray) -> float:
-    """Time after which the tool stays at rest [s].
+    """Time after which the tool stays at rest [s], not before the end of the plan.
 
     Args:
         executed: The execution.
         speed: Its tool speeds [m/s], (n,).
     """
     moving = np.flatnonzero(speed > REST_SPEED)
-    return float(executed.t[moving[-1]]) if len(moving) else 0.0
+    last = float(executed.t[moving[-1]]) if len(moving) else 0.0
+    return max(last, executed.taught.trajectory.duration)
 
 
 def common_delay(executed: Execution) -> float:
@@ -382,7 +383,7 @@ def common_delay(executed: Execution) -> float:
     """
     trajectory, t, tool = executed.taught.trajectory, executed.t, executed.tool
     q, dq = (trajectory(np.clip(t, 0.0, trajectory.duration), order) for order in (0, 1))
-    planned, velocity = executed.arm.forward(q), executed.arm.tool_velocity(q, dq)
+    planned, velocity = executed.arm.tool_position(q), executed.arm.tool_velocity(q, dq)
     best, delay = (np.inf, 0.0), 0.0
     for _ in range(MOST_DELAYS):
         own, rate = (
@@ -403,7 +404,7 @@ def evaluated_times(executed: Execution, until: float | None) -> tuple[float, fl
     if until is not None:
         return until, until
     # Rest at the end would reduce the root mean square, but a slow tool can still leave the path.
-    end = max(executed.taught.trajectory.duration, settling_time(executed, executed.tool_speed))
+    end = settling_time(executed, executed.tool_speed)
     return max(end, float(executed.t[-1])), end
 
 
@@ -697,7 +698,7 @@ def unexplained_errors(
     Returns:
         Bounds along and across the path [m], (n,) each.
     """
-    moved = arm.jacobian(q) * unexplained
+    moved = arm.tool_jacobian(q) * unexplained
     along = (tangent[:, None] @ moved)[:, 0]
     across = moved - tangent[:, :, None] * along[:, None]
     return abs(along).sum(axis=1), length(across.swapaxes(1, 2)).sum(axis=1)

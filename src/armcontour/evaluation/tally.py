@@ -74,7 +74,7 @@ class Occurrence:
         value: Value without sign [unit of the limit].
         limit: The limit there.
         t: Time [s].
-        joint: Joint number from 1; None for a limit of the tool.
+        joint: Index of the joint, from 0; None for a limit of the tool.
         s: Arc length of the nearest point on the path [m]; None without a path.
         slack: Part of `ratio` that rounding may have caused.
         certain: Smallest ratio that the rounded numbers allow.
@@ -122,7 +122,7 @@ class LimitUse(Occurrence):
             f"{self.value:.5g}",
             f"{self.limit:.5g} {self.unit}" if np.isfinite(self.limit) else "none",
             f"{clock(self.t)} s",
-            "" if self.joint is None else str(self.joint),
+            "" if self.joint is None else str(self.joint + 1),
             self.verdict,
         )
 
@@ -246,7 +246,7 @@ class Tally:
                 value=float(value[at]),
                 limit=float(allowed[at]),
                 t=float(t[at[0]]),
-                joint=int(at[1]) + 1 if value.ndim == 2 else None,
+                joint=int(at[1]) if value.ndim == 2 else None,
                 s=None,
                 slack=float(slack[at]),
                 certain=float(certain[at]),
@@ -419,7 +419,7 @@ class Tally:
         """Tool points [m], (n, dimension), and a bound on the length of their error, (n,)."""
         none = np.zeros_like(error)
         x = States(t=q[:, 0], q=q, dq=np.zeros_like(q), ddq=None, errors=(error, none, none))
-        return self.bounded(x, self.arm.forward, 0)
+        return self.bounded(x, self.arm.tool_position, 0)
 
     def pose(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
         """Offer the distance of the tool from the path and from the required tool orientation."""
@@ -452,7 +452,7 @@ class Tally:
         found = [*self._certain.values(), *self._highest.values()]
         uses = [x for x, _ in found]
         if self.path is not None and found:
-            s = self.path.project(self.arm.forward(np.array([q for _, q in found]))).s
+            s = self.path.project(self.arm.tool_position(np.array([q for _, q in found]))).s
             uses = [replace(x, s=float(at)) for x, at in zip(uses, s, strict=True)]
         certain, highest = uses[: len(self._certain)], uses[len(self._certain) :]
         return tuple(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
+from copy import copy
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Locked
-from armcontour.arms import Arm, Limits, choose_limits
+from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.motion import Execution, FineMotion, TaughtData
@@ -66,6 +67,33 @@ class Plant(ABC):
         """The class, and the arm if it has one."""
         arm = getattr(self, "arm", None)
         return f"{type(self).__name__}({'' if arm is None else repr(arm)})"
+
+
+class LimitedPlant(Locked, Plant):
+    """A plant whose drives saturate at limits: the given ones, else those of the plan.
+
+    Once made, a plant does not change; the plant of an `Execution` has the limits of its plan.
+    """
+
+    limits: Limits | None
+
+    @abstractmethod
+    def _drives(self, planned: Limits | None) -> dict[str, Any]:
+        """What saturates, by the names of the attributes, with the limits of a plan."""
+
+    @_checks.checked
+    def for_plan(self, taught: TaughtData) -> Self:
+        """The plant with the limits of a plan, where it was given none.
+
+        Args:
+            taught: Taught data for the plan.
+        """
+        planned = taught.trajectory.limits
+        if planned is None:
+            return self
+        other = copy(self)
+        vars(other).update(self._drives(planned))
+        return other
 
 
 @_checks.checked
@@ -132,7 +160,7 @@ def refuse_too_heavy(weight: FloatArray, limit: FloatArray, where: str, t: float
             f"its drive gives at most {limit[j]:.4g} N m: raise its torque limit or lighten its "
             "load.",
             t=t,
-            joint=j + 1,
+            joint=j,
             limit="joint_torque",
             needed=float(weight[j]),
             allowed=float(limit[j]),
@@ -224,7 +252,7 @@ class TorqueBounds:
                 f"gives at most {self.limit[j]:.4g} N m; raise its torque limit or lighten its "
                 "load.",
                 t=t,
-                joint=j + 1,
+                joint=j,
             )
         bias = self.arm.torque(q, dq, np.zeros_like(q))
         inertia = np.diagonal(self.arm.dynamics.mass_matrix(q))
@@ -296,15 +324,15 @@ class ServoRun:
         return Part(position, velocity, demand, ddq, run.saturated, extremes)
 
 
-class ServoPlant(Locked, Plant):
+class ServoPlant(LimitedPlant):
     """Independent joints, each with its own servo.
 
     Args:
         arm: The arm.
         servo: The servo of the simulated robot; it may differ from the model by which the taught
             data was compensated.
-        limits: Limits with the joint accelerations or torques that saturate; the arm's own by
-            default.
+        limits: Limits with the joint accelerations or torques that saturate, in place of those of
+            the plan that is executed; where a plan has none, the arm's own.
         saturation: Which limit saturates a servo of second order. "acceleration" is (7):
             acceleration_limit of the servo, or without one joint_acceleration.
             "torque" bounds the acceleration by `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T` with the
@@ -315,9 +343,10 @@ class ServoPlant(Locked, Plant):
             joint of another order than "second" has no limited acceleration, and its demands are
             its accelerations.
 
-    Once made, a plant does not change.
+    Once made, a plant does not change; the plant of an `Execution` has the limits of its plan.
 
     Attributes:
+        limits: The given limits, or None.
         saturation: The given or default saturation.
         lower, acceleration: Acceleration bounds [rad/s²], (dof,); infinite without limits.
         torque_limit: Torque limits [N m], (dof,); None unless torque saturates.
@@ -326,6 +355,11 @@ class ServoPlant(Locked, Plant):
         InvalidInput: Gains or limits do not fit the arm, the servo is of first order and saturates,
             or torque saturates but limits or masses are missing.
     """
+
+    saturation: str
+    lower: FloatArray
+    acceleration: FloatArray
+    torque_limit: FloatArray | None
 
     @_checks.checked
     def __init__(
@@ -338,23 +372,35 @@ class ServoPlant(Locked, Plant):
     ) -> None:
         self.arm = arm
         self.servo = servo.for_joints(arm.dof)
-        own = choose_limits("A ServoPlant", arm, limits)
-        self.saturation = _saturation(saturation, self.servo, own, arm)
-        self.torque_limit: FloatArray | None = None
-        self.acceleration: FloatArray = np.full(arm.dof, np.inf)
-        self.lower: FloatArray = -self.acceleration
-        if self.saturation == "acceleration":
-            self.lower, self.acceleration = self.servo.saturate(*own.acceleration_bounds(arm.dof))
-        if self.saturation == "torque":
+        self.limits = limits
+        self._asked = saturation
+        vars(self).update(self._drives(None))
+
+    def _drives(self, planned: Limits | None) -> dict[str, Any]:
+        """What saturates, by the names of the attributes, with the limits of a plan."""
+        arm, servo = self.arm, self.servo
+        own = resolve_limits("A ServoPlant", arm, self.limits, planned)
+        saturation = _saturation(self._asked, servo, own, arm)
+        torque_limit = None
+        lower, upper = np.full((2, arm.dof), [[-np.inf], [np.inf]])
+        if saturation == "acceleration":
+            lower, upper = servo.saturate(*own.acceleration_bounds(arm.dof))
+        if saturation == "torque":
             if own.joint_torque is None:
                 raise InvalidInput(
                     "Saturation of torque needs joint_torque among the limits: give it, or let "
                     "the plant saturate in acceleration.",
                     limit="joint_torque",
                 )
-            self.torque_limit = or_unlimited(own.joint_torque, arm.dof)
+            torque_limit = _checks.lock_floats(or_unlimited(own.joint_torque, arm.dof))
             # This property refuses an arm without masses.
             _ = arm.dynamics
+        return {
+            "saturation": saturation,
+            "lower": _checks.lock_floats(lower),
+            "acceleration": _checks.lock_floats(upper),
+            "torque_limit": torque_limit,
+        }
 
     def run(self, taught: TaughtData, resolution: float) -> Execution:
         """Execute taught data; the motion is exact between the starts and ends of saturation.
@@ -366,6 +412,10 @@ class ServoPlant(Locked, Plant):
         """
         refuse_other_joints(taught, self.arm)
         self.servo.refuse_too_fast(taught.period)
+        return self.for_plan(taught)._execute(taught, resolution)
+
+    def _execute(self, taught: TaughtData, resolution: float) -> Execution:
+        """As `run`, with the limits of this plant."""
         steps = int(np.ceil(taught.period / resolution * (1 - 1e-12)))
         parts, unsettled = self._until_rest(taught, steps)
         whole = join_parts(parts)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray, Locked
-from armcontour.arms import Arm, Limits, choose_limits
+from armcontour._checks import FloatArray, IntArray
+from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.chain import Chain
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.execution import _mujoco, _stepping
@@ -20,7 +21,7 @@ from armcontour.execution._stepping import Bodies, Loops, Rows
 from armcontour.execution.plant import (
     PATIENCE,
     RUNAWAY,
-    Plant,
+    LimitedPlant,
     count_intervals,
     patience,
     refuse_other_joints,
@@ -61,7 +62,7 @@ BLOCK = 1.0
 STEPS_AT_ONCE = 1000
 
 
-class RigidBodyPlant(Locked, Plant):
+class RigidBodyPlant(LimitedPlant):
     """The arm's rigid bodies with a sampled position and velocity loop on every joint.
 
     In every step each drive sets its torque to `J K_v (K_p (u - q) - dq)` and keeps it constant for
@@ -83,9 +84,9 @@ class RigidBodyPlant(Locked, Plant):
     Args:
         arm: The arm; its chain must have masses.
         servo: The gains of the drives, a servo of second order.
-        limits: Limits with the joint torques that saturate; the arm's own by default. Without
-            torque limits, the drives are just strong enough for the joint accelerations of all
-            joints at once in the worst pose.
+        limits: Limits with the joint torques that saturate, in place of those of the plan that is
+            executed; where a plan has none, the arm's own. Without torque limits, the drives are
+            just strong enough for the joint accelerations of all joints at once in the worst pose.
         step: Cycle time of the drives [s]; it is shortened to a fraction of the command interval.
         gravity_feedforward: Whether the controller adds the torque against gravity, including that
             of the payload that it knows.
@@ -104,6 +105,7 @@ class RigidBodyPlant(Locked, Plant):
     Once made, a plant does not change.
 
     Attributes:
+        limits: The given limits, or None.
         reference: Joint positions at which J is computed [rad], (dof,).
         nominal_inertia: J [kg m²], (dof,).
         torque_limit: Torque limits [N m], (dof,); infinite without limits.
@@ -114,6 +116,9 @@ class RigidBodyPlant(Locked, Plant):
             outside STEPS, the noise is too large, a drive with a spring has no inertia, or mujoco
             is not installed.
     """
+
+    torque_limit: FloatArray
+    _on_top: bool
 
     @_checks.checked
     def __init__(
@@ -159,12 +164,20 @@ class RigidBodyPlant(Locked, Plant):
         self.nominal_inertia = (
             _nominal(self.known_chain, self.reference) if own_inertia is None else own_inertia
         )
-        own = choose_limits("A RigidBodyPlant", arm, limits)
-        self.torque_limit = _checks.lock_floats(_torques(own, arm.limits, self.known_chain))
+        self.limits = limits
+        vars(self).update(self._drives(None))
+        self._springs = _springs(self.chain, joint_stiffness, joint_damping)
+
+    def _drives(self, planned: Limits | None) -> dict[str, Any]:
+        """What saturates, by the names of the attributes, with the limits of a plan."""
+        own = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
+        torques = _torques(own, self.arm.limits, self.known_chain)
         # A limit that stands for accelerations bounds the torque for motion alone; a torque limit
         # bounds the sum of the torques for motion and against gravity.
-        self._on_top = own.joint_torque is None
-        self._springs = _springs(self.chain, joint_stiffness, joint_damping)
+        return {
+            "torque_limit": _checks.lock_floats(torques),
+            "_on_top": own.joint_torque is None,
+        }
 
     @property
     def joint_stiffness(self) -> FloatArray | None:
@@ -189,6 +202,10 @@ class RigidBodyPlant(Locked, Plant):
             ExecutionError: The drives are unstable, too weak to hold the arm, or do not settle.
         """
         refuse_other_joints(taught, self.arm)
+        return self.for_plan(taught)._execute(taught, resolution)
+
+    def _execute(self, taught: TaughtData, resolution: float) -> Execution:
+        """As `run`, with the limits of this plant."""
         steps = int(np.ceil(taught.period / self.step * (1 - 1e-12)))
         span = taught.period / steps
         every = _every(steps, span, resolution)
@@ -259,7 +276,7 @@ class RigidBodyPlant(Locked, Plant):
             f"{off:.3g} rad from it, it still moves by {moved[worst]:.3g} rad in {window:.3g} s, "
             f"so its servo gains, torque limit and friction do not let it settle{missing}.",
             t=robot.now,
-            joint=j + 1,
+            joint=j,
         )
 
     def _refuse_weak(self, log: _Log, last: FloatArray, now: float) -> None:
@@ -284,7 +301,7 @@ class RigidBodyPlant(Locked, Plant):
             f"since its drive gives {allowed:.4g} N m where its servo asks for {needed:.4g} N m: "
             "raise its torque limit or lighten its load.",
             t=now,
-            joint=j + 1,
+            joint=j,
             limit="joint_torque",
             needed=needed,
             allowed=allowed,
@@ -496,7 +513,7 @@ class _Robot:
                 f"Joint {j + 1} has no equilibrium near its first set-point: its {loops} too low "
                 "for the weight that gravity feed-forward does not hold.",
                 t=self.start,
-                joint=j + 1,
+                joint=j,
             )
         where = "the first set-point"
         if plant._on_top and plant.gravity_feedforward:
@@ -524,7 +541,7 @@ class _Robot:
             f"Joint {j + 1} runs away at t = {t:.4g} s, at {speed:.3g} rad/s: its servo is "
             f"unstable with a step of {self.step:.3g} s; lower its gains or shorten the step.",
             t=t,
-            joint=j + 1,
+            joint=j,
         )
 
 

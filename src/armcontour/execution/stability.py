@@ -72,12 +72,12 @@ def count_parts(
         values, vectors = np.linalg.eigh(rate[:, None] * np.linalg.inv(mass) * rate)
         fastest = float(values[-1])
         if fastest * step >= 2:
-            j = int(np.argmax(np.abs(vectors[:, -1]))) + 1
+            j = int(np.argmax(np.abs(vectors[:, -1])))
             raise ExecutionError(
-                f"Joint {j} is unstable at t = {t:.4g} s: its drive keeps a torque for a step of "
-                f"{step:.3g} s and corrects its velocity at a rate of {fastest:.4g} 1/s; shorten "
-                f"the step to {1 / fastest:.2g} s, lower the servo's gains, or give the arm the "
-                "inertias of its drives if they are missing.",
+                f"Joint {j + 1} is unstable at t = {t:.4g} s: its drive keeps a torque for a step "
+                f"of {step:.3g} s and corrects its velocity at a rate of {fastest:.4g} 1/s; "
+                f"shorten the step to {1 / fastest:.2g} s, lower the servo's gains, or give the "
+                "arm the inertias of its drives if they are missing.",
                 t=t,
                 joint=j,
                 limit="step",

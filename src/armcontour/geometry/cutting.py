@@ -1,4 +1,4 @@
-"""Functions that cut out a part of a path, join paths, and reverse a path."""
+"""Functions that cut out a part of a path, and join paths."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour.errors import InvalidInput
-from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path
-from armcontour.geometry.segments import REPEATED_POINT, Segments
+from armcontour.geometry.segments import REPEATED_POINT
 
 
 def cut_path(path: Path, begin: float, end: float) -> Path:
@@ -64,30 +63,4 @@ def join_paths(paths: Sequence[Path]) -> Path:
     """
     if not paths:
         raise InvalidInput("There is no path to join.")
-    if len(paths) == 1:
-        return paths[0]
-    if len({x.dimension for x in paths}) > 1:
-        raise InvalidInput("Paths to join must all be in the plane or all in space.")
-    oriented = [x.orientation for x in paths if x.orientation is not None]
-    if oriented and len(oriented) < len(paths):
-        raise InvalidInput("Paths to join must all have an orientation, or none.")
-    ends = np.array([x.segments[-1:].ends[0] for x in paths[:-1]])
-    gaps = np.linalg.norm(ends - [x.starts[0] for x in paths[1:]], axis=1)
-    # If a gap is too wide, the check of all segments names it.
-    fits = bool((gaps <= REPEATED_POINT).all())
-    return Path(
-        segments=Segments.join([x.segments for x in paths], checked=fits),
-        orientation=Orientation.join(oriented, [x.length for x in paths]) if oriented else None,
-    )
-
-
-def reverse_path(path: Path) -> Path:
-    """The path travelled from its end to its start, with the same tool orientation everywhere."""
-    n = len(path)
-    order = np.arange(n)[::-1]
-    segments = path.segments.run(order, np.full(n, True))
-    return Path(
-        segments=segments.replace(checked=True),
-        waypoints=n - path.waypoints[::-1],
-        orientation=None if path.orientation is None else path.orientation.reverse(),
-    )
+    return paths[0].joined(*paths[1:])

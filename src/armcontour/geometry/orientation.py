@@ -30,6 +30,7 @@ ROUNDING = 1e-15
 LINEAR = _checks.lock_floats([0.0, 1.0, 0.0, 0.0])
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Orientation(Value):
     """Tool orientation along a path, in n pieces.

@@ -14,7 +14,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, digits, line_up, several
 from armcontour.errors import InvalidInput
-from armcontour.frames import angle_between
+from armcontour.frames import Frame, Pose, angle_between
 from armcontour.geometry import orienting
 from armcontour.geometry.nearest import Projection, find_nearest
 from armcontour.geometry.orientation import Orientation
@@ -30,6 +30,7 @@ SAME_BREAK = 1e-12
 
 
 # No slots: with slots, Python's frozen classes give no clear error for setting a property.
+@_checks.explain_calls
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path(Value):
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
@@ -202,6 +203,89 @@ class Path(Value):
             raise InvalidInput(PLANE)
         found = orienting.follow(self.segments, up, tool, axis_only=axis_only)
         return dataclasses.replace(self, orientation=found)
+
+    def placed(self, frame: Pose, *, scale: float = 1.0) -> Path:
+        """The path moved from the coordinates of a frame to those of the frame's parent.
+
+        Speeds, tolerances and tool orientation move with it. A path in the plane becomes one in
+        space where the frame lifts or tilts it.
+
+            seam = Path.polyline([(0, 0), (0.1, 0)]).placed(Frame((0.4, 0.0, 0.2)))
+
+        Args:
+            frame: A Frame, a 4 by 4 transform, a pinocchio.SE3 or a position [m].
+            scale: Factor of all lengths, before the path is placed.
+
+        Raises:
+            InvalidInput: It is no frame, or the scale is not above zero.
+        """
+        frame, factor = Frame.of(frame), _checks.positive("scale", scale)
+        path = self if frame.keeps_plane else self.lifted()
+        d, orientation = path.dimension, path.orientation
+        if orientation is not None:
+            orientation = orientation.place(frame.rotation, factor)
+        segments = path.segments.place(frame.rotation[:d, :d], frame.position[:d], factor)
+        return path._plain(segments=segments, orientation=orientation)
+
+    def lifted(self) -> Path:
+        """A path in the plane as a path in space at z = 0; a path in space as it is."""
+        return self if self.dimension == 3 else self._plain(segments=self.segments.lift())
+
+    def _plain(self, **changed: object) -> Path:
+        """A plain Path with some attributes changed, without the attributes of a subclass."""
+        kept = {x.name: getattr(self, x.name) for x in dataclasses.fields(Path) if x.init}
+        return Path(**{**kept, **changed})
+
+    def reversed(self) -> Path:
+        """The path from its end to its start, with the same tool orientation at every point.
+
+        back_and_forth = path + path.reversed()
+        """
+        n = len(self)
+        segments = self.segments.run(np.arange(n)[::-1], np.full(n, True))
+        return Path(
+            segments=segments.replace(checked=True),
+            waypoints=n - self.waypoints[::-1],
+            orientation=None if self.orientation is None else self.orientation.reverse(),
+        )
+
+    def joined(self, *others: Path) -> Path:
+        """One path of this one and others, each of which starts where the one before it ends.
+
+        `path + other` does the same for one other path.
+
+            contour = lead_in.joined(circle, lead_out)
+
+        Args:
+            others: The other paths, in order.
+
+        Raises:
+            InvalidInput: There is a gap; some paths lie in the plane and others in space; or only
+                some have an orientation.
+        """
+        paths: tuple[Path, ...] = _checks.listed("joined", (self, *others), Path, "Paths")
+        if len(paths) == 1:
+            return self
+        if len({x.dimension for x in paths}) > 1:
+            raise InvalidInput("Paths to join must all be in the plane or all in space.")
+        oriented = [x.orientation for x in paths if x.orientation is not None]
+        if oriented and len(oriented) < len(paths):
+            raise InvalidInput("Paths to join must all have an orientation, or none.")
+        ends = np.array([x.segments[-1:].ends[0] for x in paths[:-1]])
+        gaps = np.linalg.norm(ends - [x.starts[0] for x in paths[1:]], axis=1)
+        # If a gap is too wide, the check of all segments names it.
+        fits = bool((gaps <= REPEATED_POINT).all())
+        before = np.cumsum([0, *(len(x) for x in paths)])
+        waypoints = [x.waypoints[:-1] + k for x, k in zip(paths, before, strict=False)]
+        return Path(
+            segments=Segments.join([x.segments for x in paths], checked=fits),
+            waypoints=np.concatenate([*waypoints, before[-1:]]),
+            orientation=Orientation.join(oriented, [x.length for x in paths]) if oriented else None,
+        )
+
+    def __add__(self, other: Path) -> Path:
+        """The path followed by another one, as by `joined`."""
+        return self.joined(other) if isinstance(other, Path) else NotImplemented
 
     @property
     def starts(self) -> FloatArray:

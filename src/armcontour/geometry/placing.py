@@ -1,60 +1,13 @@
-"""Functions that place a path in a frame, lift it to space, and project it onto the plane."""
+"""Functions that project a path onto the plane."""
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
-from armcontour import _checks
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame
+from armcontour.frames import IN_PLANE
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import REPEATED_POINT
-
-# Largest z offset [m] and tilt with which a frame keeps a path in the x-y plane; also the largest
-# z component of the vectors of an arc that lies in a plane of constant z.
-IN_PLANE = 1e-12
-
-
-def place_path(path: Path, frame: Frame, *, scale: float = 1.0) -> Path:
-    """A path given in a frame, in the coordinates in which the frame is given.
-
-    Speeds and tolerances are kept. A path in the plane stays in the plane if the frame neither
-    lifts nor tilts it; otherwise it becomes a path in space.
-
-    Args:
-        path: The path in the frame's coordinates.
-        frame: Position and rotation of the frame.
-        scale: Factor of all lengths, applied first.
-
-    Raises:
-        InvalidInput: The scale is not above zero, or `frame` is not a Frame.
-    """
-    if not isinstance(frame, Frame):
-        raise InvalidInput(
-            f"A path is placed in a Frame, such as Frame(position=[0.3, 0, 0]), not in a "
-            f"{type(frame).__name__}."
-        )
-    factor = _checks.positive("scale", scale)
-    if path.dimension == 2 and not keeps_plane(frame):
-        path = lift_path(path)
-    d, orientation = path.dimension, path.orientation
-    if orientation is not None:
-        orientation = orientation.place(frame.rotation, factor)
-    segments = path.segments.place(frame.rotation[:d, :d], frame.position[:d], factor)
-    return _with_segments(path, segments=segments, orientation=orientation)
-
-
-def keeps_plane(frame: Frame) -> bool:
-    """Whether a path in the x-y plane stays in it when it is placed in the frame."""
-    lifted = max(abs(frame.position[2]), float(np.abs(frame.rotation[2] - [0, 0, 1]).max()))
-    return bool(lifted <= IN_PLANE)
-
-
-def lift_path(path: Path) -> Path:
-    """A path in the plane as a path in space at z = 0; a path in space is returned as it is."""
-    return path if path.dimension == 3 else _with_segments(path, segments=path.segments.lift())
 
 
 def drop_z(path: Path) -> Path:
@@ -104,9 +57,3 @@ def arc_length_without_z(path: Path, s: float) -> float:
     run = np.where(path.curvatures > 0, 1.0, run)
     run = np.where(run * path.lengths > REPEATED_POINT, run, 0.0)
     return float(np.sum(run * np.clip(s - path.breaks[:-1], 0.0, path.lengths)))
-
-
-def _with_segments(path: Path, **changed: object) -> Path:
-    """A plain Path with some attributes changed, without the attributes of a subclass of Path."""
-    kept = {x.name: getattr(path, x.name) for x in dataclasses.fields(Path) if x.init}
-    return Path(**{**kept, **changed})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import Segments
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Demand:
     """Process requirements of one segment; stricter limits of the job override them.
@@ -55,6 +56,7 @@ class Demand:
 NO_DEMAND = Demand()
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
     """A straight segment from `start` to `end` [m].
@@ -65,11 +67,12 @@ class Line:
         demand: Speed, corner error and tag of this segment.
     """
 
-    start: Sequence[float]
-    end: Sequence[float]
+    start: Sequence[float] = field(kw_only=False)
+    end: Sequence[float] = field(kw_only=False)
     demand: Demand = NO_DEMAND
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arc:
     """A circular segment from `start` around `center` [m].
@@ -83,9 +86,9 @@ class Arc:
         demand: Speed, corner error and tag of this segment.
     """
 
-    start: Sequence[float]
-    center: Sequence[float]
-    angle: float
+    start: Sequence[float] = field(kw_only=False)
+    center: Sequence[float] = field(kw_only=False)
+    angle: float = field(kw_only=False)
     normal: Sequence[float] | None = None
     demand: Demand = NO_DEMAND
 

@@ -39,7 +39,7 @@ def refuse_misread(log: Log, longest: float, j: int) -> None:
     if found:
         raise InvalidInput(
             f"{log.source}: {log.joint_names[j]} does not follow its commands: {found}.",
-            joint=j + 1,
+            joint=j,
         )
 
 
@@ -59,7 +59,7 @@ def refuse_fast(log: Log) -> None:
                 f"{log.source}: {log.joint_names[j]} moves at {speeds[i]:.3g} rad/s at t = "
                 f"{clock(log.t[i])} s, but no joint is faster than {FASTEST:g} rad/s: give the "
                 "columns the units that they have, such as t [s].",
-                joint=j + 1,
+                joint=j,
                 t=float(log.t[i]),
                 needed=float(speeds[i]),
                 allowed=FASTEST,

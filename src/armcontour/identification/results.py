@@ -309,7 +309,7 @@ class Prediction:
                 f"{self.log.source} has {self.log.dof} joints, but the arm {arm.name} has "
                 f"{arm.dof}: give the arm of the log."
             )
-        off = arm.forward(self.log.measured) - arm.forward(self.positions)
+        off = arm.tool_position(self.log.measured) - arm.tool_position(self.positions)
         return np.where(self.used.all(axis=1), np.linalg.norm(off, axis=1), 0.0)
 
     def __str__(self) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
+from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.certification import (
     Budget,
     Certificate,
@@ -125,7 +126,7 @@ def _certificate(c: Certificate) -> dict[str, Any]:
             "compensation_options": dict(c.run.compensation_options),
             "period": c.run.period,
             "rounding": None if rounding is None else asdict(rounding),
-            "limits": {x: getattr(limits, x) for x in limits.__dataclass_fields__},
+            "limits": {x: getattr(limits, x) for x in LIMIT_UNITS},
             "servo": _servo(c.job.servo),
             "plant": _servo(c.job.plant_servo),
             "start": c.trajectory(0.0),

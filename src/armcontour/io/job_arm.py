@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -9,18 +10,30 @@ import numpy as np
 
 from armcontour._checks import refuse_if
 from armcontour._quantities import Quantity
+from armcontour._text import show
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
-from armcontour.io.job_model import ArmModel, FrameModel, PlacementModel, ToolModel
+from armcontour.geometry import Path
+from armcontour.io.job_model import (
+    ArmModel,
+    FrameModel,
+    JobModel,
+    PlacementModel,
+    TableToolModel,
+    ToolModel,
+)
 from armcontour.io.robots.loading import equip, load_arm, with_more_shapes
+from armcontour.io.robots.models import MJCF
 from armcontour.io.robots.tree import Tree
 from armcontour.io.robots.urdf import DESCRIPTIONS, arm_of_tree, is_description, read_description
 from armcontour.io.scene import assumed_tool, more_link_shapes, rotation_of, tool_shapes
 from armcontour.io.units import read_quantity
+from armcontour.program import Program
+from armcontour.program.tools import tools_of_contours
 from armcontour.scene import LinkShape
 
-ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS)
+ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS, *MJCF)
 
 
 def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False) -> Arm:
@@ -114,6 +127,50 @@ def _locked(model: ArmModel, tree: Tree) -> dict[str, float]:
         except ValueError as error:
             raise InvalidInput(f"arm.locked.{name}: {error}.") from None
     return found
+
+
+def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
+    """The key `arm` of a job, with the tool of its tool table that its contours use.
+
+    Args:
+        model: The keys of the job.
+        drawn: The path or program of its key `path`.
+
+    Raises:
+        InvalidInput: A tool that the table does not have, or several different tools.
+    """
+    table = {
+        name: x if isinstance(x, TableToolModel) else TableToolModel(position=x)
+        for name, x in (model.tools or {}).items()
+    }
+    for name, x in table.items():
+        frame_of(f"tools.{name}", x)
+    names = list(dict.fromkeys(tools_of_contours(Program.of(drawn))))
+    if not table or names == [""]:
+        return model.arm
+    for name in names:
+        if name not in table:
+            what = f"the tool {name}" if name else "no tool before its first contour"
+            raise InvalidInput(
+                f"The program uses {what}, but tools has {', '.join(map(show, table))}: add the "
+                "tool, or choose one of these with path.tool."
+            )
+    tool = table[names[0]]
+    if any(repr(table[x]) != repr(tool) for x in names):
+        raise InvalidInput(
+            f"The program uses {', '.join(names)}, which differ in tools, but a run has one tool: "
+            f"run the contours of one tool at a time, with path: {{tool: {names[0]}}} in the job, "
+            f"or --only-tool {names[0]}."
+        )
+    arm = model.arm if isinstance(model.arm, ArmModel) else named_arm(model.arm)
+    own = ToolModel(**{x.name: getattr(tool, x.name) for x in fields(ToolModel)})
+    payload = arm.payload if tool.payload is None else tool.payload
+    return replace(arm, tool=own, payload=payload)
+
+
+def named_arm(arm: str) -> ArmModel:
+    """An arm by its name, or by its file."""
+    return ArmModel(file=arm) if arm.lower().endswith(ARM_FILES) else ArmModel(name=arm)
 
 
 def tools_of(model: PlacementModel) -> dict[str, ToolModel]:

@@ -16,11 +16,10 @@ from armcontour._files import read_text
 from armcontour._progress import Progress
 from armcontour._text import show
 from armcontour._yaml import load
-from armcontour.arms import Arm, Limits
-from armcontour.compensation.compensator import default_method
+from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
-from armcontour.io.job_arm import arm_of, tools_of
+from armcontour.io.job_arm import arm_of, equipped, tools_of
 from armcontour.io.job_model import (
     CompensationModel,
     ExperimentModel,
@@ -186,6 +185,9 @@ def parts_of(
     """
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
     drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
+    used = equipped(model, drawn)
+    if used is not model.arm:
+        arm = arm_of(used, folder, trust_xacro=trust_xacro)
     scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
     return arm, drawn, scene
 
@@ -262,16 +264,15 @@ def _plant(given: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
 def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     """A run of the job, with the job's values for keys that the run does not give."""
     corners = job.corners if model.corners is None else model.corners
-    limits = _override_limits("limits", job.limits, arm.limits, arm)
-    limits = _override_limits(f"runs.{name}.limits", model.limits, limits, arm)
+    with locate_errors("limits"):
+        limits = resolve_limits("A job", arm, Limits(**job.limits))
+    with locate_errors(f"runs.{name}.limits"):
+        limits = resolve_limits("A run", arm, Limits(**model.limits), limits)
     if not isinstance(corners, str) and limits.centripetal_acceleration is None:
         # In case I this acceleration sets the corner radius; it limits the corner speed, too.
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
     experiment = _experiment(name, job.experiment, arm)
     compensation = model.compensation
-    if compensation.method is None:
-        on = None if experiment is None else arm
-        compensation = dataclasses.replace(compensation, method=default_method(job.servo, on))
     _refuse_options(f"runs.{name}.timing", model.timing, TIMING_OPTIONS)
     _refuse_options(f"runs.{name}.compensation", compensation, COMPENSATION_OPTIONS)
     if not isinstance(corners, str):
@@ -293,7 +294,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         return Run(
             name=name,
             timing=timing.method,
-            compensation=str(compensation.method),
+            compensation=compensation.method,
             limits=limits,
             rounding=None if isinstance(corners, str) else corners,
             period=period,
@@ -324,12 +325,6 @@ def _compensation_options(
             fed = experiment is None or experiment.gravity_feedforward
         return {"gravity_feedforward": fed}
     return {} if model.poles is None else {"poles": model.poles}
-
-
-def _override_limits(key: str, given: dict[str, Any], limits: Limits, arm: Arm) -> Limits:
-    """Limits with some values replaced, or lifted by None, one value per joint."""
-    with locate_errors(key):
-        return limits.replace(**given).for_joints(arm.dof)
 
 
 def _refuse_no_speed(key: str, corners: Rounding, limits: Limits) -> None:

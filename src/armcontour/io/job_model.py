@@ -120,6 +120,17 @@ class ToolModel(FrameModel):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TableToolModel(ToolModel):
+    """A tool of the tool table.
+
+    Args:
+        payload: Payload at the tip with this tool; by default that of the arm.
+    """
+
+    payload: Payload | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ArmModel:
     """An arm by `name` or `file`, with its equipment. File names are relative to the job file.
 
@@ -288,6 +299,7 @@ class PathModel:
         texts: For DXF, `contours` draws the letters of TEXT through a font of this machine.
         tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
             `{1: 3 mm}`; a negative one puts the tool on the other side.
+        tool: For G-code, the tool whose contours are run, such as T2; all tools by default.
         orientation: The required tool orientation in space: one for the whole path, or one per
             waypoint; for a file, in the coordinates of the drawing.
     """
@@ -313,6 +325,7 @@ class PathModel:
     unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
     texts: Annotated[str, Choice(TEXTS)] = "leave_out"
     tools: dict[int, Length] | None = None
+    tool: str | None = None
     orientation: Annotated[
         OrientationModel | list[OrientationModel] | None, BeforeValidator(_orientation)
     ] = None
@@ -353,15 +366,14 @@ class CompensationModel:
 
     Args:
         method: The servo's exact inverse, pole placement (servo of order second only), the inverse
-            of drives that move the arm's bodies (arm with masses, servo of order second), or none;
-            by default inverse_dynamics for a run with an experiment on such bodies, else inverse.
+            of drives that move the arm's bodies (arm with masses, servo of order second), or none.
         poles: Two regulator poles and the observer pole of pole_placement [1/s], or three poles per
             joint.
         gravity_feedforward: For inverse_dynamics, whether the controller adds the gravity torque;
             by default as in the experiment, or true without an experiment.
     """
 
-    method: Annotated[str, Choice(compensator.METHODS)] | None = None
+    method: Annotated[str, Choice(compensator.METHODS)] = "inverse"
     poles: Poles | list[Poles] | None = None
     gravity_feedforward: bool | None = None
 
@@ -437,14 +449,16 @@ class JobModel:
         title: Title for reports, of at most 200 characters; the name by default.
         arm: A built-in arm (`armcontour arms` lists them), a .yaml, .urdf or .xacro file relative
             to the job file, or a mapping.
-        branch: Branch of the inverse kinematics of a planar arm: `positive` (default) or
-            `negative`, the sign of theta2.
+        branch: Branch of the inverse kinematics of a planar arm: `positive` or `negative`, the sign
+            of theta2; by default the one that is fastest along the path.
         start: Joint positions near the start configuration [rad], for an arm in space, in the order
             of the joints or by their names; by default the configuration that is fastest along the
             path.
+        tools: The tool table: tools by the names in the program, such as T1 for the word T1 of
+            G-code, in place of `arm.tool`. A run has one tool frame: choose it with `path.tool`.
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
-        limits: Limits; limits of the joints are the arm's own unless given here, null lifts one.
+        limits: Limits in place of the arm's own; inf lifts one.
         corners: How corners are rounded; `sharp` keeps sharp corners.
         servo: The nominal servo.
         plant: Parameters of the real servo that differ from the nominal servo.
@@ -462,6 +476,7 @@ class JobModel:
     arm: str | ArmModel
     branch: str | None = None
     start: list[Angle] | dict[str, Angle] | None = None
+    tools: Annotated[dict[str, TableToolModel | Place], Field(min_length=1)] | None = None
     path: PathModel
     process: Process | None = None
     limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)

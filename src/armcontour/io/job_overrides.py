@@ -9,7 +9,7 @@ from armcontour import _checks
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand
 from armcontour.geometry.rounding import CONTINUITIES, Continuity
-from armcontour.io.job_arm import ARM_FILES
+from armcontour.io.job_arm import named_arm
 from armcontour.io.job_model import (
     ArmModel,
     FrameModel,
@@ -43,6 +43,7 @@ class JobOverrides:
         skip_unknown: Whether to skip elements that the reader does not know.
         skip_words: Words and codes of G-code to leave out, such as M6.
         tools: Diameters of tools for G-code [m], by their numbers.
+        tool: Name of the tool whose contours are run, such as T2.
         speed: Assigned velocity where the drawing gives none [m/s]; replaces the speed of runs,
             too.
         corner_tolerance: Largest corner error where the drawing gives none [m]; replaces the
@@ -75,6 +76,7 @@ class JobOverrides:
     skip_unknown: bool = False
     skip_words: tuple[str, ...] | None = None
     tools: dict[int, float] | None = None
+    tool: str | None = None
     speed: float | None = None
     corner_tolerance: float | None = None
     corner_shape: str | None = None
@@ -117,20 +119,17 @@ def override(model: JobModel, x: JobOverrides | None) -> JobModel:
         changes["ignore_collisions"] = True
     if x.arm is not None or x.arm_tool is not None:
         changes["arm"] = _arm(model.arm, x)
+    if x.arm_tool is not None:
+        changes["tools"] = None
     return replace(model, **changes)
 
 
 def _arm(arm: str | ArmModel, x: JobOverrides) -> ArmModel:
     """Replace the arm or its tool; an arm is a file if it has an ending."""
-    own = arm if isinstance(arm, ArmModel) else _named(arm)
+    own = arm if isinstance(arm, ArmModel) else named_arm(arm)
     if x.arm is not None:
-        own = replace(_named(x.arm), tool=own.tool, work=own.work, payload=own.payload)
+        own = replace(named_arm(x.arm), tool=own.tool, work=own.work, payload=own.payload)
     return own if x.arm_tool is None else replace(own, tool=x.arm_tool)
-
-
-def _named(arm: str) -> ArmModel:
-    """An arm by its name, or by its file."""
-    return ArmModel(file=arm) if arm.lower().endswith(ARM_FILES) else ArmModel(name=arm)
 
 
 def _run(run: RunModel, x: JobOverrides) -> RunModel:
@@ -211,6 +210,7 @@ def _path(path: PathModel, x: JobOverrides) -> PathModel:
         "flat": x.flat or None,
         "texts": x.texts,
         "tools": x.tools,
+        "tool": x.tool,
         "unknown": SkipModel(skip=list(x.skip_words))
         if x.skip_words
         else ("skip" if x.skip_unknown else None),

@@ -13,7 +13,6 @@ from armcontour._progress import Progress
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.frames import Frame
 from armcontour.geometry import Arc, Demand, Line, Path
-from armcontour.geometry.placing import keeps_plane, lift_path, place_path
 from armcontour.io.drawings.read import read_path
 from armcontour.io.drawings.reading import FARTHEST
 from armcontour.io.job_arm import frame_of
@@ -28,6 +27,7 @@ from armcontour.io.problems import place
 from armcontour.io.scene import rotation_of
 from armcontour.program import Contour, Program, contour_called
 from armcontour.program.moves import name_copy
+from armcontour.program.tools import part_of_tool
 
 # Keys that are arguments of `read_path`.
 READING = (
@@ -93,7 +93,7 @@ def unplaced_path(
         read = read_drawing(model, model.file, folder, progress) if drawing is None else drawing
         return _drawn(model, read, dimension)
     written = any(x is not None for x in (model.points, model.segments, model.spline))
-    options = (*READING, "repeat", *(() if written else ("frame",)))
+    options = (*READING, "repeat", "tool", *(() if written else ("frame",)))
     for x in dataclasses.fields(model):
         if x.name in options and getattr(model, x.name) != x.default:
             raise InvalidInput(
@@ -115,11 +115,11 @@ def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path 
         InvalidInput: A frame out of the plane in which the arm moves its tool.
     """
     frame = part_of(model)
-    if dimension == 2 and path.dimension == 2 and not keeps_plane(frame):
+    if dimension == 2 and path.dimension == 2 and not frame.keeps_plane:
         raise InvalidInput(LIFTED)
     if isinstance(path, Program):
         return path.placed(frame)
-    return path if model.frame is None else place_path(path, frame)
+    return path if model.frame is None else path.placed(frame)
 
 
 def _oriented(model: PathModel) -> Path:
@@ -177,12 +177,14 @@ def read_drawing(
 
 def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
     """Repeat a drawing, lift it to space and orient the tool, as far as the job wants."""
+    if model.tool is not None:
+        program = part_of_tool(program, model.tool)
     if model.repeat is not None:
         program = _repeat(program, model.repeat, model.names)
     if dimension == 2:
         _refuse_space(model, program)
         return program
-    program = program.mapped(lift_path)
+    program = program.mapped(Path.lifted)
     if model.orientation is not None:
         how = model.orientation
         if not isinstance(how, OrientationModel):

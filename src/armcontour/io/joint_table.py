@@ -320,7 +320,7 @@ def refuse_large(
                 f"{LARGEST[kind]:g} {key.si}: correct the number, or give the column its unit, "
                 "such as q1 [deg].",
                 index=row,
-                joint=k + 1,
+                joint=k,
             )
 
 

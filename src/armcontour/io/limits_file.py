@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 from armcontour._files import read_text
 from armcontour._quantities import Angle, Length
 from armcontour._yaml import load
-from armcontour.arms import Arm, Limits
+from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.io.keys import Given, read_keys
 
@@ -29,7 +29,7 @@ class LimitsFile(Limits):
 def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, float | None]:
     """Read limits from a YAML file.
 
-    Joint limits that the file leaves out are the arm's own; null lifts a limit, as in a job file.
+    Limits that the file leaves out are the arm's own; infinity lifts a limit, as in a job file.
 
     Args:
         file: The file.
@@ -55,5 +55,5 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
     given = read_keys(Given(LimitsFile), data, place.name)
     deviations = [given.pop(name, None) for name in ("deviation", "orientation_deviation")]
     with locate_errors(place.name):
-        limits = arm.limits.replace(**given).for_joints(arm.dof)
+        limits = resolve_limits(place.name, arm, Limits(**given))
     return limits, *deviations

@@ -237,7 +237,18 @@ def _override_keys(model: CellModel, x: JobOverrides) -> dict[Keys, Any]:
             f"--{name.replace('_', '-')} is of the runs, so no job file is written: put it into "
             "the job file, and place that.",
         )
-    same = ("units", "columns", "scale", "layers", "names", "colors", "flat", "texts", "tools")
+    same = (
+        "units",
+        "columns",
+        "scale",
+        "layers",
+        "names",
+        "colors",
+        "flat",
+        "texts",
+        "tools",
+        "tool",
+    )
     skipped = "skip" if x.skip_unknown else None
     given: dict[Keys, Any] = {
         **{("path", name): getattr(x, name) for name in same},

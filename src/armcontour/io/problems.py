@@ -35,7 +35,7 @@ EXPECTED = {
 OF_VALUES = ("value_error", "too_short", "too_long", "greater_than_equal")
 # Keys that older files have, and what to write instead.
 GONE = {
-    "ignore_jerk": "plans keep limits of jerk, so leave it out; write limits: {joint_jerk: null} "
+    "ignore_jerk": "plans keep limits of jerk, so leave it out; write limits: {joint_jerk: inf} "
     "to lift the arm's own",
 }
 NAME = "must be letters, digits, - and _, 64 at most, with a letter or digit first"

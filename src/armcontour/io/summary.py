@@ -295,7 +295,13 @@ def _explanation(why: Explanation) -> dict[str, Any]:
         "assigned_length": why.assigned_length,
         "assigned_time": why.assigned_time,
         "bindings": [
-            {"limit": x.limit, "joint": x.joint, "t": x.t, "s": x.s, "share": x.share}
+            {
+                "limit": x.limit,
+                "joint": None if x.joint is None else x.joint + 1,
+                "t": x.t,
+                "s": x.s,
+                "share": x.share,
+            }
             for x in why.bindings[:MOST_LISTED]
         ],
         "shortfalls": [

@@ -13,6 +13,14 @@ from armcontour._checks import LARGEST
 from armcontour._quantities import WHOLE_TURN, Quantity
 from armcontour._text import plain_number, show
 
+# What stands for infinity where a quantity may be infinite.
+ENDLESS = {
+    "none": math.inf,
+    "inf": math.inf,
+    "-inf": -math.inf,
+    math.inf: math.inf,
+    -math.inf: -math.inf,
+}
 # Longest text of a quantity.
 MOST_CHARACTERS = 100
 # Possessive quantifiers prevent backtracking, so that the time is linear in the length of the text.
@@ -143,8 +151,10 @@ def read_quantity(value: Any, kind: Quantity) -> float:
     Raises:
         ValueError: No quantity of this unit, or out of range.
     """
-    if kind.endless and value == "none":
-        return math.inf
+    if kind.endless and isinstance(value, str | float) and value in ENDLESS:
+        endless = ENDLESS[value]
+        if endless > 0 or kind.sign == "any":
+            return endless
     found = read_plain(value, kind)
     outside, words = {
         "any": (False, ""),

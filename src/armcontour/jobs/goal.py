@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from armcontour import _checks
@@ -14,6 +14,7 @@ SATURATION = ("refuse", "report")
 PLANTS = ("servo", "rigid_body")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Goal:
     """Requirements that a certified plan meets.
@@ -43,7 +44,7 @@ class Goal:
             saturation that is not for this plant.
     """
 
-    tolerance: Tolerance | None = None
+    tolerance: Tolerance | None = field(default=None, kw_only=False)
     servo: Tolerance | None = None
     rms: Tolerance | None = None
     plant: Annotated[str, Choice(PLANTS)] = "servo"

@@ -48,6 +48,7 @@ SHAPES = (ARC, FREE)
 TANGENT, CURVATURE = CONTINUITIES
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rounding:
     """How corners are rounded: by `tolerance`, or by `speed` and `acceleration`.
@@ -219,6 +220,7 @@ TRANSITION_TOLERANCE = 1e-5
 OF_FREE = ("line_tolerance", "zone", "iterations")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
     """A run: limits and methods for one plan of the job, to be compared with other runs.
@@ -314,6 +316,7 @@ class Run:
         }
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Job:
     """A path, an arm, a servo, and the runs to compare.
@@ -326,7 +329,7 @@ class Job:
         arm: The arm.
         path: The objective path, or a program of several contours.
         process: Leads, overlaps and events that are added to the contours.
-        branch: Branch of the inverse kinematics of a planar arm; None is its first branch.
+        branch: Branch of the inverse kinematics of a planar arm; by default the fastest.
         start: For an arm in space: joint positions near the start configuration [rad], (dof,); None
             takes the configuration that is fastest along the path.
         servo: The servo's nominal model, which compensation uses.

@@ -10,8 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step, under
 from armcontour._sampling import interpolate
-from armcontour.arms import Limits
-from armcontour.errors import CompensationError, InvalidInput
+from armcontour.errors import InvalidInput
 from armcontour.evaluation import ErrorProfile, Evaluation, evaluate
 from armcontour.evaluation.error_profile import Missed
 from armcontour.evaluation.pieces import Piece, pieces_of
@@ -23,7 +22,7 @@ from armcontour.learning import LearnedRun, Lesson, Recording, judge_run, learn
 from armcontour.learning.aligning import fit_to
 from armcontour.learning.estimating import smooth_error
 from armcontour.motion import Execution, Log, TaughtData
-from armcontour.motion.command_limits import refuse_commands
+from armcontour.motion.command_limits import describe_excess
 from armcontour.program import contour_called
 
 # Smallest dead time [s] and clock error that are told to the user.
@@ -106,7 +105,7 @@ class LearningStudy:
                 f"Learning uses a servo from which it deviates by {after:.3g} mrad: {lesson.servo}."
             )
         found += _other_set_points(lesson.runs[-1]) + _corrections(lesson.runs[-1])
-        if limits_to_keep(self.job, self.plan) is None:
+        if describe_excess(self.plan.taught):
             found.append(
                 "The set-points exceed limits of the joints already before learning, so learning "
                 "does not keep these limits either."
@@ -292,7 +291,6 @@ def learn_run(
             executed,
             arm=job.arm,
             servo=job.servo,
-            limits=limits_to_keep(job, plan),
             gravity_feedforward=feeds_gravity_forward(plan.run),
             tool=tool,
         )
@@ -373,20 +371,6 @@ def refuse_earlier_run(taught: TaughtData, log: Log) -> None:
         )
 
 
-def limits_to_keep(job: Job, plan: RunResult) -> Limits | None:
-    """The limits of a run; None if its set-points exceed them before learning.
-
-    Args:
-        job: The job.
-        plan: Plan and taught data before learning.
-    """
-    try:
-        refuse_commands(plan.taught, plan.run.limits.for_joints(job.arm.dof))
-    except CompensationError:
-        return None
-    return plan.run.limits
-
-
 def simulate_learning(
     job: Job,
     plan: RunResult,
@@ -421,7 +405,6 @@ def simulate_learning(
                 executed,
                 plan.path,
                 objective=plan.objective,
-                limits=plan.run.limits,
                 until=plan.run.until,
             )
         )

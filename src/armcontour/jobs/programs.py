@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy.typing as npt
 
 from armcontour._progress import Progress
+from armcontour.arms import PlanarTwoLink
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
 from armcontour.geometry import Path
 from armcontour.jobs.job import TANGENT, Job, Rounding, Run
@@ -31,6 +32,7 @@ from armcontour.timing import (
     plan,
     trace_program,
 )
+from armcontour.timing.program_tracing import ends_of
 
 # Automatic leads: the first length that is tried [m], and how often the length is doubled.
 FIRST_LEAD = 2e-3
@@ -181,7 +183,13 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
     )
     gain = LEAST_GAIN if this.limits.jerk_limits else SAME_SPEED
     found = []
-    for x in prepare(arrange(job.program, process), plain).contours:
+    contours = prepare(arrange(job.program, process), plain).contours
+    if isinstance(job.arm, PlanarTwoLink) and job.branch is None:
+        # The first contour chooses the branch for all of them.
+        first = round_program(job, this, Program(moves=contours[:1]))
+        begin, _ = ends_of(trace_run(job, this, first).joint_paths[0])
+        job = dataclasses.replace(job, branch=job.arm.branch_of(begin))
+    for x in contours:
         contour = dataclasses.replace(x, events=(), work=None)
 
         def end_speeds(before: float, after: float, x: Contour = contour) -> tuple[float, float]:

@@ -61,7 +61,7 @@ def planned_torques(result: RunResult) -> Torques | None:
 
     Every time appears twice, with the torques before and after a jump.
     """
-    arm, plan = result.execution.arm, result.trajectory
+    arm, plan = result.arm, result.trajectory
     if not arm.has_bodies:
         return None
     t = np.union1d(np.linspace(0, plan.duration, SAMPLES), plan.breaks)

@@ -6,11 +6,22 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
-from armcontour._describing import brief, digits, line_up, milliseconds, mm, several
+from armcontour._describing import (
+    brief,
+    digits,
+    draw,
+    line_up,
+    milliseconds,
+    mm,
+    several,
+    to_html,
+)
 from armcontour._text import capitalise
+from armcontour.arms import Arm
 from armcontour.clearance import Clearance
-from armcontour.errors import ExecutionError
+from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.evaluation import Evaluation
 from armcontour.execution import RigidBodyPlant
 from armcontour.geometry import ShapedPath, count_full_stops
@@ -26,6 +37,7 @@ from armcontour.jobs.warnings import (
     jerk_stops,
     missed_speeds,
     not_judged,
+    oscillating,
     overloaded,
     slow_ends,
     stopping,
@@ -34,6 +46,7 @@ from armcontour.jobs.warnings import (
     worse_than_none,
 )
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
+from armcontour.motion.command_limits import describe_excess
 from armcontour.program import Program
 from armcontour.program.rounding import doubt_tolerance
 from armcontour.servo import ServoModel
@@ -124,7 +137,7 @@ class RunResult:
             corners.
         trajectory: The realizable trajectory.
         traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
-        exceeded: Sentences on limits that the smoothed plan exceeds.
+        exceeded: Sentences on limits above those of the arm, and that the smoothed plan exceeds.
         clearance: How far the arm stays from itself and from its cell, as planned; None for an arm
             whose shapes are not known.
         avoided: Sentences on other ways that were taken to keep clear; without a clearance, on why
@@ -194,6 +207,24 @@ class RunResult:
         return line_up(f"{title}, at rest after {e.settled:.4f} s", [*executed, *rows])
 
     __repr__ = brief
+
+    _repr_html_ = to_html
+    figure = draw
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        arm = self.trajectory.arm if self.execution is None else self.execution.arm
+        if arm is None:
+            raise InvalidInput("This trajectory does not know its arm: plan it with an arm.")
+        return arm
+
+    @cached_property
+    def motion(self) -> Execution:
+        """The executed motion; without a simulation that of joints that follow the plan exactly."""
+        if self.execution is not None:
+            return self.execution
+        return Execution.of_plan(self.trajectory, self.arm)
 
     @property
     def joint_path(self) -> JointPath | None:
@@ -310,8 +341,11 @@ class RunResult:
     def weak_points(self) -> tuple[str, ...]:
         """Sentences on weak points of the run, such as a coarse command interval."""
         found = self._weak_points_of_plan()
+        if self.servo is not None:
+            found += oscillating(self.servo)
         if self.taught is not None:
             found += cut_off(self.taught)
+            found += filter(None, [describe_excess(self.taught)])
         if self.execution is not None:
             found += self._weak_points_of_execution()
         return tuple(found)
@@ -386,6 +420,33 @@ class Study:
 
     job: Job
     runs: Mapping[str, RunResult]
+
+    _repr_html_ = to_html
+    figure = draw
+
+    @property
+    def simulated(self) -> bool:
+        """Whether any run was executed."""
+        return any(x.execution is not None for x in self.runs.values())
+
+    def to_dict(self) -> dict[str, list[Any]]:
+        """A row for every run as columns that `pandas.DataFrame` takes, by name.
+
+            pandas.DataFrame(study.to_dict()).sort_values("largest")
+
+        Returns:
+            `run`; `motion`, `settled` [s]; `rms`, `largest` contour error [m]; `demand`, the
+            largest share of a limit of acceleration. None where nothing was simulated.
+        """
+        judged = [x.judged for x in self.runs.values()]
+        return {
+            "run": list(self.runs),
+            "motion": [x.trajectory.duration for x in self.runs.values()],
+            "settled": [e and e.settled for e in judged],
+            "rms": [e and e.contour_error.rms for e in judged],
+            "largest": [e and e.contour_error.max for e in judged],
+            "demand": [e and float(e.demand_ratio.max()) for e in judged],
+        }
 
     def __str__(self) -> str:
         """A row for every run."""

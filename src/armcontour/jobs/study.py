@@ -15,9 +15,9 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._progress import Progress, Step, under
-from armcontour.arms import Limits
+from armcontour.arms import Limits, compare_limits
 from armcontour.clearance import Clearance
-from armcontour.compensation import compensate
+from armcontour.compensation.compensator import teach
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import ServoPlant, execute
@@ -36,7 +36,7 @@ from armcontour.jobs.ways import (
 from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.servo import ServoModel
-from armcontour.timing import Explanation, Tracing, explain, plan, refuse_unkept_jerk, with_reserve
+from armcontour.timing import Explanation, Tracing, explain, plan, refuse_unkept_jerk
 
 STEPS = (
     "rounding",
@@ -200,7 +200,8 @@ def plan_clear(
             break
     else:
         refuse_collision(job, path, trajectory)
-    beyond = smoothed_beyond(trajectory, job.arm, this) if this.smoothing else ()
+    beyond = list(filter(None, [compare_limits(this.limits, job.arm)]))
+    beyond += smoothed_beyond(trajectory, job.arm, this) if this.smoothing else []
     return RunResult(
         run=this,
         objective=objective,
@@ -220,7 +221,7 @@ def explain_run(job: Job, this: Run, trajectory: Trajectory) -> Explanation | No
     """
     if trajectory.method is not Method.OPTIMAL:
         return None
-    return explain(trajectory, job.arm, with_reserve(this.limits, this.reserve))
+    return explain(trajectory, job.arm)
 
 
 def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
@@ -229,7 +230,7 @@ def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
     Raises:
         CompensationError: The method cannot compensate this delay.
     """
-    return compensate(
+    return teach(
         trajectory,
         job.servo,
         method=this.compensation,
@@ -253,15 +254,13 @@ def execute_run(
     Raises:
         ExecutionError: The joints do not come to rest.
     """
-    plant = ServoPlant(job.arm, job.plant_servo if servo is None else servo, this.limits)
+    plant = ServoPlant(job.arm, job.plant_servo if servo is None else servo)
     return execute(taught, plant, resolution=RESOLUTION)
 
 
 def evaluate_run(this: Run, executed: Execution, path: Program, objective: Program) -> Evaluation:
     """Evaluate the executed motion of a run, with the use of its limits."""
-    return evaluate(
-        executed, path, objective=objective, limits=this.limits, until=this.until, limit_use=True
-    )
+    return evaluate(executed, path, objective=objective, until=this.until, limit_use=True)
 
 
 def _executed_clearance(job: Job, found: RunResult, executed: Execution) -> Clearance | None:

@@ -21,6 +21,7 @@ from armcontour.jobs.job import TANGENT, Run
 from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.motion.trajectory import Span
 from armcontour.program import Contour, Program, contour_called
+from armcontour.servo import ServoModel
 from armcontour.timing import RESERVED, Tracing, find_jerk_stops
 
 # So many contours or segments are named in one sentence.
@@ -164,6 +165,32 @@ def cut_off(taught: TaughtData) -> list[str]:
         "after the end of the plan; a servo model with a larger kp or a "
         "velocity_feedforward nearer to 1 needs less."
     ]
+
+
+def oscillating(servo: ServoModel) -> list[str]:
+    """A warning for the joint of order second with the least damping, if kv is below kp.
+
+    The damping ratio is sqrt(kv / kp) / 2, from the characteristic polynomial of (6).
+    """
+    if servo.kv is None:
+        return []
+    kp, kv = (np.atleast_1d(x) for x in np.broadcast_arrays(servo.kp, servo.kv))
+    ratio = np.where(np.isfinite(kv), kv, np.inf) / np.where(np.isfinite(kp), kp, 1.0)
+    j = int(np.argmin(ratio))
+    if ratio[j] >= 1:
+        return []
+    damping = math.sqrt(ratio[j]) / 2
+    overshoot = math.exp(-math.pi * damping / math.sqrt(1 - damping**2))
+    return [
+        f"servo gain kv of {kv[j]:g} 1/s is below kp of {kp[j]:g} 1/s{_of_joint(j, kp)}, so the "
+        f"servo oscillates: its damping ratio is {damping:.2f}, and a step overshoots by "
+        f"{overshoot:.0%}; from kv = 4 kp on, {4 * kp[j]:g} 1/s, a servo does not overshoot."
+    ]
+
+
+def _of_joint(j: int, gains: FloatArray) -> str:
+    """Name of the joint j, counted from 0, if joints have different gains."""
+    return f" at joint {j + 1}" if len(gains) > 1 and np.ptp(gains) > 0 else ""
 
 
 def unsettled(executed: Execution) -> list[str]:
@@ -400,7 +427,7 @@ def smoothed_beyond(trajectory: Trajectory, arm: Arm, this: Run) -> list[str]:
     if not beyond:
         return []
     worst = max(beyond, key=lambda x: x.certain)
-    who = "the tool" if worst.joint is None else arm.joint_names[worst.joint - 1]
+    who = "the tool" if worst.joint is None else arm.joint_names[worst.joint]
     mend = "take shorter windows"
     if worst.name in RESERVED:
         # With a reserve the motion gets slower, too: this one is enough.

@@ -14,7 +14,7 @@ from armcontour._progress import Progress, Step
 from armcontour._text import capitalise
 from armcontour.arms import Arm, PlanarTwoLink, SerialArm
 from armcontour.arms.arm import FAR_OUT, hint_at_unit
-from armcontour.arms.inverse import configurations, nearest_reached, seeds
+from armcontour.arms.inverse import REACH_SEEDS, configurations, nearest_reached, seeds
 from armcontour.clearance import Cell, Clearance
 from armcontour.clearance.connecting import connect, through
 from armcontour.clearance.distances import can_measure
@@ -28,7 +28,7 @@ from armcontour.scene.arm_shapes import ASSUMED_GAP, ASSUMED_RADIUS
 from armcontour.timing import Tracing, trace_program, turn_along
 from armcontour.timing.program_tracing import bound_duration, ends_of, find_starts
 from armcontour.tracing import trace
-from armcontour.tracing.configurations import OUT_OF_REACH, REACH_SEEDS
+from armcontour.tracing.configurations import OUT_OF_REACH
 from armcontour.tracing.poses import task_dimension, what_helps
 
 # A rapid that would touch goes so far back along the tool axis first [m], the least that is clear.
@@ -483,7 +483,7 @@ def _reached(
     for i in range(len(poses)):
         own = many[:FEW_SEEDS] if starts is None else starts[i : i + 1]
         found[i] = nearest_reached(arm, poses[i], task, own)
-    away = np.linalg.norm(arm.forward(found) - points, axis=1)
+    away = np.linalg.norm(arm.tool_position(found) - points, axis=1)
     for i in np.argsort(-away)[:closely]:
         if away[i] > OUT_OF_REACH:
             # Another configuration may come nearer.
@@ -491,7 +491,7 @@ def _reached(
             found[i] = nearest_reached(arm, poses[i], task, own)
     if starts is not None:
         starts[:] = found
-    return arm.forward(found)
+    return arm.tool_position(found)
 
 
 def _refusal(job: Job, places: _Places, away: FloatArray, k: int, rapid: bool) -> Unreachable:

@@ -347,7 +347,7 @@ def add_tool(
             f"{arm.dimension} coordinates at each, but have the shape {points.shape} at {t.size} "
             "times."
         )
-    seen = arm.forward(lifted.planned + error)
+    seen = arm.tool_position(lifted.planned + error)
     offset, rate = clock or fit_to(t, points, lifted.t, seen)
     at = offset + rate * t
     slack = 2 * np.diff(at).max()
@@ -368,7 +368,7 @@ def add_tool(
         )
     noise = float(np.mean(white_noise(points - lifted.between(at, seen)) ** 2))
     # Joints are as likely to give way as makes the tool move as it does.
-    jacobian = arm.jacobian(lifted.planned)
+    jacobian = arm.tool_jacobian(lifted.planned)
     transposed = np.swapaxes(jacobian, 1, 2)
     product = jacobian @ transposed
     reach = float(np.trace(product, axis1=1, axis2=2).mean())

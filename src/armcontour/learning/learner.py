@@ -19,7 +19,7 @@ from armcontour.learning.lesson import LearnedRun, Lesson, Recording, record
 from armcontour.learning.lifted import NEAR_BOUND, Lifted, Nominal, rms
 from armcontour.learning.servo_fit import fit_servo
 from armcontour.motion import Execution, Log, TaughtData
-from armcontour.motion.command_limits import SLACK, refuse_commands
+from armcontour.motion.command_limits import SLACK, describe_excess, refuse_commands
 from armcontour.servo import ServoModel
 from armcontour.servo.model import LONGEST_DEAD_TIME
 
@@ -80,7 +80,8 @@ def learn(
         arm: The nominal arm. If it has masses, and the servo is of second order, the model is one
             of rigid bodies; otherwise of its servos alone.
         servo: The nominal servo.
-        limits: Limits of the controller, as in `compensate`; by default they are not checked.
+        limits: Limits of the controller, as in `compensate`. Without `limits`, set-points keep
+            those of the plan, unless set-points of the last run exceed them already.
         gravity_feedforward: Whether the controller adds the torque against gravity.
         known: The arm as its controller knows it, if `arm` has what was found since, as a payload.
         tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
@@ -261,7 +262,7 @@ def _next_lesson(
     is_setback = now > before + SURE * known.resolution and not done
     setbacks += is_setback
     step = HALF**setbacks * (known.step if earlier else 1.0)
-    own = (limits or Limits()).for_joints(lifted.dof)
+    own = _limits_to_keep(seen, limits)
     first = _accelerations(runs[0].q, seen.period)
     fastest = ROUGHER * np.maximum(first, RESTING * first.max())
     if own.joint_acceleration is not None:
@@ -295,6 +296,12 @@ def _next_lesson(
         predicted=known.expected if finished else min(predicted, known.expected),
         noise=known.noise, best=known.best, repeats=known.repeats,
     )  # fmt: skip
+
+
+def _limits_to_keep(seen: Lesson, limits: Limits | None) -> Limits:
+    """The limits that lessons keep; of the plan's those only that its set-points kept."""
+    own = seen.trajectory.limits_for(limits)
+    return own.of_tool if limits is None and describe_excess(seen) else own
 
 
 def _reason_to_finish(known: Estimate, setbacks: int, is_setback: bool) -> str:
@@ -344,6 +351,6 @@ def keep_limits(
             name, j = "acceleration", int(np.argmax(rough))
         except CompensationError as error:
             assert error.joint is not None
-            name, j = str(error.limit), error.joint - 1
+            name, j = str(error.limit), error.joint
         reason = f"the {name} of the set-points of joint {j + 1} limits the step"
         share[j] = share[j] * SHORTER if share[j] > NO_STEP else 0.0

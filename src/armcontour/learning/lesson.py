@@ -23,6 +23,7 @@ SAME = 1e-9
 MOST_MISSED = 0.1
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
     """Measured joint positions over time.
@@ -41,8 +42,8 @@ class Recording:
         InvalidInput: The arrays are not finite numbers, or do not fit each other.
     """
 
-    t: FloatArray
-    q: FloatArray
+    t: FloatArray = field(kw_only=False)
+    q: FloatArray = field(kw_only=False)
     command: FloatArray | None = None
     in_plan_time: bool = False
     exact: bool = False

@@ -440,7 +440,7 @@ class Lifted:
         Args:
             error: Errors of the joints [rad], (n, dof).
         """
-        planned, tool = (self.nominal.arm.forward(self.planned + x) for x in (0.0, error))
+        planned, tool = (self.nominal.arm.tool_position(self.planned + x) for x in (0.0, error))
         off = np.linalg.norm(tool - planned, axis=1)
         found = [path.project(tool[which]).distance for path, which in self._paths]
         if not found:

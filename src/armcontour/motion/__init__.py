@@ -24,10 +24,19 @@ from armcontour.motion.laws import (
 from armcontour.motion.log import Log
 from armcontour.motion.path_average import SmoothedLaw
 from armcontour.motion.smoothing import smooth
-from armcontour.motion.trajectory import Method, Samples, Span, Stretch, TimedEvent, Trajectory
+from armcontour.motion.trajectory import (
+    PERIOD,
+    Method,
+    Samples,
+    Span,
+    Stretch,
+    TimedEvent,
+    Trajectory,
+)
 
 __all__ = [
     "LONGEST_CLOCK",
+    "PERIOD",
     "Execution",
     "FineMotion",
     "JointAverage",

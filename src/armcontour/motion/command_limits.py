@@ -15,7 +15,7 @@ from armcontour.motion.execution import TaughtData
 SLACK = 1e-9
 
 
-def refuse_commands(taught: TaughtData, limits: Limits) -> None:
+def refuse_commands(taught: TaughtData, limits: Limits | None = None) -> None:
     """Refuse set-points outside a joint range, or that move faster than a velocity limit.
 
     A compensated command is ahead of the joint by about `dq / K_p`, and so can exceed the limits
@@ -23,16 +23,17 @@ def refuse_commands(taught: TaughtData, limits: Limits) -> None:
 
     Args:
         taught: The set-points.
-        limits: Limits with values per joint.
+        limits: Limits in place of those of the plan.
 
     Raises:
         CompensationError: A limit is exceeded; with the set-point of the largest excess.
     """
-    lower, upper = limits.joint_range(taught.q.shape[1])
+    dof, limits = taught.q.shape[1], taught.trajectory.limits_for(limits)
+    lower, upper = limits.joint_range(dof)
     _refuse_beyond(taught, "joint_upper", taught.q, upper)
     _refuse_beyond(taught, "joint_lower", -taught.q, -lower)
     rate = np.diff(taught.q, axis=0) / taught.period
-    amounts, most = by_direction(rate, limits.velocity_bounds(taught.q.shape[1]))
+    amounts, most = by_direction(rate, limits.velocity_bounds(dof))
     at = _worst(amounts, most)
     if at is None:
         return
@@ -44,11 +45,20 @@ def refuse_commands(taught: TaughtData, limits: Limits) -> None:
         f"its joint_velocity of {allowed:.6g} rad/s: plan with a joint_velocity lower by "
         f"{needed - allowed:.2g} rad/s, with smoother accelerations, or with slower poles.",
         t=t,
-        joint=j + 1,
+        joint=j,
         limit="joint_velocity",
         needed=needed,
         allowed=allowed,
     )
+
+
+def describe_excess(taught: TaughtData) -> str:
+    """The sentence of `refuse_commands` for the limits of the plan; empty if it refuses nothing."""
+    try:
+        refuse_commands(taught)
+    except CompensationError as error:
+        return str(error)
+    return ""
 
 
 def _refuse_beyond(taught: TaughtData, name: str, values: FloatArray, most: FloatArray) -> None:
@@ -70,7 +80,7 @@ def _refuse_beyond(taught: TaughtData, name: str, values: FloatArray, most: Floa
         f"The set-point of joint {j + 1} at t = {t:.6g} s is {needed:.6g} rad, beyond its {name} "
         f"of {allowed:.6g} rad: plan {abs(needed - allowed):.2g} rad from it, or slower there.",
         t=t,
-        joint=j + 1,
+        joint=j,
         limit=name,
         needed=needed,
         allowed=allowed,

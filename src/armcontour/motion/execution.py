@@ -9,11 +9,11 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray, Value
-from armcontour._describing import brief, joint_rows, line_up, milliseconds, several
+from armcontour._describing import brief, draw, joint_rows, line_up, milliseconds, several, to_html
 from armcontour._quintics import evaluate, quintic
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
-from armcontour.motion.trajectory import Trajectory
+from armcontour.motion.trajectory import Trajectory, to_columns
 
 # A plant's motion ends at a result if it is as near to it as this [rad].
 SAME = 1e-9
@@ -24,7 +24,9 @@ WHOLE = 1e-3
 WHOLE_CYCLES = 1e-9
 # Smallest and largest command interval [s]: shorter ones come near rounding errors of times; longer
 # ones say nothing about the motion between set-points.
-INTERVALS = (1e-6, 10.0)
+INTERVALS = (1e-6, 1.0)
+# Time between the samples of a plan in place of an execution [s], and their largest number.
+PLANNED_STEP, MOST_PLANNED = 1e-3, 20_000
 # No controller takes set-points more slowly [s]; industrial ones take them every 1 to 40 ms.
 LONGEST_CLOCK = 0.1
 
@@ -36,6 +38,7 @@ class Between(Protocol):
         """The motion from some results to the next ones; None where it is not known."""
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Execution(Value):
     """Motion of the joints of a plant, from the first set-point until rest.
@@ -112,6 +115,40 @@ class Execution(Value):
 
     __repr__ = brief
 
+    _repr_html_ = to_html
+    figure = draw
+
+    def to_dict(self) -> dict[str, FloatArray]:
+        """Results as columns that `pandas.DataFrame` takes, as of `Trajectory.to_dict`.
+
+        pandas.DataFrame(executed.to_dict()).plot(x="t", y="q1")
+        """
+        return to_columns(self)
+
+    @classmethod
+    @_checks.checked
+    def of_plan(cls, trajectory: Trajectory, arm: Arm) -> Execution:
+        """The motion of joints that follow a plan exactly.
+
+        Args:
+            trajectory: The plan.
+            arm: Its arm.
+        """
+        period = max(PLANNED_STEP, trajectory.duration / MOST_PLANNED)
+        samples = trajectory.sample(period)
+        taught = TaughtData(period=period, q=samples.q, trajectory=trajectory, method="none")
+        return cls(
+            arm=arm,
+            taught=taught,
+            t=samples.t,
+            q=samples.q,
+            dq=samples.dq,
+            ddq=samples.ddq,
+            demand=samples.ddq,
+            demand_range=np.stack([samples.ddq.min(axis=0), samples.ddq.max(axis=0)]),
+            saturated_time=np.zeros(arm.dof),
+        )
+
     def between(self, which: IntArray) -> FineMotion | None:
         """The motion from some results to the next ones; None where it is not known.
 
@@ -151,7 +188,7 @@ class Execution(Value):
     @property
     def tool(self) -> FloatArray:
         """Positions of the tool [m], (n, dimension)."""
-        return self.arm.forward(self.q)
+        return self.arm.tool_position(self.q)
 
     @property
     def tool_speed(self) -> FloatArray:
@@ -231,9 +268,19 @@ def check_interval(period: float) -> float:
     Raises:
         InvalidInput: The interval is not a number, or outside INTERVALS.
     """
-    return _checks.between("command interval", period, *INTERVALS, "s")
+    interval = _checks.number("command interval", period, "s")
+    if INTERVALS[1] < interval <= 1e3 * INTERVALS[1]:
+        raise InvalidInput(
+            f"command interval is {interval:g} s, but at most {INTERVALS[1]:g} s: a number without "
+            f"a unit is in s, so for {interval:g} ms give {interval:g} ms in a job, or "
+            f"{interval / 1e3:g} in Python.",
+            needed=interval,
+            allowed=INTERVALS[1],
+        )
+    return _checks.between("command interval", interval, *INTERVALS, "s")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TaughtData(Value):
     """Joint set-points at regular times.

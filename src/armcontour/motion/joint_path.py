@@ -29,6 +29,7 @@ NO_DIRECTION = 1e-12
 NO_STOPS = _checks.lock_floats([])
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointPath(Value):
     """Joint positions as a function of arc length, a quintic per interval, with derivatives.
@@ -93,7 +94,7 @@ class JointPath(Value):
             f"Joint {j + 1} jumps by {jumps[i, j]:.3g} rad at s = {s:g}: a joint path must be "
             "continuous.",
             s=s,
-            joint=int(j) + 1,
+            joint=int(j),
             needed=float(jumps[i, j]),
             allowed=LARGEST_JUMP,
         )

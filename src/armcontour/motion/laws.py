@@ -123,6 +123,7 @@ class LapLaw(Law):
         return tuple(found[: order + 1])
 
 
+@_checks.checked
 def stand_still(q: FloatArray, duration: float) -> LapLaw:
     """The law of joints that stand still.
 
@@ -192,7 +193,7 @@ class LineLaw(LapLaw, LawAlongPath):
 
     def _along(self, q: FloatArray) -> FloatArray:
         """Arc lengths of the points of the line nearest to the tool [m], (n,)."""
-        return np.asarray(self.ends[0] + (self.arm.forward(q) - self.point) @ self.direction)
+        return np.asarray(self.ends[0] + (self.arm.tool_position(q) - self.point) @ self.direction)
 
 
 class Rates(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -34,6 +34,7 @@ FEWEST = 50
 NEAR_A_TURN = 0.6
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Log(Value):
     """Set-points and measured positions of joints at the same times.
@@ -54,8 +55,8 @@ class Log(Value):
             samples.
     """
 
-    t: FloatArray
-    command: FloatArray
+    t: FloatArray = field(kw_only=False)
+    command: FloatArray = field(kw_only=False)
     measured: FloatArray
     joint_names: tuple[str, ...] = ()
     interpolation: str | None = None
@@ -197,7 +198,7 @@ class Log(Value):
                 "unit.",
                 index=i,
                 t=float(self.t[i]),
-                joint=j + 1,
+                joint=j,
             )
 
     def _check_turns(self, name: str, j: int) -> None:
@@ -212,7 +213,7 @@ class Log(Value):
                 "it first.",
                 index=i,
                 t=float(self.t[i]),
-                joint=j + 1,
+                joint=j,
             )
 
 

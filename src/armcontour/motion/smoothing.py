@@ -57,7 +57,12 @@ def smooth(trajectory: Trajectory, *windows: float) -> Trajectory:
             for x in _between_rests(law)
         ]
     return Trajectory(
-        laws=tuple(laws), method=f"{trajectory.method}, smoothed", path=trajectory.path
+        laws=tuple(laws),
+        method=f"{trajectory.method}, smoothed",
+        path=trajectory.path,
+        arm=trajectory.arm,
+        limits=trajectory.limits,
+        reserve=trajectory.reserve,
     )
 
 

@@ -7,18 +7,22 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Value
-from armcontour._describing import brief, count_kinds, digits, line_up, several
+from armcontour._describing import brief, count_kinds, digits, draw, line_up, several, to_html
+from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._laws import Motion, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 
+# Command interval by default [s].
+PERIOD = 4e-3
 # Number of times that are computed together, to save memory.
 AT_ONCE = 50_000
 # Times of so many laws along joint paths are computed together.
@@ -135,6 +139,15 @@ class Samples(Value):
             object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
 
+def to_columns(samples: Any) -> dict[str, FloatArray]:
+    """Times, positions, velocities and accelerations as columns `t`, `q1`, ..., `dq1`, ..."""
+    columns = {"t": np.array(samples.t)}
+    for name in ("q", "dq", "ddq"):
+        columns |= {f"{name}{j + 1}": x.copy() for j, x in enumerate(getattr(samples, name).T)}
+    return columns
+
+
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Trajectory(Value):
     """Joint positions over time, made of consecutive time laws; two-sided at breaks.
@@ -147,6 +160,10 @@ class Trajectory(Value):
         spans: Parts of the trajectory by the moves of the program, in order; empty for a single
             path.
         events: Outputs that are switched during the motion, by time.
+        limits: Limits with which it was planned, without the reserve; None if it was not planned
+            with limits.
+        reserve: Share of the limits of joint acceleration and torque that was left to the servo.
+        arm: The arm that it was planned for; None if it is not known.
 
     Attributes:
         starts: Start times of the laws, and the end of the last [s], (laws + 1,).
@@ -161,6 +178,9 @@ class Trajectory(Value):
     stretches: tuple[Stretch, ...] = ()
     spans: tuple[Span, ...] = ()
     events: tuple[TimedEvent, ...] = ()
+    limits: Limits | None = None
+    reserve: float = 0.0
+    arm: Arm | None = None
     starts: FloatArray = field(init=False, repr=False)
     _parts: tuple[_Part, ...] = field(init=False, repr=False)
     _ends: FloatArray = field(init=False, repr=False)
@@ -194,6 +214,55 @@ class Trajectory(Value):
                 ("stretches", ", ".join(x.name for x in self.stretches)),
             ],
         )
+
+    _repr_html_ = to_html
+    figure = draw
+
+    def to_dict(self, period: float = PERIOD) -> dict[str, FloatArray]:
+        """Samples as columns that `pandas.DataFrame` takes, by name.
+
+            pandas.DataFrame(trajectory.to_dict(period=8e-3)).plot(x="t", y="dq1")
+
+        Args:
+            period: Time between samples [s].
+
+        Returns:
+            `t` [s], and of each joint `q1`, `dq1` and `ddq1` [rad, rad/s, rad/s²], (n,) each.
+
+        Raises:
+            InvalidInput: As for `sample`.
+        """
+        return to_columns(self.sample(period))
+
+    @_checks.checked
+    def limited(self, limits: Limits, reserve: float = 0.0) -> Trajectory:
+        """The trajectory with the limits of its plan; rapids have the limits of the joints only.
+
+        Args:
+            limits: The limits, without the reserve.
+            reserve: Share of the limits that was left to the servo.
+        """
+        joints = limits.of_joints
+        spans = tuple(
+            x
+            if x.trajectory is None
+            else replace(
+                x,
+                trajectory=x.trajectory.limited(limits if x.kind == "contour" else joints, reserve),
+            )
+            for x in self.spans
+        )
+        return replace(self, spans=spans, limits=limits, reserve=reserve)
+
+    @_checks.checked
+    def limits_for(self, limits: Limits | None) -> Limits:
+        """The given limits, and where they give none, those of the plan, one value per joint.
+
+        Args:
+            limits: The given limits, or None.
+        """
+        given = (limits or Limits()).for_joints(self.dof)
+        return given if self.limits is None else given.over(self.limits)
 
     @property
     def duration(self) -> float:

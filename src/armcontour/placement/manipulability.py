@@ -21,9 +21,9 @@ def least_singular_value(arm: Arm, q: FloatArray, task: int) -> float:
         task: Task dimension: 6, 5 or 3; 2 for an arm in the plane.
     """
     if not isinstance(arm, SerialArm) or task == 3:
-        rows = arm.jacobian(q)
+        rows = arm.tool_jacobian(q)
     else:
-        rows = arm.twist_jacobian(q)
+        rows = arm.jacobian(q)
         if task == 5:
             # Turning about x and y of the tool.
             _, turned = arm.pose(q)

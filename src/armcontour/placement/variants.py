@@ -6,8 +6,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from armcontour.arms import Arm, SerialArm
-from armcontour.arms.limits import TOOL_LIMITS
+from armcontour.arms import Arm, SerialArm, resolve_limits
+from armcontour.arms.limits import JOINT_VALUES
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.jobs.job import Job, Run
@@ -58,8 +58,8 @@ def with_tool(job: Job, tool: Frame) -> Job:
 
 def _run(run: Run, arm: Arm) -> Run:
     """A run under the limits of another arm; drives that an experiment assumes are left out."""
-    kept = {name: getattr(run.limits, name) for name in TOOL_LIMITS}
-    return replace(run, limits=arm.limits.replace(**kept).for_joints(arm.dof), experiment=None)
+    of_tool = run.limits.replace(**dict.fromkeys(JOINT_VALUES))
+    return replace(run, limits=resolve_limits("A run", arm, of_tool), experiment=None)
 
 
 def _servo(servo: ServoModel, arm: Arm) -> ServoModel:

@@ -12,7 +12,6 @@ from armcontour._describing import several
 from armcontour.errors import InvalidInput
 from armcontour.frames import exp
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import reverse_path
 from armcontour.geometry.nearest import find_nearest
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.orienting import tangent_rates
@@ -462,7 +461,7 @@ class LeadPlacement:
 
     def _fits(self, lead: Path, after: bool) -> bool:
         """Whether a lead crosses no contour that is cut, and its free end lies in the scrap."""
-        lead, up = reverse_path(lead) if after else lead, self._process.up
+        lead, up = lead.reversed() if after else lead, self._process.up
         cut = [x for x, kept in zip(self._contours, self._cut, strict=True) if kept]
         if self._around is None:
             tables = [_pieces(x.path, up) for x in cut]

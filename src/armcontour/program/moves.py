@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -15,28 +15,25 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import count_kinds, digits, extremes, line_up, several
-from armcontour._quantities import Distance, Length, Time
+from armcontour._quantities import Distance, Length, Speed, Time
 from armcontour._text import list_some, make_printable, shorten
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame
+from armcontour.frames import Frame, Pose
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import join_paths
-from armcontour.geometry.placing import (
-    arc_length_without_z,
-    drop_z,
-    has_length_without_z,
-    lift_path,
-    place_path,
-)
+from armcontour.geometry.placing import arc_length_without_z, drop_z, has_length_without_z
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weaving import Woven
 
 Value = bool | float | str
+# Output whose numbers and texts are tools, as of T words in G-code; True and False are on and off.
+TOOL = "tool"
 # Largest numbers of moves and of segments of a repeated program: more take minutes to plan each.
 MOST_MOVES = 100_000
 MOST_SEGMENTS = 1_000_000
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """An output that is switched at a position of a contour, or while the tool is at rest.
@@ -55,8 +52,8 @@ class Event:
             number that is not finite.
     """
 
-    name: str
-    value: Value = True
+    name: str = field(kw_only=False)
+    value: Value = field(default=True, kw_only=False)
     s: Distance = 0.0
     lead_time: Time = 0.0
     lead_distance: Length = 0.0
@@ -73,7 +70,13 @@ class Event:
         _checks.number(f"lead time of the event {self.name}", self.lead_time, "s")
         _checks.number(f"lead distance of the event {self.name}", self.lead_distance, "m")
 
+    @property
+    def changes_tool(self) -> bool:
+        """Whether the event is a tool change, by a number or a name of the tool."""
+        return self.name == TOOL and not isinstance(self.value, bool | np.bool_)
 
+
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contour:
     """A path along which the process is on.
@@ -95,7 +98,7 @@ class Contour:
             outside the path.
     """
 
-    path: Path
+    path: Path = field(kw_only=False)
     name: str = ""
     layer: str = ""
     events: tuple[Event, ...] = ()
@@ -195,6 +198,7 @@ def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
     return distance if copies > 1 else 0.0
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rapid:
     """A free motion with the tool off, at the arm's limits.
@@ -206,13 +210,14 @@ class Rapid:
         InvalidInput: Neither a path nor None.
     """
 
-    path: Path | None = None
+    path: Path | None = field(default=None, kw_only=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.path, Path | None):
             raise InvalidInput(f"A rapid needs a Path or None, not {type(self.path).__name__}.")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dwell:
     """A time during which the tool is at rest.
@@ -221,7 +226,7 @@ class Dwell:
         duration: The duration [s].
     """
 
-    duration: float
+    duration: float = field(kw_only=False)
 
     def __post_init__(self) -> None:
         _checks.positive("dwell", self.duration, "s")
@@ -230,6 +235,7 @@ class Dwell:
 Move = Contour | Rapid | Dwell | Event
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Program:
     """Moves in order; between two contours that do not meet, a rapid is added.
@@ -239,19 +245,24 @@ class Program:
         source: Origin of the program, such as the name of a file.
         notes: Sentences on parts that were left out or changed when the program was read.
         remarks: Sentences on what was found out or chosen, which nobody has to look at.
+        rapid_speed: Largest tool speed of rapids without a path [m/s]; None for the limits of the
+            joints only.
 
     Raises:
         InvalidInput: No contour, an object that is no move, an event between contours with an arc
             length or a lead distance, or paths of different dimensions.
     """
 
-    moves: tuple[Move, ...]
+    moves: tuple[Move, ...] = field(kw_only=False)
     source: str = ""
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    rapid_speed: Speed | None = None
 
     def __post_init__(self) -> None:
         _checks.check_fields(self)
+        if self.rapid_speed is not None:
+            _checks.positive("rapid_speed", self.rapid_speed, "m/s")
         what = "Contours, Rapids, Dwells and Events"
         moves = _checks.listed("moves of a program", self.moves, object, what)
         object.__setattr__(self, "moves", moves)
@@ -372,7 +383,7 @@ class Program:
                 scipy.
             axis_only: Whether only the tool axis is required; rotation about the tool axis is free.
         """
-        return self.mapped(lambda path: lift_path(path).oriented(rotations, axis_only=axis_only))
+        return self.mapped(lambda path: path.lifted().oriented(rotations, axis_only=axis_only))
 
     def pointing(self, direction: npt.ArrayLike) -> Program:
         """The program in space with the tool axis in one direction, as by `Path.pointing`.
@@ -380,7 +391,7 @@ class Program:
         Args:
             direction: Direction of the tool axis, of any length, (3,).
         """
-        return self.mapped(lambda path: lift_path(path).pointing(direction))
+        return self.mapped(lambda path: path.lifted().pointing(direction))
 
     def __repr__(self) -> str:
         """Source, number of contours and length."""
@@ -412,16 +423,17 @@ class Program:
             ],
         )
 
-    def placed(self, frame: Frame, *, scale: float = 1.0) -> Program:
+    def placed(self, frame: Pose, *, scale: float = 1.0) -> Program:
         """The program moved from the coordinates of a frame to those of the frame's parent.
 
         Speeds, tolerances and leads stay the same.
 
         Args:
-            frame: The frame of the drawing.
+            frame: The frame of the drawing: a Frame, a 4 by 4 transform, a pinocchio.SE3 or a
+                position [m].
             scale: Factor of all lengths, before the program is placed.
         """
-        return self.mapped(lambda path: place_path(path, frame, scale=scale))
+        return self.mapped(lambda path: path.placed(frame, scale=scale))
 
     @_checks.checked
     def repeated(

@@ -14,12 +14,13 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp, log, shortest
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import cut_path, join_paths, reverse_path
+from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.near_points import nearest_points
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
+from armcontour.program.kerf import waste_sides
 from armcontour.program.moves import Contour, Event, Program, contour_called
 from armcontour.program.nesting import nest
-from armcontour.program.process import AUTO, DRAWN, Process
+from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
 
 # What makes the contour of an option, and its first and last point [m], (2, dimension).
 Option = tuple[Callable[[], Contour], FloatArray]
@@ -37,6 +38,36 @@ TRIES, LEAST_TRIES, MOST_WORK = 3, 200, 1_000_000
 SAME_HOLD = 1e-6
 # Largest number of segments of a contour with its overlap, which repeats the contour's segments.
 MOST_SEGMENTS = 1_000_000
+
+
+def direct_contours(program: Program, process: Process) -> Program:
+    """The program with its closed contours in the direction of travel of the process.
+
+    Raises:
+        InvalidInput: A contour that would run backwards has events on its way.
+    """
+    contours = program.contours
+    wanted = [process.of_layer(x.layer).direction if x.closed else DRAWN for x in contours]
+    if all(x == DRAWN for x in wanted):
+        return program
+    areas, sides = nest(contours, process.up).areas, waste_sides(contours, process)
+    turned: dict[Contour, Contour] = {}
+    for i, (x, how) in enumerate(zip(contours, wanted, strict=True)):
+        if how in TOOL_SIDES:
+            back = sides[i] != TOOL_SIDES[how]
+        else:
+            back = how != DRAWN and (areas[i] > 0) != (how == "counterclockwise")
+        if not back:
+            continue
+        inner = [y for y in x.events if REPEATED_POINT < y.s < x.path.length - REPEATED_POINT]
+        if inner:
+            raise InvalidInput(
+                f"{contour_called(x, i)} cannot run backwards for the direction {how}, because it "
+                f"switches {inner[0].name} on its way: give direction drawn, for its layer too."
+            )
+        turned[x] = _backwards(x)
+    moves = tuple(turned.get(x, x) if isinstance(x, Contour) else x for x in program.moves)
+    return dataclasses.replace(program, moves=moves)
 
 
 def order_contours(program: Program, process: Process) -> Program:
@@ -272,11 +303,11 @@ def _begun_at(contour: Contour, start: float) -> Contour:
 
 
 def _backwards(contour: Contour) -> Contour:
-    """An open contour without events, run from its end."""
+    """A contour without events on its way, run from its end."""
     work = contour.work
     if work is not None:
         work = contour.path.length - work[1], contour.path.length - work[0]
-    return dataclasses.replace(contour, path=reverse_path(contour.path), work=work)
+    return dataclasses.replace(contour, path=contour.path.reversed(), work=work)
 
 
 def begin_places(path: Path, count: int) -> FloatArray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import LONGEST_NAME, FloatArray
+from armcontour._describing import several
 from armcontour._text import shorten
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand, Path
@@ -31,10 +32,11 @@ from armcontour.program.moves import (
     next_rapid,
     reroute,
 )
-from armcontour.program.ordering import close_contour, order_contours
+from armcontour.program.ordering import close_contour, direct_contours, order_contours
 from armcontour.program.process import MOST_TABS, Lead, Leads, Process, Switch, Tabs, Weave
 
-ANY_DEMAND = Demand()
+# Tag of the way from the height of a pierce.
+PIERCE = "pierce"
 # Free length between a tab and a corner, the start point or another tab, in widths of a tab.
 CLEAR = 1.0
 # Smaller turns are those of curves that are drawn as polylines, on which tabs may lie [rad].
@@ -66,6 +68,7 @@ def prepare(
     switching = Switching(program.moves, process)
     moves: list[Move] = []
     drawn: list[Contour] = []
+    changes = 0
     for i, x in enumerate(program.moves):
         if isinstance(x, Contour):
             own, called = process.of_layer(x.layer), contour_called(x, len(drawn))
@@ -73,6 +76,11 @@ def prepare(
             drawn += passes
             x = _start_contour(x, own, is_meant(program.moves, i), called, switching)
             moves += [dataclasses.replace(x, name=y.name) for y in passes]
+        elif isinstance(x, Event) and x.changes_tool:
+            moves.append(x)
+            changes += bool(drawn)
+            if drawn and process.tool_change is not None:
+                moves.append(Dwell(duration=process.tool_change))
         elif not (isinstance(x, Event) and switching.takes(x)):
             moves.append(x)
     placement = LeadPlacement(drawn, process)
@@ -91,7 +99,26 @@ def prepare(
         contours.append(_add_leads(x, own, leads, run_in if not contours else None, placement, k))
     result = _link(program.moves, contours, process, rapids_away)
     notes = (*program.notes, *placement.notes)
-    return dataclasses.replace(program, moves=tuple(result), notes=notes)
+    if changes and process.tool_change is None:
+        notes = (*notes, _untimed(changes))
+    speed = process.rapid_speed
+    if speed is not None:
+        result = [_slow(x, speed) if isinstance(x, Rapid) else x for x in result]
+    return dataclasses.replace(program, moves=tuple(result), notes=notes, rapid_speed=speed)
+
+
+def _untimed(changes: int) -> str:
+    """A note on tool changes that take no time."""
+    return (
+        f"no time is stated for {several(changes, 'tool change')}, so the program goes on at once: "
+        "give process.tool_change, such as 5 s."
+    )
+
+
+def _slow(rapid: Rapid, speed: float) -> Rapid:
+    """A rapid whose path has a largest speed, where it has none [m/s]."""
+    path = rapid.path
+    return rapid if path is None else Rapid(path=_with_demand(path, Demand(speed=speed)))
 
 
 def refuse_unfit(program: Program, process: Process) -> None:
@@ -112,17 +139,17 @@ def refuse_unfit(program: Program, process: Process) -> None:
 
 
 def arrange(program: Program, process: Process) -> Program:
-    """The program as it is drawn, beside the contours by the kerf, and in the order of the process.
+    """The program as it is drawn, with direction, kerf and order of the process.
 
     Args:
         program: The program as it is drawn.
         process: Requirements of the process.
 
     Raises:
-        InvalidInput: A given order for a program with rapids, dwells or events, or a kerf that does
-            not fit a contour.
+        InvalidInput: A given order for a program with rapids, dwells or events, a direction for a
+            contour with events, or a kerf that does not fit a contour.
     """
-    return order_contours(apply_kerf(program, process), process)
+    return order_contours(apply_kerf(direct_contours(program, process), process), process)
 
 
 def _pass_again(contour: Contour, passes: int) -> list[Contour]:
@@ -224,7 +251,11 @@ def _add_demand(contour: Contour, demand: Demand | None) -> Contour:
     """The contour with speed and tolerance of its layer on segments that have none."""
     if demand is None:
         return contour
-    path = contour.path
+    return dataclasses.replace(contour, path=_with_demand(contour.path, demand))
+
+
+def _with_demand(path: Path, demand: Demand) -> Path:
+    """A path with speed and tolerance on segments that have none."""
     speeds, tolerances = (
         values if given is None else np.where(np.isnan(values), given, values)
         for values, given in (
@@ -234,7 +265,7 @@ def _add_demand(contour: Contour, demand: Demand | None) -> Contour:
     )
     # A Demand has checked its values, so the segments stay checked.
     segments = path.segments.replace(speeds=speeds, tolerances=tolerances, checked=True)
-    return dataclasses.replace(contour, path=dataclasses.replace(path, segments=segments))
+    return dataclasses.replace(path, segments=segments)
 
 
 def _start_contour(
@@ -320,9 +351,9 @@ def _add_leads(
     if process.pierce is not None and process.pierce.height > REPEATED_POINT:
         # Rounding the corner at its end would cut the start of the contour off.
         speed = None if np.isnan(path.speeds[0]) else float(path.speeds[0])
-        drop = Demand(speed=speed, tolerance=0.0)
-        height = process.up * process.pierce.height
-        parts.insert(0, _vertical(parts[0], 0.0, height, down=True, demand=drop))
+        drop = Demand(speed=speed, tolerance=0.0, tag=PIERCE)
+        down = _axial_line(parts[0], 0.0, process.pierce.height, process.up, drop)
+        parts.insert(0, down)
         before += parts[0].length
     whole, work = join_paths(parts), (before, before + path.length)
     events = tuple(_move_to_lead(x, process, work, whole.length) for x in contour.events)
@@ -361,27 +392,35 @@ def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: 
     """
     path, pierce = contour.path, process.of_layer(contour.layer).pierce
     result: list[Move] = [contour]
+    demand = Demand(speed=process.approach_speed)
     height = process.approach - (0.0 if pierce is None else pierce.height)
     if height > REPEATED_POINT and not linked:
-        result.insert(0, Rapid(path=_vertical(path, 0.0, process.up * height, down=True)))
+        line = _axial_line(path, 0.0, height, process.up, demand)
+        result.insert(0, Rapid(path=line))
     if process.retract and not followed:
-        up = process.up * process.retract
-        result.append(Rapid(path=_vertical(path, path.length, up, down=False)))
+        line = _axial_line(path, path.length, process.retract, process.up, demand)
+        result.append(Rapid(path=line.reversed()))
     return result
 
 
-def _vertical(
-    path: Path, s: float, up: FloatArray, *, down: bool, demand: Demand = ANY_DEMAND
-) -> Path:
-    """The vertical line above the point at arc length s of a path, with the orientation there."""
-    point = path(s)
-    ends = [point + up, point] if down else [point, point + up]
-    line = Path.polyline(ends, demand=demand)
-    if path.orientation is None:
-        return line
-    side = "right" if s == 0 else "left"
-    rotation = path.orientation(s, side=side)
-    return line.oriented(rotation, axis_only=path.orientation.axis_only)
+def _axial_line(path: Path, s: float, height: float, up: FloatArray, demand: Demand) -> Path:
+    """The line along the tool axis to arc length s of a path, with the orientation there.
+
+    Without a required tool axis it is along `up`.
+
+    Args:
+        path: The path.
+        s: The arc length, 0 or the length of the path [m].
+        height: Length of the line [m].
+        up: Upward direction, (3,).
+        demand: Speed and tolerance of the line.
+    """
+    end, given = path(s), path.orientation
+    if given is None:
+        return Path.polyline([end + height * up, end], demand=demand)
+    rotation = given(s, side="right" if s == 0 else "left")
+    line = Path.polyline([end - height * rotation[:, 2], end], demand=demand)
+    return line.oriented(rotation, axis_only=given.axis_only)
 
 
 def resume(
@@ -476,6 +515,8 @@ class Switching:
         self.states: dict[str, Event] = {}
         known: set[str] = set()
         for x in moves if self.in_order else ():
+            if isinstance(x, Event) and x.changes_tool:
+                continue
             for event in x.events if isinstance(x, Contour) else [x]:
                 if isinstance(event, Event) and event.name not in known:
                     known.add(event.name)

@@ -18,6 +18,7 @@ from armcontour._quantities import (
     Distance,
     Duration,
     Frequency,
+    Interval,
     Length,
     Ratio,
     Some,
@@ -32,13 +33,19 @@ from armcontour.program.moves import Event, Value
 
 UP = _checks.lock_floats([0.0, 0.0, 1.0])
 NO_LAYERS: Mapping[str, Demand] = MappingProxyType({})
+# Values of a layer for null, where the process has no None.
+NONE: Mapping[str, Any] = {"overlap": 0.0, "dwell": 0.0, "events": (), "analog": ()}
 # Start point of a closed contour: "auto" moves it away from a corner, "drawn" keeps it.
 AUTO, DRAWN = "auto", "drawn"
 # Most laps and tabs of a contour: more are a mistake in the unit or in a digit.
 MOST_PASSES, MOST_TABS = 1000, 1000
 ORDERS = ("auto", "drawn", "inside_first", "nearest", "shortest")
+# Side of the tool in the direction of travel, for a spindle that turns clockwise (M3).
+TOOL_SIDES = {"climb": "left", "conventional": "right"}
+DIRECTIONS = (DRAWN, *TOOL_SIDES, "clockwise", "counterclockwise")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lead:
     """A piece of path before or after a contour, for a tool that is at speed on the contour.
@@ -52,7 +59,7 @@ class Lead:
         active: Whether the process is on along the lead, as in cutting.
     """
 
-    length: Length | None = None
+    length: Length | None = field(default=None, kw_only=False)
     shape: Annotated[str, Choice(SHAPES)] = "line"
     side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
     active: bool = False
@@ -64,6 +71,7 @@ class Lead:
         _checks.choice("side", self.side, (*SIDES, WASTE))
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switch:
     """Events that switch the process on at the start of a contour, and off at its end.
@@ -75,8 +83,8 @@ class Switch:
         off_lead: Time by which it is switched off before the tool is at the end [s].
     """
 
-    name: str = "tool"
-    value: Value = True
+    name: str = field(default="tool", kw_only=False)
+    value: Value = field(default=True, kw_only=False)
     on_lead: Duration = 0.0
     off_lead: Duration = 0.0
 
@@ -88,6 +96,7 @@ class Switch:
             raise InvalidInput(f"The switch {self.name} must have another value on than off.")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pierce:
     """How the tool pierces the material before every contour, with the process on.
@@ -98,7 +107,7 @@ class Pierce:
             [m]; from there it moves straight down, stops, and starts along the lead-in.
     """
 
-    time: Duration
+    time: Duration = field(kw_only=False)
     height: Distance = 0.0
 
     def __post_init__(self) -> None:
@@ -106,6 +115,7 @@ class Pierce:
         _checks.not_negative("height of a pierce", self.height, "m")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Analog:
     """An analog output, such as a power or a flow, that follows the planned tool speed.
@@ -125,7 +135,7 @@ class Analog:
             off while any on/off output of the program or of `switch` is off, except coolant.
     """
 
-    name: str
+    name: str = field(kw_only=False)
     rest: Ratio = 0.0
     full: Ratio = 1.0
     speed: Speed | None = None
@@ -145,6 +155,7 @@ class Analog:
             _checks.positive(f"speed of the analog output {self.name}", self.speed, "m/s")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tabs:
     """Places of closed contours where the switch of the process is off, so that parts stay put.
@@ -155,7 +166,7 @@ class Tabs:
         spacing: Approximate length of contour per tab, in the place of a number [m].
     """
 
-    width: Length
+    width: Length = field(kw_only=False)
     count: Annotated[int, AtLeast(1)] | None = None
     spacing: Length | None = None
 
@@ -173,6 +184,7 @@ class Tabs:
 PLANES = ("tool", "frame")
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weave:
     """How the tool weaves to both sides of a seam, perpendicular to the seam and to the tool axis.
@@ -190,7 +202,7 @@ class Weave:
         tolerance: Largest distance of the arcs from the sine [m].
     """
 
-    width: Length
+    width: Length = field(kw_only=False)
     pitch: Length | None = None
     frequency: Frequency | None = None
     dwell: Duration = 0.0
@@ -215,13 +227,15 @@ class Weave:
         _checks.choice("shape", self.shape, WEAVES)
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerProcess:
     """Values for the contours of one layer, in the place of those of the process.
 
     Args:
         lead_in, lead_out, pierce, switch, tabs, weave: As in the process; None for none.
-        overlap, dwell, events, analog, passes: As in the process.
+        overlap, dwell, events, analog: As in the process; None for none.
+        passes, direction: As in the process.
         kerf: As in the process; None for a layer that is not cut through, such as marks.
     """
 
@@ -237,8 +251,10 @@ class LayerProcess:
     tabs: Tabs | None = None
     weave: Weave | None = None
     kerf: Distance | None = None
+    direction: Annotated[str, Choice(DIRECTIONS)] = DRAWN
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Process:
     """Requirements of a process that are added to the contours of a program.
@@ -252,8 +268,13 @@ class Process:
         overlap: Length travelled again past the start of a closed contour [m].
         lead_in: Lead before every contour.
         lead_out: Lead after every contour.
-        approach: Height from which the tool moves straight down to every contour [m].
-        retract: Height to which the tool moves straight up from every contour [m].
+        approach: Distance from which the tool approaches every contour along its axis, or along
+            `up` if no tool axis is required [m].
+        retract: Distance to which the tool retracts from every contour, in the same way [m].
+        approach_speed: Largest tool speed of approaches and retracts [m/s]; by default that of
+            rapids.
+        rapid_speed: Largest tool speed of rapids [m/s]; by default only the limits of the joints
+            apply.
         up: Upward direction in space; left and right of leads are defined about it, (3,).
         dwell: Time at rest before every contour [s], for events with a time advance.
         pierce: Time with the process on before every contour, at rest above its start.
@@ -281,6 +302,12 @@ class Process:
             marks, neither are holes nor have holes.
         kerf_side: Side of the contour on which the cut lies: "waste", which leaves open contours as
             they are, or "left" or "right" in the direction of travel.
+        direction: Direction of travel along closed contours, seen from `up`: "drawn", "clockwise",
+            "counterclockwise", or for a spindle that turns clockwise "climb", with the tool to the
+            left of the part's edge, or "conventional". The tool is on the waste side.
+        tool_change: Time for which the tool rests at a tool change of a program [s], after the
+            event `tool`. None for a change that takes no time, with a note. The first tool is
+            mounted already.
         from_s: Arc length at which to resume the program, over all contours from their start
             points, with overlaps and without leads or rounding [m].
 
@@ -312,6 +339,10 @@ class Process:
     reverse_open: bool = False
     kerf: Distance | None = None
     kerf_side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
+    direction: Annotated[str, Choice(DIRECTIONS)] = DRAWN
+    rapid_speed: Speed | None = None
+    approach_speed: Speed | None = None
+    tool_change: Interval | None = None
     from_s: Distance = 0.0
     _of_layers: Mapping[str, Process] = field(init=False, repr=False)
 
@@ -327,6 +358,16 @@ class Process:
         if self.kerf is not None:
             _checks.not_negative("kerf", self.kerf, "m")
         _checks.choice("kerf_side", self.kerf_side, (*SIDES, WASTE))
+        _checks.choice("direction", self.direction, DIRECTIONS)
+        side = TOOL_SIDES.get(self.direction, self.kerf_side)
+        if self.kerf_side not in (WASTE, side):
+            raise InvalidInput(
+                f"direction {self.direction} has the tool to the {side} of the contour, but "
+                f"kerf_side is {self.kerf_side}: leave one of them out."
+            )
+        for name, unit in (("rapid_speed", "m/s"), ("approach_speed", "m/s"), ("tool_change", "s")):
+            if getattr(self, name) is not None:
+                _checks.positive(name, getattr(self, name), unit)
         object.__setattr__(self, "begin", _checked_begin(self.begin))
         self._make_tuple("events", Event, "Events")
         self._make_tuple("analog", Analog, "Analogs")
@@ -374,14 +415,17 @@ class Process:
         Raises:
             InvalidInput: A layer has a value that is not valid, or one that no layer can have.
         """
-        known = [x.name for x in fields(LayerProcess)]
+        known = tuple(x.name for x in fields(LayerProcess))
         made: dict[str, Process] = {}
         for layer, given in self.by_layer.items():
             with locate_errors(f"by_layer.{layer}"):
                 _checks.refuse_other("A layer", given, Mapping)
                 for name in given:
-                    _checks.choice("name of a value", name, tuple(known))
-                made[layer] = replace(self, by_layer={}, **given)
+                    _checks.choice("name of a value", name, known)
+                own: dict[str, Any] = {
+                    name: NONE.get(name) if x is None else x for name, x in given.items()
+                }
+                made[layer] = replace(self, by_layer={}, **own)
         object.__setattr__(self, "by_layer", MappingProxyType(dict(self.by_layer)))
         object.__setattr__(self, "_of_layers", MappingProxyType(made))
 

@@ -11,6 +11,7 @@ from typing import overload
 import numpy as np
 import numpy.typing as npt
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._text import capitalise
 from armcontour.geometry import Path, RoundedPath, ShapedPath
@@ -44,6 +45,7 @@ def round_corners(
     angular_tolerance: float | None = None,
     continuity: Continuity = "tangent",
 ) -> Program: ...
+@_checks.checked
 def round_corners(
     path: Path | Program,
     *,
@@ -92,7 +94,7 @@ def round_corners(
     if isinstance(path, Path):
         found = rounded(path)
         for doubt in () if callable(tolerance) else doubt_tolerance(path, tolerance):
-            warnings.warn(capitalise(doubt), stacklevel=2)
+            warnings.warn(capitalise(doubt), stacklevel=3)
         return found
     program = Program.of(path, "round_corners needs a Path or a Program")
     moves = [
@@ -120,6 +122,7 @@ def doubt_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
 def smooth_curvature(path: Path, *, tolerance: float) -> Path: ...
 @overload
 def smooth_curvature(path: Program, *, tolerance: float) -> Program: ...
+@_checks.checked
 def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Program:
     """Put transitions where the curvature of a path, or of a program's contours, jumps.
 

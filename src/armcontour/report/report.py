@@ -8,9 +8,12 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour import _checks, _staging
-from armcontour.jobs import Job, Study
+from armcontour.evaluation import Evaluation
+from armcontour.jobs import Job, RunResult, Study
+from armcontour.motion import Execution, Trajectory
 from armcontour.report import sections
 from armcontour.report.figure import render_page
+from armcontour.report.results import study_of
 from armcontour.report.section import Section
 from armcontour.report.sections.batch import BatchView
 
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
 
 # Where the figures of a page come from.
 OF_SIMULATION = "Everything on this page was computed from the job; the servo is simulated."
+OF_PLAN = "Everything on this page was computed from the plan."
 OF_LOGS = "Everything on this page was computed from the job and from logs of its robot."
 
 
@@ -31,7 +35,8 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
         study: The study.
         certificate: Certificate of the only run, for the first section.
     """
-    return _page(study.job, _sections(study, certificate))
+    source = OF_SIMULATION if study.simulated else OF_PLAN
+    return _page(study.job, _sections(study, certificate), source=source)
 
 
 def render_demo(studies: Sequence[Study]) -> str:
@@ -131,18 +136,24 @@ def _page(
 
 
 @_checks.checked
-def write_report(study: Study, file: str | FilePath) -> None:
-    """Write the report of a study to an HTML file, completely or not at all.
+def write_report(
+    study: Study | RunResult | Evaluation | Execution | Trajectory, file: str | FilePath
+) -> None:
+    """Write the report of a result to an HTML file, completely or not at all.
+
+        write_report(evaluate(executed, path), "report.html")
+        write_report(planned, "plan.html")
 
     Args:
-        study: The study.
+        study: A study, the result of a run, an evaluation, an execution or a trajectory; the report
+            has the sections that the result fills.
         file: The HTML file; an existing file is replaced.
 
     Raises:
-        InvalidInput: No study, or the file cannot be written.
+        InvalidInput: No such result, it does not know its arm, or the file cannot be written.
     """
     place = _checks.read_place("write_report", file)
-    page = render_report(study)
+    page = render_report(study_of(study))
     try:
         _staging.put_in_place(place, lambda x: x.write_text(page, encoding="utf-8"))
     except OSError as error:

@@ -24,6 +24,7 @@ from armcontour.errors import InvalidInput
 from armcontour.servo import ServoModel
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Box:
     """The uncertainty set: ranges of the errors of a robot's parameters.

@@ -69,11 +69,11 @@ class Deviations:
         At rest before and after the motion those along it are errors, too: there the path ends.
         """
         arm = self.unknowns.arm
-        nearest = self.path.project(arm.forward(self.q))
+        nearest = self.path.project(arm.tool_position(self.q))
         tangent = self.path(nearest.s, 1)
         sides = _sides(tangent / np.linalg.norm(tangent, axis=1)[:, None])
         sides[1:-1, -1] = 0.0
-        moved = sides @ arm.jacobian(self.q)
+        moved = sides @ arm.tool_jacobian(self.q)
         return Across(
             t=self.t,
             nominal=np.einsum("ncj,nj->nc", moved, self.nominal),
@@ -90,7 +90,7 @@ class Deviations:
             errors: Errors of the unknowns, (n, k).
         """
         q = self.q + self.nominal + np.einsum("njk,nk->nj", self.each, errors)
-        return self.path.project(self.unknowns.arm.forward(q)).distance
+        return self.path.project(self.unknowns.arm.tool_position(q)).distance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

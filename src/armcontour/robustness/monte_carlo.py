@@ -12,7 +12,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._describing import brief, line_up, mm
-from armcontour.arms import Arm, Limits
+from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.serial import ChainArm
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
@@ -170,7 +170,7 @@ def spread(
         path: The path that the tool must follow.
         arm: A planar two-link arm or a serial arm; with masses if the payload varies.
         servo: The nominal servo, in the middle of the box.
-        limits: Limits with the joint accelerations that saturate; the arm's own by default.
+        limits: Limits with the joint accelerations that saturate, in place of those of the plan.
         box: Largest errors of the parameters.
         samples: Number of executions.
         seed: Seed of the random numbers.
@@ -277,7 +277,7 @@ class _Model:
                 f"The taught data is for {taught.q.shape[1]} joints, but the arm {arm.name} has "
                 f"{dof}."
             )
-        own = (arm.limits if limits is None else limits).for_joints(dof)
+        own = resolve_limits("spread", arm, limits, taught.trajectory.limits)
         lower, upper = self.servo.saturate(*own.acceleration_bounds(dof))
         duration = taught.trajectory.duration
         end = duration if until is None else _checks.positive("until", until, "s")
@@ -559,7 +559,7 @@ def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:
     plan = taught.trajectory
     count = max(FEWEST_PLACES, PLACES_PER_INTERVAL * len(taught.q))
     t = np.union1d(np.linspace(0, plan.duration, count), plan.breaks)
-    tool = arm.forward(plan(t))
+    tool = arm.tool_position(plan(t))
     drawn = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)))
     margin = abs(path.length - drawn[-1]) + 1e-6 * path.length
     begin = taught.start_time + np.arange(len(taught.q) + 1) * taught.period
@@ -588,5 +588,5 @@ def _inertia(arm: Arm, taught: TaughtData, box: Box) -> FloatArray:
     if not np.any(box.payload):
         return np.zeros((arm.dof, 1))
     own = np.diagonal(arm.dynamics.mass_matrix(q), axis1=-2, axis2=-1)
-    added = (arm.jacobian(q) ** 2).sum(axis=-2)
+    added = (arm.tool_jacobian(q) ** 2).sum(axis=-2)
     return np.ascontiguousarray((added / own).T)

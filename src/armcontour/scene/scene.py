@@ -24,6 +24,7 @@ AT_BASE: Literal["base"] = "base"
 NO_FLOOR: Literal["none"] = "none"
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margins:
     """How near bodies may come to each other, by the kinds of pairs.
@@ -47,6 +48,7 @@ class Margins:
 MARGINS = Margins()
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Obstacle:
     """A body that stands in the cell.
@@ -63,8 +65,8 @@ class Obstacle:
         InvalidInput: A wrong name, margin, or something else that it is fixed to.
     """
 
-    name: str
-    shape: Shape
+    name: str = field(kw_only=False)
+    shape: Shape = field(kw_only=False)
     place: Frame = field(default_factory=Frame)
     fixed_to: str = BASE
     margin: float | None = None
@@ -79,6 +81,7 @@ class Obstacle:
         object.__setattr__(self, "allow", _checks.check_names("allow", self.allow))
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene:
     """The obstacles in an arm's cell.
@@ -95,7 +98,7 @@ class Scene:
         InvalidInput: Two obstacles of one name, or another word for the floor.
     """
 
-    obstacles: tuple[Obstacle, ...] = ()
+    obstacles: tuple[Obstacle, ...] = field(default=(), kw_only=False)
     margins: Margins = MARGINS
     floor: float | str = AT_BASE
 

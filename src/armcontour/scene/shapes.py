@@ -25,6 +25,7 @@ class Shape(Value, ABC):
         """Centre [m], (3,), and radius [m] of a ball that holds the shape."""
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sphere(Shape):
     """A ball about the origin.
@@ -33,7 +34,7 @@ class Sphere(Shape):
         radius: Its radius [m].
     """
 
-    radius: float
+    radius: float = field(kw_only=False)
 
     def __post_init__(self) -> None:
         _set_positive(self, "radius")
@@ -44,6 +45,7 @@ class Sphere(Shape):
         return np.zeros(3), self.radius
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Capsule(Shape):
     """All points near a stretch of the z axis, half of which is above the origin.
@@ -53,8 +55,8 @@ class Capsule(Shape):
         length: Length of the stretch, without the round ends [m].
     """
 
-    radius: float
-    length: float
+    radius: float = field(kw_only=False)
+    length: float = field(kw_only=False)
 
     def __post_init__(self) -> None:
         _set_positive(self, "radius", "length")
@@ -65,6 +67,7 @@ class Capsule(Shape):
         return np.zeros(3), self.length / 2 + self.radius
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cylinder(Shape):
     """A round cylinder along the z axis, half of which is above the origin.
@@ -74,8 +77,8 @@ class Cylinder(Shape):
         length: Its length [m].
     """
 
-    radius: float
-    length: float
+    radius: float = field(kw_only=False)
+    length: float = field(kw_only=False)
 
     def __post_init__(self) -> None:
         _set_positive(self, "radius", "length")
@@ -86,6 +89,7 @@ class Cylinder(Shape):
         return np.zeros(3), float(np.hypot(self.length / 2, self.radius))
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Box(Shape):
     """A box about the origin.
@@ -94,7 +98,7 @@ class Box(Shape):
         size: Its lengths along x, y and z [m], (3,).
     """
 
-    size: FloatArray
+    size: FloatArray = field(kw_only=False)
 
     def __post_init__(self) -> None:
         size = _checks.numbers("size of a box", self.size, "m")
@@ -111,6 +115,7 @@ class Box(Shape):
         return np.zeros(3), float(np.linalg.norm(self.size) / 2)
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HalfSpace(Shape):
     """All points below the plane z = 0, such as a table or a floor."""
@@ -121,6 +126,7 @@ class HalfSpace(Shape):
         return np.zeros(3), np.inf
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
 class Mesh(Shape):
     """A body within triangles; distances are those of its convex hull, or of the triangles.
@@ -135,7 +141,7 @@ class Mesh(Shape):
         InvalidInput: Fewer than 4 points, points in a plane, or triangles of other points.
     """
 
-    points: FloatArray
+    points: FloatArray = field(kw_only=False)
     triangles: IntArray | None = None
     source: str = ""
     _hull: Mesh | None = field(init=False, default=None, repr=False)

@@ -53,6 +53,7 @@ PER_JOINT = (
 )
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ServoModel(Value):
     """The joint servos: response of each joint to its command u, with dead time `tau`.
@@ -139,9 +140,9 @@ class ServoModel(Value):
 
     def __init__(
         self,
-        *,
         kp: npt.ArrayLike = np.inf,
         kv: npt.ArrayLike | None = None,
+        *,
         interpolation: str = "linear",
         dead_time: npt.ArrayLike = 0.0,
         order: str | Sequence[str] = "second",
@@ -246,9 +247,6 @@ class ServoModel(Value):
             InvalidInput: As the constructor raises it, or an unknown name.
         """
         own = {x.name: getattr(self, x.name) for x in fields(self)}
-        unknown = sorted(set(changes) - set(own))
-        if unknown:
-            raise InvalidInput(f"A servo has no {unknown[0]}: it has {', '.join(own)}.")
         return ServoModel(**{**own, **changes})
 
     @property

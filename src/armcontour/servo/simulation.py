@@ -137,7 +137,7 @@ class Simulation:
             f"Joint {j + 1} cannot be simulated with {gains} 1/s and a command interval of "
             f"{self.period:g} s: time steps as short as the servo needs make no progress, so lower "
             "the gains.",
-            joint=j + 1,
+            joint=j,
         )
 
 

@@ -14,7 +14,6 @@ from armcontour._checks import FloatArray
 from armcontour._quantities import Quantity
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.geometry.placing import place_path
 from armcontour.io.job_edits import Change, change_data
 from armcontour.io.job_model import PathModel
 from armcontour.io.job_path import READING, path_of
@@ -48,7 +47,7 @@ def waypoint_changes(handles: Handles, data: Mapping[str, Any]) -> list[Change]:
     """
     path = _only_path(handles)
     given = data["path"]
-    here = place_path(path, handles.frame.inverse)
+    here = path.placed(handles.frame.inverse)
     old = ((given.get("frame") or {}).get("position") or [None])[0]
     write = partial(_coordinates, like=old)
     demands = [_demand(here, i) for i in range(len(here))]

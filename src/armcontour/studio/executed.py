@@ -71,7 +71,11 @@ def _poses(execution: Execution) -> dict[str, FloatArray]:
     even = np.searchsorted(t, t[0] + evenly(t[-1] - t[0]))
     poses = np.unique(np.minimum(even, len(t) - 1))
     q = execution.q[poses]
-    return {"pose_t": short(t[poses]), "q": q, "xyz": short(in_space(execution.arm.forward(q)))}
+    return {
+        "pose_t": short(t[poses]),
+        "q": q,
+        "xyz": short(in_space(execution.arm.tool_position(q))),
+    }
 
 
 def _peaks(distance: FloatArray) -> FloatArray:

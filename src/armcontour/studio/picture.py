@@ -290,7 +290,7 @@ def _rapids(planned: Planned, view: View) -> dict[str, Any]:
     begin, end = np.array(spans).T
     t = np.linspace(begin, end, OF_RAPID, axis=1).ravel()
     duration = planned.trajectory.duration
-    points = planned.job.arm.forward(planned.trajectory(np.minimum(t, duration)))
+    points = planned.job.arm.tool_position(planned.trajectory(np.minimum(t, duration)))
     return {
         "rapid": view.drawn(points),
         "rapid_xyz": short(in_space(points)),

@@ -20,7 +20,7 @@ from armcontour.errors import InvalidInput, Unreachable, locate_errors
 from armcontour.evaluation import ErrorProfile
 from armcontour.evaluation.pieces import Piece, pieces_of, settling_time
 from armcontour.geometry import Path
-from armcontour.io.job_arm import arm_of
+from armcontour.io.job_arm import arm_of, equipped
 from armcontour.io.job_file import job_on
 from armcontour.io.job_model import JobModel
 from armcontour.io.job_path import part_of, placed_path, unplaced_path
@@ -244,6 +244,13 @@ class Previewer:
         path = self._kept.get(
             "path", (drawn, _part(data)), lambda: placed_path(model.path, drawn, arm.dimension)
         )
+        used = equipped(model, path)
+        if used is not model.arm:
+            arm = self._kept.get(
+                "equipped",
+                (data["arm"], data["tools"], path),
+                lambda: arm_of(used, self.folder, trust_xacro=self.trust_xacro),
+            )
         return arm, path
 
     def _plan(

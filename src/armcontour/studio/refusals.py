@@ -34,7 +34,7 @@ def refusal_header(
     point = None if error.point is None else np.array(error.point)
     if point is None and error.t is not None and planned is not None:
         t = np.clip(error.t, 0.0, planned.trajectory.duration)
-        point = planned.job.arm.forward(planned.trajectory(t))
+        point = planned.job.arm.tool_position(planned.trajectory(t))
     at: dict[str, Any] = {"s": error.s, "t": error.t, "joint": error.joint, "index": error.index}
     if point is not None and point.shape in {(2,), (3,)}:
         at |= {"xyz": in_space(point), "uv": view.uv(point)}

@@ -198,9 +198,9 @@ def _refuse_in_law(
     if over.max() <= 1 + ROUNDING:
         return
     at = np.unravel_index(int(np.argmax(over)), found.shape)
-    joint = int(at[1]) + 1 if len(at) == 2 else None
+    joint = int(at[1]) if len(at) == 2 else None
     needed, limit = abs(float(found[at])), abs(float(most[at]))
-    who = "the tool" if joint is None else f"joint {joint}"
+    who = "the tool" if joint is None else f"joint {joint + 1}"
     intervals, times = sample_times(law)
     s = float(law.path_position(intervals[at[0]], times[at[0]]))
     raise NotRealizable(

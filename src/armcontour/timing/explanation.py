@@ -10,10 +10,11 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._describing import line_up, several
-from armcontour.arms import Arm, Limits, choose_limits
+from armcontour._describing import line_up, several, to_html
+from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
+from armcontour.timing.common import with_reserve
 from armcontour.timing.constraints import Constraint, IntervalEnds, ToolSpeed, jerks_of
 from armcontour.timing.grid import Grid
 from armcontour.timing.optimal import constraints_of
@@ -47,7 +48,7 @@ class Binding:
     Args:
         limit: Name of the limit, such as "acceleration" or "assigned velocity"; "nothing" where a
             plan passes from one limit to another.
-        joint: Joint number from 1, or None for a limit of the tool.
+        joint: Index of the joint, from 0, or None for a limit of the tool.
         t: Start and end times [s].
         s: Arc lengths of start and end [m].
         share: Largest used share of the limit on this part.
@@ -62,7 +63,7 @@ class Binding:
     @property
     def name(self) -> str:
         """The limit with its joint for messages, such as "joint 2 acceleration"."""
-        return self.limit if self.joint is None else f"joint {self.joint} {self.limit}"
+        return self.limit if self.joint is None else f"joint {self.joint + 1} {self.limit}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,6 +111,8 @@ class Explanation:
     assigned_time: float | None
     shortfalls: tuple[Shortfall, ...]
     jerk_stops: tuple[float, ...] = ()
+
+    _repr_html_ = to_html
 
     def __repr__(self) -> str:
         """The limits that bind, with their shares of the time."""
@@ -160,13 +163,16 @@ def explain(
     Args:
         trajectory: The plan.
         arm: The arm that the plan was made for, or what has its `dof` and `limits`.
-        limits: The limits that the plan was made for; by default the arm's own.
+        limits: Limits in place of those of the plan, with which its reserve is taken off.
         constraints: The further constraints that the plan was made for.
 
     Raises:
         InvalidInput: The plan was made by another method, or is none.
     """
-    bounds = choose_limits("explain", arm, limits)
+    reduced = trajectory.limits
+    if reduced is not None:
+        reduced = with_reserve(reduced, trajectory.reserve)
+    bounds = resolve_limits("explain", arm, limits, reduced)
     constraints = _checks.listed("constraints", constraints, Constraint, "Constraints")
     laws: list[tuple[float, float, PathLaw]] = []
     stops: list[float] = []
@@ -351,7 +357,7 @@ def _shortfalls(
             reason = "the transition between two limits"
             if len(near):
                 limit, joint = names[int(np.bincount(near).argmax())]
-                reason = limit if joint is None else f"joint {joint} {limit}"
+                reason = limit if joint is None else f"joint {joint + 1} {limit}"
             middle = (i + k) // 2
             result.append(
                 Shortfall(

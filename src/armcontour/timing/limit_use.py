@@ -76,7 +76,7 @@ def require_orientation(arm: Arm) -> SerialArm:
     if not isinstance(arm, SerialArm):
         raise InvalidInput(
             f"The tool of the arm {arm.name} is a point without an orientation: lift its limits "
-            "with limits.replace(angular_speed=None, angular_acceleration=None)."
+            "with limits.replace(angular_speed=math.inf, angular_acceleration=math.inf)."
         )
     return arm
 

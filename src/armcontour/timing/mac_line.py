@@ -274,7 +274,7 @@ class Line:
         if not broken:
             return
         run, knot = broken[0]
-        s, point = float(self.s[knot]), self.arm.forward(self.q[knot]).tolist()
+        s, point = float(self.s[knot]), self.arm.tool_position(self.q[knot]).tolist()
         allowed = float(self.limit[run.joint])
         raise NotRealizable(
             f"On {self.name} at {s:.4g} m along the path, joint {run.joint + 1} would need "
@@ -283,7 +283,7 @@ class Line:
             "velocity or the method optimal helps.",
             point=point,
             s=s,
-            joint=run.joint + 1,
+            joint=run.joint,
             limit="joint_acceleration",
             needed=run.needed,
             allowed=allowed,

@@ -168,7 +168,7 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
         if tool:
             raise InvalidInput(
                 "Limits of the tool need a tool path: plan a Path or a traced one, or lift them "
-                f"with limits.replace({', '.join(f'{x}=None' for x in tool)})."
+                f"with limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
             )
         return active
     return active + _tool_constraints(joint_path, joint_path.tool_path, arm, limits)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NoReturn, cast
 
 import numpy as np
@@ -14,7 +14,7 @@ from armcontour import _checks
 from armcontour._describing import several
 from armcontour._progress import Progress
 from armcontour._text import capitalise
-from armcontour.arms import Arm, Limits, choose_limits
+from armcontour.arms import Arm, Limits, compare_limits, resolve_limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.geometry.shaped import doubt_search
@@ -91,11 +91,13 @@ def plan(
             or a joint path or tracing.
         arm: The arm, or what has the `dof` and `limits` of an arm, to time a joint path. A joint
             path without a tool path needs none if `limits` are given, without those of torque.
-        limits: The limits; by default the arm's own.
+        limits: Limits in place of those of the arm. What they do not give is the arm's own,
+            infinity lifts a limit.
         method: "optimal", the fastest timing that keeps every limit; "shaped", the fastest path
             within a tolerance of the given one, with that timing; "mac", the paper's method; or
             "conventional", uniform speed along the raw path.
-        branch: For an arm in the plane: the branch of its inverse kinematics.
+        branch: For an arm in the plane: the branch of its inverse kinematics; by default the one
+            that is fastest along the path.
         start: For an arm in space: joint positions near the required start [rad], (dof,); by
             default the configuration that is fastest along the path.
         fits: Whether the arm may follow a joint path, such as `Cell(arm, scene).fits`: the fastest
@@ -136,7 +138,8 @@ def plan(
             a limit by more than 1 %.
 
     Warns:
-        UserWarning: Limits of jerk add full stops, as accelerations would jump there.
+        UserWarning: A given limit is above the arm's own, or limits of jerk add full stops, as
+            accelerations would jump there.
     """
     options: dict[str, Any] = {
         "intervals": intervals,
@@ -162,7 +165,10 @@ def plan(
             options[name] = _checks.not_negative(name, options[name], "m/s")
     _refuse_options(method, options)
     arm = _arm_of(path, arm, limits)
-    bounds = choose_limits("plan", arm, limits)
+    bounds = resolve_limits("plan", arm, limits)
+    if not isinstance(path, Tracing) and (above := compare_limits(bounds, arm)):
+        # Jobs plan tracings, and have warnings of their own.
+        warnings.warn(capitalise(above), stacklevel=3)
     refuse_unkept_jerk(method, bounds)
     kept, windows = with_reserve(bounds, reserve), _windows(smoothing)
     if duration is not None:
@@ -197,9 +203,11 @@ def plan(
     if duration is not None:
         found = slow_down(found, duration, traced, timing)
     _refuse_endless_motion(found)
+    found = found.limited(bounds, reserve)
+    if isinstance(arm, Arm):
+        found = replace(found, arm=arm)
 
     if not isinstance(path, Tracing):
-        # Jobs plan tracings, and have warnings of their own.
         if bounds.jerk_limits:
             _warn_of_stops(traced, found)
         if windows:

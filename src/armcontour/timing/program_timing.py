@@ -28,6 +28,7 @@ from armcontour.motion import (
     stand_still,
 )
 from armcontour.program import Contour, Dwell, Event
+from armcontour.timing.constraints import RapidSpeed
 from armcontour.timing.conventional import plan_conventional
 from armcontour.timing.mac import plan_mac
 from armcontour.timing.optimal import plan_optimal
@@ -76,9 +77,10 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
         ArmContourError: A move cannot be planned; the message starts with the name of the contour.
     """
     number, count = 0, len(traced.program.contours)
+    rapid_speed = traced.program.rapid_speed
     joined = JoinedMoves(traced, timing.arm)
     moves = [(x.joint_path, traced.is_contour(x)) for x in traced.steps if x.joint_path is not None]
-    with closing(map_in_order(partial(_time_move, timing), moves)) as plans:
+    with closing(map_in_order(partial(_time_move, timing, rapid_speed), moves)) as plans:
         for step in traced.steps:
             found = None
             if step.joint_path is not None:
@@ -91,12 +93,14 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
     return joined.trajectory()
 
 
-def _time_move(timing: Timing, move: tuple[JointPath, bool]) -> Trajectory:
+def _time_move(
+    timing: Timing, rapid_speed: float | None, move: tuple[JointPath, bool]
+) -> Trajectory:
     """Plan the motion along a joint path, which is that of a contour or of a rapid."""
     joint_path, is_contour = move
     if is_contour:
         return time_contour(joint_path, timing)
-    return time_rapid(joint_path, timing.arm, timing.limits)
+    return time_rapid(joint_path, timing.arm, timing.limits, rapid_speed)
 
 
 def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
@@ -110,15 +114,25 @@ def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
     return found if timing.method == Method.OPTIMAL else replace(found, method=Method.SHAPED)
 
 
-def time_rapid(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+def time_rapid(
+    joint_path: JointPath, arm: Arm, limits: Limits, speed: float | None = None
+) -> Trajectory:
     """Plan the fastest rapid, which keeps the limits of the joints and ignores those of the tool.
+
+    A tool path keeps the speeds of its segments.
 
     Args:
         joint_path: The joint path of the rapid.
         arm: The arm.
         limits: Limits of the arm, one value per joint.
+        speed: Largest tool speed along a joint path without a tool path [m/s].
     """
-    return plan_optimal(joint_path, arm, limits.of_joints, intervals=RAPID_INTERVALS)
+    more: tuple[RapidSpeed, ...] = ()
+    if speed is not None and joint_path.tool_path is None:
+        more = (RapidSpeed(speed, arm),)
+    return plan_optimal(
+        joint_path, arm, limits.of_joints, intervals=RAPID_INTERVALS, constraints=more
+    )
 
 
 def smooth_if(found: Trajectory, windows: Sequence[float]) -> Trajectory:
@@ -170,7 +184,7 @@ class JoinedMoves:
             self.stand(move.duration, step.move)
             return
         if isinstance(move, Event):
-            point = tuple(self.arm.forward(self._q).tolist())
+            point = tuple(self.arm.tool_position(self._q).tolist())
             self._add_event(move, self.t - move.lead_time, self.t, self.length, point)
             return
         assert trajectory is not None and step.joint_path is not None
@@ -300,8 +314,8 @@ def refuse_unkept_jerk(method: str, limits: Limits) -> None:
         return
     names = " and ".join(given)
     lift = (
-        f"lift {names} with limits.replace({', '.join(f'{x}=None' for x in given)}) (in a job, "
-        f"limits: {{{', '.join(f'{x}: null' for x in given)}}})"
+        f"lift {names} with limits.replace({', '.join(f'{x}=math.inf' for x in given)}) (in a "
+        f"job, limits: {{{', '.join(f'{x}: inf' for x in given)}}})"
     )
     if method == Method.SHAPED:
         raise NotRealizable(

@@ -6,17 +6,18 @@ import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
-from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm, choose_limits
+from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
 from armcontour.errors import ArmContourError, Unreachable, locate_errors
 from armcontour.frames import exp, log, shortest
 from armcontour.geometry import Path, ShapedPath
-from armcontour.geometry.cutting import cut_path, reverse_path
+from armcontour.geometry.cutting import cut_path
 from armcontour.geometry.orientation import Orientation
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
@@ -126,7 +127,7 @@ def trace_program(
     Raises:
         ArmContourError: A move cannot be traced; the message starts with the name of the contour.
     """
-    bounds = choose_limits("trace_program", arm, limits)
+    bounds = resolve_limits("trace_program", arm, limits)
     if start is None:
         shaped = [x.path for x in program.contours if isinstance(x.path, ShapedPath)]
         start = shaped[0].outcome.joints if shaped else None
@@ -206,24 +207,21 @@ class _Tracer:
 
     def _trace(self, path: Path, i: int) -> JointPath:
         """Trace the path of a move from the present configuration, else from the fastest one."""
-        if self.last is None or isinstance(self.arm, PlanarTwoLink):
-            start = self.start if self.last is None else None
-            return self._fastest(path, i, branch=self.branch, start=start)
+        if self.last is None:
+            return self._fastest(path, i, branch=self.branch, start=self.start)
         try:
-            return trace(path, self.limited, start=ends_of(self.last)[1])
+            return trace(path, self.limited, **configuration_of(self.arm, ends_of(self.last)[1]))
         except Unreachable:
-            return self._fastest(path, i)
+            return self._fastest(path, i, branch=self.branch)
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         """Trace a rapid to the first contour, in the configuration that is fastest for it."""
-        arm, limits = self.arm, self.limits
-        if isinstance(arm, PlanarTwoLink):
-            return self._trace(path, i)
+        arm, limited = self.arm, self.limited
         try:
             at = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
-            fastest = self._fastest(contour.path, at)
-            back = trace(reverse_path(path), arm, limits=limits, start=fastest(0.0))
-            return trace(path, arm, limits=limits, start=back(back.length))
+            fastest = self._fastest(contour.path, at, branch=self.branch)
+            back = trace(path.reversed(), limited, **configuration_of(arm, fastest(0.0)))
+            return trace(path, limited, **configuration_of(arm, back(back.length)))
         except ArmContourError:
             # Try the other configurations; errors of the contour are raised when it is traced.
             return self._trace(path, i)
@@ -298,6 +296,11 @@ def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
     for k in range(4, -1, -1):
         end = end + joint_path.coefficients[-1, k]
     return start + 0.0, end
+
+
+def configuration_of(arm: Arm, q: FloatArray) -> dict[str, Any]:
+    """Arguments of `trace` for the configuration of joint positions [rad], (dof,)."""
+    return {"branch": arm.branch_of(q)} if isinstance(arm, PlanarTwoLink) else {"start": q}
 
 
 def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
@@ -381,7 +384,7 @@ def trace_by_duration(
         Unreachable: No configuration completes the path.
         InvalidInput: The path does not fit the arm.
     """
-    bounds = choose_limits("fastest_configurations", arm, limits)
+    bounds = resolve_limits("fastest_configurations", arm, limits)
     # Limits of jerk cost much time here, and favour no configuration.
     rough = bounds.without_jerk
     if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):

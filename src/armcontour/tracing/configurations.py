@@ -14,7 +14,13 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour._pool import map_in_threads, split_evenly
 from armcontour.arms import SerialArm, _newton
 from armcontour.arms.arm import hint_at_unit
-from armcontour.arms.inverse import configurations, out_of_reach, seeds
+from armcontour.arms.inverse import (
+    REACH_SEEDS,
+    configurations,
+    out_of_reach,
+    seeds,
+    shift_by_turns,
+)
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.tracing.knots import Knots
@@ -54,9 +60,8 @@ CHORD_TURN = 0.1
 MOST_TURNS = 5
 # A pose is out of reach if the tool stays farther away than this [m].
 OUT_OF_REACH = 1e-7
-# To find poses out of reach, this number of seed joint positions is tried at a few poses of the
-# path, and one seed at more poses.
-REACH_SEEDS = 60
+# To find poses out of reach, seed joint positions are tried at a few poses of the path, and one
+# seed at more poses.
 SOME_POSES = 10
 MANY_POSES = 300
 # Bisection steps for the arc length at which the reach ends.
@@ -242,10 +247,10 @@ def _rank(
     Solutions that are the same as an earlier one come last.
     """
     if len(followed) == 1 and len(s) > ROUGH_KNOTS:
-        return [_shift_by_turns(arm, followed[0])[0]]
+        return [shift_by_turns(arm, followed[0])[0]]
     few = np.unique(np.linspace(0, len(s) - 1, min(len(s), ROUGH_KNOTS)).astype(np.intp))
 
-    shifted = [_shift_by_turns(arm, q)[0] for q in followed]
+    shifted = [shift_by_turns(arm, q)[0] for q in followed]
     options = {"start_stays": start is not None, "rounds": ROUGH_ROUNDS}
     rough = _smooth(arm, s[few], poses[few], task, [q[few] for q in shifted], **options)
     both = zip(shifted, rough, strict=True)
@@ -369,28 +374,6 @@ def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
     return float(np.maximum(steps / low, steps / high).max(axis=1).sum())
 
 
-def _shift_by_turns(
-    arm: SerialArm, q: FloatArray, start: FloatArray | None = None
-) -> tuple[FloatArray, bool]:
-    """The positions, shifted by whole turns, and whether they are in the joint ranges then.
-
-    They are as near to the start as the ranges allow, or as near to the middle of the ranges as
-    possible. A joint whose range has one end only is shifted into its range.
-    """
-    lower, upper = arm.limits.joint_range(arm.dof)
-    low, high, turn = q.min(axis=0), q.max(axis=0), 2 * np.pi
-    both = np.isfinite(lower) & np.isfinite(upper)
-    middle = np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2
-    least = np.where(both, -np.inf, np.ceil((lower - low) / turn))
-    most = np.where(both, np.inf, np.floor((upper - high) / turn))
-    turns = np.rint((middle - (low + high) / 2) / turn)
-    shift = turn * np.minimum(np.maximum(turns, least), most)
-    if start is not None:
-        near = turn * np.rint((start - q[0]) / turn)
-        shift = np.where((low + near >= lower) & (high + near <= upper), near, shift)
-    return q + shift, bool(((low + shift >= lower) & (high + shift <= upper)).all())
-
-
 def _turn_into_range(
     arm: SerialArm, q: FloatArray, start: FloatArray | None
 ) -> FloatArray | _Failure:
@@ -398,7 +381,7 @@ def _turn_into_range(
 
     If a start is given, the shifts nearest to the start are preferred.
     """
-    wanted, inside = _shift_by_turns(arm, q, start)
+    wanted, inside = shift_by_turns(arm, q, start)
     if inside:
         return wanted
     lower, upper = arm.limits.joint_range(arm.dof)
@@ -531,7 +514,7 @@ def _refuse_singularity(
     path: Path, arm: SerialArm, s: float, pose: FloatArray, task: int, q: FloatArray
 ) -> None:
     """Raise Unreachable for a singularity at arc length s, with the joint that moves most."""
-    jacobian = arm.twist_jacobian(q)
+    jacobian = arm.jacobian(q)
     angular = jacobian[3:] if task == 6 else pose[:, : task - 3].T @ jacobian[3:]
     _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], angular]))
     joint = int(np.argmax(np.abs(motions[task - 1])))
@@ -541,7 +524,7 @@ def _refuse_singularity(
         f"singular value {sizes[task - 1]:.2g}): {what_helps(path)}.",
         s=s,
         point=pose[:, 3].tolist(),
-        joint=joint + 1,
+        joint=joint,
         limit="singularity",
     )
 

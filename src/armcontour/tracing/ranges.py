@@ -82,7 +82,7 @@ def out_of_range(
         f"{what_helps(path)}.",
         s=s,
         point=None if path is None else path(s).tolist(),
-        joint=joint + 1,
+        joint=joint,
         limit=f"joint_{name}",
         needed=q,
         allowed=edge,

@@ -128,16 +128,14 @@ class Analytic(Solver[PlanarTwoLink]):
     Args:
         path: The tool path.
         arm: The arm.
-        branch: One of `arm.branches`; the first by default.
+        branch: One of `arm.branches`.
         tolerance: Largest distance of the tool from the path between knots [m].
 
     Raises:
         InvalidInput: The path and the arm's workspace differ in dimension.
     """
 
-    def __init__(
-        self, path: Path, arm: PlanarTwoLink, branch: str | None, tolerance: float
-    ) -> None:
+    def __init__(self, path: Path, arm: PlanarTwoLink, branch: str, tolerance: float) -> None:
         if path.dimension != arm.dimension:
             raise InvalidInput(
                 f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
@@ -156,7 +154,7 @@ class Analytic(Solver[PlanarTwoLink]):
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
         """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
         try:
-            q = self.arm.inverse(self.path.on_segment(knots.segment, u), self.branch)
+            q = self.arm.joint_position(self.path.on_segment(knots.segment, u), self.branch)
         except Unreachable as error:
             index = error.index or 0
             s = float(knots.at(u)[index])
@@ -184,7 +182,7 @@ class Analytic(Solver[PlanarTwoLink]):
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
         """Distances of the tool from its position on the path, over the tolerance, (n,)."""
-        off = self.arm.forward(q) - self.path.on_segment(knots.segment, u)
+        off = self.arm.tool_position(q) - self.path.on_segment(knots.segment, u)
         return np.asarray(np.linalg.norm(off, axis=1) / self.tolerance)
 
 

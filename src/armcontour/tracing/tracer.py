@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
@@ -11,7 +14,7 @@ from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.tracing.configurations import CHORD_TURN, find_solutions
+from armcontour.tracing.configurations import CHORD_TURN, Solution, find_solutions
 from armcontour.tracing.knots import Knots, first_knots
 from armcontour.tracing.poses import FirstPoses, row_of_poses, task_dimension
 from armcontour.tracing.ranges import refuse_out_of_range, turn_into_range
@@ -24,6 +27,7 @@ FINER = 3
 SKETCHED = 0.01
 
 
+@_checks.explained
 def trace(
     path: Path,
     arm: Arm,
@@ -44,7 +48,8 @@ def trace(
         arm: The arm.
         limits: Limits whose joint ranges apply, and whose joint velocities weight the lengths of
             joint paths; by default the arm's own.
-        branch: For an arm in the plane, one of `arm.branches`; the first by default.
+        branch: For an arm in the plane, one of `arm.branches`; by default the first that completes
+            the path. `plan` chooses the fastest.
         start: For an arm in space, joint positions near the start of the joint path [rad], (dof,);
             by default the configuration with the shortest joint path. `plan` chooses the fastest.
         tolerance: Largest distance between the tool and its position on the path [m].
@@ -72,9 +77,10 @@ def trace_all(
 ) -> list[JointPath]:
     """Joint paths of all configurations that complete the path, the shortest first.
 
-    An arm in the plane has one: that of its branch. An arm in space has one per configuration. An
-    arm with redundant degrees of freedom has infinitely many: `configurations.MOST_STARTS` sampled
-    starts are followed, and at most `configurations.MOST_SOLUTIONS` joint paths are kept.
+    An arm in the plane has one per branch, in the order of its branches. An arm in space has one
+    per configuration. An arm with redundant degrees of freedom has infinitely many:
+    `configurations.MOST_STARTS` sampled starts are followed, and at most
+    `configurations.MOST_SOLUTIONS` joint paths are kept.
 
     Args:
         path: Tool path.
@@ -101,7 +107,8 @@ def trace_all(
     if isinstance(arm, PlanarTwoLink):
         if start is not None:
             raise InvalidInput(f"The arm {arm.name} takes a branch to start in, not a start.")
-        return [_trace_planar(path, arm, branch, tolerance)]
+        branches = arm.branches if branch is None else (branch,)
+        return _complete((partial(_trace_planar, path, arm, x, tolerance) for x in branches), most)
     if not isinstance(arm, SerialArm):
         raise InvalidInput(f"There is no inverse kinematics for {type(arm).__name__}.")
     if branch is not None:
@@ -171,9 +178,7 @@ def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
     return np.flatnonzero(fresh)
 
 
-def _trace_planar(
-    path: Path, arm: PlanarTwoLink, branch: str | None, tolerance: float
-) -> JointPath:
+def _trace_planar(path: Path, arm: PlanarTwoLink, branch: str, tolerance: float) -> JointPath:
     """The joint path of a planar arm in one branch, inside the joint ranges.
 
     Raises:
@@ -200,23 +205,37 @@ def _trace_serial(
     task = task_dimension(path, arm)
     knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)
     first = FirstPoses.of(path, knots)
-    found: list[JointPath] = []
+
+    def refine_solution(solution: Solution) -> JointPath:
+        numeric = Numeric(path, arm, task, first, solution, tolerance)
+        joint_path = refine(numeric, knots, first.stops)
+        refuse_out_of_range(joint_path, arm.limits)
+        return joint_path
+
+    solutions = find_solutions(path, arm, knots, first.row, task, start)
+    return _complete((partial(refine_solution, x) for x in solutions), most)
+
+
+def _complete(tries: Iterable[Callable[[], JointPath]], most: int | None) -> list[JointPath]:
+    """Joint paths of the configurations that complete a path, at most `most`.
+
+    Raises:
+        Unreachable: None does; the reason of the first one.
+    """
+    joint_paths: list[JointPath] = []
     refusals: list[Unreachable] = []
-    for solution in find_solutions(path, arm, knots, first.row, task, start):
-        if most is not None and len(found) == most:
+    for attempt in tries:
+        if most is not None and len(joint_paths) == most:
             break
+        # A configuration that is singular or leaves a joint range between two knots is no reason
+        # to refuse the others.
         try:
-            numeric = Numeric(path, arm, task, first, solution, tolerance)
-            joint_path = refine(numeric, knots, first.stops)
-            refuse_out_of_range(joint_path, arm.limits)
-            found.append(joint_path)
+            joint_paths.append(attempt())
         except Unreachable as error:
-            # Between two knots this configuration is singular or leaves a joint range; another
-            # configuration may not.
             refusals.append(error)
-    if not found:
+    if not joint_paths:
         raise refusals[0]
-    return found
+    return joint_paths
 
 
 def _check_start(arm: SerialArm, start: npt.ArrayLike) -> FloatArray:
@@ -233,7 +252,7 @@ def _check_start(arm: SerialArm, start: npt.ArrayLike) -> FloatArray:
         raise InvalidInput(
             f"start has joint {j + 1} at {near[j]:.6g} rad, outside its range from {lower[j]:.6g} "
             f"to {upper[j]:.6g} rad: give angles in rad, or with their unit.",
-            joint=j + 1,
+            joint=j,
             needed=float(near[j]),
             allowed=float(lower[j] if near[j] < lower[j] else upper[j]),
         )

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 from tests.io.tables import refusals
 
 import armcontour as ac
-from armcontour.geometry.cutting import cut_path, reverse_path
-from armcontour.geometry.placing import lift_path
+from armcontour.geometry.cutting import cut_path
 from armcontour.io.drawings.chaining import Piece, chain_pieces
 
 TOLERANCE = 1e-5
@@ -52,7 +51,7 @@ def gaps(path):
 def test_pieces_in_any_order_and_direction_are_one_closed_contour(order, turned):
     given_ = [pieces([*SQUARE, SQUARE[0]])[i] for i in order]
     given_ = [
-        piece(reverse_path(x.path), x.name) if back else x
+        piece(x.path.reversed(), x.name) if back else x
         for x, back in zip(given_, turned, strict=True)
     ]
     contour = chained(given_)
@@ -72,7 +71,7 @@ def test_an_open_chain_starts_at_an_end_in_the_direction_of_its_first_piece():
     contour = chained([b, c, a])
     assert contour.name == "b"
     np.testing.assert_array_equal(contour.path.vertices, SQUARE)
-    contour = chained([piece(reverse_path(b.path), "b"), c, a])
+    contour = chained([piece(b.path.reversed(), "b"), c, a])
     np.testing.assert_allclose(contour.path.vertices, SQUARE[::-1], atol=1e-15)
 
 
@@ -119,7 +118,7 @@ def rough(seed, dimension, size):
     corner = np.array([(0, 0), (0.1, 0), (0.1, 0.06), (0, 0.06), (0, 0)])
     whole = ac.round_corners(ac.Path.polyline(corner), tolerance=5e-3)
     if dimension == 3:
-        whole = lift_path(whole)
+        whole = whole.lifted()
     cuts = np.sort(np.concatenate([whole.breaks, rng.uniform(0, whole.length, 6)]))
     cuts = cuts[np.concatenate([[True], np.diff(cuts) > 1e-4])]
     cuts[-1] = whole.length
@@ -129,7 +128,7 @@ def rough(seed, dimension, size):
         shift = rng.normal(size=dimension)
         shift *= rng.uniform(0, size) / np.linalg.norm(shift)
         moved = ac.Path(segments=dataclasses.replace(x.segments, starts=x.starts + shift))
-        found.append(piece(reverse_path(moved) if rng.random() < 0.5 else moved))
+        found.append(piece(moved.reversed() if rng.random() < 0.5 else moved))
     return [found[i] for i in rng.permutation(len(found))], whole
 
 
@@ -188,7 +187,7 @@ def test_pieces_on_others_are_left_out_and_named():
         *pieces(),
         line((1, 0), (0, 0), "back"),
         piece(arc(), "arc"),
-        piece(reverse_path(arc()), "arc again"),
+        piece(arc().reversed(), "arc again"),
         line((0, 0), (1, 0), "elsewhere", "other"),
         # The same ends and the same length are not the same piece.
         piece(ac.Path.polyline([(9, 0), (9, 1), (10, 0)]), "one way"),
@@ -238,7 +237,7 @@ def test_short_contours_are_left_out_and_segments_keep_their_demands():
 
 def test_what_cannot_be_chained_is_refused():
     flat = line((0, 0), (1, 0))
-    deep = piece(lift_path(flat.path))
+    deep = piece(flat.path.lifted())
     held = piece(deep.path.oriented(Rotation.identity()))
     table = [
         (([flat, deep], TOLERANCE), "plane or all in space"),

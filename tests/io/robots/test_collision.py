@@ -103,7 +103,7 @@ def test_meshes_are_found_by_path_and_by_package(tmp_path):
     # A mesh that is not there is a note until clearance is asked for.
     arm = loaded(described(tmp_path, MESH.format("no.stl")))
     assert any("meshes are not there" in x and "no.stl" in x for x in arm.notes)
-    assert not arm.knows_shapes and arm.forward([[0.1, 0.2]]).shape == (1, 3)
+    assert not arm.knows_shapes and arm.tool_position([[0.1, 0.2]]).shape == (1, 3)
     refusals(lambda x: x.shapes, [(arm, "link beam  ... 'no.stl', which is not there")])
 
 

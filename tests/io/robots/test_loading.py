@@ -125,7 +125,7 @@ def test_files_that_are_no_arm_are_refused(tmp_path):
     places = [
         (tmp_path / "no.yaml", "no arm file ... no.yaml"),
         (tmp_path / "bytes.yaml", "bytes.yaml ... is not valid YAML"),
-        ("pmk4s", "no built-in arm 'pmk4s' ... pmk3s ... .yaml, .urdf or .xacro file"),
+        ("pmk4s", "no built-in arm 'pmk4s' ... pmk3s ... .yaml, .urdf, .xacro or MJCF .xml file"),
     ]
     refusals(ac.load_arm, places)
     # What is chosen of a description is no choice of an arm file.
@@ -215,7 +215,7 @@ def test_payload_and_friction_replace_those_of_the_named_arm(put):
     np.testing.assert_array_equal(chain.coulomb, [6, 5, 4, 3, 2, 1])
     np.testing.assert_array_equal(chain.armature, np.full(6, 0.1))
     q = np.full(6, 0.3)
-    np.testing.assert_array_equal(arm.forward(q), base.forward(q))
+    np.testing.assert_array_equal(arm.tool_position(q), base.tool_position(q))
     # A payload that is asked for replaces that of the file.
     assert ac.load_arm(file, payload=Payload(mass=1.0)).chain.payload.mass == 1.0
     # The named arm may be a file beside it.
@@ -289,7 +289,7 @@ def test_arms_by_their_dh_parameters(name):
 
 def test_the_ur5e_stretched_out():
     # All joints at zero: the arm lies along -x, as the controller shows it.
-    found = ac.load_arm("ur5e").forward(np.zeros(6))
+    found = ac.load_arm("ur5e").tool_position(np.zeros(6))
     np.testing.assert_allclose(found, [-0.8172, -0.2329, 0.0628], atol=1e-12)
 
 

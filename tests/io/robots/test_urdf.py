@@ -66,7 +66,7 @@ def test_the_arm_with_its_gripper_as_mujoco_sees_it(locked):
     left = locked.get("left", 0.0)
     held = {"left": left, "right": 0.5 * left + 0.01, "hinge": 0.0} | locked
     torque, place = seen_by_mujoco(q, dq, ddq, held)
-    np.testing.assert_allclose(arm.forward(q), place, atol=1e-9)
+    np.testing.assert_allclose(arm.tool_position(q), place, atol=1e-9)
     largest = np.abs(torque).max(axis=1, keepdims=True)
     assert (np.abs(arm.dynamics.torque(q, dq, ddq) - torque) <= 1e-8 * largest).all()
 
@@ -95,7 +95,7 @@ def test_the_chain_may_end_early_and_begin_late():
     q, dq, ddq = np.random.default_rng(1).normal(size=(3, 20, 4))
     # Where the tip is makes no difference to the drives.
     np.testing.assert_allclose(flange.torque(q, dq, ddq), whole.torque(q, dq, ddq), atol=1e-12)
-    assert np.abs(flange.forward(q) - whole.forward(q)).max() > 0.05
+    assert np.abs(flange.tool_position(q) - whole.tool_position(q)).max() > 0.05
     assert given(base="upper").joint_names == ("elbow", "roll")
     held = given(tip="upper", locked={"elbow": 0.5, "roll": 0.3})
     assert held.joint_names == ("pan", "tilt")
@@ -105,14 +105,16 @@ def test_the_chain_may_end_early_and_begin_late():
     np.testing.assert_allclose(found, expected, atol=1e-9)
     # A joint that slides may be locked.
     low, high = (given(base=None, locked={"lift": x}) for x in (0.1, 0.4))
-    np.testing.assert_allclose(high.forward(q) - low.forward(q), np.tile([0, 0, 0.3], (20, 1)))
+    np.testing.assert_allclose(
+        high.tool_position(q) - low.tool_position(q), np.tile([0, 0, 0.3], (20, 1))
+    )
 
 
 def test_without_any_inertial_only_kinematics_are_known(tmp_path):
     text = re.sub("<inertial>.*?</inertial>", "", TEXT, flags=re.DOTALL)
     arm, whole = load(tmp_path, (TEXT, text)), given()
     assert arm.chain.masses is None
-    np.testing.assert_array_equal(arm.forward(np.ones(4)), whole.forward(np.ones(4)))
+    np.testing.assert_array_equal(arm.tool_position(np.ones(4)), whole.tool_position(np.ones(4)))
     refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
     # Efforts mean nothing then, and must not keep the arm from being planned for.
     assert arm.limits.joint_torque is None and whole.limits.joint_torque is not None
@@ -120,7 +122,7 @@ def test_without_any_inertial_only_kinematics_are_known(tmp_path):
     # Frames of tool and work go with it.
     tool = Frame.rpy([0, 0.1, 0.2], [0.1, 0, 0])
     points, rotations = whole.pose(np.ones(4))
-    moved = given(tool=tool, work=Frame()).forward(np.ones(4))
+    moved = given(tool=tool, work=Frame()).tool_position(np.ones(4))
     np.testing.assert_allclose(moved, points + rotations @ tool.position)
 
 
@@ -265,7 +267,7 @@ def test_links_that_are_no_bodies_leave_out_dynamics_only(tmp_path):
         assert not arm.has_bodies and arm.limits.joint_torque is None
         assert any(words in note and "limits of effort are left out" in note for note in arm.notes)
         q = np.random.default_rng(3).normal(size=(20, 4))
-        np.testing.assert_array_equal(arm.forward(q), whole.forward(q))
+        np.testing.assert_array_equal(arm.tool_position(q), whole.tool_position(q))
         refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
 
 
@@ -457,7 +459,7 @@ def test_the_end_of_the_only_chain_is_the_tip(tmp_path):
         assert arm.notes[0].startswith(f"r.urdf: the tip is {tip}, at the end of the only chain")
         assert "(in a job, arm: {tip: LINK})" in arm.notes[0]
         named = load_joints(tmp_path, joints, tip=tip)
-        assert (named.forward([0.1] * 6) == arm.forward([0.1] * 6)).all()
+        assert (named.tool_position([0.1] * 6) == arm.tool_position([0.1] * 6)).all()
         assert not any("the tip is" in note for note in named.notes)
 
 

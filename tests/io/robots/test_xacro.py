@@ -46,7 +46,7 @@ def test_a_trusted_file_becomes_an_arm(tmp_path):
     )
     arm = load(write(tmp_path, body))
     assert arm.limits.joint_upper == pytest.approx([1.5707963])
-    assert arm.forward([0.0]) == pytest.approx([1.0, 2.0, 1.0])
+    assert arm.tool_position([0.0]) == pytest.approx([1.0, 2.0, 1.0])
 
 
 def test_without_trust_nothing_runs(tmp_path, monkeypatch):

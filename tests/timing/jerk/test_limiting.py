@@ -15,9 +15,11 @@ pytestmark = pytest.mark.filterwarnings("ignore:Limits of jerk add")
 LINE = ac.JointPath.spline([(0.0,), (1.0,)], [0.0, 1.0])
 # From rest over 1 rad to rest: 1.35 s, of which 0.1 s are each of the four ramps, 0.15 s each of
 # the two stretches of full acceleration, and 0.65 s even motion.
-LIMITS = ac.Limits(joint_velocity=[1.0], joint_acceleration=[4.0], joint_jerk=[40.0])
+LIMITS = ac.Limits.only(joint_velocity=[1.0], joint_acceleration=[4.0], joint_jerk=[40.0])
 SPLINE = CubicSpline(np.linspace(0, 1, 5), np.random.default_rng(3).uniform(-1, 1, (5, 3)))
-OF_SPLINE = ac.Limits(joint_velocity=[2.0] * 3, joint_acceleration=[5.0] * 3, joint_jerk=[50.0] * 3)
+OF_SPLINE = ac.Limits.only(
+    joint_velocity=[2.0] * 3, joint_acceleration=[5.0] * 3, joint_jerk=[50.0] * 3
+)
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +83,7 @@ def test_motion_rests_where_the_second_derivative_jumps():
     law = ac.plan(path, limits=limits.replace(joint_jerk=[50.0, 50.0])).laws[0]
     np.testing.assert_allclose(law.s[1:-1][law.speeds[1:-1] == 0], [0.5])
     # The third derivative of s itself does not mind.
-    law = ac.plan(path, limits=limits.replace(joint_jerk=None, path_jerk=50.0)).laws[0]
+    law = ac.plan(path, limits=limits.replace(joint_jerk=np.inf, path_jerk=50.0)).laws[0]
     assert law.speeds[1:-1].min() > 0
     middle = (law.breaks[:-1] + law.breaks[1:]) / 2
     jerk = law.path_position(np.arange(len(middle)), middle, 3)
@@ -112,7 +114,7 @@ def test_even_motion_leaves_room_for_margins(ur5e):
         for k, v in enumerate((1.0, 0.003, 1.0))
     ]
     path = ac.Path.from_segments(lines).pointing((0, 0, -1))
-    limits = ur5e.limits.replace(joint_torque=None, joint_acceleration=8.0, joint_jerk=100.0)
+    limits = ur5e.limits.replace(joint_torque=np.inf, joint_acceleration=8.0, joint_jerk=100.0)
     found = ac.plan(path, ur5e, limits)
     assert ac.check(found, ur5e, limits).verdict == "kept"
     assert found.speed_at(np.array([np.median(found.s(found.breaks))])).max() <= 1.0
@@ -121,8 +123,8 @@ def test_even_motion_leaves_room_for_margins(ur5e):
 def test_torque_that_margins_bracket_leaves_room(ur5e):
     path = ac.JointPath.spline(np.random.default_rng(0).uniform(-1, 1, (5, 6)))
     torque = ur5e.limits.joint_torque
-    limits = ac.Limits(joint_velocity=2.0, joint_torque=torque, joint_jerk=500.0).for_joints(6)
-    free = ac.plan(path, ur5e, limits.replace(joint_jerk=None)).duration
+    limits = ac.Limits.only(joint_velocity=2.0, joint_torque=torque, joint_jerk=500.0).for_joints(6)
+    free = ac.plan(path, ur5e, limits.replace(joint_jerk=np.inf)).duration
     found = ac.plan(path, ur5e, limits)
     assert free < found.duration < 1.05 * free
     used = ur5e.torque(*(found(found.breaks, k) for k in range(3)))
@@ -132,7 +134,7 @@ def test_torque_that_margins_bracket_leaves_room(ur5e):
 def test_the_tool_stops_at_jumps_of_curvature_not_at_rounding_errors(ur5e):
     # The last joint hardly moves: its second derivative jumps by large shares of very little.
     points = [(0.36, -0.02, 0.39), (0.45, 0.03, 0.235), (0.27, -0.11, 0.29)]
-    limits = ur5e.limits.replace(speed=0.1, tool_jerk=1.0, joint_torque=None)
+    limits = ur5e.limits.replace(speed=0.1, tool_jerk=1.0, joint_torque=np.inf)
     for continuity, stops in (("curvature", 0), ("tangent", 2)):
         path = ac.round_corners(ac.Path.polyline(points), tolerance=1e-3, continuity=continuity)
         traced = ac.trace(path.pointing((0.0, 0.0, -1.0)), ur5e, limits=limits)
@@ -161,7 +163,7 @@ def test_a_tool_that_turns_in_a_small_corner_or_along_a_tiny_segment_may_start(u
         assert not ac.check(planned, ur5e, limits).violated
         if points is corner:
             # The corner takes two stops more than the same limits without jerk.
-            free = ac.plan(path, ur5e, limits.replace(joint_jerk=None), intervals=intervals)
+            free = ac.plan(path, ur5e, limits.replace(joint_jerk=np.inf), intervals=intervals)
             assert free.duration < planned.duration < 3 * free.duration
     # The tool turns by 0.48 rad on the tiny segment, and each rest takes about 0.1 s.
     assert planned.duration < 2.5
@@ -188,7 +190,7 @@ def test_splines_are_passed_without_a_stop_as_fast_as_splines_of_the_joints(name
         [radius * np.cos(turn), radius * np.sin(turn), 0.02 * np.sin(3 * turn)]
     )
     arm = ac.load_arm(name)
-    limits = arm.limits.replace(speed=None)
+    limits = arm.limits.replace(speed=np.inf)
     limits = limits.replace(joint_jerk=jerk * np.array(limits.joint_acceleration))
     durations = []
     for tolerance in (1e-4, 1e-6, 1e-8):
@@ -215,7 +217,7 @@ def test_a_plan_warns_of_stops_that_limits_of_jerk_add(arm):
             ac.plan(given, arm, limits)
     # Without a limit of jerk, or with continuous curvature, there are none.
     with warnings.catch_warnings(action="error"):
-        ac.plan(arcs, arm, limits.replace(joint_jerk=None))
+        ac.plan(arcs, arm, limits.replace(joint_jerk=np.inf))
         ac.plan(ac.round_corners(path, tolerance=5e-3, continuity="curvature"), arm, limits)
 
 

@@ -10,7 +10,7 @@ from armcontour.timing.jerk._polynomials import basis, motion_rows, raised, to_b
 from armcontour.timing.jerk.mesh import End, Mesh, place_mesh
 from armcontour.timing.jerk.rows import control_points
 
-LIMITS = ac.Limits(joint_velocity=[1.0] * 2, joint_acceleration=[4.0] * 2)
+LIMITS = ac.Limits.only(joint_velocity=[1.0] * 2, joint_acceleration=[4.0] * 2)
 # Breaks of the path lie close together around 1.2.
 BREAKS = [0.0, 0.5, 1.2, 1.2 + 1e-7, 2.0]
 POINTS = np.array([(0.0, 0.0), (0.4, 0.1), (0.5, 0.8), (0.5, 0.8 + 1e-7), (0.1, 1.4)])

@@ -20,11 +20,11 @@ LINES = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30), (0.35, 0.35)
 
 @pytest.mark.parametrize("centripetal", [0.09, None])
 def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
-    limits = ac.Limits(
+    limits = ac.Limits.only(
         speed=0.15, joint_acceleration=0.72, centripetal_acceleration=centripetal
     ).for_joints(2)
     tube, wishes = Tube.of(LINES, 1e-3), Wishes(tolerance=1e-3)
-    timer = Timer(arm, limits, None, None, 800)
+    timer = Timer(arm, limits, "positive", None, 800)
     search = next(make_searches(LINES, tube, timer, wishes))
     durations = []
     for _, found in zip(range(8), search.run(), strict=False):
@@ -159,12 +159,12 @@ def test_arcs_are_tangent_and_near_the_curve_between_samples(drawn):
 def test_the_curve_is_that_of_the_spline(case, drawn):
     arm = case[0]
     found, spline = drawn
-    knots = arm.forward(spline.knots)
+    knots = arm.tool_position(spline.knots)
     np.testing.assert_allclose(ac.Path(segments=found.segments)(found.knots), knots, atol=1e-9)
     # The middle of a span is on the curve, too.
     a = np.diff(spline.velocities, axis=0) / spline.h[:, None]
     h = spline.h[:, None]
-    middle = arm.forward(spline.knots[:-1] + spline.velocities[:-1] * h / 2 + a * h**2 / 8)
+    middle = arm.tool_position(spline.knots[:-1] + spline.velocities[:-1] * h / 2 + a * h**2 / 8)
     s = np.linspace(0, found.curve.breaks[-1], 200_001)
     piece = np.clip(np.searchsorted(found.curve.breaks, s) - 1, 0, len(found.curve.breaks) - 2)
     points = found.curve.on_piece(piece, s)
@@ -281,7 +281,7 @@ def accelerations(spline):
 
 def test_rows_of_joint_acceleration_take_each_direction_by_its_own_limit(moving):
     arm, spline = moving
-    limits = ac.Limits(joint_acceleration=[[-3.0, 2.0]]).for_joints(arm.dof)
+    limits = ac.Limits.only(joint_acceleration=[[-3.0, 2.0]]).for_joints(arm.dof)
     rows, a = span_rows(spline, arm, limits, NO_SPEEDS), accelerations(spline)
     expected = np.concatenate([a - 2.0, -a - 3.0], axis=1) * spline.h[:, None]
     np.testing.assert_allclose(rows.value, expected, atol=1e-12)
@@ -293,7 +293,7 @@ def test_rows_of_joint_velocity(moving):
     arm, spline = moving
     # Far below the limit a row is left out: this one is near for all.
     most = float(np.abs(spline.velocities).max())
-    limits = ac.Limits(joint_velocity=most).for_joints(arm.dof)
+    limits = ac.Limits.only(joint_velocity=most).for_joints(arm.dof)
     rows, e = span_rows(spline, arm, limits, NO_SPEEDS), spline.velocities[1:]
     np.testing.assert_allclose(rows.value, np.concatenate([e, -e], axis=1) - most)
     near = rows.value > -0.5 * most
@@ -305,19 +305,19 @@ def test_rows_of_joint_velocity(moving):
 def test_rows_of_the_tool_speed_know_segments_with_speeds_of_their_own(moving):
     arm, spline = moving
     speeds = np.where(np.arange(N) % 2, np.inf, 0.3)
-    rows = span_rows(spline, arm, ac.Limits(), speeds)
+    rows = span_rows(spline, arm, ac.Limits.only(), speeds)
     speed = np.linalg.norm(arm.tool_velocity(spline.knots[1:], spline.velocities[1:]), axis=1)
     given = np.isfinite(speeds)
     np.testing.assert_allclose(rows.value[given, 0], speed[given] - 0.3)
     assert (rows.value[~given] < -0.9 * rows.scale[~given]).all()
     # Far below the speed a row is left out: these are at it.
-    check_derivatives(arm, spline, ac.Limits(), slice(None), speed)
+    check_derivatives(arm, spline, ac.Limits.only(), slice(None), speed)
 
 
 @pytest.mark.parametrize("name", ["tool_acceleration", "centripetal_acceleration"])
 def test_rows_of_the_tool_acceleration_hold_its_own_direction(moving, name):
     arm, spline = moving
-    limits, most = ac.Limits(**{name: 0.7}), 0.7
+    limits, most = ac.Limits.only(**{name: 0.7}), 0.7
     rows = span_rows(spline, arm, limits, NO_SPEEDS)
     per_end, e = rows.value.shape[1] // 2, spline.velocities
     for last, end in enumerate(ENDS):
@@ -342,7 +342,7 @@ def test_rows_of_joint_torques(moving):
     arm, spline = moving
     if not arm.has_bodies:
         return
-    limits = ac.Limits(joint_torque=20.0).for_joints(arm.dof)
+    limits = ac.Limits.only(joint_torque=20.0).for_joints(arm.dof)
     rows, e, a = span_rows(spline, arm, limits, NO_SPEEDS), spline.velocities, accelerations(spline)
     mass = arm.dynamics.mass_matrix(spline.knots)
     still, bias = (arm.dynamics.torque(spline.knots, x, 0 * e) for x in (0 * e, e))
@@ -372,7 +372,7 @@ def test_the_program_has_the_derivatives_by_offsets_and_span_times(moving):
     k = arm.dimension - 1
     steps = np.random.default_rng(5).normal(size=(N, arm.dof, k))
     unit = np.where(MOVING, 1e-3, 0.0)
-    limits = ac.Limits(joint_acceleration=2.0).for_joints(arm.dof)
+    limits = ac.Limits.only(joint_acceleration=2.0).for_joints(arm.dof)
     rows = span_rows(spline, arm, limits, NO_SPEEDS)
     found, bounds = assemble(spline, rows, steps, unit)
     np.testing.assert_allclose(bounds, -rows.value / rows.scale)

@@ -37,7 +37,7 @@ def test_a_corner_is_faster_and_the_tool_keeps_its_orientation(name):
     arm = ac.load_arm(name)
     objective = ac.Path.polyline(POINTS).oriented(DOWN)
     # Torques take most of the time; one arm is enough for them.
-    limits = arm.limits if name == "ur5e" else arm.limits.replace(joint_torque=None)
+    limits = arm.limits if name == "ur5e" else arm.limits.replace(joint_torque=np.inf)
     start = ac.trace(objective, arm)(0.0)
     found = shaped(objective, arm, limits, start=start)
     check_outcome(found)
@@ -51,7 +51,7 @@ def test_a_corner_is_faster_and_the_tool_keeps_its_orientation(name):
 
 def test_a_turning_tool_has_the_orientation_of_the_place(ur5e):
     objective = ac.Path.polyline(POINTS).oriented([DOWN, TILTED, DOWN])
-    limits = ur5e.limits.replace(angular_speed=1.0, angular_acceleration=8.0, joint_torque=None)
+    limits = ur5e.limits.replace(angular_speed=1.0, angular_acceleration=8.0, joint_torque=np.inf)
     start = ac.trace(objective, ur5e)(0.0)
     found = shaped(objective, ur5e, limits, angular_tolerance=0.02, start=start)
     check_outcome(found)

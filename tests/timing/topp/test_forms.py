@@ -28,7 +28,7 @@ from armcontour.timing.topp.limits import (
 RNG = np.random.default_rng(4)
 UR5E = ac.load_arm("ur5e")
 PATH = ac.JointPath.spline(RNG.uniform(-1.2, 1.2, (5, 6)))
-LIMITS = ac.Limits(joint_velocity=np.full(6, 2.0), joint_acceleration=np.full(6, 8.0))
+LIMITS = ac.Limits.only(joint_velocity=np.full(6, 2.0), joint_acceleration=np.full(6, 8.0))
 
 
 def on_grid(intervals=40):
@@ -198,7 +198,7 @@ def test_forms_may_be_read_only_and_are_not_changed():
     line = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)])
     ceiling = np.full((5, 2), 0.04)
     ceiling.setflags(write=False)
-    limits = ac.Limits(joint_acceleration=[1.0, 1.0])
+    limits = ac.Limits.only(joint_acceleration=[1.0, 1.0])
     grid = np.linspace(0, line.length, 6)
     planned = optimal.plan_optimal(
         line, UR5E, limits, grid=grid, constraints=[Own(Ceiling(ceiling))]

@@ -120,7 +120,7 @@ def _check_range(log: Log, arm: Arm) -> None:
             f"t = {log.t[i]:g} s, outside the range of {arm.name} from {low:.4g} to "
             f"{high:.4g} rad: {hint}.",
             t=float(log.t[i]),
-            joint=int(j) + 1,
+            joint=int(j),
         )
 
 
@@ -140,5 +140,5 @@ def _refuse_misread(log: Log) -> None:
         every, names = (log.t, log.measured, log.command), log.joint_names
         if found := find_misreading(*every, names=names, late=LONGEST_DEAD_TIME):
             raise InvalidInput(
-                f"{log.source}: {names[j]} does not follow its commands: {found}.", joint=j + 1
+                f"{log.source}: {names[j]} does not follow its commands: {found}.", joint=j
             )

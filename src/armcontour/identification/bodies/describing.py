@@ -129,7 +129,7 @@ def refuse_misfit(grids: list[Gridded], trial: Trial) -> FloatArray:
             f"{log.source}: the model explains {max(float(explained[j]), 0.0) * 100:.0f} % of the "
             f"lag of {log.joint_names[j]} behind its command, and {EXPLAINS:.0%} are needed: give "
             "the log of this arm, with its joints in the arm's order.",
-            joint=j + 1,
+            joint=j,
         )
     return explained
 

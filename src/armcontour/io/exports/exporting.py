@@ -73,7 +73,7 @@ def export(
         arm: The arm; gives joint names, and tool points if the format contains them.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
         format: A name of `formats()`; by default the format of the file's extension.
-        period: Sampling period of a trajectory [s]; taught data have their own.
+        period: Sampling period of a trajectory [s], 4 ms by default; taught data have their own.
         template: For "template": "kuka", "abb", or the path of a jinja2 file.
         name: Name of the program inside the file; by default the name of the file, which the
             template kuka always takes.

@@ -15,7 +15,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.frames import quaternions
-from armcontour.motion import LONGEST_CLOCK, Samples, TaughtData, TimedEvent, Trajectory
+from armcontour.motion import LONGEST_CLOCK, PERIOD, Samples, TaughtData, TimedEvent, Trajectory
 
 # An event that is earlier than a point by less than this fraction of an interval belongs to the
 # point: the times are sums and multiples with rounding errors.
@@ -197,16 +197,15 @@ def make_table(
         name: Name of the program.
         arm: The arm; gives joint names and tool points.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
-        period: Sampling period of a trajectory [s]; taught data have their own.
+        period: Sampling period of a trajectory [s], by default PERIOD; taught data have their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only.
         tool_motion: Whether the table has orientation and speed of the tool too.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
 
     Raises:
-        InvalidInput: The period of a trajectory is missing, or differs from that of taught data;
-            the number of joints or names is wrong; the motion of the tool is wanted, but no arm is
-            given; or as for `Table`.
+        InvalidInput: The period differs from that of taught data; the number of joints or names is
+            wrong; the motion of the tool is wanted, but no arm is given; or as for `Table`.
     """
     if not isinstance(data, TaughtData | Trajectory):
         raise InvalidInput(
@@ -287,7 +286,7 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
     found: dict[str, list[FloatArray]] = {}
     for i in range(0, len(samples.q), AT_ONCE):
         rows = slice(i, i + AT_ONCE)
-        here = {"tool": arm.forward(samples.q[rows])}
+        here = {"tool": arm.tool_position(samples.q[rows])}
         if motion:
             velocity = arm.tool_velocity(samples.q[rows], samples.dq[rows])
             here["tool_speed"] = np.linalg.norm(velocity, axis=1)
@@ -328,12 +327,10 @@ def _sampling_period(trajectory: Trajectory, name: str, period: float | None) ->
     """The period at which a trajectory is sampled [s].
 
     Raises:
-        InvalidInput: The period is missing, not above zero, longer than the motion, or too short
+        InvalidInput: The period is not above zero, longer than the motion, or too short
             for its duration.
     """
-    if period is None:
-        raise InvalidInput("A trajectory is exported at regular intervals: give a period [s].")
-    step = _checks.positive("period", period, "s")
+    step = PERIOD if period is None else _checks.positive("period", period, "s")
     refuse_long_period(step, trajectory.duration, name)
     if trajectory.duration > MOST_SAMPLES * step:
         raise InvalidInput(

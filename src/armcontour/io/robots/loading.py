@@ -22,9 +22,10 @@ from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.arms.planar import PlanarTwoLink, Tube
 from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
-from armcontour.frames import Frame, from_rpy
+from armcontour.frames import Frame, Pose, from_rpy
 from armcontour.io.robots import derived
 from armcontour.io.robots.joint_limits import limits_of, override, table_of
+from armcontour.io.robots.models import MJCF, arm_of_model, is_model, read_mjcf
 from armcontour.io.robots.srdf import read_left_out
 from armcontour.io.robots.tree import MOST_CHARACTERS
 from armcontour.io.robots.urdf import arm_of_tree, is_description, read_description
@@ -65,6 +66,7 @@ LIMITS = {
 STEP = 1e-6
 
 
+@_checks.explained
 def arm_names() -> tuple[str, ...]:
     """Names of the built-in arms."""
     folder = resources.files("armcontour.io.robots") / "library"
@@ -73,13 +75,13 @@ def arm_names() -> tuple[str, ...]:
 
 @_checks.checked
 def load_arm(
-    name: str | FilePath,
+    name: str | FilePath | Any,
     *,
     tip: str | None = None,
     base: str | None = None,
     joint_limits: str | FilePath | None = None,
-    tool: Frame | None = None,
-    work: Frame | None = None,
+    tool: Pose | None = None,
+    work: Pose | None = None,
     payload: Payload | None = None,
     locked: Mapping[str, float] | None = None,
     packages: Mapping[str, str | FilePath] | None = None,
@@ -87,17 +89,24 @@ def load_arm(
     srdf: str | FilePath | None = None,
     trust_xacro: bool = False,
 ) -> Arm:
-    """Load an arm by its built-in name, such as "ur5e", or from a file.
+    """Load an arm by its built-in name, such as "ur5e", from a file or from a model.
+
+        arm = load_arm("ur5e", tool=pinocchio.SE3(rotation, position))
+        own = load_arm(model, tip="tool0")
 
     Args:
-        name: Built-in name, arm file (.yaml), or robot description (.urdf, .xacro).
+        name: Built-in name, arm file (.yaml), robot description (.urdf, .xacro), MJCF file (.xml,
+            read by MuJoCo, without shapes) or `pinocchio.Model`. Of a built-in name, upper case
+            and hyphens do not count.
         tip: Link at the end of the arm, for a robot description; by default the end of its only
-            chain of moving joints.
+            chain of moving joints. For a model, one of its frames, by default tool0 or flange; of
+            an MJCF file, a body or a site.
         base: Fixed link at the start of the arm, for a robot description; by default the root.
         joint_limits: A `joint_limits.yaml` of MoveIt, which replaces limits of the arm's own file.
             Its default scaling factors are not applied.
-        tool: The tool frame relative to the tip.
-        work: The frame of tool points relative to the base.
+        tool: The tool frame relative to the tip: a Frame, a 4 by 4 transform, a pinocchio.SE3 or a
+            position [m].
+        work: The frame of tool points relative to the base, in the same forms.
         payload: Payload at the tip.
         locked: Positions of locked joints by name, for a robot description [rad or m]; by default
             joints beside the arm stand at 0, or at the end of their range that is nearest to 0.
@@ -113,7 +122,9 @@ def load_arm(
         InvalidInput: No such arm or file, a .xacro file that is not trusted, or a file that does
             not describe an arm.
     """
-    file = FilePath(name)
+    if not is_model(name):
+        name = _checks.read_place("load_arm", name)
+    file = FilePath("") if is_model(name) else FilePath(name)
     limits_file = None if joint_limits is None else FilePath(joint_limits)
     if is_description(file):
         tree = read_description(
@@ -127,6 +138,11 @@ def load_arm(
             locked=locked,
             packages=packages,
         )
+    elif is_model(name) or file.suffix.lower() in MJCF:
+        if base is not None or packages or arguments:
+            raise InvalidInput("A model has no other base, packages or arguments: leave them out.")
+        model, source = (name, "the model") if is_model(name) else (read_mjcf(file), str(file))
+        arm = arm_of_model(model, source, tip=tip, joint_limits=limits_file, locked=locked)
     else:
         if tip is not None or base is not None or locked or packages or arguments:
             raise InvalidInput(
@@ -139,8 +155,8 @@ def load_arm(
             override(table, arm.joint_names, limits_file)
             # The file has joint limits only; the arm keeps its other limits.
             own = limits_of(table, arm.joint_names, str(limits_file))
-            own = arm.limits.replace(**{key: getattr(own, key) for key in table})
-            arm = arm.with_limits(own)
+            values = ((key, getattr(own, key)) for key in table)
+            arm = arm.with_limits(Limits(**{k: np.inf if x is None else x for k, x in values}))
     arm = equip(arm, tool=tool, work=work, payload=payload)
     return arm if srdf is None else with_more_shapes(arm, srdf=FilePath(srdf))
 
@@ -182,19 +198,20 @@ def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -
     """
     if name.lower().endswith((".yaml", ".yml")):
         return read_arm(name, _files.read_bytes(name, "arm file"), payload, load)
-    if name not in arm_names():
+    built_in = name.lower().replace("-", "")
+    if built_in not in arm_names():
         raise InvalidInput(
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
-            "your own arm goes in a .yaml, .urdf or .xacro file."
+            "your own arm goes in a .yaml, .urdf, .xacro or MJCF .xml file."
         )
-    return with_hulls(read_built_in(name, payload), name)
+    return with_hulls(read_built_in(built_in, payload), built_in)
 
 
 def equip(
     arm: Arm,
     *,
-    tool: Frame | None = None,
-    work: Frame | None = None,
+    tool: Pose | None = None,
+    work: Pose | None = None,
     payload: Payload | None = None,
 ) -> Arm:
     """The arm with a tool, a work frame and a payload; None keeps what the arm has.

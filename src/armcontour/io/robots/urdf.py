@@ -217,8 +217,12 @@ def _limits(
     if not heavy:
         table["joint_torque"] = [None] * len(moving)
         lacking.pop("effort", None)
-    limits = limits_of(table, names, tree.file)
     note = "; ".join(x for x in (soft, _note(lacking, moving)) if x)
+    return assume_accelerations(limits_of(table, names, tree.file), note)
+
+
+def assume_accelerations(limits: Limits, note: str) -> tuple[Limits, str]:
+    """Limits with accelerations, and a note with a sentence on those that are assumed."""
     if limits.joint_acceleration is None and limits.joint_velocity is not None:
         limits = limits.replace(joint_acceleration=limits.joint_velocity / RISE)
         note = f"{note}; {ASSUMED}" if note else ASSUMED

@@ -93,17 +93,15 @@ def _over_time(job: Job, name: str, result: RunResult) -> Any:
     cell = job.cell
     t = np.linspace(0.0, result.trajectory.duration, TIMES)
     planned = cell.least_over(result.trajectory(t))
-    executed = result.execution
+    executed = result.motion
     rows = np.unique(np.linspace(0, len(executed.t) - 1, TIMES).astype(int))
     driven = cell.least_over(executed.q[rows])
     margins = {x.kind: x.margin for x in cell.pairs}
     for (kind, least), colour in zip(planned.items(), RUN_COLOURS, strict=False):
         figure.add_trace(line(t, least * 1e3, f"{KINDS[kind]}, planned", colour))
-        figure.add_trace(
-            line(
-                executed.t[rows], driven[kind] * 1e3, f"{KINDS[kind]}, executed", colour, dash="dot"
-            )
-        )
+        if result.execution is not None:
+            least, label = driven[kind] * 1e3, f"{KINDS[kind]}, executed"
+            figure.add_trace(line(executed.t[rows], least, label, colour, dash="dot"))
         figure.add_hline(y=margins[kind] * 1e3, line={"color": colour, "width": 1, "dash": "dash"})
     figure.update_xaxes(title="t [s]")
     figure.update_yaxes(title="least distance [mm]", rangemode="tozero")

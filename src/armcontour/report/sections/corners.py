@@ -153,7 +153,7 @@ def _tools(study: Study) -> list[Tool]:
     found = []
     for name, result in study.runs.items():
         own: dict[str, Any] = {"width": widths[name]}
-        done = [(name, result.execution, own)]
+        done = [(name, result.motion, own)]
         if (x := result.experiment) is not None:
             look = {"dash": EXPERIMENT_DASH, "width": 1.5}
             done.append((f"{name}, experiment", x.execution, look))
@@ -300,7 +300,7 @@ def _near(done: Execution, tool: FloatArray, corner: FloatArray, distance: float
             places = len(visit) * min(FINER, MOST_POINTS / len(near))
             of = slice(visit[0], visit[-1] + 2)
             t = np.linspace(done.t[of][0], done.t[of][-1], int(places) + 2)
-            found += [done.arm.forward(_hermite(done.t[of], done.q[of], done.dq[of], t)), gap]
+            found += [done.arm.tool_position(_hermite(done.t[of], done.q[of], done.dq[of], t)), gap]
     return np.concatenate(found)
 
 

@@ -40,21 +40,23 @@ def joints(study: Study) -> Section | None:
     """Joint motion of every run, with ranges and limits; None for a planar arm."""
     if study.job.program.dimension != 3:
         return None
+    executed = ", executed and, with an experiment, on the arm's rigid bodies"
+    executed = executed if study.simulated else ""
     return Section(
         key="joints",
         title="Joints",
         text=(
-            "Planned, executed and, with an experiment, on the arm's rigid bodies. Black lines are "
+            f"Planned{executed}. Black lines are "
             "limits; a limit of which less than a third is used is in the tables only."
         ),
         tables=tuple(_table(name, x) for name, x in study.runs.items()),
-        figures=tuple(_figure(name, x) for name, x in study.runs.items()),
+        figures=tuple(draw_joints(name, x) for name, x in study.runs.items()),
     )
 
 
-def _figure(name: str, result: RunResult) -> Any:
+def draw_joints(name: str, result: RunResult) -> Any:
     """Figure of position, velocity and acceleration of every joint of a run."""
-    names = result.execution.arm.joint_names
+    names = result.arm.joint_names
     n = len(names)
     figure = make_subplots(
         rows=n,
@@ -103,7 +105,8 @@ def _figure(name: str, result: RunResult) -> Any:
 
 def _end(result: RunResult) -> float:
     """End of the run and its experiment [s]."""
-    ends = [result.evaluation.until]
+    simulated = result.evaluation is not None
+    ends = [result.evaluation.until if simulated else result.trajectory.duration]
     if result.experiment is not None:
         ends.append(result.experiment.evaluation.until)
     return max(ends)
@@ -119,8 +122,8 @@ def _curves(
         done = result.experiment.execution
         look = {"colour": EXPERIMENT_COLOUR, "width": 1.2}
         found["experiment"] = (done.t, _state(done, order), look)
-    done = result.execution
-    found["executed"] = (done.t, _state(done, order), {"colour": EXECUTED_COLOUR})
+    if (done := result.execution) is not None:
+        found["executed"] = (done.t, _state(done, order), {"colour": EXECUTED_COLOUR})
     dotted = {"colour": PLANNED_COLOUR, "width": 1.5, "dash": "dot"}
     found["planned"] = (t, result.trajectory(t, order), dotted)
     return found
@@ -179,7 +182,7 @@ def _limits(axis: int, ends: tuple[float, float], seen: list[float]) -> list[dic
 
 def _table(name: str, result: RunResult) -> Table:
     """Used range and largest values of every joint, and their limits."""
-    done, arm, limits = result.execution, result.execution.arm, result.run.limits
+    done, arm, limits = result.motion, result.arm, result.run.limits
     low, high = limits.joint_range(arm.dof)
     plan = planned_torques(result)
     header = ["joint", "range [rad]", "used [rad]", "velocity [rad/s]", "acceleration [rad/s²]"]
@@ -187,7 +190,7 @@ def _table(name: str, result: RunResult) -> Table:
         _worst(done.dq, limits.velocity_bounds(arm.dof)),
         _worst(done.ddq, limits.acceleration_bounds(arm.dof)),
     ]
-    if limits.joint_jerk is not None:
+    if limits.joint_jerk is not None and result.evaluation is not None:
         header.append("jerk [rad/s³]")
         amounts.append((result.evaluation.jerk, limits.joint_jerk))
     if plan is not None:

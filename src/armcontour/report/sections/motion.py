@@ -13,6 +13,7 @@ from armcontour.jobs.quantities import unknown_notes
 from armcontour.motion import Trajectory
 from armcontour.report.figure import Figure, make_subplots
 from armcontour.report.section import Section, Table, marked_run
+from armcontour.report.sections.paths import done
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     EXPERIMENT_DASH,
@@ -41,16 +42,16 @@ GAP = np.array([np.nan])
 
 
 def tool_speed(study: Study) -> Section:
-    """Executed tool speed of every run, with the assigned velocity."""
+    """Executed or planned tool speed of every run, with the assigned velocity."""
     figure = Figure()
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
-        x = result.execution
+        x = result.motion
         t, speed = thin(x.t, x.tool_speed * 1e3)
         figure.add_trace(line(t, speed, name, colours[name], width=widths[name]))
     for trace in _assigned(study):
         figure.add_trace(trace)
-    marked, text = marked_run(study), "As executed."
+    marked, text = marked_run(study), f"As {done(study)}."
     if any(x.kind != "contour" for y in study.runs.values() for x in y.trajectory.spans):
         text += (
             " Assigned velocities apply along contours; between contours rapids run at the limits "
@@ -62,7 +63,7 @@ def tool_speed(study: Study) -> Section:
     figure.update_xaxes(title="time [s]")
     figure.update_yaxes(title="tool speed [mm/s]")
     most = _largest_on_contours(study)
-    if most < SQUEEZED * max(float(x.execution.tool_speed.max()) for x in study.runs.values()):
+    if most < SQUEEZED * max(float(x.motion.tool_speed.max()) for x in study.runs.values()):
         figure.update_yaxes(range=[0, 1.2 * most * 1e3])
         text += " Rapids are cut off at the top; a double click shows all of them."
     return Section(
@@ -77,7 +78,7 @@ def _largest_on_contours(study: Study) -> float:
     """The largest executed tool speed along contours [m/s]."""
     largest = 0.0
     for result in study.runs.values():
-        x = result.execution
+        x = result.motion
         on = np.zeros(len(x.t), dtype=bool)
         for span in result.trajectory.spans:
             if span.kind == "contour":
@@ -157,19 +158,23 @@ def accelerations(study: Study) -> Section | None:
         key="accelerations",
         title="Joint accelerations",
         text=(
-            "Planned and executed acceleration of every joint, with its limits as black lines. "
-            "Shaded: the joint is saturated, so that its acceleration differs from the demand of "
-            "its servo by more than a thousandth."
+            "Acceleration of every joint, with its limits as black lines. Shaded: the joint is "
+            "saturated, so that its acceleration differs from the demand of its servo by more than "
+            "a thousandth."
         ),
         figures=tuple(_accelerations(name, result) for name, result in study.runs.items()),
     )
 
 
-def contour_error(study: Study) -> Section:
-    """Contour error profile of every run."""
+def contour_error(study: Study) -> Section | None:
+    """Contour error profile of every run; None if nothing was simulated."""
+    if not study.simulated:
+        return None
     figure = Figure()
     colours = run_colours(study.runs)
     for name, result in study.runs.items():
+        if result.evaluation is None:
+            continue
         e = result.evaluation.contour_error
         t, values = thin(e.t, e.values * 1e3)
         label = f"{name}: RMS {e.rms * 1e3:.4f}, largest {e.max * 1e3:.4f} mm"
@@ -219,7 +224,7 @@ def time_stamps(study: Study) -> Section | None:
 
 def _accelerations(name: str, result: RunResult) -> Any:
     """Figure of planned and executed joint accelerations of a run."""
-    x = result.execution
+    x = result.motion
     names = x.arm.joint_names
     bounds = np.stack(result.run.limits.acceleration_bounds(len(names)))
     figure = make_subplots(rows=len(names), cols=1, shared_xaxes=True, vertical_spacing=0.06)
@@ -234,7 +239,7 @@ def _accelerations(name: str, result: RunResult) -> Any:
         for curve, label, colour, look in (
             ((t, ddq), "executed", EXECUTED_COLOUR, {}),
             ((t_plan, ddq_plan), "planned", PLANNED_COLOUR, dotted),
-        ):
+        )[result.execution is None :]:
             look = {**look, "showlegend": j == 0, "legendgroup": label}
             figure.add_trace(line(curve[0], curve[1], label, colour, **look), **row)
         shade(figure, find_saturation(x.t, x.demand[:, j], x.ddq[:, j]), j + 1)

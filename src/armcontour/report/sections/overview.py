@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour._describing import digits
+from armcontour._describing import digits, several
 from armcontour.evaluation import Evaluation
 from armcontour.jobs import RunResult, Study, warnings_of
 from armcontour.jobs.quantities import assumed_numbers, planned_torques
@@ -30,11 +30,7 @@ def overview(study: Study) -> Section:
     return Section(
         key="overview",
         title="At a glance",
-        text=(
-            "Contour error is the distance from the executed tool to its path, simulated with "
-            f"servos of {study.job.plant_servo} and their acceleration limits. It is larger on a "
-            "robot with other gains."
-        ),
+        text=_text(study),
         tiles=() if many else tuple((name, _tiles(x)) for name, x in study.runs.items()),
         tables=(_compare(study),) if many else (),
         notes=(
@@ -51,6 +47,19 @@ def overview(study: Study) -> Section:
     )
 
 
+def _text(study: Study) -> str:
+    """What the figures are of."""
+    if not study.simulated:
+        return "The plan. No servo was simulated, so that there are no errors."
+    text = "Contour error is the distance from the executed tool to its path"
+    if study.job.plant_servo.order == "unknown":
+        return f"{text}."
+    return (
+        f"{text}, simulated with servos of {study.job.plant_servo} and their acceleration limits. "
+        "It is larger on a robot with other gains."
+    )
+
+
 def _compare(study: Study) -> Table:
     """A row for every run, and a column for every figure that a run has."""
     found = {name: {x.label: x.value for x in _tiles(y)} for name, y in study.runs.items()}
@@ -58,9 +67,10 @@ def _compare(study: Study) -> Table:
     rows = []
     for name, values in found.items():
         result = study.runs[name]
-        settled = f"{result.evaluation.settled:.3f} s"
+        settled = "-" if result.evaluation is None else f"{result.evaluation.settled:.3f} s"
         cells = [values.get(label, "") for label in labels]
-        rows.append((name, cells[0], settled, *cells[1:], _shares(result) or "no joint"))
+        saturated = "-" if result.evaluation is None else _shares(result) or "no joint"
+        rows.append((name, cells[0], settled, *cells[1:], saturated))
     return Table(header=("run", labels[0], "at rest", *labels[1:], "saturated"), rows=tuple(rows))
 
 
@@ -70,7 +80,7 @@ def _jerk(result: RunResult) -> list[Tile]:
     if limit is None or not np.isfinite(limit).any():
         return []
     worst = int(e.jerk_ratio.argmax())
-    name, jerk = result.execution.arm.joint_names[worst], float(e.jerk[worst])
+    name, jerk = result.arm.joint_names[worst], float(e.jerk[worst])
     return [
         Tile(
             label="joint jerk / limit",
@@ -83,8 +93,10 @@ def _jerk(result: RunResult) -> list[Tile]:
 def _tiles(result: RunResult) -> tuple[Tile, ...]:
     """Tiles of one run."""
     e = result.evaluation
+    if e is None:
+        return _planned(result)
     worst = int(e.demand_ratio.argmax())
-    names = result.execution.arm.joint_names
+    names = result.arm.joint_names
     tiles = [
         Tile(label="motion", value=f"{e.duration:.3f} s", note=f"at rest after {e.settled:.3f} s"),
         Tile(
@@ -141,6 +153,32 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
     return (*tiles, *_torque(result), *_experiment(result))
 
 
+def _planned(result: RunResult) -> tuple[Tile, ...]:
+    """Tiles of one run that was not executed."""
+    plan, why = result.trajectory, result.explanation
+    tiles = [
+        Tile(label="motion", value=f"{plan.duration:.3f} s", note=f"method {plan.method}"),
+        Tile(
+            label="path",
+            value=f"{result.path.length:.4g} m",
+            note=several(len(result.path.contours), "contour"),
+        ),
+        Tile(
+            label="tool speed, largest",
+            value=f"{float(result.motion.tool_speed.max()) * 1e3:.1f} mm/s",
+        ),
+    ]
+    if why is not None and why.assigned_length is not None:
+        tiles.append(
+            Tile(
+                label="at the assigned velocity",
+                value=f"{why.assigned_length:.0%}",
+                note=f"of the length; {why.assigned_time or 0.0:.0%} of the time",
+            )
+        )
+    return (*tiles, *_torque(result))
+
+
 def _orientation(e: Evaluation) -> list[Tile]:
     """Tile of the orientation error; empty for a path without orientation."""
     error = e.orientation_error
@@ -175,7 +213,7 @@ def _saturated(result: RunResult) -> str:
 
 def _shares(result: RunResult) -> str:
     """Saturated joints, and their shares of the time."""
-    shares = zip(result.execution.arm.joint_names, result.evaluation.saturated, strict=True)
+    shares = zip(result.arm.joint_names, result.evaluation.saturated, strict=True)
     return ", ".join(f"{name} {share:.1%}" for name, share in shares if share >= SATURATED)
 
 
@@ -187,7 +225,7 @@ def _torque(result: RunResult) -> list[Tile]:
         return []
     share = plan.peak / limit
     worst = int(share.argmax())
-    name = result.execution.arm.joint_names[worst]
+    name = result.arm.joint_names[worst]
     note = f"{name}: {plan.peak[worst]:.4g} of {limit[worst]:.4g} N m, planned"
     return [
         Tile(
@@ -212,7 +250,7 @@ def _experiment(result: RunResult) -> list[Tile]:
 
 def _rests(result: RunResult) -> str:
     """Reference to the assumed masses, if any are assumed."""
-    return "; masses: see below" if assumed_numbers(result.execution.arm) else ""
+    return "; masses: see below" if assumed_numbers(result.arm) else ""
 
 
 def _ratio(value: float) -> str:

@@ -37,12 +37,12 @@ def paths(study: Study) -> Section | None:
         key="paths",
         title="Path of the tool",
         text=(
-            f"The objective path, {replaced_paths(study)}, and the executed path of the tool in "
-            "each run"
+            f"The objective path, {replaced_paths(study)}, and the {done(study)} path of the tool "
+            "in each run"
             + (" along the contours" if len(study.job.program.contours) > 1 else "")
             + ". The enlarged corners show the gap between corner point and path: the corner error."
         ),
-        figures=(_cartesian(study, objective * 1e3), *enlarged),
+        figures=(draw_in_plane(study), *enlarged),
         columns=COLUMNS if beside else (),
     )
 
@@ -55,17 +55,19 @@ def joint_space(study: Study) -> Section | None:
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
         q, planned = _of_joints(result)
-        figure.add_trace(
-            line(q[:, 0], q[:, 1], f"{name}: executed", colours[name], width=widths[name])
-        )
+        if result.execution is not None:
+            figure.add_trace(
+                line(q[:, 0], q[:, 1], f"{name}: executed", colours[name], width=widths[name])
+            )
         figure.add_trace(
             line(planned[:, 0], planned[:, 1], f"{name}: planned", colours[name], dash="dot")
         )
     marked = marked_run(study)
-    text = "Joint positions, planned and executed."
+    what = "planned and executed" if study.simulated else "planned"
+    text = f"Joint positions, {what}."
     if marked is not None:
         _switching_points(figure, marked, marked.trajectory, colours[marked.run.name])
-        text = "Joint positions, planned and executed, with the switching points P0, P1, ..."
+        text = f"Joint positions, {what}, with the switching points P0, P1, ..."
     names = study.job.arm.joint_names
     figure.update_xaxes(title=f"{names[0]} [rad]")
     figure.update_yaxes(title=f"{names[1]} [rad]")
@@ -79,7 +81,7 @@ def joint_space(study: Study) -> Section | None:
 
 def _of_joints(result: RunResult) -> tuple[FloatArray, FloatArray]:
     """Executed and planned joint positions for the figure, simplified, (n, dof) each."""
-    q, plan = result.execution.q, result.trajectory
+    q, plan = result.motion.q, result.trajectory
     times = np.linspace(0, plan.duration, min(MOST_TIMES, max(DRAWN_TIMES, len(q))))
     planned = plan(times)
     of_q, of_plan = simplify([q, planned])
@@ -109,8 +111,8 @@ def executed_contours(execution: Execution, program: Program) -> list[tuple[Path
 
 def _executed_tool(result: RunResult) -> FloatArray:
     """Executed tool positions along all contours, with gaps (NaN) after each contour."""
-    tool = result.execution.tool
-    return outlines([tool[a:b] for _, a, b in executed_contours(result.execution, result.path)])
+    tool = result.motion.tool
+    return outlines([tool[a:b] for _, a, b in executed_contours(result.motion, result.path)])
 
 
 def _tall(points: FloatArray) -> bool:
@@ -119,9 +121,14 @@ def _tall(points: FloatArray) -> bool:
     return bool(height > TALL * width)
 
 
-def _cartesian(study: Study, objective: FloatArray) -> Any:
+def done(study: Study) -> str:
+    """The word for the motion that is drawn."""
+    return "executed" if study.simulated else "planned"
+
+
+def draw_in_plane(study: Study) -> Any:
     """Figure of the objective path and the executed paths in the plane."""
-    figure = Figure()
+    figure, objective = Figure(), outline_points(objective_of(study)) * 1e3
     figure.add_trace(
         line(objective[:, 0], objective[:, 1], "objective path", PATH_COLOUR, width=6, opacity=0.5)
     )
@@ -141,7 +148,7 @@ def _switching_points(figure: Any, result: RunResult, trajectory: Any, colour: s
     """Mark the switching points P0, P1, ... on the tool path, or in joint space."""
     t = result.trajectory.switching_points
     q = result.trajectory(np.minimum(t, result.trajectory.duration))
-    places = q if trajectory is not None else result.execution.arm.forward(q) * 1e3
+    places = q if trajectory is not None else result.arm.tool_position(q) * 1e3
     figure.add_trace(
         make_trace(
             "scatter",

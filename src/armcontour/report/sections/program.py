@@ -12,6 +12,7 @@ from armcontour.evaluation import ErrorProfile
 from armcontour.jobs import RunResult, Study
 from armcontour.motion import Span
 from armcontour.program import Contour, Program, cut_parts
+from armcontour.program.preparing import PIERCE
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.sections.program_picture import picture
 
@@ -33,9 +34,9 @@ def program(study: Study) -> Section | None:
         title="Program",
         text=(
             "As planned: contours with the process on, leads, and rapids between them; with a "
-            "kerf, the drawn contours and the band of the cut. Rapids keep only the limits of the "
-            "joints: the tool may be faster than the assigned velocity. Between two moves the tool "
-            "is at rest."
+            "kerf, the drawn contours and the band of the cut. Rapids keep the limits of the "
+            "joints, and rapid_speed and approach_speed of the process if there are any; else the "
+            "tool may be faster than the assigned velocity. Between two moves the tool is at rest."
         ),
         tiles=tuple((name, _tiles(study.job.program, x)) for name, x in results),
         figures=(drawn,),
@@ -57,7 +58,8 @@ def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
     dwells = [x for x in spans if x.kind == "dwell"]
     at_work = sum(_work(x) for x in program.contours)
     time = sum(x.work[1] - x.work[0] for x in contours if x.work is not None)
-    leads = program.length - at_work
+    pierces = sum(_pierce_way(x) for x in program.contours)
+    leads = program.length - at_work - pierces
     closed = sum(x.closed for x in job.contours)
     layers = len({x.layer for x in program.contours})
     tiles = [
@@ -69,7 +71,8 @@ def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
         Tile(
             label="length at work",
             value=f"{at_work:.4g} m",
-            note=f"leads {leads * 1e3:.4g} mm" if leads > 1e-9 else "no leads",
+            note=(f"leads {leads * 1e3:.4g} mm" if leads > 1e-9 else "no leads")
+            + (f", pierces {pierces * 1e3:.4g} mm" if pierces else ""),
         ),
         Tile(
             label="time at work",
@@ -102,6 +105,12 @@ def _work(x: Contour) -> float:
     return end - start
 
 
+def _pierce_way(x: Contour) -> float:
+    """Length of the way from the height of the pierce to the lead-in or the contour [m]."""
+    tags = x.path.tags
+    return float(sum(x.path.lengths[k] for k, tag in enumerate(tags) if tag == PIERCE))
+
+
 def _time(spans: Sequence[Span]) -> float:
     """Total duration of moves [s]."""
     return float(sum(x.t[1] - x.t[0] for x in spans))
@@ -115,11 +124,15 @@ def _names(result: RunResult) -> str:
 
 def _table(name: str, result: RunResult) -> Table:
     """A row for every contour, or for those with the largest errors."""
-    program, errors = result.path, result.evaluation.contours
+    program = result.path
+    errors = () if result.evaluation is None else result.evaluation.contours
     spans = result.trajectory.contour_spans
     order = np.arange(len(spans))
     caption = f"Run {name}: contours in order"
-    if len(spans) > MOST_ROWS:
+    if len(spans) > MOST_ROWS and not errors:
+        order = order[:MOST_ROWS]
+        caption = f"Run {name}: the first {MOST_ROWS} of {len(spans)} contours"
+    elif len(spans) > MOST_ROWS:
         order = np.argsort([-x.max for x in errors], kind="stable")[:MOST_ROWS]
         caption = (
             f"Run {name}: the {MOST_ROWS} of {len(spans)} contours with the largest errors; all "
@@ -127,10 +140,16 @@ def _table(name: str, result: RunResult) -> Table:
         )
     several = len({x.layer for x in program.contours}) > 1 or program.contours[0].layer
     led = program.length - sum(_work(x) for x in program.contours) > 1e-9
+    pierced = any(_pierce_way(x) for x in program.contours)
     limit = result.run.limits.speed
     most = np.inf if limit is None else limit
     cells = [
-        _cells(k, program.contours[k], spans[k], errors[k], most, layers=bool(several), led=led)
+        _cells(
+            *(k, program.contours[k], spans[k], errors[k] if errors else None, most),
+            layers=bool(several),
+            led=led,
+            pierced=pierced,
+        )
         for k in order.tolist()
     ]
     rows = [tuple(row.values()) for row in cells]
@@ -145,11 +164,12 @@ def _cells(
     k: int,
     contour: Contour,
     span: Span,
-    error: ErrorProfile,
+    error: ErrorProfile | None,
     most: float,
     *,
     layers: bool,
     led: bool,
+    pierced: bool,
 ) -> dict[str, str]:
     """Cells of a contour, by the titles of their columns."""
     assert span.work is not None
@@ -160,13 +180,20 @@ def _cells(
     found["length [mm]"] = f"{length * 1e3:.2f}"
     if led:
         start, end = contour.at_work
-        found["leads [mm]"] = f"{start * 1e3:.2f}, {(contour.path.length - end) * 1e3:.2f}"
-    return {
-        **found,
+        way = _pierce_way(contour)
+        found["leads [mm]"] = f"{(start - way) * 1e3:.2f}, {(contour.path.length - end) * 1e3:.2f}"
+        if pierced:
+            found["pierce [mm]"] = f"{way * 1e3:.2f}"
+    found |= {
         "from [s]": f"{span.work[0]:.3f}",
         "time [s]": f"{time:.3f}",
         "mean [mm/s]": f"{length / time * 1e3:.2f}",
         "as assigned": _assigned_share(contour, span, most),
+    }
+    if error is None:
+        return found
+    return {
+        **found,
         "RMS error [mm]": f"{error.rms * 1e3:.4f}",
         "largest [mm]": f"{error.max * 1e3:.4f}",
     }
@@ -199,13 +226,14 @@ def _rest(
     length = sum(_work(program.contours[k]) for k in which)
     ends = [spans[k].work or spans[k].t for k in which]
     times = [b - a for a, b in ends]
-    squares = sum(errors[k].rms ** 2 * t for k, t in zip(which, times, strict=True))
     cells = {
         "contour": f"and {len(which)} more",
         "length [mm]": f"{length * 1e3:.2f}",
         "time [s]": f"{sum(times):.3f}",
         "mean [mm/s]": f"{length / sum(times) * 1e3:.2f}",
-        "RMS error [mm]": f"{np.sqrt(squares / sum(times)) * 1e3:.4f}",
-        "largest [mm]": f"{max(errors[k].max for k in which) * 1e3:.4f}",
     }
+    if errors:
+        squares = sum(errors[k].rms ** 2 * t for k, t in zip(which, times, strict=True))
+        cells["RMS error [mm]"] = f"{np.sqrt(squares / sum(times)) * 1e3:.4f}"
+        cells["largest [mm]"] = f"{max(errors[k].max for k in which) * 1e3:.4f}"
     return tuple(cells.get(name, "") for name in header)

@@ -194,12 +194,12 @@ def _leads(program: Program) -> FloatArray | None:
 
 def _rapids(result: RunResult) -> FloatArray | None:
     """Points of all rapids; None without rapids."""
-    plan, arm = result.trajectory, result.execution.arm
+    plan, arm = result.trajectory, result.arm
     spans = [x for x in plan.spans if x.kind == "rapid"]
     if not spans:
         return None
     times = np.concatenate([np.linspace(*x.t, RAPID_PLACES) for x in spans])
-    points = arm.forward(plan(times, side="left"))
+    points = arm.tool_position(plan(times, side="left"))
     return outlines(np.split(points, len(spans)))
 
 

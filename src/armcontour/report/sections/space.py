@@ -22,7 +22,7 @@ from armcontour.report.sections.bodies import (
     seen_from_base,
 )
 from armcontour.report.sections.corners import DASHES, corners, replaced_paths, replaced_programs
-from armcontour.report.sections.paths import executed_contours, objective_of
+from armcontour.report.sections.paths import done, executed_contours, objective_of
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     PATH_COLOUR,
@@ -53,17 +53,17 @@ def space(study: Study) -> Section | None:
         key="paths",
         title="Path of the tool",
         text=(
-            f"The objective path, {replaced_paths(study)}, and the executed path of the tool in "
-            "each run. "
+            f"The objective path, {replaced_paths(study)}, and the {done(study)} path of the tool "
+            "in each run. "
             "Sticks are the tool in the first run: its axis, and "
-            "shorter its x axis where that is given. The arm below moves as executed, in the "
+            "shorter its x axis where that is given. The arm below moves in the "
             "coordinates of its base, among what is known of its cell."
         ),
-        figures=(_path(study), *corners(study), _arm(study)),
+        figures=(draw_in_space(study), *corners(study), _arm(study)),
     )
 
 
-def _path(study: Study) -> Any:
+def draw_in_space(study: Study) -> Any:
     """Figure of the paths in space."""
     figure = Figure()
     objective = outline_points(objective_of(study)) * 1e3
@@ -78,10 +78,11 @@ def _path(study: Study) -> Any:
         figure.add_trace(line_in_space(points, name, colour, width=3))
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     for name, result in study.runs.items():
-        done = [(name, result.execution, result.evaluation, "solid")]
+        moved: list[tuple[str, Execution, Evaluation | None, str]] = []
+        moved.append((name, result.motion, result.evaluation, "solid"))
         if (x := result.experiment) is not None:
-            done.append((f"{name}, experiment", x.execution, x.evaluation, EXPERIMENT_DASH))
-        for label, execution, evaluation, dash in done:
+            moved.append((f"{name}, experiment", x.execution, x.evaluation, EXPERIMENT_DASH))
+        for label, execution, evaluation, dash in moved:
             points = _executed_tool(execution, evaluation, result.path) * 1e3
             width = widths[name] + 2
             figure.add_trace(line_in_space(points, label, colours[name], width=width, dash=dash))
@@ -90,12 +91,15 @@ def _path(study: Study) -> Any:
     return figure
 
 
-def _executed_tool(execution: Execution, evaluation: Evaluation, program: Program) -> FloatArray:
+def _executed_tool(
+    execution: Execution, evaluation: Evaluation | None, program: Program
+) -> FloatArray:
     """Executed points of the tool, with its largest error, (n, 3) [m].
 
     After each of several contours there is a gap (NaN): rapids have no path.
     """
-    worst = int(np.searchsorted(execution.t, evaluation.contour_error.t_max))
+    peak = -1.0 if evaluation is None else evaluation.contour_error.t_max
+    worst = int(np.searchsorted(execution.t, peak))
     found = []
     followed = executed_contours(execution, program)
     gaps = [np.full((1, 3), np.nan)] if len(followed) > 1 else []
@@ -104,13 +108,13 @@ def _executed_tool(execution: Execution, evaluation: Evaluation, program: Progra
         kept = np.union1d(kept, _shape(execution, begin, end, len(followed)))
         if begin <= worst < end:
             kept = np.union1d(kept, [worst])
-        found += [execution.arm.forward(execution.q[kept]), *gaps]
+        found += [execution.arm.tool_position(execution.q[kept]), *gaps]
     return np.concatenate(found)
 
 
 def _shape(execution: Execution, begin: int, end: int, contours: int) -> IntArray:
     """Indices of the executed samples that show the shape of a contour."""
-    tool = execution.arm.forward(execution.q[begin:end])
+    tool = execution.arm.tool_position(execution.q[begin:end])
     each = max(4, MOST_OF_PROGRAM // contours)
     even = min(max(1, each // 4), MOST_PLACES)
     return begin + simplify([tool], each, even=even)[0]
@@ -119,7 +123,7 @@ def _shape(execution: Execution, begin: int, end: int, contours: int) -> IntArra
 def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
     """Tool axes at points along the path of the first run [mm]."""
     result = next(iter(study.runs.values()))
-    arm = result.execution.arm
+    arm = result.arm
     if not hasattr(arm, "pose"):
         return []
     points, axes = arm.pose(_along(result))
@@ -155,10 +159,11 @@ def _separate(start: FloatArray, end: FloatArray) -> FloatArray:
 def _arm(study: Study) -> Any:
     """Animation of the arm along the executed motions."""
     colours = run_colours(study.runs)
-    last = max(float(x.execution.t[-1]) for x in study.runs.values())
-    last = min(last, max(x.evaluation.until for x in study.runs.values()))
+    last = max(float(x.motion.t[-1]) for x in study.runs.values())
+    ends = [x.evaluation.until for x in study.runs.values() if x.evaluation is not None]
+    last = min([last, *([max(ends)] if ends else [])])
     times = np.linspace(0, last, FRAMES)
-    arms = {name: _arm_points(x.execution, times) for name, x in study.runs.items()}
+    arms = {name: _arm_points(x.motion, times) for name, x in study.runs.items()}
     path = seen_from_base(study.job.arm, outline_points(objective_of(study)))
     figure = Figure(*[line_in_space(path, "objective path", PATH_COLOUR, width=7)])
     for i, (name, links) in enumerate(arms.items()):

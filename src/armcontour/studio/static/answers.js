@@ -36,7 +36,7 @@ const ANSWERS = {
       title: "Limits of the plan",
       columns: ["Limit", "Used", "Value", "Allowed", "At", "Verdict"],
       rows: head.rows.map((/** @type {any} */ x) => [
-        x.joint === null || x.joint === undefined ? words(x.limit) : `${words(x.limit)}, joint ${x.joint}`, `${percent(x.ratio)} %`,
+        x.joint === null || x.joint === undefined ? words(x.limit) : `${words(x.limit)}, joint ${x.joint + 1}`, `${percent(x.ratio)} %`,
         withUnit(x.value, x.unit), withUnit(x.allowed, x.unit), x.t === null ? NONE : `${seconds(x.t)} s`, x.verdict,
       ]),
     }],

@@ -121,10 +121,10 @@ class Constraint:
 
     @property
     def names(self) -> list[tuple[str, int | None]]:
-        """The name and the joint, from 1, of each column of `usage`; None for no joint."""
+        """Name and index of the joint, from 0 or None, of each column of `usage`."""
         if not self.joints:
             return [(self.name, None)]
-        return [(self.name, k + 1) for k in range(np.size(self.limit))]
+        return [(self.name, k) for k in range(np.size(self.limit))]
 
     def allowed(self, grid: Grid) -> FloatArray:
         """Largest value of the limited quantity, in a shape that broadcasts to (n, joints or 1)."""

@@ -84,7 +84,7 @@ class JointMotion(Constraint):
     def names(self) -> list[tuple[str, int | None]]:
         """The velocities, and then the accelerations."""
         counts = (("velocity", self.velocity.shape[1]), ("acceleration", len(self.low)))
-        return [(name, k + 1) for name, count in counts for k in range(count)]
+        return [(name, k) for name, count in counts for k in range(count)]
 
     def usage(self, ends: IntervalEnds) -> FloatArray:
         """Used shares of the limits, as `names`."""

@@ -56,7 +56,7 @@ class SecondOrder(Constraint):
     @property
     def names(self) -> list[tuple[str, int | None]]:
         """The name, with the joint of each row if there is one per joint."""
-        return [(self.name, k + 1) for k in range(len(self.low))] if self.joints else super().names
+        return [(self.name, k) for k in range(len(self.low))] if self.joints else super().names
 
     def _at(self, s: FloatArray, side: str) -> FloatArray:
         """The coefficients at arc lengths, (3, n, rows)."""
@@ -105,8 +105,8 @@ def refuse_excess_at_rest(
     i, end, row = np.unravel_index(int(np.argmax(over)), over.shape)
     needed, s = float(value[i, end, row]), float(grid.s[i + end])
     allowed = float(high[row] if needed > high[row] else low[row])
-    joint = int(row) + 1 if constraint.joints else None
-    who = constraint.name if joint is None else f"joint {joint} {constraint.name}"
+    joint = int(row) if constraint.joints else None
+    who = constraint.name if joint is None else f"joint {joint + 1} {constraint.name}"
     unit = f" {UNITS[constraint.limit_name]}" if constraint.limit_name in UNITS else ""
     raise NotRealizable(
         f"At {s:.6g} m along the path the {who} is {needed:.4g}{unit} {when}, but its limit in "

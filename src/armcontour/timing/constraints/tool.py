@@ -150,6 +150,33 @@ class ToolSpeed(Constraint):
         return np.asarray(self.assigned[grid.piece][:, None])
 
 
+class RapidSpeed(Constraint):
+    """`tool speed <= limit` along a joint path without a tool path.
+
+    Args:
+        limit: Largest tool speed [m/s].
+        arm: The arm.
+    """
+
+    name = "rapid speed"
+    limit_name = "speed"
+    limit: float
+
+    def __init__(self, limit: float, arm: Arm) -> None:
+        self.limit, self._arm = limit, arm
+
+    def on(self, path: OnGrid) -> Iterable[Form]:
+        """A bound on each interval: the largest sample plus the spread of the samples."""
+        grid = path.grid
+        s = grid.s[:-1] + SHARES * grid.width
+        pieces = np.broadcast_to(grid.piece, s.shape)
+        speed = _measure(grid.joint_path, self._arm, pieces, s)[0]
+        bound = 2 * speed.max(axis=0) - speed.min(axis=0)
+        with np.errstate(divide="ignore"):
+            ceiling = (self.limit / bound) ** 2
+        return (Ceiling(np.stack([ceiling, ceiling], axis=1)),)
+
+
 class CentripetalAcceleration(Constraint):
     """`curvature ds² <= limit`, the paper's bound in corners.
 

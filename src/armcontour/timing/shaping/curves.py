@@ -177,7 +177,7 @@ def _points(spline: Spline, arm: Arm, span: IntArray, share: FloatArray) -> Ends
     speed = np.linalg.norm(velocity, axis=1, keepdims=True)
     tangent = velocity / speed
     along = np.sum(acceleration * tangent, axis=1, keepdims=True)
-    return arm.forward(q), tangent, (acceleration - along * tangent) / speed**2
+    return arm.tool_position(q), tangent, (acceleration - along * tangent) / speed**2
 
 
 def _with_columns(arcs: Segments, objective: Path, places: FloatArray) -> Segments:

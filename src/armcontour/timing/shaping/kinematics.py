@@ -57,7 +57,7 @@ class NearPath:
             return cls(arm=arm, branch=branch, q=q)
         assert isinstance(arm, SerialArm)
         poses = np.zeros((len(s), 3, 4))
-        poses[:, :, 3] = arm.forward(q)
+        poses[:, :, 3] = arm.tool_position(q)
         poses[:, :, :3] = np.eye(3) if path.orientation is None else path.orientation(s)
         task = task_dimension(path, arm)
         free = null_space(arm, poses, task, q) if task < arm.dof else np.zeros((len(s), 0, arm.dof))
@@ -74,7 +74,7 @@ class NearPath:
             Unreachable: A point is out of reach.
         """
         if isinstance(self.arm, PlanarTwoLink):
-            q = self.arm.inverse(points, self.branch)
+            q = self.arm.joint_position(points, self.branch)
             return np.asarray(q + 2 * np.pi * np.round((guess - q) / (2 * np.pi)))
         assert isinstance(self.arm, SerialArm) and self.poses is not None
         assert self.free is not None
@@ -97,10 +97,10 @@ class NearPath:
             frames: Directions of the offsets as columns, (n, dimension, k).
         """
         if self.poses is None:
-            return np.asarray(np.linalg.solve(self.arm.jacobian(q), frames))
+            return np.asarray(np.linalg.solve(self.arm.tool_jacobian(q), frames))
         assert isinstance(self.arm, SerialArm) and self.free is not None
         n, dof, k = len(q), self.arm.dof, frames.shape[2]
-        full = self.arm.twist_jacobian(q)
+        full = self.arm.jacobian(q)
         matrix = np.empty((n, dof, dof))
         matrix[:, :3] = full[:, :3]
         if self.task == 6:

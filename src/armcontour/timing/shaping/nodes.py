@@ -281,7 +281,7 @@ def _tolerance_at(tube: Tube, place: FloatArray) -> FloatArray:
 def _bend(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
     """Curvature of the tool's path when all joints move evenly [1/m], (n,)."""
     slope = joint_path(s, 1)
-    even = np.einsum("nij,nj->ni", arm.jacobian_rate(joint_path(s), slope), slope)
+    even = np.einsum("nij,nj->ni", arm.tool_jacobian_rate(joint_path(s), slope), slope)
     return np.asarray(np.linalg.norm(even, axis=1))
 
 

@@ -149,7 +149,7 @@ def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
     # Without a limit, any bound that does not bind.
     bound = np.where(np.isfinite(speeds), speeds, 10 * speed + 1)
     near = np.where(speed - bound > FAR * bound, 1.0, 0.0)[:, None] * direction
-    after = np.einsum("ni,nij->nj", near, end.arm.jacobian(end.q))[:, None]
+    after = np.einsum("ni,nij->nj", near, end.arm.tool_jacobian(end.q))[:, None]
     none = np.zeros((len(speed), 1))
     return SpanRows((speed - bound)[:, None], np.zeros_like(after), after, none, bound[:, None])
 
@@ -162,7 +162,7 @@ def _tool_acceleration(
     In direction d it is `d (J a + H(e, e))`, with H(e, e) = dJ/dt e; times h_i.
     """
     arm, q, e = end.arm, end.q, end.dq
-    jacobian, rate = arm.jacobian(q), arm.jacobian_rate(q, e)
+    jacobian, rate = arm.tool_jacobian(q), arm.tool_jacobian_rate(q, e)
     velocity = np.einsum("nij,nj->ni", jacobian, e)
     acceleration = np.einsum("nij,nj->ni", jacobian, end.ddq) + np.einsum("nij,nj->ni", rate, e)
     speed = np.linalg.norm(velocity, axis=1)

@@ -18,7 +18,7 @@ from armcontour._checks import FloatArray
 from armcontour._pool import map_in_processes
 from armcontour._progress import Progress, Step
 from armcontour._text import capitalise
-from armcontour.arms import Arm, Limits, choose_limits
+from armcontour.arms import Arm, Limits, PlanarTwoLink, resolve_limits
 from armcontour.errors import ArmContourError, locate_errors
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.geometry.shaped import ARCS, SHAPED, STOPS, doubt_search
@@ -102,7 +102,7 @@ def shape(
     Args:
         path: The objective path, or a program, whose contours are shaped one by one.
         arm: The arm.
-        limits: The limits; by default the arm's own.
+        limits: Limits in place of those of the arm, as in `plan`.
         tolerance: Largest distance in either direction [m]; 0 stops at every vertex. Tolerances of
             the path's own segments cap it, and so does half of a stretch between two sharp corners.
         line_tolerance: The tolerance farther than `zone` from every vertex [m]; by default the same
@@ -127,7 +127,7 @@ def shape(
     Warns:
         UserWarning: The search along a path ended early, because the tolerance is tiny.
     """
-    bounds = choose_limits("shape", arm, limits)
+    bounds = resolve_limits("shape", arm, limits)
     refuse_unkept_jerk(Method.SHAPED, bounds)
     wishes = Wishes(
         tolerance=tolerance,
@@ -317,12 +317,13 @@ class Shaping:
 
         The knots of an arm with more joints than the task needs depend on rounding of the start.
         """
-        start = None if self.arm.dimension == 2 else ends_of(joint_path)[0]
-        if start is not None and given is not None:
+        start, limits = ends_of(joint_path)[0], with_reserve(self.limits, self.reserve)
+        if isinstance(self.arm, PlanarTwoLink):
+            return Timer(self.arm, limits, self.arm.branch_of(start), None, self.intervals)
+        if given is not None:
             exact = np.asarray(given, dtype=np.float64)
             start = exact if np.abs(exact - start).max() <= SAME_POSITION else start
-        limits = with_reserve(self.limits, self.reserve)
-        return Timer(self.arm, limits, self.branch, start, self.intervals)
+        return Timer(self.arm, limits, None, start, self.intervals)
 
 
 def _path_of(move: Move) -> ShapedPath:

@@ -1,0 +1,62 @@
+"""Tools of a program: which contours a tool runs, by the tool changes between contours."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from armcontour.errors import InvalidInput
+from armcontour.program.moves import Contour, Event, Move, Program, Value
+
+
+def tool_name(value: Value) -> str:
+    """Name of a tool by the value of its event: `T2` for the number 2."""
+    return value if isinstance(value, str) else f"T{value:g}"
+
+
+def tools_of_contours(program: Program) -> list[str]:
+    """Name of the tool of each contour, in order; "" before the first tool change."""
+    tool, names = "", []
+    for x in program.moves:
+        if isinstance(x, Event) and x.changes_tool:
+            tool = tool_name(x.value)
+        elif isinstance(x, Contour):
+            names.append(tool)
+    return names
+
+
+def part_of_tool(program: Program, name: str) -> Program:
+    """The moves of a program between the changes to a tool and from it to another one.
+
+    Outputs have the values that the moves before have given them.
+
+    Args:
+        program: The program.
+        name: Name of the tool, such as T2.
+
+    Raises:
+        InvalidInput: The tool runs no contour.
+    """
+    names = tools_of_contours(program)
+    if name not in names:
+        known = ", ".join(dict.fromkeys(x for x in names if x)) or "no tool"
+        raise InvalidInput(
+            f"{program.source or 'The program'} has no contour of the tool {name}, but of {known}."
+        )
+    tool, moves = "", list[Move]()
+    states: dict[str, Event] = {}
+    for x in program.moves:
+        if isinstance(x, Event) and x.changes_tool:
+            tool = tool_name(x.value)
+            if tool == name:
+                moves += [*states.values(), x]
+                states = {}
+        elif tool == name:
+            moves.append(x)
+        else:
+            events = x.events if isinstance(x, Contour) else (x,)
+            found = (y for y in events if isinstance(y, Event))
+            states |= {
+                y.name: dataclasses.replace(y, s=0.0, lead_time=0.0, lead_distance=0.0)
+                for y in found
+            }
+    return dataclasses.replace(program, moves=tuple(moves))

@@ -1,0 +1,176 @@
+"""Figures and reports of single results: a plan, an execution, an evaluation, a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour.arms import Arm, Limits, resolve_limits
+from armcontour.errors import InvalidInput
+from armcontour.evaluation import Evaluation, evaluate
+from armcontour.geometry import Path
+from armcontour.jobs import Job, Run, RunResult, Study
+from armcontour.motion import PERIOD, Execution, Method, Span, Trajectory
+from armcontour.program import Contour, Dwell, Move, Program, Rapid
+from armcontour.report.figure import Figure
+from armcontour.report.sections.joints import draw_joints
+from armcontour.report.sections.motion import contour_error, tool_speed
+from armcontour.report.sections.paths import draw_in_plane
+from armcontour.report.sections.space import draw_in_space
+from armcontour.servo import ServoModel
+from armcontour.timing import explain
+
+Result = Study | RunResult | Evaluation | Execution | Trajectory
+# Points of the path that the tool follows by a plan that was given in joints.
+PLACES = 2000
+
+
+def study_of(result: Result) -> Study:
+    """A result as the only run of a study, for the sections of a report.
+
+    Raises:
+        InvalidInput: The result does not know its arm, its path or its execution.
+    """
+    if isinstance(result, Study):
+        return result
+    if isinstance(result, RunResult):
+        return _study(result)
+    if isinstance(result, Trajectory):
+        return _study(_planned(result))
+    if isinstance(result, Execution):
+        result = evaluate(result, _planned(result.taught.trajectory, result.arm).path)
+    if result.judged is None:
+        raise InvalidInput("This evaluation does not know its execution: evaluate it anew.")
+    done = result.judged
+    limits, taught = done.limits, done.executed.taught
+    plan = _planned(taught.trajectory, done.executed.arm, done.path, limits)
+    servo = getattr(done.executed.plant, "servo", None)
+    return _study(
+        RunResult(
+            run=_run("run", plan.trajectory, taught.method, limits, taught.period),
+            objective=plan.objective if done.objective is None else done.objective,
+            path=done.path,
+            trajectory=plan.trajectory,
+            explanation=plan.explanation,
+            taught=taught,
+            servo=servo if isinstance(servo, ServoModel) else None,
+            execution=done.executed,
+            evaluation=result,
+        )
+    )
+
+
+def draw_result(result: Result, kind: str) -> Any:
+    """As `armcontour._describing.draw`."""
+    _checks.choice("kind", kind, tuple(KINDS))
+    drawn = KINDS[kind](study_of(result))
+    from plotly.graph_objects import Figure as Plotly
+
+    figure = Plotly({"data": drawn.data, "layout": drawn.layout}, skip_invalid=False)
+    return figure.update_layout(template="plotly_white", margin={"t": 60}, width=None)
+
+
+def _draw_path(study: Study) -> Figure:
+    flat = study.job.program.dimension == 2
+    drawn: Figure = draw_in_plane(study) if flat else draw_in_space(study)
+    return drawn
+
+
+def _draw_joints(study: Study) -> Figure:
+    name, result = next(iter(study.runs.items()))
+    drawn: Figure = draw_joints(name, result)
+    return drawn
+
+
+def _draw_error(study: Study) -> Figure:
+    section = contour_error(study)
+    if section is None:
+        raise InvalidInput("A plan has no contour error: execute and evaluate it first.")
+    drawn: Figure = section.figures[0]
+    return drawn
+
+
+KINDS: dict[str, Callable[[Study], Figure]] = {
+    "path": _draw_path,
+    "joints": _draw_joints,
+    "speed": lambda study: tool_speed(study).figures[0],
+    "error": _draw_error,
+}
+
+
+def _study(result: RunResult) -> Study:
+    """The study of one run."""
+    # A servo of this order follows its set-points exactly.
+    servo = ServoModel(order="unknown") if result.servo is None else result.servo
+    job = Job(
+        name=result.run.name,
+        title=f"{result.run.name.capitalize()} of {result.arm.name}",
+        arm=result.arm,
+        path=result.objective,
+        servo=servo,
+        runs=(result.run,),
+    )
+    return Study(job=job, runs={result.run.name: result})
+
+
+def _planned(
+    plan: Trajectory,
+    arm: Arm | None = None,
+    program: Program | None = None,
+    limits: Limits | None = None,
+) -> RunResult:
+    """The run of a plan, without set-points."""
+    arm = plan.arm if arm is None else arm
+    if arm is None:
+        raise InvalidInput("This trajectory does not know its arm: plan it with an arm.")
+    program = _program_of(plan, arm) if program is None else program
+    limits = resolve_limits("write_report", arm, limits, plan.limits)
+    # Without the limits of the plan, nothing would seem to bind.
+    known = plan.limits is not None and plan.method == Method.OPTIMAL
+    explanation = explain(plan, arm) if known else None
+    sharp = getattr(program.single_path, "objective", None)
+    return RunResult(
+        run=_run("plan", plan, "none", limits, PERIOD),
+        objective=program if sharp is None else Program.of(sharp, "A plan needs a path"),
+        path=program,
+        trajectory=plan,
+        explanation=explanation,
+    )
+
+
+def _run(name: str, plan: Trajectory, compensation: str, limits: Limits, period: float) -> Run:
+    return Run(
+        name=name,
+        timing=str(plan.method),
+        compensation=compensation,
+        limits=limits,
+        rounding=None,
+        period=period,
+    )
+
+
+def _program_of(plan: Trajectory, arm: Arm) -> Program:
+    """The program that a plan follows; for a plan of joints, the path of the tool."""
+    if plan.spans:
+        return Program(tuple(_move_of(x) for x in plan.spans if x.move is not None))
+    if plan.path is not None:
+        return Program.of(plan.path, "A plan needs a path")
+    tool = arm.tool_position(plan(np.linspace(0, plan.duration, PLACES)))
+    return Program.of(Path.polyline(tool), "A plan needs a path")
+
+
+def _move_of(span: Span) -> Move:
+    """The move of a program that a part of a plan follows."""
+    if span.kind == "dwell":
+        return Dwell(span.t[1] - span.t[0])
+    motion = span.trajectory
+    if span.kind == "rapid" or motion is None or motion.path is None:
+        return Rapid()
+    work = None
+    if span.work is not None:
+        start, end = motion.s(np.array(span.work) - span.t[0]).tolist()
+        work = start, end
+    return Contour(motion.path, name=span.name, work=work)

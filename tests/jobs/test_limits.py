@@ -1,0 +1,247 @@
+"""Limits mean one thing in job files and in Python: they replace those of the arm one by one."""
+
+from __future__ import annotations
+
+import math
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.arms import resolve_limits
+from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS, UNITS
+from armcontour.io.job_file import parse_job
+from armcontour.jobs import warnings_of
+
+ARMS = ("fr3", "panda", "pmk3s", "ur10e", "ur5e")
+DOWN = np.diag([1.0, -1.0, -1.0])
+# Values below those of all arms; ranges are wide.
+GIVEN = {
+    "joint_acceleration": 0.7,
+    "joint_velocity": 0.9,
+    "joint_torque": 90.0,
+    "joint_jerk": 3000.0,
+    "joint_lower": -6.0,
+    "joint_upper": 6.0,
+    "speed": 0.1,
+    "tool_acceleration": 1.5,
+    "centripetal_acceleration": 0.3,
+    "angular_speed": 1.2,
+    "angular_acceleration": 9.0,
+    "tool_jerk": 500.0,
+    "path_jerk": 500.0,
+}
+
+
+def values_of(limits):
+    """The values of all limits as lists, and the names of those that are lifted."""
+    values = {x: getattr(limits, x) for x in UNITS}
+    return {x: None if y is None else np.asarray(y).tolist() for x, y in values.items()}
+
+
+def points_of(arm):
+    return [(0.3, 0.15), (0.36, 0.2)] if arm.dimension == 2 else [(0.4, 0.1, 0.3), (0.46, 0.1, 0.3)]
+
+
+def job_of(name, limits, runs="{one: {timing: {method: optimal}}}"):
+    path = f"points: {[list(x) for x in points_of(ac.load_arm(name))]}"
+    if name != "pmk3s":
+        path += ", orientation: {axis: [0, 0, -1]}"
+    given = ", ".join(f"{x}: {y}" for x, y in limits.items())
+    servo = "servo: {kp: 25 1/s, kv: 150 1/s}"
+    text = f"name: x\narm: {name}\npath: {{{path}}}\nlimits: {{{given}}}\n{servo}\nruns: {runs}\n"
+    return parse_job(text)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_job_and_python_have_the_same_limits_whichever_is_left_out(name):
+    arm = ac.load_arm(name)
+    given = dict(GIVEN)
+    if arm.limits.joint_upper is not None:
+        # Narrower than the arm's own.
+        given |= {"joint_lower": 0.99 * arm.limits.joint_lower.max(), "joint_upper": 2.0}
+        given["joint_lower"] = -0.05 if given["joint_lower"] > -0.05 else given["joint_lower"]
+    for left in (None, *UNITS):
+        some = {x: y for x, y in given.items() if x != left}
+        if left in JOINT_RANGE and arm.limits.joint_upper is not None:
+            some = {x: y for x, y in some.items() if x not in JOINT_RANGE}
+        (of_job,) = (x.limits for x in job_of(name, some).runs)
+        of_call = resolve_limits("a test", arm, ac.Limits(**some))
+        assert values_of(of_job) == values_of(of_call)
+        assert of_job.lifted == of_call.lifted == frozenset()
+        for x in UNITS:
+            expected = some.get(x, getattr(arm.limits, x))
+            if expected is None:
+                assert getattr(of_job, x) is None
+            else:
+                np.testing.assert_array_equal(
+                    np.broadcast_to(expected, np.shape(getattr(of_job, x))), getattr(of_job, x)
+                )
+        # Resolving once more changes nothing.
+        assert resolve_limits("a test", arm, of_call) is of_call
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_job_and_python_have_the_same_plan(name):
+    arm = ac.load_arm(name)
+    path = ac.Path.polyline(points_of(arm))
+    if arm.dimension == 3:
+        path = path.pointing([0, 0, -1])
+    given = {"speed": 0.08, "joint_velocity": 0.5, "tool_acceleration": 0.3}
+    (run,) = ac.run(job_of(name, given | {"joint_jerk": "inf"}), simulate=False).runs.values()
+    planned = ac.plan(path, arm, ac.Limits(**given, joint_jerk=math.inf))
+    assert run.trajectory.duration == planned.duration
+    assert values_of(run.trajectory.limits) == values_of(planned.limits)
+    t = np.linspace(0, planned.duration, 50)
+    np.testing.assert_array_equal(run.trajectory(t), planned(t))
+
+
+@pytest.mark.parametrize("lift", ["inf", ".inf", "none"])
+def test_infinity_lifts_a_limit_in_jobs_and_in_python(lift):
+    arm = ac.load_arm("panda")
+    for name in (*JOINT_LIMITS, *TOOL_LIMITS):
+        (of_job,) = (x.limits for x in job_of("panda", {name: lift}).runs)
+        of_call = resolve_limits("a test", arm, ac.Limits(**{name: math.inf}))
+        for limits in (of_job, of_call, resolve_limits("again", arm, of_call)):
+            assert getattr(limits, name) is None and limits.lifted == {name}
+    for name, end in zip(JOINT_RANGE, (-math.inf, math.inf), strict=True):
+        (of_job,) = (x.limits for x in job_of("panda", {name: lift}).runs)
+        of_call = resolve_limits("a test", arm, ac.Limits(**{name: math.inf}))
+        for limits in (of_job, of_call):
+            np.testing.assert_array_equal(getattr(limits, name), np.full(7, end))
+
+
+def test_null_is_not_given_and_a_run_replaces_limits_of_its_job():
+    runs = "{one: {limits: {speed: null, joint_torque: inf}}, two: {limits: {joint_velocity: 0.5}}}"
+    given = {"speed": "null", "joint_velocity": "inf", "tool_jerk": 9.0}
+    one, two = (x.limits for x in job_of("ur5e", given, runs).runs)
+    arm = ac.load_arm("ur5e")
+    assert one.speed is two.speed is None and one.tool_jerk == two.tool_jerk == 9.0
+    assert one.lifted == {"joint_velocity", "joint_torque"} and not two.lifted
+    np.testing.assert_array_equal(two.joint_velocity, np.full(6, 0.5))
+    np.testing.assert_array_equal(two.joint_torque, arm.limits.joint_torque)
+
+
+def test_lifted_limits_stay_lifted_and_are_shown_and_given_ones_are_not_lifted():
+    limits = ac.Limits(speed=math.inf, joint_velocity=[math.inf] * 6, joint_acceleration=2.0)
+    assert limits.lifted == {"speed", "joint_velocity"}
+    assert str(limits).count("none") == 2 and "speed" in repr(limits)
+    copied = pickle.loads(pickle.dumps(limits))
+    assert copied.lifted == limits.lifted and values_of(copied) == values_of(limits)
+    changed = limits.replace(speed=0.2, joint_torque=5.0)
+    assert changed.lifted == {"joint_velocity"} and changed.speed == 0.2
+    assert limits.replace(speed=None).lifted == {"joint_velocity"}
+    arm = ac.load_arm("ur5e")
+    for part, names in (
+        (limits.of_joints, TOOL_LIMITS),
+        (limits.without_jerk, ("joint_jerk", "tool_jerk", "path_jerk")),
+        (limits.of_tool, (*JOINT_LIMITS, *JOINT_RANGE)),
+    ):
+        resolved = resolve_limits("a test", arm, part)
+        assert all(getattr(resolved, x) is None for x in names)
+        assert resolved.lifted == limits.lifted | set(names)
+    alone = resolve_limits("a test", arm, ac.Limits.only(speed=0.1, joint_jerk=math.inf))
+    assert alone.speed == 0.1 and alone.lifted == set(UNITS) - {"speed"}
+    assert all(getattr(alone, x) is None for x in alone.lifted)
+    with pytest.raises(ac.InvalidInput, match="Unknown limit 'sped'"):
+        ac.Limits.only(sped=0.1)
+    with pytest.raises(ac.InvalidInput, match="range of joint 1"):
+        resolve_limits("a test", arm, ac.Limits(joint_lower=9.0))
+
+
+def test_a_panda_is_not_planned_out_of_its_range_or_above_its_torques(refuses):
+    """The path leaves the range of a joint; `Limits` of speeds alone had dropped the ranges."""
+    panda = ac.load_arm("panda")
+    rows = np.linspace(panda.limits.middle(7), panda.limits.middle(7), 3)
+    rows[1, 1], rows[2, 3] = 1.0, panda.limits.joint_upper[3] + 1.34
+    path = ac.JointPath.spline(rows)
+    for limits in (
+        None,
+        ac.Limits(joint_velocity=1.0, joint_acceleration=2.0),
+        ac.Limits(speed=1.0),
+    ):
+        refuses(lambda x=limits: ac.plan(path, panda, x), ac.Unreachable, limit="joint_upper")
+    free = ac.Limits(joint_upper=math.inf, joint_jerk=math.inf)
+    planned = ac.plan(path, panda, free)
+    assert planned(planned.duration)[3] > panda.limits.joint_upper[3]
+    lower = panda.limits.replace(joint_torque=0.6 * panda.limits.joint_torque)
+    weak = panda.with_limits(lower)
+    inside = ac.JointPath.spline(rows * [1, 1, 1, 0, 1, 1, 1] + [0, 0, 0, rows[0, 3], 0, 0, 0])
+    found = ac.check(ac.plan(inside, weak, ac.Limits(joint_jerk=math.inf)), weak)
+    assert not found.violated and found["joint_torque"].ratio <= 1 + 1e-9
+
+
+def test_limits_above_those_of_the_arm_are_taken_with_one_warning_that_names_both_values():
+    arm = ac.load_arm("ur5e")
+    path = ac.Path.polyline(points_of(arm)).pointing([0, 0, -1])
+    above = ac.Limits(joint_velocity=[3.0, 3.0, 3.0, 3.0, 3.5, 3.0], joint_upper=6.4)
+    with pytest.warns(UserWarning) as caught:
+        planned = ac.plan(path, arm, above)
+    (warning,) = caught
+    assert warning.filename == __file__
+    text = str(warning.message)
+    for words in ("joint_velocity of joint 5", "3.5 rad/s", "3.14159 rad/s", "joint_upper", "6.4"):
+        assert words in text
+    np.testing.assert_array_equal(planned.limits.joint_velocity, above.joint_velocity)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        # The arm's own value in four digits, a lower one, and no limit at all.
+        ac.plan(path, arm, ac.Limits(joint_velocity=3.1416, joint_torque=20.0))
+        ac.plan(path, arm, ac.Limits(joint_velocity=math.inf, joint_lower=math.inf))
+    given = {"joint_velocity": 3.5}
+    study = ac.run(job_of("ur5e", given, "{one: {}, two: {limits: {speed: 0.1}}}"))
+    (told,) = (x for x in warnings_of(study.runs.values()) if "joint_velocity of joint 1" in x)
+    assert "one, two" in told and "3.5 rad/s" in told and "3.14159 rad/s" in told
+
+
+def test_a_plan_carries_its_limits_to_all_that_comes_after_it():
+    arm = ac.load_arm("pmk3s")
+    corner = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3)])
+    path = ac.round_corners(corner, tolerance=2e-3)
+    limits = ac.Limits(speed=0.1, joint_acceleration=0.4)
+    program = ac.Program(moves=(ac.Contour(path=path), ac.Rapid(), ac.Contour(path=path)))
+    for plan in (
+        ac.plan(path, arm, limits, reserve=0.02),
+        ac.plan(program, arm, limits),
+        ac.plan(path, arm, limits, duration=9.0),
+        ac.plan(path, arm, limits, smoothing=0.005, reserve=0.2),
+        ac.plan(path, arm, limits, method="conventional"),
+    ):
+        np.testing.assert_array_equal(plan.limits.joint_acceleration, [0.4, 0.4])
+        assert plan.limits.speed == 0.1
+        for span in plan.spans:
+            speed = span.trajectory.limits.speed
+            assert speed == (0.1 if span.kind == "contour" else None)
+        assert ac.check(plan, arm)["joint_acceleration"].limit == 0.4
+    plan = ac.plan(path, arm, limits, reserve=0.02)
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    # Drives saturate at the limits of the plan, and explicit limits win over these.
+    taught = ac.compensate(plan, servo, method="none")
+    for given, bound in ((None, 0.4), (ac.Limits(joint_acceleration=0.6), 0.6)):
+        done = ac.execute(taught, ac.ServoPlant(arm, servo, given))
+        np.testing.assert_array_equal(done.plant.acceleration, [bound, bound])
+        result = ac.evaluate(done, path, limits=given)
+        np.testing.assert_allclose(result.demand_ratio, done.peak_demand / bound)
+    # The reserve is known, too: limits bind where they are used as far as the plan may.
+    reserved = ac.explain(plan, arm)
+    assert {x.name for x in reserved.bindings} >= {"joint 1 acceleration"}
+    whole = ac.explain(plan, arm, ac.Limits(joint_acceleration=0.4))
+    assert len(whole.bindings) < len(reserved.bindings) or not whole.bindings
+    fast = ac.plan(path, arm.with_limits(ac.Limits(joint_velocity=0.3)))
+    with pytest.warns(UserWarning, match="joint_velocity of 0.3"):
+        ac.compensate(fast, servo)
+
+
+def test_the_readme_s_job_with_limits_above_the_arm_s_on_the_plant_of_the_readme():
+    arm = ac.load_arm("pmk3s")
+    objective = ac.Path.polyline([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
+    rounded = ac.round_corners(objective, tolerance=5e-3)
+    limits = arm.limits.replace(speed=0.15, joint_acceleration=8.0, centripetal_acceleration=0.09)
+    with pytest.warns(UserWarning, match="8 rad/s², the arm's 0.72"):
+        planned = ac.plan(rounded, arm, limits, reserve=0.02)
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    executed = ac.execute(ac.compensate(planned, servo, period=4e-3), ac.ServoPlant(arm, servo))
+    error = ac.evaluate(executed, rounded, objective=objective).contour_error
+    assert error.rms <= 0.0008e-3 and error.max <= 0.006e-3

@@ -1,0 +1,179 @@
+"""Figures, tables and reports of single results, as of a plan that was made in Python."""
+
+import re
+from html import unescape
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+import armcontour as ac
+
+SERVO = ac.ServoModel(25, 150)
+
+
+def results(arm, objective, tolerance):
+    """A plan, its execution and its evaluation."""
+    rounded = ac.round_corners(objective, tolerance=tolerance)
+    limits = arm.limits.replace(speed=0.15)
+    planned = ac.plan(rounded, arm, limits, reserve=0.05)
+    executed = ac.execute(ac.compensate(planned, SERVO), ac.ServoPlant(arm, SERVO, limits))
+    return planned, executed, ac.evaluate(executed, rounded, objective=objective, limits=limits)
+
+
+@pytest.fixture(scope="module")
+def in_plane(arm):
+    corner = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.36, 0.20)])
+    return results(arm, corner, 2e-3)
+
+
+@pytest.fixture(scope="module")
+def in_space():
+    corner = ac.Path.polyline([(0.4, 0.0, 0.3), (0.5, 0.1, 0.3), (0.5, 0.2, 0.3)])
+    return results(ac.load_arm("ur5e"), corner.pointing((0, 0, -1)), 2e-3)
+
+
+@pytest.fixture(params=["in_plane", "in_space"])
+def made(request):
+    return request.getfixturevalue(request.param)
+
+
+def known(values):
+    """Numbers of a curve without its gaps."""
+    values = np.asarray(values, dtype=float)
+    return values[np.isfinite(values)]
+
+
+def drawn(trace):
+    return known(trace.x), known(trace.y)
+
+
+def test_figures_are_those_of_the_results(made):
+    planned, executed, result = made
+    for x in made:
+        for kind in ("path", "joints", "speed"):
+            assert isinstance(x.figure(kind), go.Figure) and x.figure(kind).data
+    error = result.figure("error").data[0]
+    assert drawn(error)[1].max() == pytest.approx(1e3 * result.contour_error.max, rel=1e-5)
+    t, speed = drawn(planned.figure("speed").data[0])
+    assert t[-1] == pytest.approx(planned.duration, abs=2e-3)
+    assert speed.max() == pytest.approx(1e3 * result.speed, rel=5e-3)
+    # The assigned velocity is a line of the figure.
+    assert any(drawn(x)[1].max() == pytest.approx(150.0) for x in result.figure("speed").data[1:])
+    t, q = drawn(planned.figure("joints").data[0])
+    np.testing.assert_allclose(q, planned(np.clip(t, 0, planned.duration))[:, 0], atol=1e-4)
+    assert len(executed.figure("joints").data) == 2 * len(planned.figure("joints").data)
+    # All three say where the tool goes.
+    end = planned.path(planned.path.length) * 1e3
+    for x in made:
+        last = x.figure("path").data[-1]
+        ends = [known(getattr(last, a))[-1] for a in "xyz"[: len(end)]]
+        np.testing.assert_allclose(ends, end, atol=0.05)
+
+
+def test_figures_that_do_not_exist_are_refused(in_plane, refuses):
+    planned, _, result = in_plane
+    refuses(lambda: planned.figure("error"), ac.InvalidInput)
+    refuses(lambda: result.figure("torque"), ac.InvalidInput, "speed")
+    joints = ac.plan(
+        ac.JointPath.spline([[0.0, 0.0], [1.0, 0.5]]),
+        None,
+        ac.Limits(joint_velocity=1, joint_acceleration=1),
+    )
+    refuses(lambda: joints.figure("joints"), ac.InvalidInput)
+
+
+def test_a_plan_of_joints_shows_the_path_of_its_tool(arm):
+    planned = ac.plan(ac.JointPath.spline([[0.0, 0.9], [0.3, 1.5], [0.5, 1.2]]), arm)
+    x, y = drawn(planned.figure("path").data[0])
+    tool = 1e3 * arm.tool_position(planned([0.0, planned.duration]))
+    np.testing.assert_allclose([[x[0], y[0]], [x[-1], y[-1]]], tool, atol=1e-3)
+
+
+def test_tables_have_a_row_for_each_time(made):
+    planned, executed, result = made
+    for columns, t in (
+        (planned.to_dict(period=8e-3), planned.sample(8e-3).t),
+        (executed.to_dict(), executed.t),
+        (result.to_dict(), result.contour_error.t),
+    ):
+        np.testing.assert_array_equal(columns["t"], t)
+        assert all(isinstance(x, np.ndarray) and x.shape == t.shape for x in columns.values())
+    np.testing.assert_array_equal(executed.to_dict()["dq2"], executed.dq[:, 1])
+    np.testing.assert_array_equal(result.to_dict()["contour_error"], result.contour_error.values)
+    assert result.to_dict()["tracking_error"].max() == pytest.approx(
+        result.tracking_error.max, rel=0.05
+    )
+
+
+def test_reports_have_the_sections_that_a_result_fills(made, tmp_path):
+    pages = []
+    for k, x in enumerate(made):
+        ac.write_report(x, tmp_path / f"{k}.html")
+        pages.append((tmp_path / f"{k}.html").read_text(encoding="utf-8"))
+    for page in pages:
+        assert '<section id="speed">' in page and '<section id="paths">' in page
+    # A plan has no errors, and nothing on its page was executed.
+    assert 'id="contour-error"' not in pages[0]
+    assert "executed" not in re.sub(r"<(script|style).*?</\1>", "", pages[0], flags=re.DOTALL)
+    assert all('id="contour-error"' in x for x in pages[1:])
+
+
+def test_a_job_that_was_not_simulated_has_a_report(tmp_path):
+    from armcontour.cli.running import built_in_job
+
+    study = ac.run(built_in_job(), simulate=False)
+    ac.write_report(study, tmp_path / "study.html")
+    page = (tmp_path / "study.html").read_text(encoding="utf-8")
+    assert '<section id="overview">' in page and 'id="contour-error"' not in page
+    first = next(iter(study.runs.values()))
+    ac.write_report(first, tmp_path / "run.html")
+    assert isinstance(first.figure("speed"), go.Figure)
+    table = study.to_dict()
+    assert table["run"] == list(study.runs) and table["rms"] == [None] * len(study.runs)
+    assert table["motion"] == [x.trajectory.duration for x in study.runs.values()]
+
+
+def test_a_program_has_figures_and_a_report(arm, tmp_path):
+    contours = [
+        ac.Contour(ac.Path.polyline(x))
+        for x in ([(0.35, 0.1), (0.38, 0.12)], [(0.40, 0.15), (0.36, 0.2)])
+    ]
+    program = ac.Program([contours[0], ac.Rapid(), ac.Dwell(0.1), contours[1]])
+    planned = ac.plan(program, arm, arm.limits.replace(speed=0.1))
+    ac.write_report(planned, tmp_path / "plan.html")
+    page = (tmp_path / "plan.html").read_text(encoding="utf-8")
+    assert '<section id="program">' in page
+    assert isinstance(planned.figure("path"), go.Figure)
+
+
+def test_results_are_tables_in_notebooks(made, arm):
+    planned, executed, result = made
+    why = ac.explain(planned, planned.arm, planned.arm.limits.replace(speed=0.15))
+    for x in (planned, executed, result, planned.arm.limits, why, result.contour_error):
+        shown = x._repr_html_()
+        assert shown.startswith("<table>" if "\n" in str(x) else "<p>")
+        assert shown.count("<tr>") == shown.count("</tr>")
+        # It says what is printed.
+        assert unescape(re.sub("<[^>]*>", " ", shown)).split() == str(x).split()
+        assert str(x).splitlines()[0].split(":")[0] in shown
+    assert "(m or rad)" not in str(result.contour_error) and " mm" in str(result.contour_error)
+
+
+def test_angles_are_printed_in_degrees(in_space):
+    assert " deg" in str(in_space[2].orientation_error)
+
+
+def test_the_period_of_an_export_is_that_of_a_compensation(in_plane, tmp_path):
+    planned = in_plane[0]
+    ac.export(planned, tmp_path / "plan.npz")
+    with np.load(tmp_path / "plan.npz") as saved:
+        assert float(saved["period"]) == ac.compensate(planned, SERVO).period
+
+
+def test_evaluations_without_their_execution_are_refused(in_plane, refuses, tmp_path):
+    from dataclasses import replace
+
+    alone = replace(in_plane[2], judged=None)
+    refuses(lambda: alone.figure("error"), ac.InvalidInput)
+    refuses(lambda: ac.write_report(alone, tmp_path / "a.html"), ac.InvalidInput)
