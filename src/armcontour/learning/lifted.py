@@ -36,8 +36,8 @@ PENALTIES, FIRST = (-8, 6), 1e-3
 BRIDGES, BRIDGED = 10, 1e-3
 # Factors that are kept: those of the last penalties, and as many as a search ends with.
 MOST_FACTORS = 3
-# Weight and number of steps of the search for bounded second differences, and its tolerance relative
-# to the bounds.
+# Weight and number of steps of the search for bounded second differences, and its tolerance
+# relative to the bounds.
 BEND_WEIGHT, MOST_BENDS, NEAR_BOUND = 1.0, 100, 0.01
 
 
@@ -297,7 +297,8 @@ class Lifted:
 
         The conditions are those of a minimum over x and du with the multipliers y of
         `A x = B du`, from which `x = -error - A' y` is eliminated: AA' and B above B' and
-        -penalty L'L, and -weight D'D of second differences D. They are quasi-definite, so that no pivots are needed.
+        -penalty L'L, and -weight D'D of second differences D. They are quasi-definite, so that no
+        pivots are needed.
         """
         key = penalty, weight
         if key not in self._factors:
@@ -320,7 +321,7 @@ class Lifted:
         n, size = len(self.t) * self.dof, self.count * self.dof
         rows = size - self.dof
         jump = csc_array(eye_array(rows, size, k=self.dof) - eye_array(rows, size))
-        bend = jump[: rows - self.dof, : rows] @ jump
+        bend = jump[: rows - self.dof, :rows] @ jump
         index, weight = (
             np.hstack(x) for x in zip(*map(self._interpolated, self._terms()), strict=True)
         )
