@@ -33,7 +33,7 @@ FIRST, ROUNDS, NEXT = 8, 2, 20
 # Damping of the Levenberg-Marquardt method, relative to the diagonal: at first, and at most.
 DAMPING, MOST_DAMPING = 1e-3, 1e6
 # A search ends where a step gains less than this of twice the log likelihood.
-SETTLED = 1e-2
+SETTLED = 1e-1
 # Gain of twice the log likelihood per joint that a fitted servo needs.
 LEAST_GAIN = 20.0
 
