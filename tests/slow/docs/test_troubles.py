@@ -98,7 +98,7 @@ TROUBLES = {
     "Limits of jerk with another method": changed(limits={"joint_jerk": 10}, runs=PAPER),
     "Nothing limits the acceleration": changed(
         SEAM, RUN, {"robot.urdf": f'<robot name="robot">{URDF}<link name="l6"/></robot>'},
-        arm={"file": "robot.urdf"}, limits={"speed": "0.1 m/s", "joint_acceleration": None},
+        arm={"file": "robot.urdf"}, limits={"speed": "0.1 m/s", "joint_acceleration": "inf"},
     ),
     "The tool stops on the way": changed(limits={"joint_jerk": 10}, corners="sharp"),
     "A contour that is too short for its speed": changed(

@@ -155,8 +155,9 @@ def load_arm(
             override(table, arm.joint_names, limits_file)
             # The file has joint limits only; the arm keeps its other limits.
             own = limits_of(table, arm.joint_names, str(limits_file))
-            values = ((key, getattr(own, key)) for key in table)
-            arm = arm.with_limits(Limits(**{k: np.inf if x is None else x for k, x in values}))
+            values = {key: getattr(own, key) for key in table}
+            lifted: dict[str, Any] = {key: np.inf for key, x in values.items() if x is None}
+            arm = arm.with_limits(Limits().replace(**values | lifted))
     arm = equip(arm, tool=tool, work=work, payload=payload)
     return arm if srdf is None else with_more_shapes(arm, srdf=FilePath(srdf))
 
