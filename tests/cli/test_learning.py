@@ -102,6 +102,26 @@ def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
         assert any("give these as --taught" in x for x in run["notes"]) is off
 
 
+def test_recorded_set_points_stay_valid_with_another_servo(shop, tmp_path, refused, done):
+    """`identify` changes the servo of the job after the log, and between runs."""
+    log, out, third = written(tmp_path, shop.table), tmp_path / "second", tmp_path / "third"
+    other = tmp_path / "other.yaml"
+    servo = "{kp: 24 1/s, kv: 140 1/s, dead_time: 1 ms}"
+    before = "{kp: 25 1/s, kv: 150 1/s}"
+    other.write_text(CORNER_JOB.replace(before, servo), encoding="utf-8")
+    done("learn", other, "--log", log, "--taught", shop.first, "--out", out)
+    first = summary(out)["learning"]["runs"][0]
+    assert first["set_points_off"] < 1e-5
+    second = written(tmp_path, shop.executed(out, 1), name="run2.csv")
+    done("learn", shop.file, "--log", second, "--taught", out, "--out", third)
+    runs = summary(third)["learning"]["runs"]
+    assert runs[1]["contour_rms"] < 0.25 * runs[0]["contour_rms"]
+    # Another plan is refused.
+    other.write_text(CORNER_JOB.replace("0.72 rad", "0.70 rad"), encoding="utf-8")
+    rows = [((other, "--log", log, "--taught", shop.first, "--out", "a"), ["begin again"])]
+    assert refused(tmp_path, rows, codes=(2,), begin=("learn",)) == []
+
+
 def test_positions_of_the_tool(shop, tmp_path, refused, done):
     """A tracker, with a clock of its own, that sees links bend, which the encoders do not."""
     t, q = shop.table[:, 0] - BEGUN, np.radians(shop.table[:, 3:])

@@ -57,6 +57,21 @@ def test_the_correction_is_that_of_dense_least_squares(lifted, dense):
         np.testing.assert_allclose(response.ravel(), dense @ expected, atol=1e-9)
 
 
+def test_a_bounded_correction_keeps_its_bounds_and_most_of_its_effect(lifted):
+    """A jump of all joints, for which set-points without bounds accelerate twice as much."""
+    error = np.where(lifted.t > lifted.t[len(lifted.t) // 2], 1e-3, 0.0)[:, None] * [1.0, 0.1]
+    free, response = lifted.correct(error, 1e-6)
+    most = 0.5 * np.abs(np.diff(free, 2, axis=0)).max(axis=0) * np.ones((lifted.count - 2, 2))
+    found = lifted.correct_within(error, 1e-6, -most, most)
+    assert (np.abs(np.diff(found, 2, axis=0)) <= 1.01 * most).all()
+    left, alone, scaled = (
+        float(np.sum((error + x) ** 2))
+        for x in (lifted.respond(found), response, lifted.respond(0.5 * free))
+    )
+    assert alone < left < 0.5 * scaled
+    np.testing.assert_array_equal(lifted.correct_within(error, 1e-6, -3 * most, 3 * most), free)
+
+
 def test_surprise_is_minus_two_log_of_the_density(lifted, dense):
     """Against the covariance, as a matrix, of all but constant changes of the set-points."""
     variance, error = 1e-8, np.random.default_rng(2).normal(size=(len(lifted.t), 2)) * 1e-3
@@ -107,3 +122,16 @@ def test_expected_motion_is_that_of_a_plant_with_feed_forward(kind):
     # Steps are sampled once per millisecond.
     near = 0.015 if kind == "step" else 3e-3
     assert np.abs(lifted.expected(taught.q)[inside] - expected).max() < near * lag
+
+
+def test_the_rest_after_the_last_set_point_takes_no_more_memory_per_time(lifted):
+    """A slow joint rests for long: its factors grow with the number of times, not its square."""
+    per_time = []
+    for kp in (20.0, 2.0):
+        servo = lifted.nominal.servo.replace(kp=kp)
+        taught = TaughtData(
+            period=lifted.period, q=np.zeros((lifted.count, 2)), trajectory=lifted.plan, method="x"
+        )
+        model = Lifted(taught, lifted.nominal._replace(servo=servo))
+        per_time.append(model._factored(1e-3)[0].L.nnz / len(model.t))
+    assert per_time[1] < 1.1 * per_time[0]

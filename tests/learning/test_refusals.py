@@ -88,20 +88,3 @@ def test_the_log_of_another_run(run, amplitude):
         ac.learn(taught, log, arm=arm, servo=SERVO)
     assert caught.value.limit == "set_points" and 0.4 < caught.value.needed / amplitude < 1
     assert ac.learn(other_run, log, arm=arm, servo=SERVO).runs[0].set_points_off < 2e-5
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"order": "delay", "kp": np.inf, "kv": None, "dead_time": 8e-3}, "order delay"),
-        ({"order": "unknown", "kp": np.inf, "kv": None}, "order unknown"),
-        ({"order": ("second", "first"), "kv": (150.0, np.inf)}, "order second, first"),
-        ({"friction": 1e-4}, "friction 0.1 mrad"),
-        ({"cycle": 4e-3}, "cycle 4 ms"),
-    ],
-)
-def test_servos_that_learning_does_not_know(run, refuses, given, words):
-    arm, taught, log = run
-    for call in (ac.learn, ac.learning.judge_run):
-        wrong = partial(call, taught, log, arm=arm, servo=SERVO.replace(**given))
-        refuses(wrong, ac.InvalidInput, words)

@@ -85,3 +85,55 @@ def test_several_logs_of_the_same_set_points():
 def test_no_log_is_refused(refuses):
     robot = Robot(0)
     refuses(lambda: robot.learn(robot.taught, []), ac.InvalidInput, "0 are given")
+
+
+class BadLogs(Robot):
+    """A robot whose logs of runs after the second one are bad; none of its errors differ."""
+
+    def log(self, taught, k, kind):
+        done = ac.execute(taught, self.plant)
+        q = done.q + self.random.normal(scale=1e-5, size=done.q.shape)
+        kept = np.ones(len(q), dtype=bool)
+        if kind == "outliers":
+            q += (self.random.random(q.shape) < 2.5e-3) * 0.02
+        elif kind == "lost":
+            kept = self.random.random(len(q)) > 0.05
+        elif k >= 1 and kind == "gap":
+            kept = ~((done.t > 0.3) & (done.t < 0.36))
+        elif k >= 2 and kind == "offset":
+            q += [1e-3, -1e-3]
+        command = np.stack([np.interp(done.t, taught.t, x) for x in taught.q.T], axis=1)
+        error = ac.evaluate(done, self.plan.path).contour_error.rms
+        return ac.Log(t=done.t[kept] + 5.0, command=command[kept], measured=q[kept]), error
+
+    def best(self, kind):
+        """Least RMS contour error that learning ends with after four runs, and the last lesson."""
+        taught, errors = self.taught, []
+        for k in range(4):
+            log, error = self.log(taught, k, kind)
+            errors.append(error)
+            taught = self.learn(taught, log)
+        return ac.evaluate(ac.execute(taught, self.plant), self.plan.path).contour_error.rms, taught
+
+
+@pytest.mark.parametrize("kind", ["outliers", "lost", "gap", "offset"])
+def test_bad_logs_cost_little(kind):
+    clean, bad = (BadLogs(2).best(x)[0] for x in ("none", kind))
+    assert bad < 1.5 * clean + 2e-7
+
+
+def test_what_is_wrong_with_a_log_is_known():
+    lesson = BadLogs(2).best("outliers")[1]
+    assert min(x.outliers for x in lesson.runs) > 3
+    lesson = BadLogs(2).best("offset")[1]
+    shifts = [x.encoder_shift for x in lesson.runs]
+    np.testing.assert_array_equal(shifts[:2], 0.0)
+    np.testing.assert_allclose(shifts[2:], [[1e-3, -1e-3]] * 2, atol=2e-5)
+
+
+def test_a_log_that_misses_much_is_refused(refuses):
+    robot = BadLogs(2)
+    log, _ = robot.log(robot.taught, 0, "none")
+    kept = (log.t < 5.2) | (log.t > 5.8)
+    cut = ac.Log(t=log.t[kept], command=log.command[kept], measured=log.measured[kept])
+    refuses(lambda: robot.learn(robot.taught, cut), ac.InvalidInput, "gaps")

@@ -7,7 +7,7 @@ from soak.learning import record, task, wrong_model
 import armcontour as ac
 from armcontour.motion import smooth
 
-from .robots import SERVO, loaded, rounded, with_inertias
+from .robots import SERVO, loaded, rods, rounded, with_inertias
 
 pytest.importorskip("mujoco")
 
@@ -96,3 +96,57 @@ def test_learning_ends_with_the_best_run_where_no_servo_can_be_fitted():
             break
     assert taught.finished and taught.reason
     np.testing.assert_array_equal(taught.q, taught.runs[taught.best].q)
+
+
+def one_moves(servo, true, noise=1e-5):
+    """A lesson of a planar arm whose second joint stands still."""
+    arm = rods()
+    plan = smooth(ac.plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 0.9)]), arm), 0.02)
+    taught = ac.compensate(plan, servo, method="inverse")
+    done = ac.execute(taught, ac.ServoPlant(arm, true, saturation="none"))
+    return ac.learn(taught, log_of(done, noise), arm=arm, servo=servo)
+
+
+def test_a_joint_that_stands_still_keeps_its_servo():
+    found = one_moves(SERVO, SERVO.replace(kp=18.0, velocity_feedforward=0.5)).servo
+    assert (found.kp[1], found.kv[1]) == pytest.approx((25.0, 150.0), rel=1e-3)
+    assert found.velocity_feedforward[1] == pytest.approx(0.0, abs=1e-3)
+    assert found.velocity_feedforward[0] == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_servo_with_acceleration_feed_forward_is_learned_from():
+    """A start of the fit has no velocity feed-forward, which such a servo must have."""
+    servo = SERVO.replace(velocity_feedforward=0.9, acceleration_feedforward=0.5)
+    lesson = one_moves(servo, SERVO.replace(velocity_feedforward=0.3))
+    assert lesson.servo.velocity_feedforward[0] < 0.6
+    assert lesson.predicted < 0.5 * lesson.runs[0].rms
+
+
+LOOPS = {"kp": (22.0, 24.0), "kv": (140.0, 130.0), "dead_time": 3e-3}
+
+
+@pytest.mark.parametrize(
+    "servo",
+    [
+        ac.ServoModel(order=("second", "first"), kp=(25.0, 20.0), kv=(150.0, np.inf)),
+        ac.ServoModel(order=("delay", "second"), kp=(np.inf, 25.0), kv=(np.inf, 150.0)),
+        ac.ServoModel(order=("unknown", "first"), kp=(np.inf, 25.0)),
+        ac.ServoModel(order="delay", dead_time=8e-3),
+        ac.ServoModel(order="unknown"),
+        SERVO.replace(friction=1e-4),
+        SERVO.replace(cycle=4e-3),
+    ],
+    ids=lambda x: f"{x.order} {x.friction} {x.cycle}",
+)
+def test_learning_starts_from_any_servo(servo):
+    """The second run shows an error that is 30 times smaller; a third one the noise."""
+    arm = rods()
+    limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(2)
+    taught = ac.compensate(smooth(ac.plan(rounded(), arm, limits), 0.02), servo, method="inverse")
+    robot = ac.ServoPlant(arm, ac.ServoModel(**LOOPS), saturation="none")
+    errors = []
+    for k in range(2):
+        done = ac.execute(taught, robot)
+        errors.append(ac.evaluate(done, taught.trajectory.path).contour_error.rms)
+        taught = ac.learn(taught, log_of(done, 1e-5, k), arm=arm, servo=servo)
+    assert errors[1] < max(errors[0] / 30, 2e-6)

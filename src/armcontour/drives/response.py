@@ -143,7 +143,7 @@ def respond_along(
 ) -> Response:
     """The response of the nominal robot around a motion.
 
-    An arm with masses and a servo of order "second" respond as `Drives`, with viscous friction.
+    An arm with masses and servos all of order "second" respond as `Drives`, with viscous friction.
     Otherwise every joint responds as its servo, (6), and torques are in units of acceleration
     (order "first": of velocity; "delay" and "unknown": of position).
 
@@ -158,7 +158,7 @@ def respond_along(
     Raises:
         InvalidInput: The gains do not fit the arm.
     """
-    if arm.has_bodies and servo.kv is not None:
+    if arm.has_bodies and servo.is_plain("second"):
         drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, known=known)
         mass, damping, stiffness = drives.linear(*(motion(t, order) for order in range(3)))
         gain = drives.stiffness

@@ -22,6 +22,7 @@ LEARNING_UNITS = {
     "loop_noise": "rad",
     "predicted": "m",
     "set_points_off": "rad",
+    "encoder_shift": "rad",
     "offset": "s",
     "delay": "s",
     "repeats": "m",

@@ -160,7 +160,6 @@ def read_run_log(
     else:
         log = read_log(file, start=start, end=end, unwrap=unwrap, columns=columns, topic=topic)
         joints = list(log.joint_names)
-    log.refuse_gaps()
     order, matched = _arm_order(joints, joint_names, log.source, log.notes)
     return Log(
         t=log.t,
@@ -184,7 +183,6 @@ def _read_positions(
     q = samples.values
     # A log refuses wrapped angles and numbers that no joint has.
     log = cut(samples.t, q, q, start, end, joints, source=source, unwrap=unwrap)
-    log.refuse_gaps()
     order, matched = _arm_order(joints, joint_names, source)
     notes = (*samples.notes, *matched)
     return Recording(t=log.t, q=log.measured[:, order], source=source, notes=notes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -25,7 +26,8 @@ def read_taught(place: FilePath, job: Job, plan: RunResult) -> TaughtData:
     """The taught data in a file of set-points, with what was learned before.
 
     The set-points are those that the job makes, or those of the lesson in the same folder, exact to
-    the last bit. The file is compared with them, within its printed digits.
+    the last bit. The file is compared with them, within its printed digits. Set-points of a result
+    folder with the plan of the job are valid also if the servo of the job has changed since.
 
     Args:
         place: The file `taught.csv` of a run, or a result folder that has it.
@@ -38,17 +40,43 @@ def read_taught(place: FilePath, job: Job, plan: RunResult) -> TaughtData:
     name = plan.run.name
     file = verify_file(place, f"{name}/taught.csv") if place.is_dir() else place
     history = file.parent / LESSON
+    same_plan = place.is_dir() and _has_same_plan(place, job, plan)
     if not history.exists():
+        if same_plan and (found := _recorded(file, job, plan)) is not None:
+            return found
         again = f"the job {job.name} makes for its run {name}"
         mend = "give the job that made this file, with the same options"
         _refuse_other(file, job, plan.taught, again, mend)
         return plan.taught
     lesson = read_lesson(history, plan.trajectory)
-    _refuse_other_job(history, lesson, job, plan)
+    if not same_plan:
+        _refuse_other_job(history, lesson, job, plan)
     _refuse_other(
         file, job, lesson, f"{history.name} beside it has", "give both as learn wrote them"
     )
     return lesson
+
+
+def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:
+    """Whether a result folder has the planned motion of a run."""
+    file = verify_file(folder, f"{plan.run.name}/planned.csv")
+    found, duration = read_trajectory(file, job.arm.joint_names), plan.trajectory.duration
+    if abs(found.t[-1] - duration) > plan.taught.period or found.q.shape[1] != job.arm.dof:
+        return False
+    off = np.abs(found.q - plan.trajectory.with_rests(found.t)).max()
+    return bool(off <= found.resolution["q"] + SAME)
+
+
+def _recorded(file: FilePath, job: Job, plan: RunResult) -> TaughtData | None:
+    """Set-points of the file for the plan of a job; None if the job makes the same ones."""
+    found, now = read_trajectory(file, job.arm.joint_names), plan.taught
+    steps = np.abs(np.diff(found.t) - now.period)
+    same = found.q.shape == now.q.shape and abs(found.t[0] - now.t[0]) <= _near(found)
+    if steps.max() > 2 * _near(found):
+        return None
+    if same and np.abs(found.q - now.q).max() <= found.resolution["q"] + SAME:
+        return None
+    return replace(now, q=found.q, start_time=min(float(found.t[0]), 0.0), cut_off=None)
 
 
 def _refuse_other(file: FilePath, job: Job, taught: TaughtData, has: str, mend: str) -> None:

@@ -104,7 +104,7 @@ class LearningStudy:
                 f"The log of run 1 deviates by {before:.3g} mrad RMS from the servo of the job. "
                 f"Learning uses a servo from which it deviates by {after:.3g} mrad: {lesson.servo}."
             )
-        found += _other_set_points(lesson.runs[-1])
+        found += _other_set_points(lesson.runs[-1]) + _corrections(lesson.runs[-1])
         if describe_excess(self.plan.taught):
             found.append(
                 "The set-points exceed limits of the joints already before learning, so learning "
@@ -129,7 +129,7 @@ class LearningStudy:
                 whose = "learned from all runs"
             return f"Finished: {lesson.reason}; the set-points are {whose}, and {noise}."
         because = f" ({lesson.reason})" if lesson.reason else ""
-        expected = f"the next run should have {lesson.predicted * 1e3:.3g} mm RMS"
+        expected = f"the next run should have about {lesson.predicted * 1e3:.3g} mm RMS"
         return f"Go on{because}: {expected}; {noise}."
 
     def planned(self, t: FloatArray) -> FloatArray:
@@ -225,6 +225,26 @@ def _other_set_points(run: LearnedRun) -> list[str]:
         f"of the taught data, where the joints are {off * 1e3:.3g} mrad RMS off the plan: if the "
         "robot executed others, all figures of this run are wrong, so give these as --taught."
     ]
+
+
+def _corrections(run: LearnedRun) -> list[str]:
+    """Sentences on outliers and encoder offsets in the log of a run."""
+    found = []
+    if run.outliers:
+        found.append(
+            f"{run.source} has {run.outliers} outliers, which learning ignores: samples far from "
+            "those before and after them."
+        )
+    if run.encoder_shift is not None and run.encoder_shift.any():
+        shown = ", ".join(
+            f"joint {j + 1} by {run.encoder_shift[j] * 1e3:+.3g} mrad"
+            for j in np.flatnonzero(run.encoder_shift)
+        )
+        found.append(
+            f"Positions in {run.source} are shifted against the runs before: {shown}. Learning "
+            "takes this for an offset of the encoders; if the arm itself has shifted, begin again."
+        )
+    return found
 
 
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:

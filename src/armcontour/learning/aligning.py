@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import maximum_filter1d
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
@@ -36,6 +38,12 @@ OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
 FAR = 0.05
 # The median of absolute values of a normal distribution with standard deviation 1.
 MEDIAN = 0.6745
+# Size of outliers relative to the noise and to the range of samples between these quantiles, number
+# of passes that find them, and the largest share of all samples.
+OUTLIER, SPIKE, RANGE, PASSES, MOST_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
+# An encoder has a new offset if all deviations from the run before have one of so many times their
+# standard deviation, and of at least this [rad].
+SHIFTED, LEAST_SHIFT = 6.0, 1e-4
 # Differences that hardly see smooth motion.
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
@@ -57,9 +65,62 @@ def white_noise(values: FloatArray, smoothed: bool = False) -> FloatArray:
     return np.asarray(np.median(fourth, axis=0) / (MEDIAN * size))
 
 
+def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray, int]:
+    """Samples whose outliers are replaced by interpolation, and the number of the outliers.
+
+    An outlier differs from the cubic through its two neighbours on each side by OUTLIER times the
+    noise and by SPIKE of the range of most samples. Many such samples are no outliers.
+
+    Args:
+        values: Deviations of the joints [rad], (n, dof).
+        noise: Standard deviation of their white noise [rad], (dof,).
+    """
+    found, bad = values.copy(), np.zeros(values.shape, dtype=np.bool_)
+    low, high = np.quantile(values, RANGE, axis=0)
+    allowed = np.maximum(OUTLIER * noise, SPIKE * (high - low))
+    for _ in range(PASSES):
+        padded = np.pad(found, ((2, 2), (0, 0)), mode="edge")
+        far, near = padded[:-4] + padded[4:], padded[1:-3] + padded[3:-1]
+        off = np.abs(found - (4 * near - far) / 6)
+        # An outlier spoils the cubics of its neighbours, so only the largest one nearby counts.
+        new = (off > allowed) & (off >= maximum_filter1d(off, 5, axis=0))
+        if not new.any():
+            break
+        bad |= new
+        for j in np.flatnonzero(new.any(axis=0)):
+            rows = np.arange(len(values))
+            good = ~bad[:, j]
+            found[:, j] = np.interp(rows, rows[good], values[good, j])
+    if bad.mean() > MOST_OUTLIERS:
+        return values, 0
+    return found, int(bad.any(axis=1).sum())
+
+
+class Aligned(NamedTuple):
+    """A recording in time of the plan.
+
+    Attributes:
+        offset: Time of the plan when the clock of the recording was at 0 [s].
+        rate: Seconds of the plan in a second of the recording.
+        expected: Expected joint positions at the model's times [rad], (n, dof).
+        measured: Measured joint positions at these times [rad], (n, dof).
+        noise: Standard deviation of their white noise [rad], (dof,).
+        shift: Offset of each encoder since the run before [rad], (dof,); not in `measured`.
+        outliers: Number of samples that were ignored.
+    """
+
+    offset: float
+    rate: float
+    expected: FloatArray
+    measured: FloatArray
+    noise: FloatArray
+    shift: FloatArray
+    outliers: int
+
+
 def align(
-    recording: Recording, lifted: Lifted, taught: TaughtData
-) -> tuple[float, float, FloatArray, FloatArray, FloatArray]:
+    recording: Recording, lifted: Lifted, taught: TaughtData, expected: FloatArray | None = None
+) -> Aligned:
     """The clock of a recording, and the motion that the model expects in it.
 
     By the recorded set-points where there are some, and else by the expected motion: a dead time
@@ -69,10 +130,8 @@ def align(
         recording: What was measured.
         lifted: The model.
         taught: Set-points of the run.
-
-    Returns:
-        Offset [s] and rate, as `fit_to` gives them; expected and measured joint positions at the
-        model's times [rad], (n, dof), and the white noise of the measured ones [rad], (dof,).
+        expected: Joint positions that the run before lets expect at the model's times [rad],
+            (n, dof); those of the model by default, which do not show offsets of encoders.
 
     Raises:
         InvalidInput: The recording is too coarse or too short, or does not hold this motion; with
@@ -80,8 +139,8 @@ def align(
     """
     source, duration = recording.source, lifted.plan.duration
     servo = lifted.nominal.servo
-    fastest = servo.kp if servo.kv is None else np.sqrt(servo.kp * servo.kv)
-    allowed = 2 * math.pi / float(fastest.max()) / SAMPLES
+    loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
+    allowed = 2 * math.pi / float(np.sqrt(servo.kp * loops).max()) / SAMPLES
     if recording.interval > allowed:
         raise InvalidInput(
             f"{source} has a sample every {1e3 * recording.interval:.4g} ms, but the joints' loops "
@@ -90,7 +149,8 @@ def align(
             needed=recording.interval,
             allowed=allowed,
         )
-    expected = lifted.expected(taught.q)
+    has_forerunner = expected is not None
+    expected = lifted.expected(taught.q) if expected is None else expected
     offset, rate = 0.0, 1.0
     if not recording.in_plan_time:
         lasts = float(np.ptp(recording.t))
@@ -132,8 +192,18 @@ def align(
             f"0 to {duration:.4g} s: record the whole run, from before its first set-point until "
             "the arm rests."
         )
-    measured = lifted.at_times(t, recording.q, expected)
-    return offset, rate, expected, measured, white_noise(apart)
+    apart = recording.q - lifted.between(t, expected)
+    noise = white_noise(apart)
+    shift, outliers = np.zeros(lifted.dof), 0
+    if not recording.exact:
+        apart, outliers = replace_outliers(apart, noise)
+    if has_forerunner:
+        middle = np.median(apart, axis=0)
+        spread = np.median(np.abs(apart - middle), axis=0) / MEDIAN
+        sure = np.maximum(SHIFTED * np.maximum(spread, noise), LEAST_SHIFT)
+        shift = np.where(np.abs(middle) > sure, middle, 0.0)
+    measured = expected + lifted.bridge(t, apart - shift, noise)
+    return Aligned(offset, rate, expected, measured, noise, shift, outliers)
 
 
 def refuse_other_set_points(run: LearnedRun) -> None:

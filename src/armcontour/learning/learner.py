@@ -16,11 +16,12 @@ from armcontour.errors import CompensationError, InvalidInput
 from armcontour.learning import aligning
 from armcontour.learning.estimating import UNTESTED, Estimate, smooth_error, unexplained
 from armcontour.learning.lesson import LearnedRun, Lesson, Recording, record
-from armcontour.learning.lifted import Lifted, Nominal, rms
+from armcontour.learning.lifted import NEAR_BOUND, Lifted, Nominal, rms
 from armcontour.learning.servo_fit import fit_servo
 from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import SLACK, describe_excess, refuse_commands
 from armcontour.servo import ServoModel
+from armcontour.servo.model import LONGEST_DEAD_TIME
 
 # What the joints did in a run.
 Executed: TypeAlias = Execution | Log | Recording
@@ -30,6 +31,8 @@ Tool: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike] | None
 
 # Usual cycle time of a drive [s], where the recording does not tell.
 CYCLE = 2.5e-4
+# Position loop gain of a joint whose servo has none [1/s]: that of many industrial drives.
+TYPICAL_GAIN = 25.0
 # Learning ends after this many setbacks; each halves the step and forbids changes that are ten
 # times as slow.
 MOST_SETBACKS = 3
@@ -38,11 +41,15 @@ HALF, SLOWER = 0.5, 100.0
 # less than NO_STEP it gets none.
 SHORTER, NO_STEP = 0.8, 1e-6
 # Set-points may accelerate so many times as much as before learning, where this is above the limit
-# of the joint; smoother corrections, with a larger penalty, are tried before shorter ones.
-ROUGHER = 2.0
-SMOOTHINGS, SMOOTHER = 5, 10.0
-# Learning ends at a setback if the effect of the last change is off by more than this share.
-MOST_OFF = 1.0
+# of the joint. Joints that hardly move count as accelerating by RESTING times the fastest one.
+ROUGHER, RESTING = 2.0, 0.25
+# Learning ends at this setback if the effect of the last change is off by more than this share: by
+# the servo model, unless learning has reduced the first error to the share PROVEN with it.
+SETBACKS_OFF, MOST_OFF, PROVEN = 2, 1.0, 0.5
+# A lesson has learned nothing if limits of the set-points leave less than this share of the change.
+NO_GAIN = 0.05
+# Share of the error that the first lesson leaves, as a median, where its servo was fitted.
+FITTED = 0.1
 # A run is worse than another one, not noisy, by this many standard deviations.
 SURE = 3.0
 
@@ -131,8 +138,7 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
     """Runs as learning sees them, with times as the robot has them, before any estimate.
 
     Raises:
-        InvalidInput: There is no log, or positions of a tool with several; or learning knows no
-            such servo.
+        InvalidInput: There is no log, or positions of a tool with several.
     """
     if tool is not None:
         tool = _checks.listed("tool", tool, object, "times and positions of the tool", 2)
@@ -142,12 +148,7 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
             f"learn needs one log for positions of the tool, and at least one without: {len(logs)} "
             "are given."
         )
-    servo = nominal.servo.for_joints(nominal.arm.dof)
-    if not servo.is_plain("second", "first"):
-        raise InvalidInput(
-            "learn needs joint servos all of order second, or all of order first, without friction "
-            f"and cycle, but the servo has {servo}: give such a servo, which is fitted to the log."
-        )
+    servo = _linear(nominal.servo.for_joints(nominal.arm.dof))
     nominal = nominal._replace(servo=servo)
     if isinstance(taught, Lesson):
         nominal, misfits = nominal._replace(servo=taught.servo), taught.misfits
@@ -165,6 +166,25 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
     return seen, lifted
 
 
+def _linear(servo: ServoModel) -> ServoModel:
+    """The linear response of a servo with values per joint, which a fit can change.
+
+    Friction is learned, and a cycle delays by half of it. A joint that only delays its command is
+    one of order "first" with velocity feed-forward 1.
+    """
+    loop = np.isfinite(servo.kp)
+    orders = np.broadcast_to(servo.order, loop.shape)
+    return servo.replace(
+        order=tuple(np.where(loop, orders, "first")),
+        kp=np.where(loop, servo.kp, TYPICAL_GAIN),
+        velocity_feedforward=np.where(loop, servo.velocity_feedforward, 1.0),
+        acceleration_feedforward=np.where(loop, servo.acceleration_feedforward, 0.0),
+        dead_time=np.minimum(servo.dead_time + servo.cycle / 2, LONGEST_DEAD_TIME),
+        friction=0.0,
+        cycle=0.0,
+    )
+
+
 def _fit_model(
     taught: TaughtData, logs: Sequence[Executed], nominal: Nominal
 ) -> tuple[TaughtData, Lifted, tuple[float, float]]:
@@ -175,17 +195,19 @@ def _fit_model(
     change.
     """
     lifted = Lifted(taught, nominal)
-    errors, noises = [], []
+    errors, noises, interval = [], [], np.inf
     for log in logs:
         recording = record(log, taught)
-        *_, expected, measured, noise = aligning.align(recording, lifted, taught)
+        seen = aligning.align(recording, lifted, taught)
         if not recording.in_plan_time and recording.command is None:
             return taught, lifted, (0.0, 0.0)
-        noises.append(noise)
-        errors.append(measured - expected)
+        noises.append(seen.noise)
+        interval = min(interval, recording.interval)
+        errors.append(seen.measured - seen.expected)
     lead = lifted.reaching(taught.q) - lifted.planned
-    variance = float(np.mean(unexplained(np.mean(noises, axis=0), lead)))
-    servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance)
+    noise = np.mean(noises, axis=0)
+    variance = float(np.mean(unexplained(noise, lead)))
+    servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance, noise, interval)
     delay = float((servo.dead_time - nominal.servo.dead_time).max())
     early = max(int(delay / taught.period), 0) * taught.period
     taught = replace(taught, start_time=taught.start_time - early)
@@ -194,7 +216,13 @@ def _fit_model(
 
 def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: Tool) -> LearnedRun:
     """Errors of a run."""
-    offset, rate, expected, measured, noise = aligning.align(recording, lifted, taught)
+    expected = None
+    if isinstance(taught, Lesson) and not recording.exact:
+        before = taught.runs[taught.best]
+        error = smooth_error(lifted, before.error, before.noise)
+        expected = lifted.planned + error + lifted.respond(taught.q - before.q)
+    aligned = aligning.align(recording, lifted, taught, expected)
+    offset, rate, expected, measured, noise, shift, outliers = aligned
     error = measured - lifted.planned
     # Noise of positions in the joints' loops: exact positions show it in the command that explains
     # them; the encoders' noise hides it, but the loops have the same noise in every cycle.
@@ -215,6 +243,7 @@ def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: T
         offset=offset, rate=rate, source=recording.source,
         predicted=taught.predicted if isinstance(taught, Lesson) else None,
         set_points_off=aligning.set_points_off(at, recording.command, taught),
+        encoder_shift=shift, outliers=outliers,
         **lifted.judge(smooth)._asdict(),
     )  # fmt: skip
 
@@ -234,22 +263,31 @@ def _next_lesson(
     setbacks += is_setback
     step = HALF**setbacks * (known.step if earlier else 1.0)
     own = _limits_to_keep(seen, limits)
-    fastest = ROUGHER * _accelerations(runs[0].q, seen.period)
+    first = _accelerations(runs[0].q, seen.period)
+    fastest = ROUGHER * np.maximum(first, RESTING * first.max())
     if own.joint_acceleration is not None:
         slowest = np.minimum(*np.abs(own.acceleration_bounds(lifted.dof)))
         fastest = np.maximum(slowest, fastest)
     penalty = known.penalty * SLOWER**setbacks
-    for _ in range(SMOOTHINGS):
-        change, response = lifted.correct(known.error, penalty)
-        change = step * (known.q - best.q + change)
-        share, reason = keep_limits(replace(seen, q=best.q), change, own, fastest)
-        if "acceleration" not in reason:
-            break
-        penalty *= SMOOTHER
-    left = lifted.judge(max(known.off, UNTESTED) * response).rms
-    left += (1 - float(share.min()) * step) * known.repeats
+    # The set-points are `best.q + step (known.q - best.q + change)`.
+    offset, bend = known.q - best.q, fastest * seen.period**2 * (1 - NEAR_BOUND)
+    now_bent, from_there = (np.diff(x, 2, axis=0) for x in (best.q, offset))
+    least, most = ((x * bend - now_bent) / step - from_there for x in (-1, 1))
+    bounded = lifted.correct_within(known.error, penalty, least, most)
+    response, wanted = lifted.respond(bounded), lifted.correct(known.error, penalty)[0]
+    change = step * (offset + bounded)
+    share, reason = keep_limits(replace(seen, q=best.q), change, own, fastest)
+    # Learning slows down from run to run, as noise and friction take a larger share.
+    rest = FITTED if any(seen.misfits) else UNTESTED
+    rest = max(known.off, float(np.sqrt(min(now / before, 1.0)))) if earlier else rest
+    left = lifted.judge(rest * response).rms
+    lost = lifted.respond(step * (offset + wanted) - share * change)
+    left += lifted.judge(lost).rms + (1 - step) * known.repeats
     predicted = float(np.linalg.norm([left, known.differs / np.sqrt(len(runs)), known.noise]))
     end = _reason_to_finish(known, setbacks, is_setback)
+    early = last is None and seen.delay >= seen.period
+    if reason and not (end or early) and rms(share * change) < NO_GAIN * rms(change):
+        end = f"nothing was learned, because {reason}"
     finished, averaged = bool(end), known.is_noise and known.differs > 0
     return replace(
         seen, runs=runs, method="learning", setbacks=setbacks, finished=finished,
@@ -270,13 +308,15 @@ def _reason_to_finish(known: Estimate, setbacks: int, is_setback: bool) -> str:
     """Why no further lesson is expected to reduce the error; empty if one may."""
     if known.is_noise:
         return "what remains is noise"
-    if setbacks >= MOST_SETBACKS:
-        return f"{setbacks} changes made the error larger"
-    if is_setback and known.off > MOST_OFF:
+    if is_setback and setbacks >= SETBACKS_OFF and known.off > MOST_OFF:
+        if known.runs[known.best].rms < PROVEN * known.runs[0].rms:
+            return "what remains does not repeat"
         return (
             f"the last change made the error larger, and its effect differs by {known.off:.0%} "
             "from that of the servo model, so identify the servo"
         )
+    if setbacks >= MOST_SETBACKS:
+        return f"{setbacks} changes made the error larger"
     return ""
 
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._describing import brief, joint_rows, line_up, mm, several
+from armcontour._describing import brief, clock, joint_rows, line_up, mm, several
+from armcontour._sampling import GAP, describe_bursts
 from armcontour.errors import InvalidInput
 from armcontour.learning.lifted import Lifted
 from armcontour.motion import Execution, Log, TaughtData
@@ -18,6 +19,8 @@ from armcontour.servo import ServoModel
 MOST_LISTED = 10
 # Set-points of an execution differ from the taught ones by less than this [rad].
 SAME = 1e-9
+# Largest share of a recording that may be gaps.
+MOST_MISSED = 0.1
 
 
 @_checks.explain_calls
@@ -110,7 +113,6 @@ def record(executed: Execution | Log | Recording, taught: TaughtData) -> Recordi
             source="the execution",
         )
     elif isinstance(executed, Log):
-        executed.refuse_gaps()
         found = Recording(
             t=executed.t, q=executed.measured, command=executed.command, source=executed.source
         )
@@ -120,12 +122,38 @@ def record(executed: Execution | Log | Recording, taught: TaughtData) -> Recordi
         raise InvalidInput(
             f"learn needs an Execution, a Log or a Recording, not {type(executed).__name__}."
         )
+    _refuse_many_gaps(found)
     if found.q.shape[1] != taught.q.shape[1]:
         raise InvalidInput(
             f"{found.source} has {found.q.shape[1]} joints, but the taught data has "
             f"{taught.q.shape[1]}: give the log of this job."
         )
     return found
+
+
+def _refuse_many_gaps(recording: Recording) -> None:
+    """Refuse a recording that misses a large share of the run.
+
+    Raises:
+        InvalidInput: Gaps are longer than MOST_MISSED of it, or times come in bursts.
+    """
+    t, source = recording.t, recording.source
+    steps = np.diff(t)
+    if bursts := describe_bursts(t, source):
+        raise InvalidInput(bursts)
+    missed = float(steps[steps > GAP * recording.interval].sum())
+    allowed = MOST_MISSED * float(np.ptp(t))
+    if missed > allowed:
+        i = int(np.argmax(steps))
+        raise InvalidInput(
+            f"{source} has gaps of {missed:.3g} s in all, the longest of {steps[i]:.3g} s at "
+            f"t = {clock(t[i])} s, but learning bridges at most {allowed:.3g} s of this log: "
+            "record the run again.",
+            index=i,
+            t=float(t[i]),
+            needed=missed,
+            allowed=allowed,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -153,6 +181,9 @@ class LearnedRun:
         set_points_off: RMS by which the set-points in the log are beside those of the run [rad]; 0
             where the log has none.
         source: Where it comes from, for messages.
+        encoder_shift: Offset of each encoder since the best run before, which is not in `error`
+            [rad], (dof,); None if it was not estimated.
+        outliers: Number of samples of the log that were ignored.
     """
 
     q: FloatArray
@@ -170,6 +201,8 @@ class LearnedRun:
     predicted: float | None = None
     set_points_off: float = 0.0
     source: str = "the execution"
+    encoder_shift: FloatArray | None = None
+    outliers: int = 0
 
     def __post_init__(self) -> None:
         for name in ("q", "error", "noise", "loop_noise", "joint_rms", "joint_max"):

@@ -16,6 +16,7 @@ from scipy.sparse.linalg import splu
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._sampling import GAP, interpolate
 from armcontour.arms import Arm
 from armcontour.drives import Drives, mean_over_three, respond_along
 from armcontour.geometry import Path
@@ -31,6 +32,13 @@ AFTER = 3.0
 # Penalties are powers of ten within these, so that few factors serve all runs; the search starts at
 # the first one.
 PENALTIES, FIRST = (-8, 6), 1e-3
+# Steps of the search for what gaps of a log hold, and the relative error of the model there.
+BRIDGES, BRIDGED = 10, 1e-3
+# Factors that are kept: those of the last penalties, and as many as a search ends with.
+MOST_FACTORS = 3
+# Weight and number of steps of the search for bounded second differences, and its tolerance
+# relative to the bounds.
+BEND_WEIGHT, MOST_BENDS, NEAR_BOUND = 1.0, 100, 0.01
 
 
 class ToolError(NamedTuple):
@@ -50,7 +58,7 @@ class ToolError(NamedTuple):
 class Nominal(NamedTuple):
     """The nominal robot of which a lifted model is made, with fields as those of `Drives`.
 
-    With masses, and a servo of order "second", rigid bodies respond, else the servos alone.
+    With masses, and servos all of order "second", rigid bodies respond, else the servos alone.
     """
 
     arm: Arm
@@ -61,7 +69,7 @@ class Nominal(NamedTuple):
     @property
     def drives(self) -> Drives | None:
         """The drives that move rigid bodies; None if the servos alone respond."""
-        moved = self.arm.has_bodies and self.servo.kv is not None
+        moved = self.arm.has_bodies and self.servo.is_plain("second")
         return Drives(**self._asdict()) if moved else None
 
 
@@ -134,7 +142,7 @@ class Lifted:
             self._response = near._response.of_drives(near.nominal.drives, drives)
         self._left = self._response.equations()
         self._solve = splu(self._left, permc_spec="NATURAL")
-        self._factors: dict[float, tuple[Any, IntArray, float]] = {}
+        self._factors: dict[tuple[float, float], tuple[Any, IntArray, float]] = {}
 
     def _terms(self, shift: float = 0.0) -> list[_Term]:
         """Terms of the command that reaches the drives, with feed-forward."""
@@ -240,6 +248,41 @@ class Lifted:
         change = found[rows:].reshape(self.count, self.dof, *cases)
         return change, (-flat - self._left.T @ found[:rows]).reshape(error.shape)
 
+    def correct_within(
+        self, error: FloatArray, penalty: float, least: FloatArray, most: FloatArray
+    ) -> FloatArray:
+        """The change that `correct` gives, with bounded second differences [rad], (count, dof).
+
+        The alternating direction method of multipliers stops at the first change that satisfies the
+        bounds to NEAR_BOUND.
+
+        Args:
+            error: Errors of the joints at the times [rad], (n, dof).
+            penalty: As in `correct`.
+            least: Lower bounds of the second differences of the change [rad], (count - 2, dof).
+            most: Upper bounds [rad], (count - 2, dof).
+        """
+        change = self.correct(error, penalty)[0]
+        bends, dual, weight = np.diff(change, 2, axis=0), np.zeros_like(least), BEND_WEIGHT
+        if np.all((bends >= least) & (bends <= most)):
+            return change
+        rows, near = error.size, NEAR_BOUND * (most - least) / 2
+        fixed = -(self._left @ error.ravel())
+        for _ in range(MOST_BENDS):
+            factors, order, _ = self._factored(penalty, weight)
+            bounded = np.clip(bends + dual, least, most)
+            pull = np.zeros((self.count, self.dof))
+            for shift, sign in enumerate((1.0, -2.0, 1.0)):
+                pull[shift : shift + len(dual)] -= weight * sign * (bounded - dual)
+            right, found = np.append(fixed, pull.ravel()), np.empty(len(order))
+            found[order] = factors.solve(right[order])
+            change = found[rows:].reshape(self.count, self.dof)
+            bends = np.diff(change, 2, axis=0)
+            dual += bends - bounded
+            if np.all((bends >= least - near) & (bends <= most + near)):
+                break
+        return change
+
     def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
         """The part of an error that a disturbance of the drives explains [rad], (n, dof).
 
@@ -249,33 +292,36 @@ class Lifted:
         """
         return -self.correct(error, penalty)[1]
 
-    def _factored(self, penalty: float) -> tuple[Any, IntArray, float]:
+    def _factored(self, penalty: float, weight: float = 0.0) -> tuple[Any, IntArray, float]:
         """Factors of the optimality conditions, the order of time, and the log of the determinant.
 
         The conditions are those of a minimum over x and du with the multipliers y of
         `A x = B du`, from which `x = -error - A' y` is eliminated: AA' and B above B' and
-        -penalty L'L. They are quasi-definite, so that no pivots are needed.
+        -penalty L'L, and -weight D'D of second differences D. They are quasi-definite, so that no
+        pivots are needed.
         """
-        if penalty not in self._factors:
-            conditions, jumps, order = self._conditions
+        key = penalty, weight
+        if key not in self._factors:
+            while len(self._factors) >= MOST_FACTORS:
+                del self._factors[next(iter(self._factors))]
+            conditions, jumps, bends, order = self._conditions
             factors = splu(
-                conditions - penalty * jumps,
+                conditions - penalty * jumps - weight * bends,
                 permc_spec="NATURAL",
                 diag_pivot_thresh=0.0,
                 options={"SymmetricMode": True},
             )
             size = float(np.log(np.abs(factors.U.diagonal())).sum())
-            self._factors[penalty] = factors, order, size
-        return self._factors[penalty]
+            self._factors[key] = factors, order, size
+        return self._factors[key]
 
     @cached_property
-    def _conditions(self) -> tuple[csc_array, csc_array, IntArray]:
-        """The conditions of `_factored` without penalty, L'L, and the order of time."""
+    def _conditions(self) -> tuple[csc_array, csc_array, csc_array, IntArray]:
+        """The conditions of `_factored` without penalties, L'L, D'D, and the order of time."""
         n, size = len(self.t) * self.dof, self.count * self.dof
         rows = size - self.dof
-        jump = eye_array(rows, size, k=self.dof) - eye_array(rows, size)
-        # An array of no entries has the shape of the multipliers.
-        jumps = block_diag([csc_array((n, n)), jump.T @ jump], format="csc")
+        jump = csc_array(eye_array(rows, size, k=self.dof) - eye_array(rows, size))
+        bend = jump[: rows - self.dof, :rows] @ jump
         index, weight = (
             np.hstack(x) for x in zip(*map(self._interpolated, self._terms()), strict=True)
         )
@@ -284,10 +330,16 @@ class Lifted:
         right = self._means @ weights
         blocks: Any = [[self._left @ self._left.T, right], [right.T, None]]
         taught = self.start + np.arange(self.count)[:, None] * self.period
-        reached = (taught + self.nominal.servo.dead_time).ravel()
-        order = np.argsort(np.append(np.repeat(self.t, self.dof), reached), kind="stable")
-        conditions = csc_array(block_array(blocks))[order][:, order]
-        return csc_array(conditions), csc_array(jumps[order][:, order]), order
+        reached = taught + self.nominal.servo.dead_time
+        # The last set-point holds until the end: eliminated earlier, it would couple all of it.
+        reached[-1] = np.inf
+        order = np.argsort(np.append(np.repeat(self.t, self.dof), reached.ravel()), kind="stable")
+        # An array of no entries has the shape of the multipliers.
+        none = csc_array((n, n))
+        jumps, bends = (block_diag([none, x.T @ x], format="csc") for x in (jump, bend))
+        parts = csc_array(block_array(blocks)), jumps, bends
+        conditions, jumps, bends = (csc_array(x[order][:, order]) for x in parts)
+        return conditions, jumps, bends, order
 
     def choose_penalty(self, error: FloatArray, variance: float, first: float = FIRST) -> float:
         """The power of ten that explains an error best, with which noise is not learned.
@@ -355,6 +407,30 @@ class Lifted:
         """
         difference = q - self.between(t, expected)
         return expected + np.asarray(CubicSpline(t, difference)(np.clip(self.t, t[0], t[-1])))
+
+    def bridge(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
+        """Deviations at the model's times, of deviations at the times of a log [rad], (n, dof).
+
+        In gaps of the log they are those that the model explains best together with all others, by
+        expectation and maximization.
+
+        Args:
+            t: Times of the plan [s], (m,).
+            deviation: Deviations from the expected motion [rad], (m, dof).
+            noise: Standard deviation of their white noise [rad], (dof,).
+        """
+        found = np.asarray(CubicSpline(t, deviation)(np.clip(self.t, t[0], t[-1])))
+        after = np.clip(np.searchsorted(t, self.t), 1, len(t) - 1)
+        wide = np.diff(t)[after - 1] > GAP * np.median(np.diff(t))
+        missing = wide & (self.t > t[0]) & (self.t < t[-1])
+        if not missing.any():
+            return found
+        found[missing] = interpolate(self.t[missing], t, deviation)
+        variance = max(float(np.mean(noise**2)), BRIDGED**2 * float(np.mean(found**2)))
+        penalty = self.choose_penalty(found, variance)
+        for _ in range(BRIDGES):
+            found[missing] = self.smooth(found, penalty)[missing]
+        return found
 
     def judge(self, error: FloatArray) -> ToolError:
         """Errors of the tool that errors of the joints make.

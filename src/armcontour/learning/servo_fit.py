@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray
 from armcontour.learning.lifted import Lifted
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
+from armcontour.servo.model import GAINS, LONGEST_DEAD_TIME
 
 # Usual time between two times of the response in the first fits [s].
 STEP = 4e-3
 # Largest factor between a fitted gain and that of the model.
 MOST_FACTOR = 5.0
-# Largest feed-forward.
-MOST_F = 1.5
+# Smallest feed-forward of a joint with acceleration feed-forward, and largest of any.
+LEAST_F, MOST_F = 1e-3, 1.5
 # Fits start from the feed-forward of the model and from these.
 STARTS = (0.0, 0.9)
 # Longest dead time [s]; no controller for contouring has more.
@@ -23,6 +24,8 @@ LONGEST_DELAY = 0.05
 # Standard deviations before the log is known: of logarithms of gains and of the feed-forward, and
 # of the dead time [s].
 PRIOR, DELAY_PRIOR = 0.5, 0.01
+# The same for joints that do not move: less than MOVES times their noise, or than STILL [rad].
+KNOWN, MOVES, STILL = 1e-6, 10.0, 1e-6
 # The penalty with which the first fits take all deviations for noise or the servo.
 NO_DISTURBANCE = 1e4
 # Most evaluations of a fit from each start, and of each of the fits that follow from the best.
@@ -30,13 +33,18 @@ FIRST, ROUNDS, NEXT = 8, 2, 20
 # Damping of the Levenberg-Marquardt method, relative to the diagonal: at first, and at most.
 DAMPING, MOST_DAMPING = 1e-3, 1e6
 # A search ends where a step gains less than this of twice the log likelihood.
-SETTLED = 1e-2
+SETTLED = 1e-1
 # Gain of twice the log likelihood per joint that a fitted servo needs.
 LEAST_GAIN = 20.0
 
 
 def fit_servo(
-    taught: TaughtData, lifted: Lifted, error: FloatArray, variance: float
+    taught: TaughtData,
+    lifted: Lifted,
+    error: FloatArray,
+    variance: float,
+    noise: FloatArray,
+    interval: float,
 ) -> tuple[ServoModel, tuple[float, float]]:
     """Servo model that the log of a run supports; that of `lifted` if no other is more probable.
 
@@ -49,6 +57,9 @@ def fit_servo(
         lifted: Response with the nominal servo.
         error: Measured deviation from the expected motion at these times [rad], (n, dof).
         variance: Variance of the white noise in them [rad²].
+        noise: Standard deviation of the measurement noise [rad], (dof,). Joints that move less
+            than MOVES times this, or than STILL, keep the nominal servo.
+        interval: Time between two samples of the log [s].
 
     Returns:
         The servo, and the RMS deviation of the joints from the motion with the nominal servo and
@@ -56,8 +67,13 @@ def fit_servo(
     """
     every = max(round(STEP / lifted.step), 1)
     few = Lifted(taught, lifted.nominal, lifted.t[::every])
-    coarse = _Fit(taught, few, error[::every], variance)
-    fit = _Fit(taught, lifted, error, variance)
+    still = np.ptp(lifted.planned, axis=0) < np.maximum(MOVES * noise, STILL)
+    coarse = _Fit(taught, few, error[::every], variance, still)
+    # More times than two in an interval of the log say nothing more.
+    fine = max(int(min(interval / 2, STEP) / lifted.step * (1 + 1e-9)), 1)
+    if fine > 1:
+        lifted, error = Lifted(taught, lifted.nominal, lifted.t[::fine]), error[::fine]
+    fit = _Fit(taught, lifted, error, variance, still)
     # Without changes, and with each feed-forward.
     dof, starts = lifted.dof, np.zeros((1 + len(STARTS), len(fit.spread)))
     starts[1:, dof : 2 * dof] = np.subtract.outer(STARTS, fit.nominal.velocity_feedforward)
@@ -89,25 +105,41 @@ class _Fit:
     """
 
     def __init__(
-        self, taught: TaughtData, lifted: Lifted, error: FloatArray, variance: float
+        self,
+        taught: TaughtData,
+        lifted: Lifted,
+        error: FloatArray,
+        variance: float,
+        still: BoolArray,
     ) -> None:
         self.taught, self.lifted = taught, lifted
         self.measured = lifted.expected(taught.q) + error
         self.deviation, self.penalty = float(np.sqrt(variance)), NO_DISTURBANCE
         self.nominal, self.dof = lifted.nominal.servo, lifted.dof
         spread = [PRIOR, PRIOR, np.inf, PRIOR][: 3 if self.nominal.kv is None else 4]
-        self.spread = np.append(np.repeat(spread, self.dof), DELAY_PRIOR)
+        each = np.where(still, KNOWN, np.array(spread)[:, None])
+        if self.nominal.kv is not None:
+            each[3, np.isinf(self.nominal.kv)] = KNOWN
+        self.spread = np.append(each.ravel(), DELAY_PRIOR)
         self._last = np.zeros(len(self.spread)), lifted
 
     def servo(self, x: FloatArray) -> ServoModel:
         """The servo of parameters."""
         b, a, _, *c = x[:-1].reshape(-1, self.dof)
         nominal = self.nominal
+        # A servo with acceleration feed-forward has velocity feed-forward, too.
+        least = np.where(nominal.acceleration_feedforward > 0, LEAST_F, 0.0)
+        kv = nominal.kv
+        if kv is not None:
+            changed = np.clip(kv * (1 + b) / (1 + c[0]), *GAINS)
+            kv = np.where(np.isinf(kv), kv, changed)
         return nominal.replace(
-            kp=nominal.kp / (1 + b),
-            kv=None if nominal.kv is None else nominal.kv * (1 + b) / (1 + c[0]),
-            velocity_feedforward=np.clip((nominal.velocity_feedforward + a) / (1 + b), 0.0, MOST_F),
-            dead_time=np.maximum(nominal.dead_time + x[-1], 0.0),
+            kp=np.clip(nominal.kp / (1 + b), *GAINS),
+            kv=kv,
+            velocity_feedforward=np.clip(
+                (nominal.velocity_feedforward + a) / (1 + b), least, MOST_F
+            ),
+            dead_time=np.clip(nominal.dead_time + x[-1], 0.0, LONGEST_DEAD_TIME),
         )
 
     def response(self, x: FloatArray) -> Lifted:
