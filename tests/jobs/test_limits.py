@@ -101,16 +101,11 @@ def test_a_job_and_python_have_the_same_plan(name):
 @pytest.mark.parametrize("lift", ["inf", ".inf", "none"])
 def test_infinity_lifts_a_limit_in_jobs_and_in_python(lift):
     arm = ac.load_arm("panda")
-    for name in (*JOINT_LIMITS, *TOOL_LIMITS):
+    for name in (*JOINT_LIMITS, *JOINT_RANGE, *TOOL_LIMITS):
         (of_job,) = (x.limits for x in job_of("panda", {name: lift}).runs)
         of_call = resolve_limits("a test", arm, ac.Limits(**{name: math.inf}))
         for limits in (of_job, of_call, resolve_limits("again", arm, of_call)):
             assert getattr(limits, name) is None and limits.lifted == {name}
-    for name, end in zip(JOINT_RANGE, (-math.inf, math.inf), strict=True):
-        (of_job,) = (x.limits for x in job_of("panda", {name: lift}).runs)
-        of_call = resolve_limits("a test", arm, ac.Limits(**{name: math.inf}))
-        for limits in (of_job, of_call):
-            np.testing.assert_array_equal(getattr(limits, name), np.full(7, end))
 
 
 def test_null_is_not_given_and_a_run_replaces_limits_of_its_job():
