@@ -107,6 +107,7 @@ CoulombFrictions = Annotated[FloatArray, COULOMB]
 JointStiffnesses = Annotated[FloatArray, Quantity("N m/rad", "2e4 N m/rad", "positive")]
 JointDampings = Annotated[FloatArray, Quantity("N m s/rad", "2 N m s/rad", "not negative")]
 Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive", endless=True)]
+IntegralGains = Annotated[FloatArray, Quantity("1/s", "5 1/s", "not negative")]
 OwnAccelerations = Annotated[
     FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", endless=True)
 ]

@@ -5,12 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from soak.identification import LIMIT, NOISE, commands, move, multisine
 
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.identification import Log, identify
 from armcontour.io.log_file import read_log
+from armcontour.io.servo_file import servo_yaml
+from armcontour.servo.simulation import JointServo, LoggedCommand, follow
 
 KR300 = Path(__file__).parent / "kuka_kr300"
 TRUTH = {"kp": 25.0, "kv": 150.0, "delay": 12.3e-3}
@@ -249,3 +252,66 @@ def test_a_saturating_step_shows_the_limit():
     log = log_of(1, NOISE, t=t[:1500], u=u[:1500], limit=LIMIT, **TRUTH)
     joint = identify(log, model="second").joints[0]
     assert joint.acceleration_limit.value == pytest.approx(LIMIT, rel=0.01)
+
+
+@pytest.mark.parametrize(("kv", "interval"), [(100.0, 12e-3), (150.0, 8e-3)])
+def test_velocity_gains_do_not_need_a_sample_in_their_time_constant(kv, interval):
+    t, u = shaken(6.0, interval, 1)
+    y = follow(LoggedCommand(t, u), JointServo(25.0, kv), 0.0, 0.0)
+    joint = identify(Log(t=t, command=u, measured=y)).joints[0]
+    assert joint.order == "second" and joint.written
+    assert joint.kp.value == pytest.approx(25.0, rel=0.01)
+    assert joint.kv.value == pytest.approx(kv, rel=0.01)
+
+
+def test_a_second_order_is_found_at_jittering_times():
+    logs, truth = [], JointServo(12.9, 129.5, velocity_feedforward=0.871, dead_time=4.95e-3)
+    for seed in (1, 2):
+        random = np.random.default_rng(seed)
+        t, u = shaken(6.0, 8e-3, seed)
+        times = t + np.append(0.0, random.uniform(-1e-3, 1e-3, len(t) - 1))
+        u = np.interp(times, t, u)
+        y = follow(LoggedCommand(times, u), truth, 0.0, 0.0)
+        logs.append(Log(t=times, command=u, measured=y + random.normal(0, 1e-5, len(t))))
+    joint = identify(logs, model="second").joints[0]
+    assert joint.written and joint.share < 0.01
+    assert joint.kv.value == pytest.approx(129.5, rel=0.02)
+    assert joint.dead_time.value == pytest.approx(4.95e-3, abs=1e-4)
+
+
+def test_a_position_gain_at_its_bound_is_no_model():
+    """The time constant of 50 s is longer than the log: only the feed-forward is visible."""
+    t, u = shaken(6.0, 4e-3, 1)
+    y = follow(LoggedCommand(t, u), JointServo(0.02, velocity_feedforward=0.9), 0.0, 0.0)
+    joint = identify(Log(t=t, command=u, measured=y), model="first").joints[0]
+    assert not joint.written and "bounds" in joint.note
+
+
+@pytest.mark.parametrize(
+    "truth",
+    [
+        JointServo(11.6, 99.9, 0.0, 0.0, 2.25e-3, friction=4.25e-4, ki=5.92),
+        # Without the exchange of its gains the fit ends at kp 14.9 and ki 7.6.
+        JointServo(5.83, 82.9, 0.987, 0.0, 9e-3, friction=5.3e-4, ki=16.5),
+    ],
+)
+def test_a_cascade_is_found_and_predicts_other_programs(truth):
+    logs = []
+    for seed in range(3):
+        t, u = shaken(6.0, 4e-3, seed)
+        y = follow(LoggedCommand(t, u), truth, float(u[0]), 0.0)
+        y += np.random.default_rng(seed + 100).normal(0, 1e-5, len(t))
+        logs.append(Log(t=t, command=u, measured=y, source=f"{seed}.csv"))
+    found = identify(logs[:2])
+    joint = found.joints[0]
+    for name in joint.parameters:
+        x = getattr(joint, name)
+        assert abs(x.value - getattr(truth, name)) < 4.5 * x.sd, name
+        assert x.determined, name
+    assert joint.ki.value == pytest.approx(truth.ki, rel=0.01)
+    assert math.isnan(joint.velocity_feedforward.value) == (truth.velocity_feedforward == 0)
+    assert found.predict(logs[2]).rms[0] < 1.1e-5
+    servo = found.servo_model()
+    assert servo.ki[0] == pytest.approx(joint.ki.value, rel=1e-5)
+    written = yaml.safe_load(servo_yaml(found))["servo"]
+    assert written["ki"] == [pytest.approx(truth.ki, rel=0.01)] and written["order"] == ["second"]

@@ -277,8 +277,8 @@ BASES: list[dict[str, Any]] = [
     PLANE,
     _with(
         PLANE,
-        plant={**SERVO, "dead_time": 0.0, "inertia": 1.0, **_FED},
-        servo={"dead_time": 0.0, "inertia": 1.0, **_FED},
+        plant={**SERVO, "dead_time": 0.0, "inertia": 1.0, "ki": 1.0, **_FED},
+        servo={"dead_time": 0.0, "inertia": 1.0, "ki": 1.0, **_FED},
         experiment={
             "step": 2.5e-4,
             "noise": 0.0,

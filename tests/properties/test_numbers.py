@@ -87,7 +87,10 @@ def check_field(place, words, folder):
             if "\n" in said or not (key or any(x in said for x in WITHOUT_KEY)):
                 yield f"{shown(place)}: {word}: {said}"
         # What is no finite number is refused in any field, but for text where that may stand; and
-        # infinity where it lifts a limit, or stands for a loop without a delay.
+        # infinity where it lifts a limit, or stands for a loop without a delay. An end of a range
+        # that is infinite is no end, whatever its sign.
+        elif word == "-inf" and set(place) & {"joint_lower", "joint_upper"}:
+            continue
         elif word in ("nan", "-inf") or (word == "inf" and not set(place) & MAY_BE_ENDLESS):
             yield f"{shown(place)}: {word} is read"
 

@@ -21,6 +21,7 @@ def test_a_joint_that_cannot_be_simulated_is_named():
                 interpolation=interpolation,
                 has_feedforward=False,
                 friction=np.zeros(2),
+                ki=np.zeros(2),
                 cycle=0.0,
             )
             run = Simulation(q, 4e-3, servo)

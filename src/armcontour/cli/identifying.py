@@ -28,6 +28,7 @@ PREDICTED = ["joint", "tracking error [mrad]", "predicted to [mrad]", "at most [
 SHOWN = {
     "kp": "K_p [1/s]",
     "kv": "K_v [1/s]",
+    "ki": "k_i [1/s]",
     "velocity_feedforward": "f",
     "acceleration_feedforward": "g",
     "dead_time": "dead time",

@@ -42,8 +42,9 @@ def compensate(
     interpolation "step". The taught data then starts before time 0, at the start of the plan.
 
     Velocity feed-forward f leaves a transient of the set-points after the plan, with the time
-    constant `f / kp`. After 1 s or 20 % of the motion it is cut off: set-points fade to the end of
-    the plan, and `TaughtData.cut_off` bounds the errors of the joints after it.
+    constant `f / kp`, and an integrator one with `1 / ki`. After 1 s or 20 % of the motion it is
+    cut off: set-points fade to the end of the plan, and `TaughtData.cut_off` bounds the errors of
+    the joints after it.
 
     Args:
         trajectory: Trajectory that the joints should follow.
@@ -72,7 +73,7 @@ def compensate(
         InvalidInput: An argument has the wrong type, a method or option is unknown, gains do not
             fit the joints or the interval, the interval is longer than the motion, the set-points
             are too many, "inverse_dynamics" has no arm with masses, or it or "pole_placement" has a
-            servo with joints of another order than "second", friction or a cycle.
+            servo with joints of another order than "second", an integrator, friction or a cycle.
         CompensationError: Poles are not stable, or set-points exceed the given limits.
 
     Warns:
@@ -165,7 +166,7 @@ def _set_points(
     if method == "none":
         return 0.0, _as_planned(trajectory, period), None
     start, q = _without_feedforward(trajectory, servo, period, method, arm, options)
-    if not servo.has_feedforward:
+    if not servo.has_feedforward and not servo.ki.any():
         return start, q, None
     from armcontour.compensation.feedforward import for_feedforward
 
@@ -213,7 +214,7 @@ def set_point_count(
     total = duration
     if method != "none":
         total += float(servo.dead_time.max()) + period
-        if servo.has_feedforward:
+        if servo.has_feedforward or servo.ki.any():
             from armcontour.compensation.feedforward import tail_duration
 
             total += tail_duration(servo, duration)

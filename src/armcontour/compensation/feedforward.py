@@ -1,4 +1,4 @@
-"""Set-points for a servo with feed-forward, from those for the same servo without.
+"""Set-points for a servo with feed-forward, and tails of set-points after a motion.
 
 See docs/concepts/compensation.md.
 """
@@ -8,15 +8,19 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.compensation.set_points import SETTLING
+from armcontour.compensation.set_points import (
+    SETTLING,
+    integrator_filter,
+    integrator_tail,
+    longest_tail,
+)
 from armcontour.servo import ServoModel
 from armcontour.servo.simulation import Simulation, polynomials
 
 # What a set-point leaves of the end of the motion after its tail [rad].
 SETTLED = 1e-10
-# Longest tail [s], and as a share of the motion; longer ones are cut off.
-LONGEST_TAIL = 1.0
-TAIL_SHARE = 0.2
+# Time constants for which the response to a cut-off is simulated after it.
+SETTLING_OF_INTEGRATORS = 3.0
 # Corrections of the first solution for cubics, of which each leaves a small share of the error, and
 # the error at which they end [rad].
 MOST_CORRECTIONS = 50
@@ -45,7 +49,8 @@ def for_feedforward(
         time constant `velocity_feedforward / kp`. And the largest error of each joint because the
         transient is cut off [rad], (dof,); None if it is not.
     """
-    allowed = max(int(_longest_tail(duration) / period), 1)
+    allowed = max(int(longest_tail(duration) / period), 1)
+    done = len(plain) - integrator_tail(servo, duration, period)
     rows = int(np.ceil(min(tail_duration(servo, duration) / period, allowed) + SETTLING))
     # What compensates friction is a part of the set-points.
     frictionless = servo.replace(friction=0.0)
@@ -60,10 +65,10 @@ def for_feedforward(
             if np.abs(error).max() <= EXACT:
                 break
     moves = np.flatnonzero((np.abs(found - plain[-1]) > SETTLED).any(axis=1))
-    length = max(len(plain), moves[-1] + 2 if len(moves) else 0)
-    if length > len(plain) + allowed:
-        found = found[: len(plain) + allowed]
-        return found, _fade(found[len(plain) :], plain[-1], period, servo)
+    length = max(done, moves[-1] + 2 if len(moves) else 0)
+    if length > done + allowed:
+        found = found[: done + allowed]
+        return found, _fade(found[done:], plain[-1], period, servo)
     found = found[:length]
     found[-1] = plain[-1]
     return np.asarray(found), None
@@ -76,12 +81,8 @@ def tail_duration(servo: ServoModel, duration: float) -> float:
         servo: Servo model with values per joint.
         duration: Duration of the motion [s].
     """
-    return min(SETTLING * float(servo.lead[0].max()), _longest_tail(duration))
-
-
-def _longest_tail(duration: float) -> float:
-    """Time after a motion at which its tail is cut off [s]."""
-    return min(LONGEST_TAIL, TAIL_SHARE * duration)
+    longest = longest_tail(duration)
+    return longest if servo.ki.any() else min(SETTLING * float(servo.lead[0].max()), longest)
 
 
 def _fade(tail: FloatArray, last: FloatArray, period: float, servo: ServoModel) -> FloatArray:
@@ -93,9 +94,14 @@ def _fade(tail: FloatArray, last: FloatArray, period: float, servo: ServoModel) 
     share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, len(tail) + 1) / len(tail))
     left_out = np.pad((last - tail) * share[:, None], ((1, 0), (0, 0)))
     tail += left_out[1:]
+    if servo.ki.any():
+        # An integrator overshoots afterwards.
+        more = int(np.ceil(SETTLING_OF_INTEGRATORS / (servo.slowest * period)))
+        left_out = np.pad(left_out, ((0, more), (0, 0)), mode="edge")
     still = np.zeros(tail.shape[1])
     prompt = servo.replace(dead_time=still, friction=still)
-    q, dq, _ = np.abs(Simulation(left_out, period, prompt).run(0, len(tail), still, still).states).T
+    run = Simulation(left_out, period, prompt).run(0, len(left_out) - 1, still, still)
+    q, dq, _ = np.abs(run.states).T
     change = np.abs(np.diff(left_out, axis=0)).max(axis=0)
     # Between results, after the last one, and as friction changes its sign.
     between = dq.max(axis=0) * period / 2 + servo.velocity_feedforward * change
@@ -129,6 +135,11 @@ def _solved(means: FloatArray, period: float, servo: ServoModel) -> FloatArray:
             found[:-1, j] = lfilter([1.0], [1 + first, -first], means[1:, j])
             found[-1, j] = means[-1, j]
             continue
-        equation = [0.5 + first + second, 0.5 - first - 2 * second, second]
-        found[:, j] = lfilter([1.0], equation, means[:, j])
+        line, bend = np.array([0.5 + first, 0.5 - first]), second * np.array([1.0, -2.0, 1.0])
+        shares = np.ones(1)
+        if servo.ki[j]:
+            # The integrator acts against acceleration feed-forward.
+            share, shares = integrator_filter(servo.ki[j], period)
+            line, bend = np.convolve(line, shares), np.convolve(bend, share)
+        found[:, j] = lfilter(shares, np.polynomial.polynomial.polyadd(line, bend), means[:, j])
     return found

@@ -10,11 +10,15 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour.motion import Trajectory
 from armcontour.servo import ServoModel
+from armcontour.servo.model import sliding
 
 # Set-points closer than this to a break of the trajectory, in command intervals, are at the break.
 SNAP = 1e-9
 # Set-points continue after the motion for this many time constants, until the rest has decayed.
 SETTLING = 36.0
+# Longest tail of set-points after a motion [s], and as a share of it; longer ones are cut off.
+LONGEST_TAIL = 1.0
+TAIL_SHARE = 0.2
 # A mean over a command interval T differs from the value by T² / 24 of the second derivative,
 # interpolation by lines by T² / 12 more, and held set-points, which are means again, by T² / 24.
 BIAS = {"linear": 1 / 8, "step": 1 / 12, "cubic": 1 / 24}
@@ -135,19 +139,64 @@ def inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[f
         (n, dof).
     """
     final = trajectory([trajectory.duration], side="left")
+    tail = np.zeros((integrator_tail(servo, trajectory.duration, period), trajectory.dof))
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
         t = times.inside
         if len(t) and times.after_end < period / 2:
             # The interval about the next set-point still has a part of the motion.
             t = np.append(t, trajectory.duration + times.after_end)
-        found = servo.command(*_means(trajectory, t, period))
-        found -= BIAS[servo.interpolation] * _bends(found, trajectory, t, period)
+        q, dq, ddq = _means(trajectory, t, period)
+        q, ends = np.concatenate([q, tail + final]), np.concatenate([dq, tail])
+        ddq = _without_integral(ends, np.concatenate([ddq, tail]), servo, period)
+        found = servo.command(q, ends, ddq)
+        inside = found[: len(t)]
+        inside -= BIAS[servo.interpolation] * _bends(inside, trajectory, t, period)
         return np.concatenate([found, final])[:, joints]
 
     return advance_set_points(
         trajectory, time_advances(servo, period), period, command, from_rest=True
     )
+
+
+def integrator_tail(servo: ServoModel, duration: float, period: float) -> int:
+    """Number of set-points after a motion that empty the integrators of the servo.
+
+    Args:
+        servo: Servo model with values per joint.
+        duration: Duration of the motion [s].
+        period: Command interval [s].
+    """
+    return int(longest_tail(duration) / period) + 2 if servo.ki.any() else 0
+
+
+def longest_tail(duration: float) -> float:
+    """Time after a motion at which its tail is cut off [s]."""
+    return min(LONGEST_TAIL, TAIL_SHARE * duration)
+
+
+def integrator_filter(ki: float, period: float) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator, in z, of means over intervals of `s / (s + ki)` of means."""
+    rest = np.exp(-ki * period)
+    mean = -np.expm1(-ki * period) / (ki * period)
+    return mean * np.array([1.0, -1.0]), np.array([1.0, -rest])
+
+
+def _without_integral(
+    dq: FloatArray, ddq: FloatArray, servo: ServoModel, period: float
+) -> FloatArray:
+    """The part of means of accelerations [rad/s²] that the integrators do not give, (n, dof).
+
+    The loop gives `K_v (1 + k_i / s)` of the velocity error, from rest, also against friction.
+    """
+    from scipy.signal import lfilter
+
+    found = ddq.copy()
+    for j in np.flatnonzero(servo.ki):
+        kv = 1.0 if servo.kv is None else servo.kv[j]
+        rub = servo.kp[j] * kv * servo.friction[j] * sliding(dq[:, j])
+        found[:, j] = lfilter(*integrator_filter(servo.ki[j], period), ddq[:, j] + rub) - rub
+    return found
 
 
 def _means(

@@ -145,7 +145,8 @@ def respond_along(
 
     An arm with masses and servos all of order "second" respond as `Drives`, with viscous friction.
     Otherwise every joint responds as its servo, (6), and torques are in units of acceleration
-    (order "first": of velocity; "delay" and "unknown": of position).
+    (order "first": of velocity; "delay" and "unknown": of position). The integrator of a P-PI
+    cascade is left out.
 
     Args:
         motion: Joint positions, velocities and accelerations of the motion at times, by order.

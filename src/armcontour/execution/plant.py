@@ -465,7 +465,7 @@ class ServoPlant(LimitedPlant):
                 limits = TorqueBounds(self.arm, self.torque_limit, taught)
                 bounds = limits.at(k, x.q[i - phase], x.dq[i - phase])
             at = (phase + np.arange(PARTS + 1) / PARTS) * width
-            held = np.clip(x.demand[i], *bounds)
+            held = np.where(self.servo.ki > 0, x.demand[i], np.clip(x.demand[i], *bounds))
             if self.servo.cycle and self.servo.kv is None:
                 held = x.dq[i]
             own = self.servo, bounds, k, at, (x.q[i], x.dq[i], held)
@@ -484,7 +484,7 @@ class ServoPlant(LimitedPlant):
         """
         servo = self.servo
         jumps = servo.interpolation == "step" or servo.has_feedforward or servo.friction.any()
-        if servo.order != "second" or servo.kv is None or jumps or servo.cycle:
+        if servo.order != "second" or servo.kv is None or jumps or servo.cycle or servo.ki.any():
             return False
         if self.torque_limit is not None:
             return False

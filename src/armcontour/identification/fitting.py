@@ -27,10 +27,13 @@ STANDS, USUAL = 0.02, 95
 # Contiguous parts of equal motion of a single log.
 PARTS = 5
 # Typical sizes of changes in a fit: of logarithms for gains and limits, others in SI units.
-SCALES = JointServo(0.5, 0.5, 0.2, 0.05, 3e-3, 0.5, 1e-3)
-LOGARITHMIC = ("kp", "kv", "acceleration_limit")
-# Offset of the measurement [rad], position and velocity at the begin [rad, rad/s].
-BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05])
+SCALES = JointServo(0.5, 0.5, 0.2, 0.05, 3e-3, 0.5, 1e-3, 0.5)
+LOGARITHMIC = ("kp", "kv", "ki", "acceleration_limit")
+# Parameters in which the motion is linear, as in its begin, if nothing saturates.
+LINEAR = ("velocity_feedforward", "acceleration_feedforward", "friction")
+# Offset of the measurement [rad]; position, velocity and, with an integrator, acceleration at the
+# begin [rad, rad/s, rad/s²].
+BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
 # Step of numerical derivatives, in these sizes.
 STEP = 1e-5
 # Standard deviation of normal values over the median of their sizes.
@@ -39,6 +42,10 @@ OF_MEDIAN = 1.4826
 ROUNDING = 1e-9
 # Residuals are in mrad, and cut off where a trial diverges.
 MRAD, MOST = 1e3, 1e4
+# Range of the gains of the search [1/s]: velocity loops of drives have bandwidths below 160 Hz.
+SLOWEST, FASTEST = 0.1, 1000.0
+# Unknowns whose typical change moves all samples by less have no effect [mrad].
+INVISIBLE = 1e-4
 # Numbers of the begin of a log that are fitted: offset, position, velocity.
 BEGINS = {"unknown": 1, "delay": 1, "first": 2, "second": 3}
 
@@ -51,24 +58,23 @@ class Model(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Longest dead time, usual sample interval and cycle of the drives [s], 0 for none."""
+    """Longest dead time and cycle of the drives [s], 0 for none."""
 
     longest: float
-    interval: float
     cycle: float
 
     @property
     def fastest(self) -> float:
-        """Largest velocity gain of the search [1/s]."""
-        return 1 / self.cycle if self.cycle else max(50.0, 1 / self.interval)
+        """Largest gain of the search [1/s]."""
+        return min(FASTEST, 1 / self.cycle) if self.cycle else FASTEST
 
     def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
         """Bounds of the parameters of a model, logarithms for LOGARITHMIC, (m,) each."""
-        slowest = min(1000.0, 1 / self.cycle) if self.cycle else 1000.0
+        most = self.fastest
         lead = 3.0 if model.order == "second" else 0.3
         ranges = JointServo(
-            (0.1, slowest), (0.5, self.fastest), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
-            (0.01, 1e5), (0.0, 0.1),
+            (SLOWEST, most), (0.5, most), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
+            (0.01, 1e5), (0.0, 0.1), (SLOWEST, FASTEST / 10),
         )  # fmt: skip
         found = np.array([getattr(ranges, x) for x in model.free]).T
         logarithmic = [x in LOGARITHMIC for x in model.free]
@@ -160,21 +166,26 @@ def split_logs(logs: Sequence[Log], j: int, interpolation: str, lag: float) -> l
 
 
 class Problem:
-    """The least-squares problem of a model and stretches.
+    """The least-squares problem of a model and stretches, solved by variable projection.
 
     Unknowns are the parameters of the model, and for each stretch the offset of the measurement,
-    the position and the velocity at the begin as far as the order has them.
+    position, velocity and acceleration at the begin as far as the model has them. Those in which
+    the motion is linear are solved for in every step; only the others are searched.
     """
 
     def __init__(self, model: Model, stretches: Sequence[Stretch], search: Search) -> None:
         self.model, self.stretches, self.cycle = model, stretches, search.cycle
-        self.m, self.b = len(model.free), BEGINS[model.order]
+        self.m, self.b = len(model.free), count_begins(model.order, "ki" in model.free)
         self.logarithmic = np.array([x in LOGARITHMIC for x in model.free])
-        own = [getattr(SCALES, x) for x in model.free]
-        begins = self.b * len(stretches)
-        self.scale = np.concatenate([own, np.tile(BEGIN_SCALES[: self.b], len(stretches))])
-        free, (low, high) = np.full(begins, np.inf), search.bounds(model)
+        own, count = [getattr(SCALES, x) for x in model.free], len(stretches)
+        self.scale = np.concatenate([own, np.tile(BEGIN_SCALES[: self.b], count)])
+        free, (low, high) = np.full(self.b * count, np.inf), search.bounds(model)
         self.low, self.high = np.concatenate([low, -free]), np.concatenate([high, free])
+        limited = "acceleration_limit" in model.free
+        begin = [not limited or k == 0 for k in range(self.b)]
+        parameters = [not limited and x in LINEAR for x in model.free]
+        self.linear: BoolArray = np.concatenate([parameters, np.tile(begin, count)]).astype(bool)
+        self.steps = np.where(self.linear, 1.0, STEP) * self.scale
 
     def servo(self, x: FloatArray) -> JointServo:
         """The servo of parameters (..., m)."""
@@ -184,13 +195,13 @@ class Problem:
 
     def guess(self, values: dict[str, float], lag: float) -> FloatArray:
         """Unknowns from parameters, with begins as of a pure delay."""
-        own = np.array([values[x] for x in self.model.free])
+        own = np.array([values.get(x, 0.0) for x in self.model.free])
         own = np.where(self.logarithmic, np.log(np.maximum(own, 1e-9)), own)
         begins = []
         for s in self.stretches:
             c = s.command
             offset = float(np.median((s.y - c.at(c.t - lag))[s.use]))
-            begins += [offset, float(s.y[0] - offset), s.velocity][: self.b]
+            begins += [offset, float(s.y[0] - offset), s.velocity, 0.0][: self.b]
         return np.asarray(np.clip(np.concatenate([own, begins]), self.low, self.high))
 
     def select(self, x: FloatArray, kept: Sequence[int]) -> FloatArray:
@@ -198,42 +209,68 @@ class Problem:
         begins = x[self.m :].reshape(-1, self.b)[list(kept)]
         return np.concatenate([x[: self.m], begins.ravel()])
 
-    def _begin(self, x: FloatArray, i: int) -> FloatArray:
-        """Offset, position and velocity at the begin of stretch i, (3,)."""
-        found = np.zeros(3)
-        found[: self.b] = x[self.m + i * self.b : self.m + (i + 1) * self.b]
-        return found
+    def linearize(
+        self, x: FloatArray, only: BoolArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Residuals [mrad], and their derivatives by all unknowns or by those of a mask.
+
+        Residuals are simulated less measured positions of the samples that count.
+        """
+        m, b = self.m, self.b
+        only = np.full(len(x), True) if only is None else only
+        own, later = np.flatnonzero(only[:m]), np.flatnonzero(only[m + 1 : m + b]) + 1
+        after = 1 + len(own)
+        rows = after + len(later)
+        values = np.tile(x[:m], (rows, 1))
+        values[np.arange(1, after), own] += self.steps[own]
+        servo, found = self.servo(values), []
+        for i, s in enumerate(self.stretches):
+            begin, at = np.zeros((rows, len(BEGIN_SCALES))), m + i * b
+            begin[:, :b] = x[at : at + b]
+            begin[np.arange(after, rows), later] += self.steps[m + later]
+            _, q0, dq0, ddq0 = begin.T
+            q = follow(s.command, servo, q0, dq0, self.cycle, ddq0)[:, s.use]
+            slopes = np.zeros((len(x), q.shape[1]))
+            slopes[own] = (q[1:after] - q[0]) / self.steps[own, None]
+            slopes[at] = 1.0
+            slopes[at + later] = (q[after:] - q[0]) / self.steps[m + later, None]
+            found.append(np.concatenate([q[:1] + x[at] - s.y[s.use], slopes[only]]))
+        every = np.concatenate(found, axis=1) * MRAD
+        off = np.nan_to_num(np.clip(every[0], -MOST, MOST), nan=MOST)
+        return off, np.nan_to_num(every[1:]).T
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Simulated less measured positions of the samples that count [mrad]."""
-        servo, found = self.servo(x[: self.m]), []
-        for i, s in enumerate(self.stretches):
-            offset, q0, dq0 = self._begin(x, i)
-            q = follow(s.command, servo, float(q0), float(dq0), self.cycle)
-            found.append((q + offset - s.y)[s.use])
-        return np.nan_to_num(np.clip(np.concatenate(found) * MRAD, -MOST, MOST), nan=MOST)
+        return self.linearize(x, np.full(len(x), False))[0]
 
-    def linearize(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residuals [mrad] and their derivatives by the unknowns, (n,) and (n, unknowns)."""
-        m, b = self.m, self.b
-        rows = 1 + m + max(b - 1, 0)
-        own = np.tile(x[:m], (rows, 1))
-        steps = STEP * self.scale[: m + b]
-        own[1 : m + 1] += np.diag(steps[:m])
-        servo, found = self.servo(own), []
-        for i, s in enumerate(self.stretches):
-            begin = np.tile(self._begin(x, i), (rows, 1))
-            for k in range(1, b):
-                begin[m + k, k] += steps[m + k]
-            q = follow(s.command, servo, begin[:, 1], begin[:, 2], self.cycle)[:, s.use]
-            own_columns = (q[1 : m + 1] - q[0]) / steps[:m, None]
-            begins = np.zeros((b * len(self.stretches), q.shape[1]))
-            begins[i * b] = 1.0
-            begins[i * b + 1 : (i + 1) * b] = (q[m + 1 :] - q[0]) / steps[m + 1 :, None]
-            off = q[:1] + begin[0, 0] - s.y[s.use]
-            found.append(np.concatenate([off, own_columns, begins]))
-        every = np.nan_to_num(np.concatenate(found, axis=1) * MRAD)
-        return every[0], every[1:].T
+    def project(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The unknowns with the best linear ones, and their residuals [mrad].
+
+        Returns:
+            Unknowns, residuals, and normalized derivatives by linear ones within their bounds.
+        """
+        own = np.flatnonzero(self.linear)
+        start, slopes = self.linearize(x, self.linear)
+        if np.abs(start).max() >= MOST:  # Diverged: an offset must not hide it.
+            return x, start, slopes[:, :0]
+        slopes, size = normalize(slopes * self.scale[own], INVISIBLE)
+        size /= self.scale[own]
+        square = np.einsum("ki,kj->ij", slopes, slopes)
+        low, high = ((y[own] - x[own]) * size for y in (self.low, self.high))
+        within, step = np.full(len(own), True), np.zeros(len(own))
+        for _ in range(len(LINEAR) + 1):
+            inverse = invert(square[np.ix_(within, within)])
+            # The second solution removes rounding errors of the first one.
+            for _ in range(2):
+                off = start + np.einsum("ki,i->k", slopes, step)
+                step[within] -= inverse @ np.einsum("ki,k->i", slopes[:, within], off)
+            beyond = (step < low) | (step > high)
+            if not beyond.any():
+                break
+            step, within = np.clip(step, low, high), within & ~beyond
+        best = x.copy()
+        best[own] = np.clip(x[own] + step / size, self.low[own], self.high[own])
+        return best, start + np.einsum("ki,i->k", slopes, step), slopes[:, within]
 
     def solve(self, start: FloatArray, most: int) -> Any:
         """Solve the problem from a start, with at most so many evaluations.
@@ -243,30 +280,67 @@ class Problem:
         """
         from scipy.optimize import least_squares
 
-        def size(x: FloatArray) -> FloatArray:
-            found = np.zeros(len(x) + 1)
-            found[0] = np.sqrt(np.sum(self.residuals(x) ** 2))
+        searched = np.flatnonzero(~self.linear)
+        begin = np.clip(start, self.low, self.high)
+        x, linear = begin, np.empty((0, 0))
+
+        def size(z: FloatArray) -> FloatArray:
+            nonlocal x, linear
+            trial = begin.copy()
+            trial[searched] = z
+            x, residuals, linear = self.project(trial)
+            found = np.zeros(len(z) + 1)
+            found[0] = np.sqrt(np.sum(residuals**2))
             return found
 
-        def slopes(x: FloatArray) -> FloatArray:
-            residuals, jacobian = self.linearize(x)
-            both = np.concatenate([residuals[:, None], jacobian * self.scale], axis=1)
-            values, vectors = np.linalg.eigh(np.einsum("ki,kj->ij", both, both))
+        def slopes(z: FloatArray) -> FloatArray:
+            if (x[searched] != z).any():
+                size(z)
+            residuals, jacobian = self.linearize(x, ~self.linear)
+            every = np.concatenate([residuals[:, None], jacobian], axis=1)
+            inverse = invert(np.einsum("ki,kj->ij", linear, linear))
+            for _ in range(2):
+                shares = inverse @ np.einsum("ki,kj->ij", linear, every)
+                every -= np.einsum("ki,ij->kj", linear, shares)
+            every, norms = normalize(every)
+            values, vectors = np.linalg.eigh(np.einsum("ki,kj->ij", every, every))
             upper = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)[1]
-            return np.asarray(upper[:, 1:] / self.scale * (1.0 if upper[0, 0] >= 0 else -1.0))
+            return np.asarray(upper[:, 1:] * norms[1:] * np.copysign(1.0, upper[0, 0]))
 
-        return least_squares(
-            size, np.clip(start, self.low, self.high), slopes, bounds=(self.low, self.high),
-            x_scale="jac", max_nfev=most, ftol=1e-9, xtol=1e-10, gtol=1e-12,
-        )  # fmt: skip
+        # Loops without any effect overflow in the solver's search for a step.
+        with np.errstate(over="ignore"):
+            found = least_squares(
+                size, begin[searched], slopes, bounds=(self.low[searched], self.high[searched]),
+                x_scale="jac", max_nfev=most, ftol=1e-9, xtol=1e-10, gtol=1e-12,
+            )  # fmt: skip
+        size(found.x)
+        found.x = x
+        return found
+
+
+def normalize(columns: FloatArray, least: float = 1e-150) -> tuple[FloatArray, FloatArray]:
+    """Columns of length 1, and their lengths before; columns that are too short become 0."""
+    norms = np.maximum(np.sqrt(np.einsum("ki,ki->i", columns, columns)), least)
+    return columns / norms * (norms > least), norms
+
+
+def invert(square: FloatArray) -> FloatArray:
+    """Inverse of a symmetric matrix of normalized columns, of which some may be dependent."""
+    return np.asarray(np.linalg.pinv(square, 1e-14, hermitian=True))
+
+
+def count_begins(order: str, integrates: bool) -> int:
+    """Numbers of the begin of a log that are fitted."""
+    return BEGINS[order] + int(integrates)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """A solved problem, and its unknowns."""
+    """A solved problem, its unknowns, and half of the sum of squared residuals [mrad²]."""
 
     problem: Problem
     x: FloatArray
+    cost: float
 
     @property
     def servo(self) -> JointServo:
@@ -289,11 +363,11 @@ class Fit:
 
 def fit(problem: Problem, starts: Sequence[FloatArray], most: int = 60) -> Fit:
     """Solve a problem from several starts; only the best one of a few evaluations goes on."""
-    few = 12 if len(starts) > 1 else most
+    few = min(12, most // 4) if len(starts) > 1 else most
     found = min((problem.solve(x, few) for x in starts), key=lambda x: float(x.cost))
     if len(starts) > 1 and found.status == 0:
         found = problem.solve(found.x, most)
-    return Fit(problem=problem, x=found.x)
+    return Fit(problem=problem, x=found.x, cost=float(found.cost))
 
 
 def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> FloatArray:
@@ -301,16 +375,17 @@ def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> Fl
 
     Offset, position and velocity at the begin are fitted: they are no parameters of the servo.
     """
-    s, b = stretch, BEGINS[order]
+    s, b = stretch, count_begins(order, servo.ki > 0)
     free = np.isinf(servo.acceleration_limit)
     scale = BEGIN_SCALES[:b]
     steps = np.diag(BEGIN_SCALES)[:b] * (1.0 if free else STEP)
     steps[0] = 0.0
 
     def simulate(begins: FloatArray) -> FloatArray:
-        return follow(s.command, servo, begins[:, 1], begins[:, 2], cycle) + begins[:, :1]
+        offset, q0, dq0, ddq0 = begins.T
+        return np.asarray(follow(s.command, servo, q0, dq0, cycle, ddq0) + offset[:, None])
 
-    x = np.array([0.0, s.y[0], s.velocity])
+    x = np.array([0.0, s.y[0], s.velocity, 0.0])
     q = simulate(x + steps)
     # Without saturation the motion depends linearly on its begin, and one step is enough.
     for _ in range(1 if free else 8):
@@ -318,7 +393,7 @@ def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> Fl
         slopes[0] = 1.0
         both = np.concatenate([slopes[:, s.use] * scale[:, None], (s.y - q[0])[None, s.use]])
         square = np.einsum("ik,jk->ij", both, both)
-        step = np.zeros(3)
+        step = np.zeros(len(x))
         step[:b] = np.linalg.pinv(square[:b, :b], 1e-14, hermitian=True) @ square[:b, b] * scale
         for share in (1.0, 0.3, 0.1, 0.01):
             trial = simulate(x + share * step + steps)

@@ -167,8 +167,7 @@ def _identify_servo(
     for x in logs:
         _refuse_interval(x)
         refuse_fast(x)
-    interval = max(x.interval for x in logs)
-    search = Search(min(_delays(x, longest)[1] for x in logs), interval, cycle)
+    search = Search(min(_delays(x, longest)[1] for x in logs), cycle)
     tell, joints = under(progress), []
     for j, name in enumerate(logs[0].joint_names):
         tell(Step((name,)))

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._describing import milliseconds
 from armcontour.identification.checking import refuse_misread
 from armcontour.identification.fitting import (
     Search,
@@ -60,12 +59,10 @@ def identify_joint(
         for log in logs:
             refuse_misread(log, search.longest, j)
     if found is None:
-        note = f"{name} has no model: gains or feed-forward end at the bounds of their ranges."
-        if "second" in orders and not search.cycle:
-            note += (
-                f" K_v is searched up to {search.fastest:.4g} 1/s, because the samples are "
-                f"{milliseconds(search.interval)} apart: record more often to find a larger one."
-            )
+        note = (
+            f"{name} has no model: gains (up to {search.fastest:g} 1/s) or feed-forward end at the "
+            "bounds of their ranges."
+        )
         return _without_model(name, note, stretches)
     tracking = _rms(_lags(stretches), stretches)[0]
     servo = JointServo(*(float(f"{x:.{DIGITS}g}") for x in found.fit.servo))

@@ -22,6 +22,7 @@ from armcontour.servo.simulation import JointServo
 UNITS = {
     "kp": "1/s",
     "kv": "1/s",
+    "ki": "1/s",
     "velocity_feedforward": "",
     "acceleration_feedforward": "",
     "dead_time": "s",

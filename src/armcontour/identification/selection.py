@@ -20,7 +20,8 @@ from armcontour.identification.fitting import (
 )
 from armcontour.motion.log import FEWEST
 
-KP, KV, FEED, ACCELERATION = "kp", "kv", "velocity_feedforward", "acceleration_feedforward"
+KP, KV, KI = "kp", "kv", "ki"
+FEED, ACCELERATION = "velocity_feedforward", "acceleration_feedforward"
 DELAY, LIMIT, FRICTION = "dead_time", "acceleration_limit", "friction"
 # From simple to rich.
 CANDIDATES = (
@@ -31,16 +32,24 @@ CANDIDATES = (
     Model("second", (KP, KV, FEED, DELAY)),
     Model("first", (KP, FEED, ACCELERATION, DELAY)),
     Model("second", (KP, KV, FEED, ACCELERATION, DELAY)),
+    Model("second", (KP, KV, KI, FEED, DELAY, FRICTION)),
+    Model("second", (KP, KV, KI, FEED, ACCELERATION, DELAY, FRICTION)),
     Model("second", (KP, KV, FEED, DELAY, LIMIT)),
 )
+# Parameters that a cascade may do without.
+OPTIONAL = (ACCELERATION, FEED, FRICTION)
 # A richer model is selected if the median over the parts of its error, divided by that of the
 # poorer one, is below GAIN (with an acceleration limit below LIMIT_GAIN), and if its error is
 # smaller on this share of the parts.
 GAIN, LIMIT_GAIN, MOST_PARTS = 0.9, 0.5, 0.6
+# A richer model whose error on the data that it was fitted to is above this share is not better.
+SAME = 0.97
+# A cascade is fitted where the error of the other models is below this share of the tracking error.
+EXPLAINED = 0.5
 # Loops with less damping are rejected: no drive is tuned so.
 DAMPING = 0.2
 # Evaluations of a fit without a part; it starts from the fit of all parts.
-REFITTED = 15
+REFITTED = 10
 # Selection uses samples this far apart [s] where the set-points between are on straight lines.
 COARSE = 4e-3
 # and the rest is less than this share of what the positions change at random, outliers included.
@@ -50,12 +59,14 @@ USUAL_DELAY = 0.01
 # Times over which accelerations are measured [s], short for fast motion and long for small motion
 # in noise, and their percentile.
 ACCELERATING, FAST = (8e-3, 40e-3), 99
-# First values of loops, times the lag for the dead time, without and with feed-forward.
+# First values of loops, times the gain of the lag for kp and the lag for the dead time; without
+# feed-forward, with it, in a loop that saturates, and with an integrator.
 PLAIN_STARTS = ((1.0, 200.0, 0.05), (1.5, 60.0, 0.3), (4.0, 100.0, 0.7))
 FED_STARTS = (
     (10.0, 20.0, 1.0, 0.8), (1.0, 100.0, 1.0, 1.0), (40.0, 150.0, 0.6, 0.5),
     (30.0, 100.0, 0.0, 0.3), (150.0, 60.0, 0.6, 0.9),
 )  # fmt: skip
+CASCADE_STARTS = ((0.8, 60.0, 5.0, 0.1), (1.5, 150.0, 12.0, 0.3))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,7 +131,10 @@ def select(
     lag = find_lag(some, search.longest)
     fits: dict[Model, Fit] = {}
     for model in CANDIDATES:
-        if model.order not in orders or (ACCELERATION in model.free and not some[0].command.linear):
+        bent = ACCELERATION in model.free and not some[0].command.linear
+        if model.order not in orders or bent or (KI in model.free and search.cycle):
+            continue
+        if KI in model.free and not _may_be_cascade(model, taken):
             continue
         taken = _try(model, some, search, lag, fits, taken)
         if taken and taken.explains_all:
@@ -128,7 +142,9 @@ def select(
     if taken is None:
         return None
     own = taken.fit.problem.model
-    if own.order != "delay" and not taken.explains_all:
+    if KI in own.free:
+        taken = _prune(taken, search)
+    elif own.order != "delay" and not taken.explains_all:
         taken = _try(Model(own.order, (*own.free, FRICTION)), some, search, lag, fits, taken)
         assert taken is not None
     if some is stretches:
@@ -148,11 +164,43 @@ def _try(
     """Fit one more model; returns the better one of it and the one that is taken."""
     problem = Problem(model, stretches, search)
     starts = [problem.guess(x, lag) for x in _starts(problem, search, lag, fits)]
-    found = fits[model] = fit(problem, starts)
-    if is_implausible(found):
+    found = fit(problem, starts, 30 if KI in model.free else 60)
+    hopeless = taken and found.cost > SAME**2 * taken.fit.cost
+    if KI in model.free and not hopeless:
+        # Loops that differ in both gains by an exchange have the same poles.
+        servo = found.servo
+        other = servo._replace(kp=servo.ki, ki=servo.kp)._asdict()
+        found = fit(problem, [found.x, problem.guess(other, servo.dead_time)], 30)
+    fits[model] = found
+    if hopeless or is_implausible(found):
         return taken
     unseen = _predict_parts(found, search)
     return unseen if taken is None or unseen.is_better(taken) else taken
+
+
+def _may_be_cascade(model: Model, taken: Selected | None) -> bool:
+    """Whether the selected model explains so much that an integrator is worth its fit."""
+    if taken is None:
+        return False
+    lag = np.concatenate([(s.y - s.command.u)[s.use] for s in taken.stretches])
+    known = {KI, ACCELERATION} & set(taken.fit.problem.model.free)
+    return taken.rms < EXPLAINED * np.std(lag) and (ACCELERATION not in model.free or bool(known))
+
+
+def _prune(taken: Selected, search: Search) -> Selected:
+    """Leave out the optional parameters without which the model is as good."""
+    for x in OPTIONAL:
+        order, free = taken.fit.problem.model
+        rest = tuple(y for y in free if y != x)
+        # Acceleration feed-forward needs velocity feed-forward.
+        if rest == free or (x == FEED and ACCELERATION in free):
+            continue
+        problem = Problem(Model(order, rest), taken.stretches, search)
+        found = fit(problem, [problem.guess(taken.fit.servo._asdict(), taken.fit.servo.dead_time)])
+        poorer = _predict_parts(found, search)
+        if not is_implausible(found) and not taken.is_better(poorer):
+            taken = poorer
+    return taken
 
 
 def is_implausible(found: Fit) -> bool:
@@ -161,7 +209,7 @@ def is_implausible(found: Fit) -> bool:
     servo = found.servo
     ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < DAMPING
     lead = {FEED} if ACCELERATION in found.problem.model.free else set()
-    at = high & {KP, KV, FEED, ACCELERATION, LIMIT} or low & ({KV, LIMIT} | lead)
+    at = high & {KP, KV, KI, FEED, ACCELERATION, LIMIT} or low & ({KP, KV, KI, LIMIT} | lead)
     return bool(ringing or at)
 
 
@@ -193,8 +241,10 @@ def _starts(
     ]
     if FEED in free:
         loops = [{KP: a, KV: b, FEED: c, DELAY: d * lag} for a, b, c, d in FED_STARTS]
+    if KI in free:
+        loops = [{KP: a * gain, KV: b, KI: c, DELAY: d * lag} for a, b, c, d in CASCADE_STARTS]
     new = {FRICTION} if FRICTION in free else {ACCELERATION, LIMIT} & set(free)
-    if not new:
+    if KI in free or not new:
         sampled = search.cycle and order == "second"
         return _sampled_starts(problem, search, loops, lag) if sampled else loops
     known = fits[Model(order, tuple(x for x in free if x not in new))].servo._asdict()

@@ -22,6 +22,7 @@ ONE_PROGRAM = "Judged on one program only: the error on other programs may be la
 LISTS = {
     "kp": "1/s",
     "kv": "1/s",
+    "ki": "1/s",
     "velocity_feedforward": "",
     "acceleration_feedforward": "",
     "friction": "rad",

@@ -27,6 +27,7 @@ from armcontour.report.style import (
 SYMBOLS = {
     "kp": "K_p",
     "kv": "K_v",
+    "ki": "k_i",
     "dead_time": "dead time",
     "velocity_feedforward": "velocity feed-forward",
     "acceleration_feedforward": "acceleration feed-forward",

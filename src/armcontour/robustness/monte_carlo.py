@@ -515,6 +515,11 @@ def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray
             "Robots with uncertain parameters are simulated with continuous loops only: leave "
             "cycle out of the servo, or set it to 0."
         )
+    if servo.ki.any():
+        raise InvalidInput(
+            "Robots with uncertain parameters are simulated without integrators only: leave ki out "
+            "of the servo, or leave the box out."
+        )
     if box.jitter and servo.has_feedforward:
         raise InvalidInput(
             "Jitter of set-points is not simulated with velocity_feedforward, whose velocity would "

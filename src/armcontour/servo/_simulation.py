@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import FUSED, compiled
+from armcontour.servo._cascade import march_cascade
 from armcontour.servo._response import (
     LARGEST_STEP,
     Cubic,
@@ -32,12 +33,16 @@ KEPT, COLUMNS = 4, 13
 
 
 class Joints(NamedTuple):
-    """Gains and acceleration bounds of all joints, (rows,) each, as in `Servo`."""
+    """Gains and acceleration bounds of all joints, (rows,) each, as in `Servo`.
+
+    Integral gains ki are 0 for joints without an integrator.
+    """
 
     kp: FloatArray
     kv: FloatArray
     lower: FloatArray
     upper: FloatArray
+    ki: FloatArray
 
 
 class Run(NamedTuple):
@@ -45,7 +50,8 @@ class Run(NamedTuple):
 
     `states` are position, velocity and demand at n results, (rows, n, 3); the others are time in
     saturation, lowest and highest demand, the acceleration or velocity that a drive with a cycle
-    holds at the end, and True if the motion could not be computed, (rows,).
+    holds at the end (the demand, with an integrator), and True if the motion could not be computed,
+    (rows,).
     """
 
     states: FloatArray
@@ -211,7 +217,7 @@ def run_joints(
     Args:
         joints: Gains and acceleration bounds.
         kind: As in `march`.
-        commands: Pieces of the commands, (rows, n + 1, 4).
+        commands: Pieces of the commands, (rows, n + 1, 4); (rows, n + 1, 8) with integrators.
         starts: Times at which they reach the joints [s], (rows, n).
         times: Time of the start, and those of the results [s], (m + 1,).
         states: Position [rad], velocity [rad/s] and what a drive holds at the start, (3, rows).
@@ -223,7 +229,10 @@ def run_joints(
     for j in range(rows):
         servo = Servo(joints.kp[j], joints.kv[j], joints.lower[j], joints.upper[j])
         m = Motion(states[0, j], states[1, j], states[2, j], 0.0, 0.0, 0.0)
-        m = march(servo, kind, commands[j], starts[j], times, m, out[j])
+        if joints.ki[j] > 0.0:
+            m = march_cascade(servo, joints.ki[j], commands[j], starts[j], times, m, out[j])
+        else:
+            m = march(servo, kind, commands[j], starts[j], times, m, out[j])
         saturated[j], lowest[j], highest[j], held[j] = m.saturated, m.lowest, m.highest, m.held
         stuck[j] = not math.isfinite(m.q + m.w)
     return Run(out, saturated, lowest, highest, held, stuck)

@@ -1,4 +1,4 @@
-"""Model of joint servos: the paper's two loops (5)-(7), a first-order lag or a delay."""
+"""Model of joint servos: the paper's two loops (5)-(7), a P-PI cascade, a lag or a delay."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from armcontour._quantities import (
     Duration,
     FeedForwards,
     Gains,
+    IntegralGains,
     JointInertias,
     OwnAccelerations,
 )
@@ -48,7 +49,7 @@ MOST_TIME_CONSTANTS = 1000.0
 NAMES = {"kp": "servo gain kp", "kv": "servo gain kv", "inertia": "servo inertia"}
 # Parameters with one value for all joints, or one per joint.
 PER_JOINT = (
-    *("kp", "kv", "dead_time", "inertia", "velocity_feedforward", "acceleration_feedforward"),
+    *("kp", "kv", "ki", "dead_time", "inertia", "velocity_feedforward", "acceleration_feedforward"),
     *("friction", "acceleration_limit", "unexplained"),
 )
 
@@ -59,15 +60,17 @@ class ServoModel(Value):
     """The joint servos: response of each joint to its command u, with dead time `tau`.
 
     - order "second": `ddq = K_v (K_p (u - q) + f du - dq) + g ddu`, a velocity loop inside a
-      position loop; with f = g = 0 it is (6) of the paper;
+      position loop; with f = g = 0 it is (6) of the paper. An integral gain k_i makes it the P-PI
+      cascade `ddq = K_v (1 + k_i / s) (K_p (u - q) + f du - dq) + g ddu`;
     - order "first": `dq = K_p (u - q) + f du + g ddu`, a first-order lag, for a very fast velocity
       loop;
     - order "delay": `q = u`;
     - order "unknown": no model of the joint. Compensation leaves the plan as its set-points, and
       simulations let it follow these exactly.
 
-    All of u, du and ddu are delayed by tau, and dry friction reduces u by `c sign(du)`. Between two
-    set-points the command is, by interpolation,
+    All of u, du and ddu are delayed by tau, and dry friction reduces u by `c sign(du)`; in a P-PI
+    cascade it is the acceleration `-K_p K_v c sign(du)`, which the integrator does not see. In
+    saturation the integrator goes on. Between two set-points the command is, by interpolation,
 
     - "linear": the straight line;
     - "step": the earlier set-point (zero-order hold);
@@ -103,6 +106,8 @@ class ServoModel(Value):
             joints or one per joint: its torque is `J (K_v (K_p (u - q) + f du - dq) + g ddu)`. Only
             for rigid bodies and for servos of order "second". None is the arm's own nominal
             inertia.
+        ki: Integral gain k_i of the velocity loop [1/s], one for all joints or one per joint; 0
+            without an integrator. Only for order "second" without a cycle.
         velocity_feedforward: Share f of the velocity of the command that is added to the velocity
             loop, one for all joints or one per joint: 0 for the paper's servo, about 1 for most
             drives of industrial robots.
@@ -127,6 +132,7 @@ class ServoModel(Value):
 
     kp: Gains
     kv: Gains | None
+    ki: IntegralGains
     order: Annotated[str | tuple[str, ...], Choice(ORDERS)]
     dead_time: DeadTimes
     interpolation: Annotated[str, Choice(INTERPOLATIONS)]
@@ -143,6 +149,7 @@ class ServoModel(Value):
         kp: npt.ArrayLike = np.inf,
         kv: npt.ArrayLike | None = None,
         *,
+        ki: npt.ArrayLike = 0.0,
         interpolation: str = "linear",
         dead_time: npt.ArrayLike = 0.0,
         order: str | Sequence[str] = "second",
@@ -172,6 +179,8 @@ class ServoModel(Value):
                 else f"A servo of order {orders[0]} has no velocity loop: leave its gain kv out."
             )
         given["kv"] = None if kv is None else _check_gain("kv", kv, second, same)
+        given["ki"] = _check_range("ki", ki, "1/s", 0.0, GAINS[1])
+        _refuse_integrator(given["ki"], second, interpolation, acceleration_feedforward, cycle)
         given["dead_time"] = _check_range("dead_time", dead_time, "s", 0.0, LONGEST_DEAD_TIME)
         given["inertia"] = _check_inertia(inertia, orders)
         velocity = _check_range("velocity_feedforward", velocity_feedforward, "", *FEEDS)
@@ -199,7 +208,7 @@ class ServoModel(Value):
     def __str__(self) -> str:
         """Gains, dead time and feed-forward, such as "kp 25 1/s, kv 150 1/s"."""
         found = [] if self.order == "second" else [f"order {_per_joint(self.order)}"]
-        rows = [("kp", "1/s", 1.0), ("kv", "1/s", 1.0), ("dead_time", "ms", 1e3)]
+        rows = [(x, "1/s", 1.0) for x in ("kp", "kv", "ki")] + [("dead_time", "ms", 1e3)]
         rows += [("velocity_feedforward", "", 1.0), ("acceleration_feedforward", "", 1.0)]
         rows += [("friction", "mrad", 1e3), ("acceleration_limit", "rad/s²", 1.0)]
         for name, unit, scale in [*rows, ("cycle", "ms", 1e3)]:
@@ -281,9 +290,13 @@ class ServoModel(Value):
         loop = np.isfinite(kv)
         if not loop.any():
             return float(kp.min())
+        ki = np.broadcast_to(self.ki, kp.shape)[loop]
         kp, kv, alone = kp[loop], kv[loop], np.min(kp[~loop], initial=np.inf)
         root = np.sqrt(np.maximum(kv * kv / 4 - kp * kv, 0.0))
         rate = np.where(root > 0, kp * kv / (kv / 2 + root), kv / 2)
+        for j in np.flatnonzero(ki):
+            cascade = [1.0, kv[j], kv[j] * (kp[j] + ki[j]), kv[j] * kp[j] * ki[j]]
+            rate[j] = -np.roots(cascade).real.max()
         return float(min(rate.min(), alone))
 
     def saturate(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -300,15 +313,16 @@ class ServoModel(Value):
         return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
 
     def is_plain(self, *orders: str) -> bool:
-        """Whether all joints are of the same order, without friction and cycle.
+        """Whether all joints are of the same order, without integrator, friction and cycle.
 
         Args:
             orders: Orders that count.
         """
-        return self.order in orders and not self.friction.any() and not self.cycle
+        extra = self.friction.any() or self.ki.any()
+        return self.order in orders and not extra and not self.cycle
 
     def refuse_mixed(self, who: str) -> None:
-        """Refuse joints of another order than "second", friction and a drive's cycle.
+        """Refuse joints of another order than "second", integrators, friction and a drive's cycle.
 
         Args:
             who: What cannot use them, which begins the message.
@@ -318,8 +332,9 @@ class ServoModel(Value):
         """
         if not self.is_plain("second"):
             raise InvalidInput(
-                f"{who} needs joint servos of order second without friction and cycle, but the "
-                f"servo has {self}: take the compensation inverse and independent joints."
+                f"{who} needs joint servos of order second without friction and cycle, and "
+                f"without integrator, but the servo has {self}: take the compensation inverse and "
+                "independent joints."
             )
 
     def refuse_too_fast(self, period: float) -> None:
@@ -331,7 +346,7 @@ class ServoModel(Value):
         Raises:
             InvalidInput: The interval is longer than MOST_TIME_CONSTANTS time constants.
         """
-        for name, values in (("kp", self.kp), ("kv", self.kv)):
+        for name, values in (("kp", self.kp), ("kv", self.kv), ("ki", self.ki)):
             largest = (
                 0.0
                 if values is None
@@ -354,7 +369,8 @@ class ServoModel(Value):
 
         Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`. Dry
         friction adds `c sign(dq)`. With feed-forward, it is `u + a du + b ddu` with the factors of
-        `lead`, from which `compensate` gets set-points.
+        `lead`, from which `compensate` gets set-points. In a P-PI cascade ddq is that part of
+        acceleration and friction that the integrator does not give.
 
         Args:
             q: Joint positions [rad], (n, dof).
@@ -385,8 +401,8 @@ class ServoModel(Value):
         """Transfer function from command to joint position at each s; complex, (n, joints).
 
         `G(s) = exp(-s tau) (g s² + f K_v s + K_p K_v) / (s² + K_v s + K_p K_v)`, with f = g = 0
-        (5), or for order "first" `exp(-s tau) (f s + K_p) / (s + K_p)`. The interpolation of
-        set-points is not included.
+        (5), or for order "first" `exp(-s tau) (f s + K_p) / (s + K_p)`; in a P-PI cascade with
+        `K_v (1 + k_i / s)` for K_v. The interpolation of set-points is not included.
 
         Args:
             s: Complex frequencies [rad/s], (n,).
@@ -396,10 +412,12 @@ class ServoModel(Value):
         except (TypeError, ValueError, OverflowError):
             raise InvalidInput("s must be complex frequencies in rad/s.") from None
         a, b = self.lead
-        found = np.exp(-at * np.atleast_1d(self.dead_time)) * (1 + at * a + at**2 * b)
+        ki = np.atleast_1d(self.ki)
+        bend = at**2 * np.where(ki > 0, at / np.where(ki > 0, at + ki, 1.0), 1.0)
+        found = np.exp(-at * np.atleast_1d(self.dead_time)) * (1 + at * a + bend * b)
         slow = 1 + at / np.atleast_1d(self.kp)
         if self.kv is not None:
-            slow = slow + at**2 / np.atleast_1d(self.kp * self.kv)
+            slow = slow + bend / np.atleast_1d(self.kp * self.kv)
         return np.asarray(found / slow)
 
 
@@ -482,6 +500,34 @@ def _check_range(
             f"but is {array.tolist()}{more}."
         )
     return _checks.lock_floats(array)
+
+
+def _refuse_integrator(
+    ki: FloatArray, second: BoolArray, interpolation: str, feed: npt.ArrayLike, cycle: float
+) -> None:
+    """Refuse an integrator where no model has one.
+
+    Raises:
+        InvalidInput: A joint without a velocity loop has one, or a drive with a cycle, or
+            acceleration feed-forward is not linear in the set-points.
+    """
+    if not ki.any():
+        return
+    fits = ki.size == 1 or second.size in (1, ki.size)
+    if fits and (ki * ~second).any():
+        raise InvalidInput(
+            "ki is the integral gain of a velocity loop, which only order second has: give 0 for "
+            "joints of another order."
+        )
+    if cycle:
+        raise InvalidInput(
+            "A servo with ki has no cycle: leave cycle out, and add half of it to dead_time."
+        )
+    if interpolation == "cubic" and np.any(feed):
+        raise InvalidInput(
+            "acceleration_feedforward with ki is for linear set-points only: leave one of them out "
+            "or take the interpolation linear."
+        )
 
 
 def _check_acceleration(values: npt.ArrayLike | None) -> FloatArray | None:

@@ -42,13 +42,18 @@ class Simulation:
         self.q, self.period, self.servo, self.steps = q, period, servo, steps
         free = np.full(len(servo.kp), np.inf)
         bounds = -free if lower is None else lower, free if upper is None else upper
-        self.joints = Joints(*(np.array(x) for x in (servo.kp, _loops(servo.kv, free), *bounds)))
+        gains, ki = (servo.kp, _loops(servo.kv, free)), np.broadcast_to(servo.ki, free.shape)
+        self.joints = Joints(*(np.array(x) for x in (*gains, *bounds, ki)))
         self.kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
         if servo.cycle:
             self.kind = HELD
             self.commands = command_and_rates(q, period, servo.interpolation)[0]
             return
         self.commands = polynomials(q, period, servo)
+        if servo.ki.any():
+            integrated = servo.replace(friction=0.0, acceleration_feedforward=0.0)
+            both = self.commands, polynomials(q, period, integrated)
+            self.commands = np.concatenate(both, axis=2)
         self.starts = np.arange(len(q)) * period + servo.dead_time[:, None]
 
     def run(
@@ -70,7 +75,7 @@ class Simulation:
             bounds: Lower and upper acceleration bounds for this run [rad/s²], (dof,) each; by
                 default those of the simulation.
             held: Accelerations [rad/s²] that drives with a cycle hold at the start, for order
-                "first" velocities, (dof,).
+                "first" velocities; with an integrator the demand, (dof,).
 
         Raises:
             ExecutionError: The motion cannot be computed.
@@ -115,7 +120,7 @@ class Simulation:
             k = np.searchsorted(self.starts[j], t + SNAP * self.period, side="right")
             moves = (k > 0) & (k < len(self.q))
             x = np.where(moves, t - self.starts[j, k - 1], 0.0)
-            a, b, c, d = self.commands[j, k].T
+            a, b, c, d = self.commands[j, k, :4].T
             found[:, j] = b + x * (2 * c + x * 3 * d)
             if np.isfinite(self.joints.kp[j]):
                 found[:, j] = self.joints.kp[j] * (a + x * (b + x * (c + x * d)) - q[:, j])
@@ -208,6 +213,7 @@ def follow(
     q0: float | FloatArray,
     dq0: float | FloatArray,
     cycle: float = 0.0,
+    ddq0: float | FloatArray = 0.0,
 ) -> FloatArray:
     """Positions of a joint over its log, exact between the kinks of its command.
 
@@ -218,16 +224,17 @@ def follow(
         q0: Position at the first time [rad], a number or (rows,).
         dq0: Velocity at the first time [rad/s], a number or (rows,).
         cycle: Cycle of the drive [s], which begins at the first time; 0 for a continuous servo.
+        ddq0: Demand of a servo with an integrator at the first time [rad/s²], as dq0.
 
     Returns:
         Positions at the times of the log [rad], (n,) or (rows, n); not finite where steps as short
         as the servo needs make no progress.
     """
-    shape = np.broadcast_shapes(*(np.shape(x) for x in (*servo, q0, dq0)))
+    shape = np.broadcast_shapes(*(np.shape(x) for x in (*servo, q0, dq0, ddq0)))
     rows = int(np.prod(shape))
     each = JointServo(*(np.array(np.broadcast_to(x, rows), dtype=np.float64) for x in servo))
     limit = each.acceleration_limit
-    joints = Joints(each.kp, _loops(each.kv, limit), -limit, limit)
+    joints = Joints(each.kp, _loops(each.kv, limit), -limit, limit, each.ki)
     kind = STRAIGHT
     if cycle:
         kind = HELD
@@ -239,7 +246,7 @@ def follow(
         pieces = command.for_servo(each, rows)
         starts = command.t + each.dead_time[:, None]
     states = np.zeros((3, rows))
-    states[0], states[1] = q0, dq0
+    states[0], states[1], states[2] = q0, dq0, ddq0
     run = run_joints(joints, kind, pieces, starts, command.t, states)
     begin = np.where(np.isinf(each.kp), command.at(command.t[0] - each.dead_time), states[0])
     found = np.concatenate([begin[:, None], run.states[:, :, 0]], axis=1)
@@ -266,9 +273,9 @@ def polynomials(q: FloatArray, period: float, servo: ServoModel) -> FloatArray:
         a, b = (np.broadcast_to(x, q.shape[1:])[:, None, None] for x in servo.lead)
         command += a * first + b * second
     if servo.friction.any():
-        command[:, 1:-1, 0] -= np.broadcast_to(servo.friction, q.shape[1:])[:, None] * sliding(
-            np.diff(q, axis=0).T / period
-        )
+        held = servo.interpolation == "step"
+        rate = first[:, 1:-1, 0] if held else np.diff(q, axis=0).T / period
+        command[:, 1:-1, 0] -= np.broadcast_to(servo.friction, q.shape[1:])[:, None] * sliding(rate)
     return command
 
 
@@ -318,6 +325,7 @@ class JointServo(NamedTuple):
     dead_time: Any = 0.0
     acceleration_limit: Any = np.inf
     friction: Any = 0.0
+    ki: Any = 0.0
 
     @property
     def lead(self) -> tuple[FloatArray, FloatArray]:
@@ -350,10 +358,13 @@ class LoggedCommand:
         self.slide = sliding(self.rate)
 
     def for_servo(self, servo: JointServo, rows: int) -> FloatArray:
-        """Pieces with feed-forward and friction of some servos, (rows, n + 1, 4)."""
+        """Pieces with feed-forward and friction of some servos, as in `run_joints`."""
         found = np.tile(self.pieces, (rows, 1, 1))
         a, b, c = (np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction))
-        found[:, :, 0] += a * self.rate + b * self.bend - c * self.slide
+        found[:, :, 0] += a * self.rate
+        integrated = found if np.any(servo.ki) else found[:, :, :0]
+        found = np.concatenate([found, integrated], axis=2)
+        found[:, :, 0] += b * self.bend - c * self.slide
         return found
 
     def at(self, t: FloatArray) -> FloatArray:
