@@ -289,7 +289,6 @@ def test_logs_that_are_refused(tmp_path):
     table = [
         (("t,u1,q1,q2", T, U[:, 0], Q), "'q2' ... no command column"),
         (("t,q1,q2", T[:20], Q[:20]), "20 samples"),
-        (("t,q1,q2", np.where(T > 0.2, T + 9, T), Q), "gap of 9"),
         (("q1,q2", Q), "the column t is missing"),
         (("t,q1,q2", T, np.mod(20 * Q, 2 * np.pi)), "wrapped angle"),
     ]
