@@ -75,7 +75,7 @@ def lines() -> list[Line]:
 
 def plan(points: int) -> ac.Trajectory:
     """Our plan, spline included."""
-    limits = ac.Limits.only(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
+    limits = ac.Limits(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
     arm = SimpleNamespace(dof=JOINTS, limits=limits)
     return ac.plan(ac.JointPath.spline(WAY, AT), arm, grid=np.linspace(0, 1, points))
 

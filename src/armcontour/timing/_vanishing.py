@@ -10,36 +10,53 @@ import numpy as np
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import compiled
 
+# A piece that leaves its line by more than this [rad], and than this share, is surely bent.
+BENT = 1e-6
 # Coefficients of dq/dx, of the powers 0 to 4 of x, to those of Bernstein: their least and largest
 # values enclose dq/dx on the piece.
 BERNSTEIN = np.array([[comb(i, k) / comb(4, k) for k in range(5)] for i in range(5)])
 
 
 @compiled()
-def moves_on(coefficients: FloatArray, vanished: float, moving: BoolArray) -> bool:
+def moves_on(coefficients: FloatArray, vanished: float, small: float, moving: BoolArray) -> bool:
     """Whether some joint moves one way on every piece, so that dq_ds cannot vanish.
 
     Args:
         coefficients: Of the joint path, (n, 6, dof).
-        vanished: As in `standing_breaks`.
+        vanished: As in `standing_breaks`, for pieces that are surely bent.
+        small: A larger share of the same kind, for all others.
         moving: Written: whether a joint moves so on each piece, (n,).
     """
     n, dof = coefficients.shape[0], coefficients.shape[2]
     everywhere = True
     for i in range(n):
-        sizes = 0.0
+        sizes, longest, k0 = 0.0, 0.0, 1
         for k in range(1, 6):
+            square = 0.0
             for j in range(dof):
-                sizes += k * abs(coefficients[i, k, j])
+                square += coefficients[i, k, j] ** 2
+            sizes += k * math.sqrt(square)
+            if square > longest:
+                longest, k0 = square, k
+        off = 0.0
+        for k in range(1, 6):
+            along = 0.0
+            for j in range(dof):
+                along += coefficients[i, k, j] * coefficients[i, k0, j]
+            for j in range(dof):
+                beside = coefficients[i, k, j] * longest - along * coefficients[i, k0, j]
+                off = max(off, abs(beside))
+        is_bent = off > BENT * longest * (1.0 + math.sqrt(longest))
+        least = (vanished if is_bent else small) * sizes
         moving[i] = False
         for j in range(dof):
-            least, largest = math.inf, -math.inf
+            low, high = math.inf, -math.inf
             for row in range(5):
                 value = 0.0
                 for k in range(row + 1):
                     value += BERNSTEIN[row, k] * (k + 1) * coefficients[i, k + 1, j]
-                least, largest = min(least, value), max(largest, value)
-            if max(least, -largest) > vanished * sizes:
+                low, high = min(low, value), max(high, value)
+            if max(low, -high) > least:
                 moving[i] = True
                 break
         everywhere &= moving[i]

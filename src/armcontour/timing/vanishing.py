@@ -63,7 +63,7 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
         return same
     coefficients = joint_path.coefficients
     moving = np.empty(len(coefficients), np.bool_)
-    if moves_on(coefficients, SMALL, moving):
+    if moves_on(coefficients, VANISHED, SMALL, moving):
         return same
     if not coefficients[:, 1:].any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
