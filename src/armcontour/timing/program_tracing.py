@@ -29,6 +29,8 @@ from armcontour.tracing import sketch_all, trace, trace_all
 SAME_POSITION = 1e-9
 # Configurations are compared by coarse plans with about this many grid intervals.
 ROUGHLY = 400
+# In the plane, joint paths of more pieces are compared by lower bounds: a plan takes seconds.
+MOST_PLANNED = 8_000
 # On paths of more segments than LONG they are compared on parts of about PART_SEGMENTS, one in
 # PART_EVERY segments, and at most MOST_PARTS. Parts tell durations apart by some thousandths only:
 # what is slower there by no more than SLOWER is traced along the whole path.
@@ -403,6 +405,9 @@ def _by_duration(found: list[JointPath], arm: Arm, rough: Limits) -> Iterator[li
     """Joint paths of one tool path, those with the fastest plans under rough limits first."""
     at_least = [bound_duration(x, rough) for x in found]
     order = np.argsort(at_least, kind="stable").tolist()
+    if isinstance(arm, PlanarTwoLink) and len(found[0].breaks) > MOST_PLANNED:
+        yield from ([found[i]] for i in order)
+        return
     # Of those that are planned and did not come yet.
     durations: dict[int, float] = {}
     while order or durations:
