@@ -185,7 +185,7 @@ def plan(
         shaping = Shaping(arm, bounds, reserve, wishes, branch, intervals)
         path = shaping.shape(objective, start, progress, named=objective is path)
         for doubt in doubt_search(x.path for x in path.contours):
-            warnings.warn(capitalise(doubt), stacklevel=2)
+            warnings.warn(capitalise(doubt), stacklevel=3)
     if isinstance(path, JointPath | Tracing):
         traced = _refuse_foreign(path, arm, bounds, branch, start)
     else:

@@ -160,8 +160,10 @@ def test_each_contour_has_the_tolerance_that_its_lines_bear_whatever_chords_of_c
 @pytest.mark.parametrize("tolerance", [1e-7, 1e-9])
 def test_a_tiny_tolerance_ends_the_search_early_with_a_warning(arm, limits, tolerance):
     objective = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30), (0.35, 0.35)])
-    with pytest.warns(UserWarning):
-        path = shape(objective, arm, limits, tolerance=tolerance)
+    with pytest.warns(UserWarning) as told:
+        path = ac.shape(objective, arm, limits, tolerance=tolerance)
+        ac.plan(objective, arm, limits, method="shaped", tolerance=tolerance)
+    assert [x.filename for x in told] == [__file__, __file__]
     assert path.outcome.unfinished
     assert path.outcome.durations["shaped"] <= min(path.outcome.durations.values())
     s = np.linspace(0, path.length, 2001)

@@ -142,7 +142,7 @@ def shape(
     if program is path:
         return found
     for doubt in doubt_search([found.path]):
-        warnings.warn(capitalise(doubt), stacklevel=2)
+        warnings.warn(capitalise(doubt), stacklevel=3)
     # Whoever gives a path gets a path.
     return found.path
 
