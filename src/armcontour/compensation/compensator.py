@@ -13,7 +13,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.compensation.set_points import SETTLING, set_point_times
 from armcontour.errors import InvalidInput
-from armcontour.motion import LONGEST_CLOCK, TaughtData, Trajectory, check_interval
+from armcontour.motion import LONGEST_CLOCK, PERIOD, TaughtData, Trajectory, check_interval
 from armcontour.motion.command_limits import describe_excess, refuse_commands
 from armcontour.servo import ServoModel
 
@@ -29,7 +29,7 @@ def compensate(
     servo: ServoModel,
     *,
     method: str = "inverse",
-    period: float = 4e-3,
+    period: float = PERIOD,
     arm: Arm | None = None,
     limits: Limits | None = None,
     poles: npt.ArrayLike | None = None,

@@ -14,7 +14,7 @@ from armcontour.arms import Limits
 from armcontour.compensation._filter import run_filter
 from armcontour.compensation.pole_placement import check_poles, pole_placement, transfer
 from armcontour.errors import CompensationError, InvalidInput
-from armcontour.motion import Trajectory, check_interval
+from armcontour.motion import PERIOD, Trajectory, check_interval
 from armcontour.servo import ServoModel
 from armcontour.servo.simulation import Simulation
 
@@ -92,7 +92,7 @@ def fastest_poles(
     servo: ServoModel,
     trajectory: Trajectory,
     limits: Limits | None = None,
-    period: float = 4e-3,
+    period: float = PERIOD,
 ) -> FloatArray:
     """The fastest poles whose taught data does not saturate the servo.
 

@@ -32,7 +32,7 @@ from armcontour.io.scene import BodiesModel, Direction, RotationModel, SceneMode
 from armcontour.io.units import parse
 from armcontour.jobs import Experiment, Goal, Rounding
 from armcontour.jobs.place_search import OBJECTIVES, POINTS, WHAT
-from armcontour.motion import Method
+from armcontour.motion import PERIOD, Method
 from armcontour.program import Process
 from armcontour.servo import ServoModel
 from armcontour.timing import METHODS
@@ -484,7 +484,7 @@ class JobModel:
     servo: ServoModel
     plant: Annotated[dict[str, Any], Given(ServoModel, null=True)] | None = None
     experiment: ExperimentModel | None = None
-    command_interval: Interval = 4e-3
+    command_interval: Interval = PERIOD
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     certificate: Goal | None = None
     placement: PlacementModel | None = None

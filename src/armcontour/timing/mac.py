@@ -16,7 +16,15 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
-from armcontour.motion import JointPath, LawAlongPath, Method, Stretch, Trajectory, check_interval
+from armcontour.motion import (
+    PERIOD,
+    JointPath,
+    LawAlongPath,
+    Method,
+    Stretch,
+    Trajectory,
+    check_interval,
+)
 from armcontour.timing.common import (
     law_peaks,
     path_law,
@@ -62,7 +70,7 @@ def plan_mac(
     limits: Limits,
     *,
     knots: int | None = None,
-    period: float = 4e-3,
+    period: float = PERIOD,
 ) -> Trajectory:
     """Plan a path of lines and arcs by the paper's method.
 
