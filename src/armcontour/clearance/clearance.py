@@ -64,6 +64,15 @@ class PairClearance:
         """Whether the margin is kept, proven for all times."""
         return self.low >= self.margin
 
+    def later(self, by: float) -> PairClearance:
+        """The same with all times later by a time [s].
+
+        Args:
+            by: The time [s].
+        """
+        first = None if self.first_time is None else self.first_time + by
+        return replace(self, t=self.t + by, first_time=first)
+
     def __str__(self) -> str:
         """The pair, its distance and when, as a sentence."""
         near = "touch" if self.high <= 0 else f"come as near as {self.high * 1e3:.4g} mm"
@@ -120,15 +129,7 @@ class Clearance:
         Args:
             by: The time [s].
         """
-        pairs, below = (
-            tuple(
-                replace(
-                    x, t=x.t + by, first_time=None if x.first_time is None else x.first_time + by
-                )
-                for x in own
-            )
-            for own in (self.pairs, self.below)
-        )
+        pairs, below = (tuple(x.later(by) for x in own) for own in (self.pairs, self.below))
         return replace(self, pairs=pairs, below=below)
 
     def refuse(self) -> None:

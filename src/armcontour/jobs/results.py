@@ -21,7 +21,7 @@ from armcontour._describing import (
 from armcontour._text import capitalise
 from armcontour.arms import Arm
 from armcontour.clearance import Clearance
-from armcontour.errors import ExecutionError, InvalidInput
+from armcontour.errors import ExecutionError
 from armcontour.evaluation import Evaluation
 from armcontour.execution import RigidBodyPlant
 from armcontour.geometry import ShapedPath, count_full_stops
@@ -214,10 +214,7 @@ class RunResult:
     @property
     def arm(self) -> Arm:
         """The arm."""
-        arm = self.trajectory.arm if self.execution is None else self.execution.arm
-        if arm is None:
-            raise InvalidInput("This trajectory does not know its arm: plan it with an arm.")
-        return arm
+        return self.trajectory.require_arm() if self.execution is None else self.execution.arm
 
     @cached_property
     def motion(self) -> Execution:

@@ -235,12 +235,13 @@ class Trajectory(Value):
         return to_columns(self.sample(period))
 
     @_checks.checked
-    def limited(self, limits: Limits, reserve: float = 0.0) -> Trajectory:
+    def limited(self, limits: Limits, reserve: float = 0.0, arm: Arm | None = None) -> Trajectory:
         """The trajectory with the limits of its plan; rapids have the limits of the joints only.
 
         Args:
             limits: The limits, without the reserve.
             reserve: Share of the limits that was left to the servo.
+            arm: Its arm; by default the one that it knows.
         """
         joints = limits.of_joints
         spans = tuple(
@@ -252,7 +253,18 @@ class Trajectory(Value):
             )
             for x in self.spans
         )
-        return replace(self, spans=spans, limits=limits, reserve=reserve)
+        own = self.arm if arm is None else arm
+        return replace(self, spans=spans, limits=limits, reserve=reserve, arm=own)
+
+    def require_arm(self) -> Arm:
+        """The arm.
+
+        Raises:
+            InvalidInput: The trajectory does not know it.
+        """
+        if self.arm is None:
+            raise InvalidInput("This trajectory does not know its arm: plan it with an arm.")
+        return self.arm
 
     @_checks.checked
     def limits_for(self, limits: Limits | None) -> Limits:

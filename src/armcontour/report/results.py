@@ -123,9 +123,7 @@ def _planned(
     limits: Limits | None = None,
 ) -> RunResult:
     """The run of a plan, without set-points."""
-    arm = plan.arm if arm is None else arm
-    if arm is None:
-        raise InvalidInput("This trajectory does not know its arm: plan it with an arm.")
+    arm = plan.require_arm() if arm is None else arm
     program = _program_of(plan, arm) if program is None else program
     limits = resolve_limits("write_report", arm, limits, plan.limits)
     # Without the limits of the plan, nothing would seem to bind.

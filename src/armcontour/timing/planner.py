@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NoReturn, cast
 
 import numpy as np
@@ -203,9 +203,7 @@ def plan(
     if duration is not None:
         found = slow_down(found, duration, traced, timing)
     _refuse_endless_motion(found)
-    found = found.limited(bounds, reserve)
-    if isinstance(arm, Arm):
-        found = replace(found, arm=arm)
+    found = found.limited(bounds, reserve, arm if isinstance(arm, Arm) else None)
 
     if not isinstance(path, Tracing):
         if bounds.jerk_limits:

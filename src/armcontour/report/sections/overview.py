@@ -9,6 +9,7 @@ from armcontour.evaluation import Evaluation
 from armcontour.jobs import RunResult, Study, warnings_of
 from armcontour.jobs.quantities import assumed_numbers, planned_torques
 from armcontour.report.section import Section, Table, Tile
+from armcontour.report.sections.bindings import assigned_share
 from armcontour.report.style import few
 
 # Largest number of runs with tiles; more runs are compared in a table.
@@ -155,8 +156,8 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
 
 def _planned(result: RunResult) -> tuple[Tile, ...]:
     """Tiles of one run that was not executed."""
-    plan, why = result.trajectory, result.explanation
-    tiles = [
+    plan = result.trajectory
+    return (
         Tile(label="motion", value=f"{plan.duration:.3f} s", note=f"method {plan.method}"),
         Tile(
             label="path",
@@ -167,16 +168,9 @@ def _planned(result: RunResult) -> tuple[Tile, ...]:
             label="tool speed, largest",
             value=f"{float(result.motion.tool_speed.max()) * 1e3:.1f} mm/s",
         ),
-    ]
-    if why is not None and why.assigned_length is not None:
-        tiles.append(
-            Tile(
-                label="at the assigned velocity",
-                value=f"{why.assigned_length:.0%}",
-                note=f"of the length; {why.assigned_time or 0.0:.0%} of the time",
-            )
-        )
-    return (*tiles, *_torque(result))
+        *assigned_share(result.explanation, "of the length", "of the time"),
+        *_torque(result),
+    )
 
 
 def _orientation(e: Evaluation) -> list[Tile]:

@@ -14,6 +14,7 @@ from armcontour.motion import Span
 from armcontour.program import Contour, Program, cut_parts
 from armcontour.program.preparing import PIERCE
 from armcontour.report.section import Section, Table, Tile
+from armcontour.report.sections.bindings import assigned_share
 from armcontour.report.sections.program_picture import picture
 
 # Largest number of rows; of more contours, those with the largest errors are listed.
@@ -87,16 +88,8 @@ def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
         ),
         Tile(label="events", value=f"{len(result.trajectory.events)}", note=_names(result)),
     ]
-    why = result.explanation
-    if why is not None and why.assigned_length is not None:
-        tiles.append(
-            Tile(
-                label="at the assigned velocity",
-                value=f"{why.assigned_length:.0%}",
-                note=f"of the contours' length; {why.assigned_time or 0.0:.0%} of their time",
-            )
-        )
-    return tuple(tiles)
+    share = assigned_share(result.explanation, "of the contours' length", "of their time")
+    return (*tiles, *share)
 
 
 def _work(x: Contour) -> float:
