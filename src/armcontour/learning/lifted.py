@@ -18,10 +18,11 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour._sampling import GAP, interpolate
 from armcontour.arms import Arm
-from armcontour.drives import Drives, mean_over_three, respond_along
+from armcontour.drives import Drives, respond_along
 from armcontour.geometry import Path
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
+from armcontour.servo.model import integrator_filter, without_integral
 from armcontour.servo.simulation import command_weights
 
 # Longest time between two times of the model [s]. The rule of the response is off by about
@@ -74,11 +75,15 @@ class Nominal(NamedTuple):
 
 
 class _Term(NamedTuple):
-    """The interpolated set-points at shifted times [s], times a factor (one, or one per joint)."""
+    """The interpolated set-points at shifted times [s], times a factor (one, or one per joint).
+
+    The integrators see it or not, as acceleration feed-forward.
+    """
 
     factor: FloatArray | float
     interpolation: str
     shift: float
+    seen: bool = True
 
 
 class Lifted:
@@ -102,7 +107,6 @@ class Lifted:
     """
 
     _motion: tuple[FloatArray, FloatArray, FloatArray]
-    _means: csc_array
 
     def __init__(
         self,
@@ -119,7 +123,10 @@ class Lifted:
             parts = int(np.ceil(self.period / LONGEST_STEP * (1 - 1e-9)))
             rest = float(nominal.servo.dead_time.max()) + AFTER / float(nominal.servo.kp.min())
             intervals = self.count - 1 + int(np.ceil(rest / self.period))
-            t = taught.times(intervals * parts + 1, self.period / parts)
+            step, cycle = self.period / parts, nominal.servo.cycle
+            # At the times at which the drives compute their loops, where these are not far apart.
+            step = cycle if cycle > LONGEST_STEP / 2 else step
+            t = taught.times(int(np.ceil(intervals * self.period / step - 1e-9)) + 1, step)
         self.t, self.step = t, float(t[1] - t[0])
         _checks.refuse_too_many(
             f"Learning {t[-1] - t[0]:.4g} s of motion, {len(t)} times,",
@@ -129,18 +136,22 @@ class Lifted:
         self.nominal, drives = nominal, nominal.drives
         if near is None:
             q, dq, ddq = self.plan.motion_with_rests(t)
+            if nominal.servo.cycle:
+                ddq = self.plan.motion_with_rests(t + nominal.servo.cycle / 2)[2]
             dq[0] = ddq[0] = 0.0
-            self._motion, self._means = (q, dq, ddq), mean_over_three(len(t), self.dof)
+            self._motion = q, dq, ddq
         else:
-            self._motion, self._means = near._motion, near._means
-        self.planned = self._motion[0]
-        self._needed = (drives or nominal.servo).command(*self._motion)
-        # The equations `A x = S c` of x by the command.
+            self._motion = near._motion
+        self.planned, dq, ddq = self._motion
+        self._prompt = nominal.servo.without_feedforward().for_joints(self.dof)
+        left = ddq if drives else without_integral(dq, ddq, self._prompt, self.step)
+        self._needed = (drives or self._prompt).command(self.planned, dq, left)
+        # The equations of x by the command.
         if near is None or drives is None or near.nominal.drives is None:
             self._response = respond_along(self.plan.with_rests, t, **nominal._asdict())
         else:
             self._response = near._response.of_drives(near.nominal.drives, drives)
-        self._left = self._response.equations()
+        self._left, self._means, self._unseen = self._response.equations()
         self._solve = splu(self._left, permc_spec="NATURAL")
         self._factors: dict[tuple[float, float], tuple[Any, IntArray, float]] = {}
 
@@ -153,19 +164,25 @@ class Lifted:
         if b.any():
             linear = servo.interpolation == "linear"
             late, span = (0.0, self.period) if linear else (self.step / 2, self.step)
-            found += self._rate_terms(b / span, shift + late)
-            found += self._rate_terms(-b / span, shift + late - span)
+            late, span = (0.0, servo.cycle) if servo.cycle else (late, span)
+            bends = self._rate_terms(b / span, shift + late)
+            bends += self._rate_terms(-b / span, shift + late - span)
+            found += [x._replace(seen=False) for x in bends]
         return found
 
     def _rate_terms(self, factor: FloatArray | float, shift: float) -> list[_Term]:
         """Terms of a multiple of the command's velocity, mean over one step [1/s].
 
-        For interpolation "step" it is the velocity of the line one interval before.
+        For interpolation "step" it is the velocity of the line one interval before. Drives with a
+        cycle take the difference to the command of the cycle before.
         """
-        kind, half = self.nominal.servo.interpolation, self.step / 2
-        if kind == "step":
+        kind, cycle = self.nominal.servo.interpolation, self.nominal.servo.cycle
+        if kind == "step" and not cycle:
             kind, shift = "linear", shift - self.period
-        return [_Term(x * factor / self.step, kind, shift + x * half) for x in (1, -1)]
+        span = cycle or self.step
+        return [
+            _Term(x * factor / span, kind, shift - cycle / 2 + x * span / 2) for x in (1, -1)
+        ]
 
     def _interpolated(self, term: _Term) -> tuple[IntArray, FloatArray]:
         """Indices of set-points, in the order of `q.ravel()`, and weights, (n dof, 2 or 4) each."""
@@ -176,10 +193,20 @@ class Lifted:
 
     def _command(self, q: FloatArray, terms: Sequence[_Term]) -> FloatArray:
         """The sum of terms for set-points, (n, dof)."""
-        found, values = np.zeros(self.planned.size), q.ravel()
-        for index, weight in map(self._interpolated, terms):
-            found += (weight * values[index]).sum(axis=1)
-        return found.reshape(self.planned.shape)
+        found, values = np.zeros((2, self.planned.size)), q.ravel()
+        for term in terms:
+            index, weight = self._interpolated(term)
+            found[int(term.seen)] += (weight * values[index]).sum(axis=1)
+        unseen, seen = found.reshape(2, *self.planned.shape)
+        return seen + self.as_seen(unseen)
+
+    def as_seen(self, command: FloatArray) -> FloatArray:
+        """The command to which joints respond as to one that their integrators do not see.
+
+        Args:
+            command: Command at the times, 0 before the first one [rad], (n, dof).
+        """
+        return without_integral(np.zeros_like(command), command, self._prompt, self.step)
 
     def rates(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Velocities of the command: of the set-points, and with feed-forward [rad/s], (n, dof).
@@ -322,12 +349,13 @@ class Lifted:
         rows = size - self.dof
         jump = csc_array(eye_array(rows, size, k=self.dof) - eye_array(rows, size))
         bend = jump[: rows - self.dof, :rows] @ jump
-        index, weight = (
-            np.hstack(x) for x in zip(*map(self._interpolated, self._terms()), strict=True)
-        )
-        where = np.repeat(np.arange(n), index.shape[1]), index.ravel()
-        weights = csc_array(coo_array((weight.ravel(), where), shape=(n, size)))
-        right = self._means @ weights
+        right = csc_array((n, size))
+        for means, seen in ((self._means, True), (self._unseen, False)):
+            terms = [x for x in self._terms() if x.seen == seen]
+            if terms:
+                index, weight = (np.hstack(x) for x in zip(*map(self._interpolated, terms), strict=True))
+                where = np.repeat(np.arange(n), index.shape[1]), index.ravel()
+                right += means @ csc_array(coo_array((weight.ravel(), where), shape=(n, size)))
         blocks: Any = [[self._left @ self._left.T, right], [right.T, None]]
         taught = self.start + np.arange(self.count)[:, None] * self.period
         reached = taught + self.nominal.servo.dead_time
@@ -383,7 +411,13 @@ class Lifted:
         Args:
             error: Errors of the joints at the times [rad], (n, dof).
         """
-        return np.asarray((self._left @ error.ravel()).reshape(error.shape))
+        from scipy.signal import lfilter
+
+        found = (self._left @ error.ravel()).reshape(error.shape)
+        for j in np.flatnonzero(self._prompt.ki):
+            rest = integrator_filter(self._prompt.ki[j], self.step, self._prompt.cycle)[1]
+            found[:, j] = lfilter([1.0], rest, found[:, j])
+        return np.asarray(found)
 
     def between(self, t: FloatArray, values: FloatArray) -> FloatArray:
         """Values at the model's times, at other times, (m, dof); constant before and after them.

@@ -129,12 +129,14 @@ class _Fit:
         nominal = self.nominal
         # A servo with acceleration feed-forward has velocity feed-forward, too.
         least = np.where(nominal.acceleration_feedforward > 0, LEAST_F, 0.0)
+        # Loops with a cycle are unstable with larger gains.
+        low, high = GAINS[0], 1 / nominal.cycle if nominal.cycle else GAINS[1]
         kv = nominal.kv
         if kv is not None:
-            changed = np.clip(kv * (1 + b) / (1 + c[0]), *GAINS)
+            changed = np.clip(kv * (1 + b) / (1 + c[0]), low, np.maximum(kv, high))
             kv = np.where(np.isinf(kv), kv, changed)
         return nominal.replace(
-            kp=np.clip(nominal.kp / (1 + b), *GAINS),
+            kp=np.clip(nominal.kp / (1 + b), low, np.maximum(nominal.kp, high)),
             kv=kv,
             velocity_feedforward=np.clip(
                 (nominal.velocity_feedforward + a) / (1 + b), least, MOST_F
@@ -159,7 +161,7 @@ class _Fit:
         speed = np.gradient(expected, self.lifted.step, axis=0)
         fastest = np.abs(speed).max(axis=0)
         direction = np.tanh(speed / np.where(fastest > 0, 1e-2 * fastest, 1.0))
-        return self.lifted.respond_to(direction)
+        return self.lifted.respond_to(self.lifted.as_seen(direction))
 
     def whiten(self, error: FloatArray) -> FloatArray:
         """Deviations whose values are independent, with the standard deviation 1, (m, cases)."""
@@ -183,6 +185,7 @@ class _Fit:
             drives, ddq = lifted.nominal.drives, np.gradient(dq, lifted.step, axis=0)
             if drives is not None:
                 ddq = drives.moving_torque(expected, dq, ddq) / drives.inertia
+            ddq = lifted.as_seen(ddq)
             causes.append(-ddq / (nominal.kp * nominal.kv))
         each = [x[:, :, None] * np.eye(dof) for x in causes]
         late = -with_feedforward[:, :, None]
