@@ -120,8 +120,8 @@ class Response:
         mass, slow = mass - late * damping, slow - late * stiffness
         if not servo.ki.any():
             return Equations(self._steps(mass, slow, stiff), means, means)
-        own = np.broadcast_to([-late * damping, damping - late * stiffness, stiffness], shape)
-        driven = self._steps(*own.swapaxes(0, 1))
+        own = -late * damping, damping - late * stiffness, stiffness
+        driven = self._steps(*(np.broadcast_to(x, mass.shape) for x in own))
         bodies = self._steps(mass, slow, stiff) - driven
         filters = [
             integrator_filter(x, self.step, servo.cycle) if x else (np.eye(2)[0], np.eye(2)[0])
