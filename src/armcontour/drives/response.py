@@ -19,6 +19,9 @@ from armcontour.servo.model import integrator_filter
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
+# The linear response is that of the motion at times this far apart [s], and interpolated: arms
+# hardly change between them.
+APART = 10e-3
 # A motion: joint positions, velocities or accelerations (order 0, 1, 2) at times, (n, dof).
 Motion = Callable[[FloatArray, int], FloatArray]
 
@@ -71,12 +74,20 @@ class Response:
         """Time between two times [s]."""
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
-    def of_drives(self, drives: Drives, others: Drives) -> Response:
-        """The response with other drives of the same arm, from that with some drives."""
+    def of_drives(self, drives: Drives, others: Drives, every: int) -> Response:
+        """The response with other drives of the same arm, from that with some drives.
+
+        Args:
+            drives: The drives of this response.
+            others: The other drives.
+            every: Only every so many times are used.
+        """
         return replace(
             self,
-            damping=self.damping + np.diag(others.damping - drives.damping),
-            stiffness=self.stiffness + np.diag(others.stiffness - drives.stiffness),
+            t=self.t[::every],
+            mass=self.mass[::every],
+            damping=self.damping[::every] + np.diag(others.damping - drives.damping),
+            stiffness=self.stiffness[::every] + np.diag(others.stiffness - drives.stiffness),
             gain=others.stiffness,
             servo=others.servo,
         )
@@ -168,6 +179,18 @@ def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
     return found
 
 
+def linear_along(
+    drives: Drives, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray
+) -> list[FloatArray]:
+    """Mass, damping and stiffness at the times, interpolated, (n, dof, dof) each."""
+    rows = np.linspace(0, len(t) - 1, max(int((t[-1] - t[0]) / APART), 1) + 1).astype(np.intp)
+    place = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
+    before = np.minimum(place.astype(np.intp), len(rows) - 2)
+    share = (place - before)[:, None, None]
+    linear = drives.linear(q[rows], dq[rows], ddq[rows])
+    return [(1 - share) * x[before] + share * x[before + 1] for x in linear]
+
+
 def regular_times(start: float, end: float, longest: float) -> FloatArray:
     """Regular times from `start` to `end` with at most `longest` between two of them [s], (n,)."""
     count = max(int(np.ceil((end - start) / longest * (1 - 1e-12))), 1)
@@ -203,7 +226,8 @@ def respond_along(
     own = servo.for_joints(arm.dof)
     if arm.has_bodies and servo.is_plain("second"):
         drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, known=known)
-        mass, damping, stiffness = drives.linear(*(motion(t, order) for order in range(3)))
+        rates = (motion(t, order) for order in range(3))
+        mass, damping, stiffness = linear_along(drives, t, *rates)
         gain = drives.stiffness
     else:
         shape = len(t), arm.dof, arm.dof

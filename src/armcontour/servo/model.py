@@ -232,6 +232,9 @@ class ServoModel(Value):
             InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
         dof = _checks.whole("dof", dof, 1, _checks.MOST_JOINTS)
+        values = [getattr(self, x) for x in PER_JOINT]
+        if all(x is None or x.shape == (dof,) for x in values) and isinstance(self.order, str):
+            return self
         given: dict[str, Any] = {}
         for x in PER_JOINT:
             values = getattr(self, x)
