@@ -185,9 +185,7 @@ class Lifted:
         if kind == "step" and not cycle:
             kind, shift = "linear", shift - self.period
         span = cycle or self.step
-        return [
-            _Term(x * factor / span, kind, shift - cycle / 2 + x * span / 2) for x in (1, -1)
-        ]
+        return [_Term(x * factor / span, kind, shift - cycle / 2 + x * span / 2) for x in (1, -1)]
 
     def _interpolated(self, term: _Term) -> tuple[IntArray, FloatArray]:
         """Indices of set-points, in the order of `q.ravel()`, and weights, (n dof, 2 or 4) each."""
@@ -367,7 +365,9 @@ class Lifted:
         for means, seen in ((self._means, True), (self._unseen, False)):
             terms = [x for x in self._terms if x.seen == seen]
             if terms:
-                index, weight = (np.hstack(x) for x in zip(*map(self._interpolated, terms), strict=True))
+                index, weight = (
+                    np.hstack(x) for x in zip(*map(self._interpolated, terms), strict=True)
+                )
                 where = np.repeat(np.arange(n), index.shape[1]), index.ravel()
                 right += means @ csc_array(coo_array((weight.ravel(), where), shape=(n, size)))
         blocks: Any = [[self._left @ self._left.T, right], [right.T, None]]

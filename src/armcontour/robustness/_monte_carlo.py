@@ -259,9 +259,7 @@ def _advance_joints(
                 sample.commands[j],
                 sample.starts[j],
                 times[first : first + chunk + 1],
-                Motion(
-                    states[j, 0], states[j, 1], share * states[j, 4], states[j, 2], -most, most
-                ),
+                Motion(states[j, 0], states[j, 1], share * states[j, 4], states[j, 2], -most, most),
                 places[j, first : first + chunk],
             )
             if not math.isfinite(m.q + m.w):
