@@ -207,7 +207,7 @@ class Lifted:
             index, weight = self._interpolated(term)
             found[int(term.seen)] += (weight * values[index]).sum(axis=1)
         unseen, seen = found.reshape(2, *self.planned.shape)
-        return seen + self.as_seen(unseen)
+        return np.asarray(seen + self.as_seen(unseen))
 
     def as_seen(self, command: FloatArray) -> FloatArray:
         """The command to which joints respond as to one that their integrators do not see.
