@@ -1,0 +1,192 @@
+"""Set-points within limits of commands, judged by numpy.diff, Clarabel and simulations."""
+
+import clarabel
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import armcontour as ac
+from armcontour.io.exports import export
+
+# Limits of libfranka 0.15 for an FR3, rate_limiting.h; velocities at the middle of the ranges.
+LIBFRANKA = ac.Limits(
+    joint_velocity=[2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26],
+    joint_acceleration=10 - 1e-3,
+    joint_jerk=5000 - 1e-3,
+)
+PERIOD = 1e-3
+# Gains of franky-sim: kp / kv = 10 1/s at every joint.
+SERVO = ac.ServoModel(kp=10.0, order="first")
+
+
+def largest_shares(q, period, limits):
+    """Largest differences of set-points between rests, over their limits."""
+    q = np.pad(q, ((3, 3), (0, 0)), mode="edge")
+    given = (limits.joint_velocity, limits.joint_acceleration, limits.joint_jerk)
+    return [
+        float((np.abs(np.diff(q, k, axis=0)) / period**k / limit).max())
+        for k, limit in enumerate(given, start=1)
+        if limit is not None
+    ]
+
+
+def nearest(q, period, limits):
+    """The nearest set-points by Clarabel, one joint after the other."""
+    count, found = len(q), q.copy()
+    rows = np.clip(np.arange(-3, count + 3), 0, count - 1)
+    repeated = sp.csc_array((np.ones(len(rows)), (np.arange(len(rows)), rows)))
+    scale = 1e3
+    for j in range(q.shape[1]):
+        parts, sides, now = [], [], repeated
+        for k, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
+            now = now[1:] - now[:-1]
+            limit = np.broadcast_to(getattr(limits, f"joint_{name}"), q.shape[1])[j] * period**k
+            for sign in (1.0, -1.0):
+                parts.append(sign * now[:, 1:-1] / (limit * scale))
+                sides.append(1 - sign * now @ q[:, j] / limit)
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+        size = sum(map(len, sides))
+        solved = clarabel.DefaultSolver(
+            sp.eye(count - 2, format="csc"),
+            np.zeros(count - 2),
+            sp.vstack(parts, format="csc"),
+            np.concatenate(sides),
+            [clarabel.NonnegativeConeT(size)],
+            settings,
+        ).solve()
+        found[1:-1, j] += np.array(solved.x) / scale
+    return found
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return ac.load_arm("fr3")
+
+
+@pytest.fixture(scope="module")
+def square(arm):
+    """A square of 0.1 m at 250 mm/s, and its plan with a limit of jerk and a reserve of 5 %."""
+    q = np.array([0.0, -0.785, 0.0, -2.056, 0.0, 1.771, 0.785])
+    corners = np.array([(-1, 0, 0), (0, 0, 0), (0, 1, 0), (-1, 1, 0), (-1, 0, 0)])
+    path = ac.Path.polyline(arm.tool_position(q[None])[0] + 0.1 * corners).pointing((0, 0, -1))
+    path = ac.round_corners(path, tolerance=5e-4, continuity="curvature")
+    limits = arm.limits.replace(speed=0.25, joint_jerk=4500.0)
+    return path, ac.plan(path, arm, limits, start=q, reserve=0.05)
+
+
+@pytest.fixture(scope="module")
+def free(square):
+    return ac.compensate(square[1], SERVO, period=PERIOD, limits=ac.Limits(joint_velocity=9.0))
+
+
+@pytest.fixture(scope="module")
+def limited(square):
+    limits = ac.Limits(joint_velocity=9.0)
+    return ac.compensate(square[1], SERVO, period=PERIOD, limits=limits, command_limits=LIBFRANKA)
+
+
+def test_set_points_for_franky_sim_are_within_libfrankas_limits(square, arm, free, limited):
+    """Without these limits 40 times the acceleration and 50 times the jerk are needed."""
+    path, plan = square
+    assert min(largest_shares(free.q, PERIOD, LIBFRANKA)[1:]) > 30
+    assert max(largest_shares(limited.q, PERIOD, LIBFRANKA)) <= 1
+    used = [x.max() for x in limited.command_use.values()]
+    assert used == pytest.approx(largest_shares(limited.q, PERIOD, LIBFRANKA), rel=1e-9)
+    # At rest at both ends of the plan.
+    ends = plan([0.0, plan.duration])
+    np.testing.assert_allclose(limited.q[[0, -1]], ends, atol=1e-9)
+    # The stated error is that of the execution; without compensation it is 2.2 mm.
+    plant = ac.ServoPlant(arm, SERVO, saturation="none")
+    error = ac.evaluate(ac.execute(limited, plant, resolution=PERIOD), path).contour_error
+    cost = limited.limit_cost
+    assert cost.contour_rms == pytest.approx(error.rms, rel=0.02)
+    assert cost.contour_max == pytest.approx(error.max, rel=0.02)
+    plain = ac.execute(ac.compensate(plan, SERVO, method="none", period=PERIOD), plant)
+    assert error.rms < 0.2 * ac.evaluate(plain, path).contour_error.rms
+    assert "contour error" in str(limited)
+
+
+def test_set_points_are_the_nearest_ones(free, limited):
+    more = round((free.start_time - limited.start_time) / PERIOD)
+    q = np.pad(free.q, ((more, more), (0, 0)), mode="edge")
+    np.testing.assert_allclose(limited.q, nearest(q, PERIOD, LIBFRANKA), atol=2e-7)
+    deviation = np.abs(limited.q - q).max(axis=0)
+    np.testing.assert_allclose(limited.limit_cost.deviation, deviation, atol=1e-12)
+    # Joint 7 stands still, and no limit binds.
+    np.testing.assert_array_equal(limited.q[:, 6], q[:, 6])
+
+
+@pytest.mark.parametrize("method", ["inverse", "none", "pole_placement"])
+def test_limits_that_do_not_bind_change_nothing(square, method):
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    free = ac.compensate(square[1], servo, method=method)
+    wide = ac.Limits(joint_velocity=9.0, joint_acceleration=1e4, joint_jerk=1e7)
+    kept = ac.compensate(square[1], servo, method=method, command_limits=wide)
+    np.testing.assert_array_equal(kept.q, free.q)
+    assert kept.start_time == free.start_time and kept.limit_cost is None
+    assert max(x.max() for x in kept.command_use.values()) < 1
+
+
+def test_a_motion_at_its_limits_all_the_time_gets_set_points_that_take_longer():
+    """One joint accelerates and brakes: between the same ends no jerk is possible in this time."""
+    arm = ac.PlanarTwoLink(name="rods", links=(0.3, 0.3), base=0.0, limits=ac.Limits())
+    limits = ac.Limits(joint_acceleration=10.0)
+    plan = ac.plan(ac.JointPath.spline([(0.1, 0.9), (0.9, 0.9)]), arm, limits)
+    tight = limits.replace(joint_jerk=500.0)
+    servo = ac.ServoModel(order="delay", dead_time=3e-3)
+    for method in ("none", "inverse"):
+        found = ac.compensate(plan, servo, method=method, period=2e-3, command_limits=tight)
+        assert max(largest_shares(found.q, 2e-3, tight)) <= 1
+        assert found.start_time < 0 and found.t[-1] > plan.duration
+        assert found.limit_cost.contour_rms is None
+        assert 1e-4 < found.limit_cost.deviation[0] < 5e-3
+
+
+@pytest.mark.parametrize(
+    ("limits", "name", "allowed"),
+    [
+        (ac.Limits(joint_acceleration=5.0, joint_jerk=5000.0), "joint_acceleration", 5.0),
+        (ac.Limits(joint_velocity=0.2), "joint_velocity", 0.2),
+        (ac.Limits(joint_upper=[3.0, 3.0, 3.0, 0.0, 3.0, 1.1, 3.0]), "joint_upper", 1.1),
+        (ac.Limits(joint_jerk=1.0), "joint_jerk", 1.0),
+    ],
+)
+def test_a_plan_above_the_limits_is_refused(square, limits, name, allowed):
+    with pytest.raises(ac.CompensationError, match="command_limits") as refusal:
+        ac.compensate(square[1], SERVO, period=PERIOD, command_limits=limits)
+    error = refusal.value
+    assert error.limit == name and error.allowed == allowed < error.needed
+    orders = {"joint_upper": 0, "joint_velocity": 1, "joint_acceleration": 2}
+    if name in orders:
+        planned = square[1].with_rests(np.array([error.t]), orders[name])[0, error.joint]
+        assert abs(planned) == pytest.approx(error.needed, rel=0.1)
+
+
+def test_only_limits_of_joints_limit_commands(square):
+    with pytest.raises(ac.InvalidInput, match="speed"):
+        ac.compensate(square[1], SERVO, command_limits=ac.Limits(speed=0.1))
+
+
+def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
+    for name in ("taught.csv", "taught.npz"):
+        export(limited, tmp_path / name, arm=arm, derivatives=0)
+    table = np.genfromtxt(tmp_path / "taught.csv", delimiter=",", skip_header=1)
+    with np.load(tmp_path / "taught.npz") as arrays:
+        exact = arrays["q"]
+    for q in (table[:, 1:8], exact):
+        assert max(largest_shares(q, PERIOD, LIBFRANKA)) <= 1
+
+
+def test_learning_keeps_the_limits(square, arm, limited):
+    """Of a robot with other gains than its model; lessons without limits exceed them."""
+    robot = ac.ServoPlant(arm, SERVO.replace(kp=9.0), saturation="none")
+    taught, errors = limited, []
+    for _ in range(3):
+        done = ac.execute(taught, robot, resolution=PERIOD)
+        errors.append(ac.evaluate(done, square[0]).contour_error.rms)
+        taught = ac.learn(taught, done, arm=arm, servo=SERVO, limits=ac.Limits(joint_velocity=9.0))
+        assert taught.command_limits is not None
+        assert max(largest_shares(taught.q, PERIOD, LIBFRANKA)) <= 1 + 1e-9
+    assert errors[-1] < errors[0]
