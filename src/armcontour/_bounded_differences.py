@@ -14,8 +14,8 @@ MOST_STEPS = 80
 # Violation relative to the bounds, and duality gap relative to the objective, of a solution. If
 # rounding errors end the search, a gap of ROUNDED is accepted.
 EXACT, OPTIMAL, ROUNDED = 1e-10, 1e-9, 1e-5
-# First slacks as a share of the largest violation, and first product of slack and multiplier.
-FIRST_SLACK, FIRST_PRODUCT = 0.1, 0.1
+# First product of slack and multiplier, for an excess of half the distance between the bounds.
+FIRST_PRODUCT = 1.0
 # Share of the way to the nearest bound that a step takes.
 INSIDE = 0.995
 
@@ -76,8 +76,8 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
         wider = -outside - side * forward(step)
         return step, wider, (wanted - multipliers * wider) / slacks
 
-    slacks = np.maximum(room, FIRST_SLACK * excess)
-    multipliers = FIRST_PRODUCT / slacks
+    slacks = np.maximum(room, max(excess, 1.0))
+    multipliers = FIRST_PRODUCT * min(excess, 1.0) ** 2 / slacks
     for _ in range(MOST_STEPS):
         outside = side * forward(change) + slacks - room
         gradient = change + adjoint(multipliers)

@@ -61,6 +61,7 @@ def within_limits(
         if joint is None:
             break
     else:
+        assert joint is not None
         _refuse_plan(taught, np.where(np.arange(dof) == joint, bounds, UNLIMITED))
         raise CompensationError(
             f"No set-points of joint {joint + 1} satisfy command_limits between the ends of the "
@@ -77,8 +78,8 @@ def within_limits(
 def _extensions(servo: ServoModel, bounds: FloatArray, period: float) -> tuple[int, int]:
     """Numbers of set-points to add at both ends: the usual one, and the largest one."""
     ramp = (bounds[2, 1] / bounds[3, 1])[np.isfinite(bounds[2, 1])].max(initial=0.0)
-    usual = TIME_CONSTANTS / servo.slowest + RAMPS * float(ramp)
-    return tuple(int(np.ceil(min(x, LONGEST_TAIL) / period)) for x in (usual, LONGEST_TAIL))
+    usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * float(ramp), LONGEST_TAIL)
+    return int(np.ceil(usual / period)), int(np.ceil(LONGEST_TAIL / period))
 
 
 def _refuse_plan(taught: TaughtData, bounds: FloatArray, share: float = 0.0) -> None:

@@ -167,6 +167,16 @@ def cut_off(taught: TaughtData) -> list[str]:
     ]
 
 
+def limited_commands(taught: TaughtData) -> list[str]:
+    """A warning for set-points that limits of commands change, with the error that this causes."""
+    if taught.limit_cost is None or taught.limit_cost.deviation.max() < UNFELT:
+        return []
+    return [
+        f"command_limits change the set-points by {taught.limit_cost}: a plan with lower joint "
+        "accelerations, such as timing: {reserve: 20 %}, or with limits of jerk is changed less."
+    ]
+
+
 def oscillating(servo: ServoModel) -> list[str]:
     """A warning for the joint of order second with the least damping, if kv is below kp.
 

@@ -382,10 +382,7 @@ class TaughtData(Value):
             ("compensation", self.method),
             ("times", f"{first:.4f} to {last:.4f} s"),
             ("plan", f"{self.trajectory.duration:.4f} s"),
-            (
-                "command / limit",
-                ", ".join(f"{x} {y.max():.4f}" for x, y in self.command_use.items()),
-            ),
+            ("command / limit", self.command_note),
             ("limits change", "" if self.limit_cost is None else str(self.limit_cost)),
             *joint_rows(self.q),
         ]
@@ -402,6 +399,11 @@ class TaughtData(Value):
         from armcontour.motion.command_limits import command_use
 
         return command_use(self.q, self.period, self.command_limits)
+
+    @property
+    def command_note(self) -> str:
+        """The largest values of `command_use`, as text; empty without command limits."""
+        return ", ".join(f"{name} {use.max():.4f}" for name, use in self.command_use.items())
 
     @property
     def t(self) -> FloatArray:
