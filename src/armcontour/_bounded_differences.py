@@ -16,6 +16,8 @@ MOST_STEPS = 80
 EXACT, OPTIMAL, ROUNDED = 1e-10, 1e-9, 1e-5
 # First product of slack and multiplier, for an excess of half the distance between the bounds.
 FIRST_PRODUCT = 1.0
+# A missing bound is replaced by this multiple of the largest value and of the other bound.
+FAR = 10.0
 # Share of the way to the nearest bound that a step takes.
 INSIDE = 0.995
 
@@ -38,14 +40,17 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
     """
     from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
-    orders = [k for k, (low, high) in enumerate(bounds) if isfinite(high - low)]
-    scales = [2 / (bounds[k][1] - bounds[k][0]) for k in orders]
+    orders = [k for k, x in enumerate(bounds) if isfinite(x[0]) or isfinite(x[1])]
     if not orders or len(values) < 3:
         return values
-    rooms = []
-    for k, scale in zip(orders, scales, strict=True):
-        now = differences(values, k)[:, None] if k else values[1:-1, None]
-        rooms.append(scale * (now * (-1.0, 1.0) + np.array(bounds[k])[::-1] * (1.0, -1.0)).T)
+    rooms, scales = [], []
+    for k in orders:
+        now = differences(values, k) if k else values[1:-1]
+        # In place of a missing bound, one that the nearest values do not reach.
+        far = FAR * max(float(np.abs(now).max()), *(abs(x) for x in bounds[k] if isfinite(x)))
+        low, high = max(bounds[k][0], -far), min(bounds[k][1], far)
+        scales.append(2 / (high - low))
+        rooms.append(scales[-1] * np.stack([high - now, now - low]))
     room, cuts = np.concatenate(rooms, axis=1), np.cumsum([x.shape[1] for x in rooms])[:-1]
     excess = -float(room.min())
     if excess <= 0:

@@ -92,8 +92,7 @@ def free(square):
 
 @pytest.fixture(scope="module")
 def limited(square):
-    limits = ac.Limits(joint_velocity=9.0)
-    return ac.compensate(square[1], SERVO, period=PERIOD, limits=limits, command_limits=LIBFRANKA)
+    return ac.compensate(square[1], SERVO, period=PERIOD, command_limits=LIBFRANKA)
 
 
 def test_set_points_for_franky_sim_are_within_libfrankas_limits(square, free, limited):
@@ -158,6 +157,19 @@ def test_limits_that_do_not_bind_change_nothing(square, method):
     np.testing.assert_array_equal(kept.q, free.q)
     assert kept.start_time == free.start_time and kept.limit_cost is None
     assert max(x.max() for x in kept.command_use.values()) < 1
+
+
+def test_set_points_beyond_a_range_alone_are_moved_to_its_end(square, free):
+    """Other limits do not bind, so the nearest set-points are those of numpy.minimum."""
+    upper = np.full(7, 3.0)
+    upper[5] = (free.q[:, 5].max() + square[1](np.linspace(0, 1.75, 999))[:, 5].max()) / 2
+    limits = ac.Limits(joint_upper=upper, joint_velocity=9.0)
+    found = ac.compensate(square[1], SERVO, period=PERIOD, command_limits=limits)
+    more = round((free.start_time - found.start_time) / PERIOD)
+    q = np.pad(free.q, ((more, more), (0, 0)), mode="edge")
+    assert (q > upper).any() and (found.q <= upper).all()
+    np.testing.assert_allclose(found.q, np.minimum(q, upper), atol=1e-8)
+    np.testing.assert_array_equal(found.q[:, :5], q[:, :5])
 
 
 def test_a_motion_at_its_limits_all_the_time_gets_set_points_that_take_longer():

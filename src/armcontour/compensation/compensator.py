@@ -62,7 +62,8 @@ def compensate(
             not use it.
         limits: Limits of the controller, in place of those of the plan: set-points must be within
             joint_lower and joint_upper, and must not move faster than joint_velocity. Set-points
-            that exceed the limits of the plan, where none are given, are a warning.
+            that exceed those of the command limits or else of the plan, where none are given, are a
+            warning.
         command_limits: Limits of the set-points themselves, as controllers check them by
             differences over the command interval: joint_velocity [rad/s], joint_acceleration
             [rad/s²], joint_jerk [rad/s³], joint_lower and joint_upper [rad], each one value or one

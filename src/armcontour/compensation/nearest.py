@@ -12,7 +12,7 @@ from armcontour.arms.limits import JOINT_RANGE
 from armcontour.compensation.set_points import LONGEST_TAIL
 from armcontour.errors import CompensationError
 from armcontour.motion import LimitCost, TaughtData
-from armcontour.motion.command_limits import (
+from armcontour.motion.nearest_commands import (
     BY_ORDER,
     check_command_limits,
     command_bounds,
@@ -77,8 +77,9 @@ def within_limits(
 
 def _extensions(servo: ServoModel, bounds: FloatArray, period: float) -> tuple[int, int]:
     """Numbers of set-points to add at both ends: the usual one, and the largest one."""
-    ramp = (bounds[2, 1] / bounds[3, 1])[np.isfinite(bounds[2, 1])].max(initial=0.0)
-    usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * float(ramp), LONGEST_TAIL)
+    jerky = np.isfinite(bounds[2, 1])
+    ramp = float((bounds[2, 1, jerky] / bounds[3, 1, jerky]).max(initial=0.0))
+    usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
     return int(np.ceil(usual / period)), int(np.ceil(LONGEST_TAIL / period))
 
 

@@ -36,7 +36,7 @@ from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, PlaceSearch, Rounding, Run
 from armcontour.jobs.axes import AXES
 from armcontour.motion import check_interval
-from armcontour.motion.command_limits import check_command_limits
+from armcontour.motion.nearest_commands import check_command_limits
 from armcontour.program import Event, Process, Program
 from armcontour.scene import Scene
 from armcontour.servo import ServoModel

@@ -20,14 +20,8 @@ from armcontour.learning.lesson import LearnedRun, Lesson, Recording, record
 from armcontour.learning.lifted import Lifted, Nominal, rms
 from armcontour.learning.servo_fit import fit_servo
 from armcontour.motion import Execution, Log, TaughtData
-from armcontour.motion.command_limits import (
-    BY_ORDER,
-    command_bounds,
-    describe_excess,
-    excess,
-    nearest_commands,
-    refuse_commands,
-)
+from armcontour.motion.command_limits import describe_excess, refuse_commands
+from armcontour.motion.nearest_commands import BY_ORDER, command_bounds, excess, nearest_commands
 from armcontour.servo import ServoModel
 from armcontour.servo.model import LONGEST_DEAD_TIME
 

@@ -22,6 +22,7 @@ from armcontour._describing import (
 from armcontour._quintics import evaluate, quintic
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
+from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import Trajectory, to_columns
 
 # A plant's motion ends at a result if it is as near to it as this [rad].
@@ -396,8 +397,6 @@ class TaughtData(Value):
         """
         if self.command_limits is None:
             return {}
-        from armcontour.motion.command_limits import command_use
-
         return command_use(self.q, self.period, self.command_limits)
 
     @property

@@ -17,7 +17,7 @@ from armcontour._text import list_some, show
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
 from armcontour.io.exports.text import DECIMALS, format_event
-from armcontour.motion.command_limits import SLACK, command_use
+from armcontour.motion.nearest_commands import SLACK, command_use
 
 ENDING = ".j2"
 SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
