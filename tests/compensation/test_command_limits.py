@@ -246,7 +246,7 @@ def test_learning_keeps_the_limits(square, arm, limited):
     for _ in range(3):
         done = ac.execute(taught, robot, resolution=PERIOD)
         errors.append(ac.evaluate(done, square[0]).contour_error.rms)
-        taught = ac.learn(taught, done, arm=arm, servo=SERVO, limits=ac.Limits(joint_velocity=9.0))
+        taught = ac.learn(taught, done, arm=arm, servo=SERVO)
         assert taught.command_limits is not None
         assert max(largest_shares(taught.q, PERIOD, LIBFRANKA)) <= 1 + 1e-9
     assert errors[-1] < errors[0]

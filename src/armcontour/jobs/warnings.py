@@ -172,8 +172,8 @@ def limited_commands(taught: TaughtData) -> list[str]:
     if taught.limit_cost is None or taught.limit_cost.deviation.max() < UNFELT:
         return []
     return [
-        f"command_limits change the set-points by {taught.limit_cost}: a plan with lower joint "
-        "accelerations, such as timing: {reserve: 20 %}, or with limits of jerk is changed less."
+        f"command_limits change the set-points by {taught.limit_cost}; a plan with a larger "
+        "timing.reserve, or with limits of jerk, needs smaller changes."
     ]
 
 

@@ -295,7 +295,7 @@ def _next_lesson(
 
 def _limits_to_keep(seen: Lesson, limits: Limits | None) -> Limits:
     """The limits that lessons keep; of the plan's those only that its set-points kept."""
-    own = seen.trajectory.limits_for(limits)
+    own = seen.trajectory.limits_for(seen.command_limits if limits is None else limits)
     return own.of_tool if limits is None and describe_excess(seen) else own
 
 
