@@ -71,21 +71,6 @@ def test_the_correction_is_that_of_dense_least_squares(lifted, dense):
         np.testing.assert_allclose(response.ravel(), dense @ expected, atol=1e-9)
 
 
-def test_a_bounded_correction_keeps_its_bounds_and_most_of_its_effect(lifted):
-    """A jump of all joints, for which set-points without bounds accelerate twice as much."""
-    error = np.where(lifted.t > lifted.t[len(lifted.t) // 2], 1e-3, 0.0)[:, None] * [1.0, 0.1]
-    free, response = lifted.correct(error, 1e-6)
-    most = 0.5 * np.abs(np.diff(free, 2, axis=0)).max(axis=0) * np.ones((lifted.count - 2, 2))
-    found = lifted.correct_within(error, 1e-6, -most, most)
-    assert (np.abs(np.diff(found, 2, axis=0)) <= 1.01 * most).all()
-    left, alone, scaled = (
-        float(np.sum((error + x) ** 2))
-        for x in (lifted.respond(found), response, lifted.respond(0.5 * free))
-    )
-    assert alone < left < 0.5 * scaled
-    np.testing.assert_array_equal(lifted.correct_within(error, 1e-6, -3 * most, 3 * most), free)
-
-
 def test_surprise_is_minus_two_log_of_the_density(lifted, dense):
     """Against the covariance, as a matrix, of all but constant changes of the set-points."""
     variance, error = 1e-8, np.random.default_rng(2).normal(size=(len(lifted.t), 2)) * 1e-3

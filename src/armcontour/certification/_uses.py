@@ -113,6 +113,7 @@ class Robot:
             method=self.run.compensation,
             period=self.run.period if period is None else period,
             arm=self.arm,
+            command_limits=self.run.command_limits,
             **self.run.compensation_options,
         )
 

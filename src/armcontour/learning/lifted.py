@@ -19,7 +19,6 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour._sampling import GAP, interpolate
 from armcontour.arms import Arm
 from armcontour.drives import Drives, respond_along
-from armcontour.geometry import Path
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
 from armcontour.servo.model import integrator_filter, without_integral
@@ -37,9 +36,6 @@ PENALTIES, FIRST = (-8, 6), 1e-3
 BRIDGES, BRIDGED = 10, 1e-3
 # Factors that are kept: those of the last penalties, and as many as a search ends with.
 MOST_FACTORS = 3
-# Weight and number of steps of the search for bounded second differences, and its tolerance
-# relative to the bounds.
-BEND_WEIGHT, MOST_BENDS, NEAR_BOUND = 1.0, 100, 0.01
 
 
 class ToolError(NamedTuple):
@@ -155,7 +151,7 @@ class Lifted:
             self._response = near._response.of_drives(near.drives, self.drives, every)
         self._left, self._means, self._unseen = self._response.equations()
         self._solve = splu(self._left, permc_spec="NATURAL")
-        self._factors: dict[tuple[float, float], tuple[Any, IntArray, float]] = {}
+        self._factors: dict[float, tuple[Any, IntArray, float]] = {}
         self._penalty = FIRST
         self._weights: dict[tuple[str, float], tuple[IntArray, FloatArray]] = {}
 
@@ -286,41 +282,6 @@ class Lifted:
         change = found[rows:].reshape(self.count, self.dof, *cases)
         return change, (-flat - self._left.T @ found[:rows]).reshape(error.shape)
 
-    def correct_within(
-        self, error: FloatArray, penalty: float, least: FloatArray, most: FloatArray
-    ) -> FloatArray:
-        """The change that `correct` gives, with bounded second differences [rad], (count, dof).
-
-        The alternating direction method of multipliers stops at the first change that satisfies the
-        bounds to NEAR_BOUND.
-
-        Args:
-            error: Errors of the joints at the times [rad], (n, dof).
-            penalty: As in `correct`.
-            least: Lower bounds of the second differences of the change [rad], (count - 2, dof).
-            most: Upper bounds [rad], (count - 2, dof).
-        """
-        change = self.correct(error, penalty)[0]
-        bends, dual, weight = np.diff(change, 2, axis=0), np.zeros_like(least), BEND_WEIGHT
-        if np.all((bends >= least) & (bends <= most)):
-            return change
-        rows, near = error.size, NEAR_BOUND * (most - least) / 2
-        fixed = -(self._left @ error.ravel())
-        for _ in range(MOST_BENDS):
-            factors, order, _ = self._factored(penalty, weight)
-            bounded = np.clip(bends + dual, least, most)
-            pull = np.zeros((self.count, self.dof))
-            for shift, sign in enumerate((1.0, -2.0, 1.0)):
-                pull[shift : shift + len(dual)] -= weight * sign * (bounded - dual)
-            right, found = np.append(fixed, pull.ravel()), np.empty(len(order))
-            found[order] = factors.solve(right[order])
-            change = found[rows:].reshape(self.count, self.dof)
-            bends = np.diff(change, 2, axis=0)
-            dual += bends - bounded
-            if np.all((bends >= least - near) & (bends <= most + near)):
-                break
-        return change
-
     def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
         """The part of an error that a disturbance of the drives explains [rad], (n, dof).
 
@@ -330,37 +291,33 @@ class Lifted:
         """
         return -self.correct(error, penalty)[1]
 
-    def _factored(self, penalty: float, weight: float = 0.0) -> tuple[Any, IntArray, float]:
+    def _factored(self, penalty: float) -> tuple[Any, IntArray, float]:
         """Factors of the optimality conditions, the order of time, and the log of the determinant.
 
         The conditions are those of a minimum over x and du with the multipliers y of
         `A x = B du`, from which `x = -error - A' y` is eliminated: AA' and B above B' and
-        -penalty L'L, and -weight D'D of second differences D. They are quasi-definite, so that no
-        pivots are needed.
+        -penalty L'L. They are quasi-definite, so that no pivots are needed.
         """
-        key = penalty, weight
-        if key not in self._factors:
+        if penalty not in self._factors:
             while len(self._factors) >= MOST_FACTORS:
                 del self._factors[next(iter(self._factors))]
-            conditions, jumps, bends, order = self._conditions
-            conditions = conditions - penalty * jumps
+            conditions, jumps, order = self._conditions
             factors = splu(
-                conditions - weight * bends if weight else conditions,
+                conditions - penalty * jumps,
                 permc_spec="NATURAL",
                 diag_pivot_thresh=0.0,
                 options={"SymmetricMode": True},
             )
             size = float(np.log(np.abs(factors.U.diagonal())).sum())
-            self._factors[key] = factors, order, size
-        return self._factors[key]
+            self._factors[penalty] = factors, order, size
+        return self._factors[penalty]
 
     @cached_property
-    def _conditions(self) -> tuple[csc_array, csc_array, csc_array, IntArray]:
-        """The conditions of `_factored` without penalties, L'L, D'D, and the order of time."""
+    def _conditions(self) -> tuple[csc_array, csc_array, IntArray]:
+        """The conditions of `_factored` without penalties, L'L, and the order of time."""
         n, size = len(self.t) * self.dof, self.count * self.dof
         rows = size - self.dof
         jump = csc_array(eye_array(rows, size, k=self.dof) - eye_array(rows, size))
-        bend = jump[: rows - self.dof, :rows] @ jump
         right = csc_array((n, size))
         for means, seen in ((self._means, True), (self._unseen, False)):
             terms = [x for x in self._terms if x.seen == seen]
@@ -378,10 +335,10 @@ class Lifted:
         order = np.argsort(np.append(np.repeat(self.t, self.dof), reached.ravel()), kind="stable")
         # An array of no entries has the shape of the multipliers.
         none = csc_array((n, n))
-        jumps, bends = (block_diag([none, x.T @ x], format="csc") for x in (jump, bend))
-        parts = csc_array(block_array(blocks)), jumps, bends
-        conditions, jumps, bends = (csc_array(x[order][:, order]) for x in parts)
-        return conditions, jumps, bends, order
+        jumps = block_diag([none, jump.T @ jump], format="csc")
+        parts = csc_array(block_array(blocks)), jumps
+        conditions, jumps = (csc_array(x[order][:, order]) for x in parts)
+        return conditions, jumps, order
 
     def choose_penalty(self, error: FloatArray, variance: float, first: float = 0.0) -> float:
         """The power of ten that explains an error best, with which noise is not learned.
@@ -493,26 +450,11 @@ class Lifted:
         """
         planned, tool = (self.nominal.arm.tool_position(self.planned + x) for x in (0.0, error))
         off = np.linalg.norm(tool - planned, axis=1)
-        found = [path.project(tool[which]).distance for path, which in self._paths]
+        found = [path.project(tool[which]).distance for path, which in self.plan.paths_at(self.t)]
         if not found:
             return ToolError(rms(off), float(off.max()), None, None)
         contour = np.concatenate(found)
         return ToolError(rms(off), float(off.max()), rms(contour), float(contour.max()))
-
-    @cached_property
-    def _paths(self) -> list[tuple[Path, IntArray]]:
-        """The paths of the plan, and which times belong to each; empty if one has no path."""
-        plan = self.plan
-        if not plan.spans:
-            return [] if plan.path is None else [(plan.path, np.arange(len(self.t)))]
-        found: list[tuple[Path, IntArray]] = []
-        for span in plan.contour_spans:
-            if span.trajectory is None or span.trajectory.path is None:
-                return []
-            start, end = span.work or span.t
-            which = np.flatnonzero((self.t >= start) & (self.t <= end))
-            found.append((span.trajectory.path, which))
-        return [x for x in found if len(x[1])]
 
 
 def rms(values: FloatArray) -> float:
