@@ -146,7 +146,7 @@ def inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[f
         if len(t) and times.after_end < period / 2:
             # The interval about the next set-point still has a part of the motion.
             t = np.append(t, trajectory.duration + times.after_end)
-        q, dq, ddq = _means(trajectory, t, period)
+        q, dq, ddq = _means(trajectory, t, period, servo.cycle / 2)
         q, ends = np.concatenate([q, tail + final]), np.concatenate([dq, tail])
         ddq = _without_integral(ends, np.concatenate([ddq, tail]), servo, period)
         found = servo.command(q, ends, ddq)
@@ -200,17 +200,20 @@ def _without_integral(
 
 
 def _means(
-    trajectory: Trajectory, t: FloatArray, period: float
+    trajectory: Trajectory, t: FloatArray, period: float, late: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Means of q, dq and ddq over the intervals about times, also of the rest around the motion.
 
-    Those of q are by Simpson's rule, which is exact up to third order.
+    Those of q are by Simpson's rule, which is exact up to third order. Those of ddq are `late` [s]
+    later: a drive that holds its acceleration for a cycle reaches the one half a cycle later.
     """
     # At all times at once, nearly in their order: a program has thousands of laws to look up.
-    times = np.stack([t - period / 2, t, t + period / 2], axis=1)
+    later = [t - period / 2 + late, t + period / 2 + late] if late else []
+    times = np.stack([t - period / 2, t, t + period / 2, *later], axis=1)
+    n = times.shape[1]
     q, dq = trajectory.motion_with_rests(times.ravel(), 1)
-    first, middle, last = (q[k::3] for k in range(3))
-    before, after = dq[0::3], dq[2::3]
+    first, middle, last = (q[k::n] for k in range(3))
+    before, after = (dq[k::n] for k in ((3, 4) if late else (0, 2)))
     return (first + 4 * middle + last) / 6, (last - first) / period, (after - before) / period
 
 
