@@ -112,12 +112,26 @@ class Stretch:
 
     def thinned(self, every: int) -> Stretch:
         """Every so many samples, with set-points only there."""
-        some = slice(None, None, every)
-        c = self.command
+        c, before = self.command, len(self.command.knots) - len(self.command.t)
+        some = slice(-before % every, None, every)
+        kind = "linear" if c.linear else "step"
+        begin = len(range(0, before, every))
         return replace(
             self,
-            command=LoggedCommand(c.t[some], c.u[some], "linear" if c.linear else "step"),
+            start=self.start + some.start,
+            command=LoggedCommand(c.knots[::every], c.every[::every], kind, begin),
             **{x: getattr(self, x)[some] for x in ("y", "use", "weight", "part")},
+        )
+
+    def cut(self, a: int, b: int) -> Stretch:
+        """The samples from a to b, with the set-points before them; all of them count."""
+        c, kind = self.command, "linear" if self.command.linear else "step"
+        begin = len(c.knots) - len(c.t)
+        return replace(
+            self,
+            start=self.start + a,
+            command=LoggedCommand(c.knots[: begin + b], c.every[: begin + b], kind, begin + a),
+            **{x: getattr(self, x)[a:b] for x in ("y", "use", "weight", "part")},
         )
 
 

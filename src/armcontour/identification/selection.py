@@ -18,7 +18,9 @@ from armcontour.identification.fitting import (
     fit,
     predict,
 )
+from armcontour.identification.results import Estimate
 from armcontour.motion.log import FEWEST
+from armcontour.servo.simulation import JointServo
 
 KP, KV, KI = "kp", "kv", "ki"
 FEED, ACCELERATION = "velocity_feedforward", "acceleration_feedforward"
@@ -79,6 +81,8 @@ class Selected:
         unseen: Predicted positions [rad]; each sample by a fit without its part.
         errors: Mean squared errors of the parts, weighted by motion [rad²], (parts,).
         motions: Weights of the parts, (parts,).
+        limit: Acceleration limit that is estimated apart from the fit.
+        without: Servos that are fitted without one part each.
     """
 
     fit: Fit
@@ -86,6 +90,13 @@ class Selected:
     unseen: list[FloatArray]
     errors: FloatArray
     motions: FloatArray
+    limit: Estimate | None = None
+    without: Sequence[JointServo] = ()
+
+    @property
+    def servo(self) -> JointServo:
+        """The servo of the fit with the limit."""
+        return limited_servo(self.fit.servo, self.limit)
 
     @property
     def rms(self) -> float:
@@ -118,7 +129,7 @@ def find_lag(stretches: Sequence[Stretch], longest: float) -> float:
 
 
 def select(
-    stretches: Sequence[Stretch], search: Search, orders: tuple[str, ...]
+    stretches: Sequence[Stretch], search: Search, orders: tuple[str, ...], *, limited: bool = True
 ) -> Selected | None:
     """Select the model of a joint; None if the parameters of all models are at their bounds.
 
@@ -126,6 +137,7 @@ def select(
         stretches: The joint in the logs.
         search: Ranges of the search.
         orders: Orders that may be selected.
+        limited: Whether models with an acceleration limit may be selected.
     """
     some, taken = _thin(stretches), None
     lag = find_lag(some, search.longest)
@@ -133,6 +145,8 @@ def select(
     for model in CANDIDATES:
         bent = ACCELERATION in model.free and not some[0].command.linear
         if model.order not in orders or bent or (KI in model.free and search.cycle):
+            continue
+        if LIMIT in model.free and not limited:
             continue
         if KI in model.free and not _may_be_cascade(model, taken):
             continue
@@ -174,7 +188,7 @@ def _try(
     fits[model] = found
     if hopeless or is_implausible(found):
         return taken
-    unseen = _predict_parts(found, search)
+    unseen = predict_parts(found, search)
     return unseen if taken is None or unseen.is_better(taken) else taken
 
 
@@ -197,7 +211,7 @@ def _prune(taken: Selected, search: Search) -> Selected:
             continue
         problem = Problem(Model(order, rest), taken.stretches, search)
         found = fit(problem, [problem.guess(taken.fit.servo._asdict(), taken.fit.servo.dead_time)])
-        poorer = _predict_parts(found, search)
+        poorer = predict_parts(found, search)
         if not is_implausible(found) and not taken.is_better(poorer):
             taken = poorer
     return taken
@@ -291,23 +305,45 @@ def _acceleration(s: Stretch, time: float) -> float:
     return float(np.percentile(np.abs(second), FAST)) / (k * interval) ** 2
 
 
-def _predict_parts(found: Fit, search: Search) -> Selected:
-    """Predict each part by a fit of the others."""
-    p, stretches = found.problem, found.problem.stretches
+def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
+    """The servo with an acceleration limit, if there is one."""
+    return servo if limit is None else servo._replace(acceleration_limit=limit.value)
+
+
+def predict_parts(
+    found: Fit,
+    search: Search,
+    judged: Sequence[Stretch] | None = None,
+    limit: Estimate | None = None,
+) -> Selected:
+    """Predict each part by a fit of the others.
+
+    Args:
+        found: The fit of all parts.
+        search: Ranges of the search.
+        judged: Stretches that are predicted, by default those of the fit.
+        limit: Acceleration limit in addition to the fit.
+    """
+    p, stretches = found.problem, judged or found.problem.stretches
+
+    def predict_by(servo: JointServo, s: Stretch) -> FloatArray:
+        return predict(s, limited_servo(servo, limit), p.model.order, search.cycle)
+
     # Parts without motion are predicted by the fit of all.
-    unseen = [predict(s, found.servo, p.model.order, search.cycle) for s in stretches]
+    unseen = [predict_by(found.servo, s) for s in stretches]
     parts = sorted({int(x) for s in stretches for x in np.unique(s.part[s.use & (s.weight > 0)])})
-    errors, motions = [], []
+    errors, motions, without = [], [], []
     for k in parts:
-        others = [replace(s, use=s.use & (s.part != k)) for s in stretches]
+        others = [replace(s, use=s.use & (s.part != k)) for s in p.stretches]
         kept = [i for i, s in enumerate(others) if s.use.sum() > len(p.model.free)]
         other = Problem(p.model, [others[i] for i in kept], search)
         servo = fit(other, [p.select(found.x, kept)], REFITTED).servo
+        without.append(servo)
         squares = motion = 0.0
         for i, s in enumerate(stretches):
             own = s.part == k
             if own.any():
-                q = predict(s, servo, p.model.order, search.cycle)
+                q = predict_by(servo, s)
                 unseen[i][own] = q[own]
                 weight = s.weight[own] * s.use[own]
                 squares += float(np.sum(weight * (q - s.y)[own] ** 2))
@@ -320,4 +356,6 @@ def _predict_parts(found: Fit, search: Search) -> Selected:
         unseen=unseen,
         errors=np.array(errors),
         motions=np.array(motions),
+        limit=limit,
+        without=without,
     )

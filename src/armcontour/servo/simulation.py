@@ -223,7 +223,7 @@ def follow(
             the other.
         q0: Position at the first time [rad], a number or (rows,).
         dq0: Velocity at the first time [rad/s], a number or (rows,).
-        cycle: Cycle of the drive [s], which begins at the first time; 0 for a continuous servo.
+        cycle: Cycle of the drive [s]; one begins at the first set-point; 0 for a continuous servo.
         ddq0: Demand of a servo with an integrator at the first time [rad/s²], as dq0.
 
     Returns:
@@ -238,13 +238,18 @@ def follow(
     kind = STRAIGHT
     if cycle:
         kind = HELD
-        count = int(np.ceil((command.t[-1] - command.t[0]) / cycle - SNAP)) + 1
-        starts = command.t[0] + np.arange(-2, count) * cycle
+        origin = command.knots[0]
+        first = int(np.floor((command.t[0] - origin) / cycle + SNAP))
+        count = int(np.ceil((command.t[-1] - origin) / cycle - SNAP)) + 1
+        starts = origin + np.arange(first - 2, count) * cycle
         u = np.stack([command.at(starts - late) for late in each.dead_time])
         pieces, starts = hold(cycle_feedforward(u, cycle, each), starts[2:], each.kp)
     else:
-        pieces = command.for_servo(each, rows)
-        starts = command.t + each.dead_time[:, None]
+        # Earlier set-points have reached the joint before the motion.
+        early = command.t[0] - np.max(each.dead_time)
+        first = max(int(np.searchsorted(command.knots, early)) - 1, 0)
+        pieces = command.for_servo(each, rows, first)
+        starts = command.knots[first:] + each.dead_time[:, None]
     states = np.zeros((3, rows))
     states[0], states[1], states[2] = q0, dq0, ddq0
     run = run_joints(joints, kind, pieces, starts, command.t, states)
@@ -341,10 +346,18 @@ class LoggedCommand:
         t: Times of the set-points [s], increasing, (n,).
         u: Set-points [rad], (n,).
         interpolation: "linear" or "step".
+        begin: Index of the set-point at which the motion begins; those before it arrive later.
+
+    Attributes:
+        knots: Times of all set-points.
+        t, u: Times and set-points of the motion.
     """
 
-    def __init__(self, t: FloatArray, u: FloatArray, interpolation: str = "linear") -> None:
-        self.t, self.u, self.linear = np.array(t), np.array(u), interpolation == "linear"
+    def __init__(
+        self, t: FloatArray, u: FloatArray, interpolation: str = "linear", begin: int = 0
+    ) -> None:
+        self.knots, self.every, self.linear = np.array(t), np.array(u), interpolation == "linear"
+        self.t, self.u = self.knots[begin:], self.every[begin:]
         width = np.diff(t)
         chord = np.diff(u) / width
         self.pieces = np.zeros((len(t) + 1, 4))
@@ -357,22 +370,25 @@ class LoggedCommand:
             self.rate[2:] = chord
         self.slide = sliding(self.rate)
 
-    def for_servo(self, servo: JointServo, rows: int) -> FloatArray:
-        """Pieces with feed-forward and friction of some servos, as in `run_joints`."""
-        found = np.tile(self.pieces, (rows, 1, 1))
+    def for_servo(self, servo: JointServo, rows: int, first: int) -> FloatArray:
+        """Pieces from one on, with feed-forward and friction of some servos, as in `run_joints`."""
+        pieces, rate, bend, slide = (
+            x[first:] for x in (self.pieces, self.rate, self.bend, self.slide)
+        )
+        found = np.tile(pieces, (rows, 1, 1))
         a, b, c = (np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction))
-        found[:, :, 0] += a * self.rate
+        found[:, :, 0] += a * rate
         integrated = found if np.any(servo.ki) else found[:, :, :0]
         found = np.concatenate([found, integrated], axis=2)
-        found[:, :, 0] += b * self.bend - c * self.slide
+        found[:, :, 0] += b * bend - c * slide
         return found
 
     def at(self, t: FloatArray) -> FloatArray:
         """The command at some times [rad]."""
         if self.linear:
-            return np.interp(t, self.t, self.u)
-        k = np.searchsorted(self.t, t + SNAP * 1e-3, side="right") - 1
-        return np.asarray(self.u[np.maximum(k, 0)])
+            return np.interp(t, self.knots, self.every)
+        k = np.searchsorted(self.knots, t + SNAP * 1e-3, side="right") - 1
+        return np.asarray(self.every[np.maximum(k, 0)])
 
 
 def command_and_rates(
