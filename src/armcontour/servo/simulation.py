@@ -8,13 +8,15 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import ExecutionError
-from armcontour.servo._simulation import Joints, Run, run_joints
+from armcontour.servo._simulation import NEAR, Joints, Run, run_joints
 from armcontour.servo.model import ServoModel, lead_of, sliding
 
 # Kinds of commands, as in `march`.
-STRAIGHT, CUBIC, HELD = range(3)
+STRAIGHT, CUBIC, HELD, LINES = range(4)
 # Times closer to a set-point than this, in command intervals, count as the set-point's time.
 SNAP = 1e-9
+# Most different intervals of a log of which the motions over all are kept.
+FEW_SPANS = 8
 
 
 class Simulation:
@@ -235,7 +237,7 @@ def follow(
     each = JointServo(*(np.array(np.broadcast_to(x, rows), dtype=np.float64) for x in servo))
     limit = each.acceleration_limit
     joints = Joints(each.kp, _loops(each.kv, limit), -limit, limit, each.ki)
-    kind = STRAIGHT
+    kind = LINES if command.regular and np.isinf(limit).all() else STRAIGHT
     if cycle:
         kind = HELD
         count = int(np.ceil((command.t[-1] - command.t[0]) / cycle - SNAP)) + 1
@@ -346,6 +348,7 @@ class LoggedCommand:
     def __init__(self, t: FloatArray, u: FloatArray, interpolation: str = "linear") -> None:
         self.t, self.u, self.linear = np.array(t), np.array(u), interpolation == "linear"
         width = np.diff(t)
+        self.regular = len(np.unique(np.round(width / NEAR))) <= FEW_SPANS
         chord = np.diff(u) / width
         self.pieces = np.zeros((len(t) + 1, 4))
         self.pieces[:, 0] = np.append(u[0], u)
