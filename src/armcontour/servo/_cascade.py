@@ -20,9 +20,9 @@ NEAR = 4e-12
 # Most terms of a Taylor series, the length of a step in bounds of the fastest time constant, and
 # the size of terms that are left out, as a share of the first ones.
 TERMS, LENGTH, NOTHING = 24, 0.5, 1e-17
-# Time spans whose maps are kept, and the numbers that a map takes: position and command without
-# lead, both less the value of the other command, velocity, integral, and slopes of both commands.
-KEPT, INPUTS = 4, 6
+# Time spans whose maps are kept; the numbers that a map takes: position less second command,
+# velocity, integral, first less second command, slopes of both commands; terms and largest step.
+KEPT, INPUTS, MAP_TERMS, MAP_LENGTH = 4, 6, 16, 0.25
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -122,34 +122,43 @@ def move_command(
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
-def write_map(servo: Servo, ki: float, rate: float, span: float, kept: FloatArray) -> None:
-    """Write the linear map of a free motion over a time span, under straight commands.
+def series_of_map(servo: Servo, ki: float) -> FloatArray:
+    """Taylor coefficients of the map of a free motion under straight commands, (MAP_TERMS, 18).
+
+    The map gives position, velocity and integral per INPUTS.
+    """
+    found, series = np.empty((MAP_TERMS, 3 * INPUTS)), np.zeros((3, TERMS))
+    for i in range(INPUTS):
+        unit, u = np.zeros(INPUTS), np.zeros(8)
+        unit[i] = 1.0
+        series[0, 0], series[0, 1], series[1, 0] = unit[0], unit[1], unit[2]
+        u[0], u[1], u[5] = unit[3], unit[4], unit[5]
+        expand(servo, ki, u, 0.0, series[0], series[1], series[2])
+        for k in range(MAP_TERMS):
+            found[k, i], found[k, INPUTS + i] = series[0, k], (k + 1) * series[0, k + 1]
+            found[k, 2 * INPUTS + i] = series[1, k]
+    return found
+
+
+@compiled(inner=True, allocates=True, fastmath=FUSED)
+def write_map(series: FloatArray, rate: float, span: float, kept: FloatArray) -> None:
+    """Write the map of a free motion over a time span [s], and the span, (19,).
 
     Args:
-        servo: Gains.
-        ki: Integral gain [1/s].
+        series: Coefficients from `series_of_map`.
         rate: Inverse of the shortest time constant [1/s], or more.
         span: Time span [s].
-        kept: Output: position, velocity and integral at the end per number at the start, and the
-            time span, (3 INPUTS + 1,).
+        kept: Output.
     """
-    found, kept[-1] = kept[:-1].reshape((3, INPUTS)), span
-    u, unit = np.zeros(8), np.zeros(INPUTS)
-    series, last = np.zeros((3, TERMS)), np.zeros((3, INPUTS))
-    halvings = 0
-    while span * rate > LENGTH * 2.0**halvings:
-        halvings += 1
-    h = span / 2.0**halvings
-    n = count_terms(2 * rate * h)
-    position, integral, demand = series[0, :n], series[1, :n], series[2, :n]
-    for i in range(INPUTS):
-        unit[:] = 0.0
-        unit[i] = 1.0
-        position[0], position[1], integral[0] = unit[0], unit[1], unit[2]
-        u[0], u[1], u[5] = unit[3], unit[4], unit[5]
-        expand(servo, ki, u, 0.0, position, integral, demand)
-        found[0, i], found[1, i] = evaluate(position, h), slope_of(position, h)
-        found[2, i] = evaluate(integral, h)
+    halvings, h = 0, span
+    while h * rate > MAP_LENGTH:
+        h, halvings = h / 2, halvings + 1
+    kept[:-1] = series[-1]
+    for k in range(MAP_TERMS - 2, -1, -1):
+        for i in range(3 * INPUTS):
+            kept[i] = series[k, i] + h * kept[i]
+    kept[-1] = span
+    found, last = kept[:-1].reshape((3, INPUTS)), np.empty((3, INPUTS))
     for _ in range(halvings):
         last[:] = found
         for k in range(3):
@@ -175,14 +184,12 @@ def march_lines(
     motion: Motion,
     out: FloatArray,
 ) -> Motion:
-    """As `march_cascade`, under straight commands without saturation; only positions count.
-
-    It is fast if few time spans between kinks of the command and results differ.
-    """
+    """As `march_cascade`, under straight commands without saturation; only positions count."""
     kp, kv = servo.kp, servo.kv
     q, w, z, saturated, lowest, highest = motion
     rate = max(kv, math.sqrt(kv * (kp + ki)), (kv * kp * ki) ** (1 / 3))
-    maps, oldest = np.full((KEPT, 3 * INPUTS + 1), -1.0), 0
+    series, oldest = series_of_map(servo, ki), 0
+    maps = np.full((KEPT, 3 * INPUTS + 1), -1.0)
     last, now, at = len(starts), times[0], 0
     while at < last and starts[at] < now - NEAR:
         at += 1
@@ -201,7 +208,7 @@ def march_lines(
                     slot = i
             if slot < 0:
                 slot, oldest = oldest, (oldest + 1) % KEPT
-                write_map(servo, ki, rate, stop - now, maps[slot])
+                write_map(series, rate, stop - now, maps[slot])
             f, t = maps[slot], now - starts[at - 1] if 0 < at < last else 0.0
             now, a, b = stop, pieces[at, 1], pieces[at, 5]
             origin = pieces[at, 4] + t * b

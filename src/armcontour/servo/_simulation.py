@@ -190,7 +190,7 @@ def march(
             x = kept[slot]
             step = Step(x[2], x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], x[11], x[12])
             for _ in range(int(x[1])):
-                if kind == 3 and servo.kv > 0.0:
+                if kind == 3:
                     q, w = advance_freely(step, u, m.q, m.w)
                     m = Motion(q, w, 0.0, m.saturated, m.lowest, m.highest)
                 else:

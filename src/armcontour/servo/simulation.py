@@ -8,15 +8,13 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import ExecutionError
-from armcontour.servo._simulation import NEAR, Joints, Run, run_joints
+from armcontour.servo._simulation import Joints, Run, run_joints
 from armcontour.servo.model import ServoModel, lead_of, sliding
 
 # Kinds of commands, as in `march`.
 STRAIGHT, CUBIC, HELD, LINES = range(4)
 # Times closer to a set-point than this, in command intervals, count as the set-point's time.
 SNAP = 1e-9
-# Most different intervals of a log of which the motions over all are kept.
-FEW_SPANS = 8
 
 
 class Simulation:
@@ -237,7 +235,7 @@ def follow(
     each = JointServo(*(np.array(np.broadcast_to(x, rows), dtype=np.float64) for x in servo))
     limit = each.acceleration_limit
     joints = Joints(each.kp, _loops(each.kv, limit), -limit, limit, each.ki)
-    kind = LINES if command.regular and np.isinf(limit).all() else STRAIGHT
+    kind = LINES if np.isinf(limit).all() else STRAIGHT
     if cycle:
         kind = HELD
         count = int(np.ceil((command.t[-1] - command.t[0]) / cycle - SNAP)) + 1
@@ -348,7 +346,6 @@ class LoggedCommand:
     def __init__(self, t: FloatArray, u: FloatArray, interpolation: str = "linear") -> None:
         self.t, self.u, self.linear = np.array(t), np.array(u), interpolation == "linear"
         width = np.diff(t)
-        self.regular = len(np.unique(np.round(width / NEAR))) <= FEW_SPANS
         chord = np.diff(u) / width
         self.pieces = np.zeros((len(t) + 1, 4))
         self.pieces[:, 0] = np.append(u[0], u)
@@ -362,12 +359,17 @@ class LoggedCommand:
 
     def for_servo(self, servo: JointServo, rows: int) -> FloatArray:
         """Pieces with feed-forward and friction of some servos, as in `run_joints`."""
-        found = np.tile(self.pieces, (rows, 1, 1))
-        a, b, c = (np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction))
-        found[:, :, 0] += a * self.rate
-        integrated = found if np.any(servo.ki) else found[:, :, :0]
-        found = np.concatenate([found, integrated], axis=2)
-        found[:, :, 0] += b * self.bend - c * self.slide
+        lead, bend, slide = (
+            np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction)
+        )
+        commands = 2 if np.any(servo.ki) else 1
+        found = np.empty((rows, len(self.pieces), 4 * commands))
+        found.reshape(rows, -1, commands, 4)[:] = self.pieces[:, None]
+        found[:, :, ::4] += (lead * self.rate)[:, :, None]
+        if bend.any():
+            found[:, :, 0] += bend * self.bend
+        if slide.any():
+            found[:, :, 0] -= slide * self.slide
         return found
 
     def at(self, t: FloatArray) -> FloatArray:
