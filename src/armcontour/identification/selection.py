@@ -46,6 +46,8 @@ OPTIONAL = (ACCELERATION, FEED, FRICTION)
 GAIN, LIMIT_GAIN, MOST_PARTS = 0.9, 0.5, 0.6
 # A richer model whose error on the data that it was fitted to is above this share is not better.
 SAME = 0.97
+# A poorer model whose error there is above this times that of the richer one is worse.
+WORSE = 2.0
 # A cascade is fitted where the error of the other models is below this share of the tracking error.
 EXPLAINED = 0.5
 # Loops with less damping are rejected: no drive is tuned so.
@@ -61,14 +63,14 @@ USUAL_DELAY = 0.01
 # Times over which accelerations are measured [s], short for fast motion and long for small motion
 # in noise, and their percentile.
 ACCELERATING, FAST = (8e-3, 40e-3), 99
-# First values of loops, times the gain of the lag for kp and the lag for the dead time; without
-# feed-forward, with it, in a loop that saturates, and with an integrator.
-PLAIN_STARTS = ((1.0, 200.0, 0.05), (1.5, 60.0, 0.3), (4.0, 100.0, 0.7))
-FED_STARTS = (
-    (10.0, 20.0, 1.0, 0.8), (1.0, 100.0, 1.0, 1.0), (40.0, 150.0, 0.6, 0.5),
-    (30.0, 100.0, 0.0, 0.3), (150.0, 60.0, 0.6, 0.9),
+# First values of loops: K_p [1/s], also times the gain of the lag; K_v; k_i; feed-forward, which
+# matters only in loops that saturate; dead time over the lag.
+STARTS = (
+    (10.0, 0.0, 20.0, 5.0, 1.0, 0.8), (1.0, 0.0, 100.0, 5.0, 1.0, 1.0),
+    (40.0, 0.0, 150.0, 5.0, 0.6, 0.5), (30.0, 0.0, 100.0, 5.0, 0.0, 0.3),
+    (150.0, 0.0, 60.0, 5.0, 0.6, 0.9), (0.0, 0.8, 60.0, 5.0, 0.0, 0.1),
+    (0.0, 1.5, 150.0, 12.0, 0.0, 0.3), (0.0, 4.0, 100.0, 5.0, 0.0, 0.7),
 )  # fmt: skip
-CASCADE_STARTS = ((0.8, 60.0, 5.0, 0.1), (1.5, 150.0, 12.0, 0.3))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -184,7 +186,8 @@ def _try(
         # Loops that differ in both gains by an exchange have the same poles.
         servo = found.servo
         other = servo._replace(kp=servo.ki, ki=servo.kp)._asdict()
-        found = fit(problem, [found.x, problem.guess(other, servo.dead_time)], 30)
+        exchanged = fit(problem, [problem.guess(other, servo.dead_time)], 30)
+        found = min(found, exchanged, key=lambda x: x.cost)
     fits[model] = found
     if hopeless or is_implausible(found):
         return taken
@@ -211,8 +214,10 @@ def _prune(taken: Selected, search: Search) -> Selected:
             continue
         problem = Problem(Model(order, rest), taken.stretches, search)
         found = fit(problem, [problem.guess(taken.fit.servo._asdict(), taken.fit.servo.dead_time)])
+        if is_implausible(found) or found.cost > WORSE * taken.fit.cost:
+            continue
         poorer = predict_parts(found, search)
-        if not is_implausible(found) and not taken.is_better(poorer):
+        if not taken.is_better(poorer):
             taken = poorer
     return taken
 
@@ -251,34 +256,19 @@ def _starts(
         return [{DELAY: x} for x in (lag, max(lag - 4e-3, 0.0))]
     gain = max(1 / (lag + 1e-4), 0.5)
     loops: list[dict[str, float]] = [
-        {KP: a * gain, KV: b, DELAY: c * lag} for a, b, c in PLAIN_STARTS
+        {KP: a + b * gain, KV: kv, KI: ki, FEED: f, DELAY: d * lag} for a, b, kv, ki, f, d in STARTS
     ]
-    if FEED in free:
-        loops = [{KP: a, KV: b, FEED: c, DELAY: d * lag} for a, b, c, d in FED_STARTS]
-    if KI in free:
-        loops = [{KP: a * gain, KV: b, KI: c, DELAY: d * lag} for a, b, c, d in CASCADE_STARTS]
     new = {FRICTION} if FRICTION in free else {ACCELERATION, LIMIT} & set(free)
     if KI in free or not new:
         sampled = search.cycle and order == "second"
         return _sampled_starts(problem, search, loops, lag) if sampled else loops
     known = fits[Model(order, tuple(x for x in free if x not in new))].servo._asdict()
     if LIMIT not in new:
-        first = {FRICTION: 1e-4, ACCELERATION: 0.1 if order == "second" else 5e-3}
-        return [known | {x: first[x] for x in new}]
-    return _saturating_starts(problem, known, loops[2:4])
-
-
-def _saturating_starts(
-    problem: Problem, known: dict[str, float], loops: list[dict[str, float]]
-) -> list[dict[str, float]]:
-    """Starts of a loop with an acceleration limit, from the fit without a limit and from others.
-
-    If a joint saturates much, the fit without a limit and its lag are of no use.
-    """
+        return [known]
+    # If a joint saturates much, the fit without a limit and its lag are of no use.
     tops = [max(_acceleration(s, x) for s in problem.stretches) for x in ACCELERATING]
-    limits = (*tops, 3 * max(tops))
-    loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops]
-    return [{**x, LIMIT: a} for x in (known, *loops) for a in limits]
+    loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
+    return [{**x, LIMIT: a} for x in (known, *loops) for a in (*tops, 3 * max(tops))]
 
 
 def _sampled_starts(

@@ -9,13 +9,14 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import FUSED, compiled
-from armcontour.servo._cascade import march_cascade
+from armcontour.servo._cascade import march_cascade, march_lines
 from armcontour.servo._response import (
     LARGEST_STEP,
     Cubic,
     Motion,
     Servo,
     Step,
+    advance_freely,
     demand,
     fastest_rate,
     progresses,
@@ -142,7 +143,7 @@ def march(
     Args:
         servo: Gains and acceleration bounds of the joint; an infinite kp only delays.
         kind: 0: commands are held or lines; 1: cubics; 2: a drive holds its acceleration for each
-            piece.
+            piece; 3: as 0, without saturation, and only positions are results.
         pieces: Coefficients of the command in the time since the begin of each piece; the first
             and the last one are constant, (n + 1, 4).
         starts: Times at which all pieces but the first reach the joint [s], (n,).
@@ -184,12 +185,16 @@ def march(
                     slot = i
             if slot < 0:
                 slot, oldest = oldest, (oldest + 1) % KEPT
-                if not write_step(servo.kp, servo.kv, span, kind == 0, kept[slot]):
+                if not write_step(servo.kp, servo.kv, span, kind != 1, kept[slot]):
                     return Motion(math.nan, math.nan, 0.0, m.saturated, m.lowest, m.highest)
             x = kept[slot]
             step = Step(x[2], x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], x[11], x[12])
             for _ in range(int(x[1])):
-                m = respond(servo, step, u, m)
+                if kind == 3:
+                    q, w = advance_freely(step, u, m.q, m.w)
+                    m = Motion(q, w, 0.0, m.saturated, m.lowest, m.highest)
+                else:
+                    m = respond(servo, step, u, m)
                 u = shift(u, step.time)
         now = until
         if delays:
@@ -229,7 +234,9 @@ def run_joints(
     for j in range(rows):
         servo = Servo(joints.kp[j], joints.kv[j], joints.lower[j], joints.upper[j])
         m = Motion(states[0, j], states[1, j], states[2, j], 0.0, 0.0, 0.0)
-        if joints.ki[j] > 0.0:
+        if joints.ki[j] > 0.0 and kind == 3:
+            m = march_lines(servo, joints.ki[j], commands[j], starts[j], times, m, out[j])
+        elif joints.ki[j] > 0.0:
             m = march_cascade(servo, joints.ki[j], commands[j], starts[j], times, m, out[j])
         else:
             m = march(servo, kind, commands[j], starts[j], times, m, out[j])

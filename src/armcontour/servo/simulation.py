@@ -12,7 +12,7 @@ from armcontour.servo._simulation import Joints, Run, run_joints
 from armcontour.servo.model import ServoModel, lead_of, sliding
 
 # Kinds of commands, as in `march`.
-STRAIGHT, CUBIC, HELD = range(3)
+STRAIGHT, CUBIC, HELD, LINES = range(4)
 # Times closer to a set-point than this, in command intervals, count as the set-point's time.
 SNAP = 1e-9
 
@@ -235,7 +235,7 @@ def follow(
     each = JointServo(*(np.array(np.broadcast_to(x, rows), dtype=np.float64) for x in servo))
     limit = each.acceleration_limit
     joints = Joints(each.kp, _loops(each.kv, limit), -limit, limit, each.ki)
-    kind = STRAIGHT
+    kind = LINES if np.isinf(limit).all() else STRAIGHT
     if cycle:
         kind = HELD
         origin = command.knots[0]
@@ -372,15 +372,17 @@ class LoggedCommand:
 
     def for_servo(self, servo: JointServo, rows: int, first: int) -> FloatArray:
         """Pieces from one on, with feed-forward and friction of some servos, as in `run_joints`."""
-        pieces, rate, bend, slide = (
-            x[first:] for x in (self.pieces, self.rate, self.bend, self.slide)
+        lead, bend, slide = (
+            np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction)
         )
-        found = np.tile(pieces, (rows, 1, 1))
-        a, b, c = (np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction))
-        found[:, :, 0] += a * rate
-        integrated = found if np.any(servo.ki) else found[:, :, :0]
-        found = np.concatenate([found, integrated], axis=2)
-        found[:, :, 0] += b * bend - c * slide
+        commands, pieces = 2 if np.any(servo.ki) else 1, self.pieces[first:]
+        found = np.empty((rows, len(pieces), 4 * commands))
+        found.reshape(rows, -1, commands, 4)[:] = pieces[:, None]
+        found[:, :, ::4] += (lead * self.rate[first:])[:, :, None]
+        if bend.any():
+            found[:, :, 0] += bend * self.bend[first:]
+        if slide.any():
+            found[:, :, 0] -= slide * self.slide[first:]
         return found
 
     def at(self, t: FloatArray) -> FloatArray:
