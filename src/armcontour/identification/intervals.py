@@ -29,7 +29,10 @@ ROUNDED, STEP_ROUNDING, SLACK = 1e-9, 0.01, 0.2
 
 
 def estimate_parameters(
-    found: Fit, without: Sequence[JointServo] = (), longest_cycle: float = 0.0
+    found: Fit,
+    without: Sequence[JointServo] = (),
+    longest_cycle: float = 0.0,
+    rivals: Sequence[JointServo] = (),
 ) -> dict[str, Estimate]:
     """Estimates of the parameters of a fit, by name; no interval for those at a bound.
 
@@ -38,6 +41,7 @@ def estimate_parameters(
         without: Servos that are fitted without one part of the logs each. Their scatter shows
             what a model does not have, such as other joints.
         longest_cycle: Longest cycle of the drive, if it is unknown [s].
+        rivals: Servos of other models that are as good, where none is complete.
     """
     p, names = found.problem, found.problem.model.free
     low, high = found.at_bounds()
@@ -55,10 +59,16 @@ def estimate_parameters(
     estimates = {}
     for k, x in enumerate(names):
         value = getattr(servo, x)
-        every, other = np.array([getattr(y, x) for y in without]), cycled[x] - value
+        every, others = (
+            np.array([getattr(y, x) for y in servos]) for servos in (without, (servo, *rivals))
+        )
+        others, other = others[np.isfinite(others)], cycled[x] - value
         if x in LOGARITHMIC:
-            every, other = np.log(np.maximum(every, 1e-9)), math.log(cycled[x] / value)
-        deviation = max(float(sd[k]), scatter(every)) if math.isfinite(sd[k]) else math.nan
+            every, others = (np.log(np.maximum(y, 1e-9)) for y in (every, others))
+            other = math.log(cycled[x] / value)
+        deviation = math.nan
+        if math.isfinite(sd[k]):
+            deviation = max(float(sd[k]), scatter(every), float(np.std(others)))
         estimates[x] = _estimate(x, value, deviation, other, p.model.order)
     return estimates
 

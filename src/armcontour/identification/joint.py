@@ -79,12 +79,13 @@ def identify_joint(
     worst = max((error, of), _judge(file, stretches), key=lambda x: x[0] / x[1])
     unknown_cycle = _unknown_cycle(stretches, search)
     limit = {} if found.limit is None else {found.limit.name: found.limit}
+    step = max(resolution(s.y) for s in stretches)
+    effective = not is_white(found.fit.problem.residuals(found.fit.x) / MRAD, step)
+    rivals = found.rivals if effective else ()
+    parameters = estimate_parameters(found.fit, found.without, unknown_cycle, rivals)
     judged: dict[str, Any] = {
-        "parameters": estimate_parameters(found.fit, found.without, unknown_cycle) | limit,
-        "effective": not is_white(
-            found.fit.problem.residuals(found.fit.x) / MRAD,
-            max(resolution(s.y) for s in stretches),
-        ),
+        "parameters": parameters | limit,
+        "effective": effective,
         "saturation": _describe(name, saturation, stretches),
         "unseen_rms": error,
         "share": error / of,

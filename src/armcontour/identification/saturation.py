@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -131,7 +131,7 @@ def select_between(
     if free is None:
         return None
     if saturation.kind == "velocity" or free.fit.problem.model.order != "second":
-        return predict_parts(free.fit, search, stretches)
+        return replace(predict_parts(free.fit, search, stretches), rivals=free.rivals)
     order, names = free.fit.problem.model
     problem = Problem(Model(order, (*names, LIMIT)), stretches, search)
     start = {**free.fit.servo._asdict(), LIMIT: saturation.limit}
@@ -142,9 +142,9 @@ def select_between(
     rms = (squares / sum(float(np.sum(s.weight)) for s in between)) ** 0.5
     certain = [estimate_parameters(x)[KP].sd for x in (whole, free.fit)]
     if not is_implausible(whole) and rms * GAIN < free.rms and certain[0] < certain[1]:
-        return predict_parts(whole, search)
+        return replace(predict_parts(whole, search), rivals=free.rivals)
     limit = _refine_limit(stretches, saturation, free.fit.servo, search.cycle)
-    return predict_parts(free.fit, search, stretches, limit)
+    return replace(predict_parts(free.fit, search, stretches, limit), rivals=free.rivals)
 
 
 def _refine_limit(

@@ -85,6 +85,7 @@ class Selected:
         motions: Weights of the parts, (parts,).
         limit: Acceleration limit that is estimated apart from the fit.
         without: Servos that are fitted without one part each.
+        rivals: Servos of other models whose error is hardly larger.
     """
 
     fit: Fit
@@ -94,6 +95,7 @@ class Selected:
     motions: FloatArray
     limit: Estimate | None = None
     without: Sequence[JointServo] = ()
+    rivals: Sequence[JointServo] = ()
 
     @property
     def servo(self) -> JointServo:
@@ -144,6 +146,7 @@ def select(
     some, taken = _thin(stretches), None
     lag = find_lag(some, search.longest)
     fits: dict[Model, Fit] = {}
+    tried: list[Selected] = []
     for model in CANDIDATES:
         bent = ACCELERATION in model.free and not some[0].command.linear
         if model.order not in orders or bent or (KI in model.free and search.cycle):
@@ -152,7 +155,7 @@ def select(
             continue
         if KI in model.free and not _may_be_cascade(model, taken):
             continue
-        taken = _try(model, some, search, lag, fits, taken)
+        taken = _try(model, some, search, lag, fits, tried, taken)
         if taken and taken.explains_all:
             break
     if taken is None:
@@ -161,8 +164,10 @@ def select(
     if KI in own.free:
         taken = _prune(taken, search)
     elif own.order != "delay" and not taken.explains_all:
-        taken = _try(Model(own.order, (*own.free, FRICTION)), some, search, lag, fits, taken)
+        taken = _try(Model(own.order, (*own.free, FRICTION)), some, search, lag, fits, tried, taken)
         assert taken is not None
+    rivals = [x.fit.servo for x in tried if x.rms * GAIN < taken.rms and x is not taken]
+    taken = replace(taken, rivals=rivals)
     if some is stretches:
         return taken
     whole = Problem(taken.fit.problem.model, stretches, search)
@@ -175,6 +180,7 @@ def _try(
     search: Search,
     lag: float,
     fits: dict[Model, Fit],
+    tried: list[Selected],
     taken: Selected | None,
 ) -> Selected | None:
     """Fit one more model; returns the better one of it and the one that is taken."""
@@ -192,6 +198,7 @@ def _try(
     if hopeless or is_implausible(found):
         return taken
     unseen = predict_parts(found, search)
+    tried.append(unseen)
     return unseen if taken is None or unseen.is_better(taken) else taken
 
 
