@@ -386,11 +386,12 @@ class Fit:
 
 
 def fit(problem: Problem, starts: Sequence[FloatArray], most: int = 60) -> Fit:
-    """Solve a problem from the best two of some starts; only the better one of these goes on."""
+    """Solve a problem from the best of some starts; only the best one of these fits goes on."""
     few = most
     if len(starts) > 1:
         few = min(12, most // 4)
-        starts = sorted(starts, key=problem.cost)[:2]
+        count = 4 if "acceleration_limit" in problem.model.free else 2
+        starts = sorted(starts, key=problem.cost)[:count]
     found = min((problem.solve(x, few) for x in starts), key=lambda x: float(x.cost))
     if few < most and found.status == 0:
         found = problem.solve(found.x, most)

@@ -288,8 +288,6 @@ def _sampled_starts(
     starts = []
     for late in (search.cycle / 2, search.cycle):
         starts.append({**servo._asdict(), KV: gain, DELAY: max(servo.dead_time - late, 0.0)})
-    if FEED in problem.model.free:
-        starts.append({**starts[0], FEED: 0.02})
     return starts
 
 
