@@ -148,7 +148,7 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
             f"learn needs one log for positions of the tool, and at least one without: {len(logs)} "
             "are given."
         )
-    servo = _linear(nominal.servo.for_joints(nominal.arm.dof))
+    servo = _linear(nominal.servo.for_joints(nominal.arm.dof), nominal.arm)
     nominal = nominal._replace(servo=servo)
     if isinstance(taught, Lesson):
         nominal, misfits = nominal._replace(servo=taught.servo), taught.misfits
@@ -166,12 +166,16 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
     return seen, lifted
 
 
-def _linear(servo: ServoModel) -> ServoModel:
+def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
     """The linear response of a servo with values per joint, which a fit can change.
 
-    Friction is learned, and a cycle delays by half of it. A joint that only delays its command is
-    one of order "first" with velocity feed-forward 1.
+    Friction is learned. A joint that only delays its command is one of order "first" with velocity
+    feed-forward 1. On rigid bodies a cycle delays by half of it.
     """
+    servo = servo.replace(friction=0.0).for_joints(arm.dof)
+    if servo.cycle and arm.has_bodies and servo.replace(cycle=0.0).is_plain("second"):
+        late = np.minimum(servo.dead_time + servo.cycle / 2, LONGEST_DEAD_TIME)
+        servo = servo.replace(cycle=0.0, dead_time=late)
     loop = np.isfinite(servo.kp)
     orders = np.broadcast_to(servo.order, loop.shape)
     return servo.replace(
@@ -179,9 +183,6 @@ def _linear(servo: ServoModel) -> ServoModel:
         kp=np.where(loop, servo.kp, TYPICAL_GAIN),
         velocity_feedforward=np.where(loop, servo.velocity_feedforward, 1.0),
         acceleration_feedforward=np.where(loop, servo.acceleration_feedforward, 0.0),
-        dead_time=np.minimum(servo.dead_time + servo.cycle / 2, LONGEST_DEAD_TIME),
-        friction=0.0,
-        cycle=0.0,
     )
 
 

@@ -1,8 +1,9 @@
 """Compiled response of a joint whose velocity loop has an integrator (P-PI cascade).
 
-The joint follows `ddq = clip(kv (kp (u - q) - dq + ki x), lower, upper)`, `dx = kp (v - q) - dq`.
-The command v has no friction and no acceleration feed-forward. Within a step the motion is its
-Taylor series, which is exact up to rounding errors.
+The joint follows `ddq = clip(z, lower, upper)`, `z = kv (kp (u - q) - dq + ki x)`,
+`dx = kp (v - q) - dq - (z - ddq) / kv`, whose last term stops the integrator in saturation. The
+command v has no friction and no acceleration feed-forward. Within a step the motion is its Taylor
+series, which is exact up to rounding errors.
 """
 
 from __future__ import annotations
@@ -84,28 +85,27 @@ def count_terms(x: float) -> int:
 
 @compiled(inner=True, fastmath=FUSED)
 def expand(
-    servo: Servo, ki: float, u: FloatArray, side: float, q: FloatArray, x: FloatArray, z: FloatArray
+    servo: Servo, u: FloatArray, side: float, q: FloatArray, x: FloatArray, z: FloatArray
 ) -> None:
     """Write Taylor coefficients of position, integral and demand, from the first ones.
 
     Args:
         servo: Gains and bounds.
-        ki: Integral gain [1/s].
         u: Coefficients of both commands, (8,).
         side: 1 at the upper bound of the acceleration, -1 at the lower one, else 0.
         q: Position, with the first two coefficients, (n,).
         x: Integral, with the first coefficient, (n,).
         z: Output: demand, (n,).
     """
-    kp, kv = servo.kp, servo.kv
+    kp, kv, ki = servo.kp, servo.kv, servo.ki
     for k in range(len(q) - 2):
         p, v = (u[k], u[4 + k]) if k < 4 else (0.0, 0.0)
         w = (k + 1) * q[k + 1]
         z[k] = kv * (kp * (p - q[k]) - w + ki * x[k])
-        x[k + 1] = (kp * (v - q[k]) - w) / (k + 1)
         a = z[k]
         if side != 0.0:
             a = (servo.upper if side > 0.0 else servo.lower) if k == 0 else 0.0
+        x[k + 1] = (kp * (v - q[k]) - w - (z[k] - a) / kv) / (k + 1)
         q[k + 2] = a / ((k + 1) * (k + 2))
 
 
@@ -122,7 +122,7 @@ def move_command(
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
-def series_of_map(servo: Servo, ki: float) -> FloatArray:
+def series_of_map(servo: Servo) -> FloatArray:
     """Taylor coefficients of the map of a free motion under straight commands, (MAP_TERMS, 18).
 
     The map gives position, velocity and integral per INPUTS.
@@ -133,7 +133,7 @@ def series_of_map(servo: Servo, ki: float) -> FloatArray:
         unit[i] = 1.0
         series[0, 0], series[0, 1], series[1, 0] = unit[0], unit[1], unit[2]
         u[0], u[1], u[5] = unit[3], unit[4], unit[5]
-        expand(servo, ki, u, 0.0, series[0], series[1], series[2])
+        expand(servo, u, 0.0, series[0], series[1], series[2])
         for k in range(MAP_TERMS):
             found[k, i], found[k, INPUTS + i] = series[0, k], (k + 1) * series[0, k + 1]
             found[k, 2 * INPUTS + i] = series[1, k]
@@ -177,7 +177,6 @@ def write_map(series: FloatArray, rate: float, span: float, kept: FloatArray) ->
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def march_lines(
     servo: Servo,
-    ki: float,
     pieces: FloatArray,
     starts: FloatArray,
     times: FloatArray,
@@ -185,10 +184,10 @@ def march_lines(
     out: FloatArray,
 ) -> Motion:
     """As `march_cascade`, under straight commands without saturation; only positions count."""
-    kp, kv = servo.kp, servo.kv
+    kp, kv, ki = servo.kp, servo.kv, servo.ki
     q, w, z, saturated, lowest, highest = motion
     rate = max(kv, math.sqrt(kv * (kp + ki)), (kv * kp * ki) ** (1 / 3))
-    series, oldest = series_of_map(servo, ki), 0
+    series, oldest = series_of_map(servo), 0
     maps = np.full((KEPT, 3 * INPUTS + 1), -1.0)
     last, now, at = len(starts), times[0], 0
     while at < last and starts[at] < now - NEAR:
@@ -225,7 +224,6 @@ def march_lines(
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def march_cascade(
     servo: Servo,
-    ki: float,
     pieces: FloatArray,
     starts: FloatArray,
     times: FloatArray,
@@ -236,7 +234,7 @@ def march_cascade(
 
     `held` is the demand [rad/s²] at the start and at the end. The integral follows from it.
     """
-    kp, kv = servo.kp, servo.kv
+    kp, kv, ki = servo.kp, servo.kv, servo.ki
     q, w, z, saturated, lowest, highest = motion
     u, series = np.empty(8), np.zeros((3, TERMS))
     last, now, length = len(starts), times[0], -1.0
@@ -282,7 +280,7 @@ def march_cascade(
                 side = -1.0
             if abs(side) == 2.0:  # A bound has just been left.
                 side = 0.0
-            expand(servo, ki, u, side, position, integral, demand)
+            expand(servo, u, side, position, integral, demand)
             turn = h
             if slope_of(demand, 0.0) * slope_of(demand, h) < 0.0:
                 turn = find_passage(demand, 0.0, h, 0.0, True)
