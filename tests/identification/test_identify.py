@@ -121,6 +121,20 @@ def test_a_cycle_of_the_drive_is_part_of_the_model():
         identify(log, drive_cycle=0.1)
 
 
+@pytest.mark.parametrize("interval", [1e-3, 4e-3])
+def test_the_true_cycle_of_the_drive_makes_the_fit_better(interval):
+    cycle, truth = 1e-3, JointServo(23.8, 71.3, velocity_feedforward=0.822, dead_time=5.3e-3)
+    t, u = shaken(4.0, interval, 4)
+    y = follow(LoggedCommand(t, u), truth, 0.0, 0.0, cycle)
+    log = Log(t=t, command=u, measured=y + np.random.default_rng(0).normal(0, 1e-6, len(t)))
+    with_cycle, without = (identify(log, drive_cycle=x).joints[0] for x in (cycle, None))
+    for name in ("kp", "kv", "velocity_feedforward", "dead_time"):
+        value = getattr(truth, name)
+        off = abs(getattr(with_cycle, name).value / value - 1)
+        assert off < min(3e-3, 0.2 * abs(getattr(without, name).value / value - 1)), name
+    assert with_cycle.unseen_rms < 1.01 * without.unseen_rms
+
+
 def test_a_drive_that_only_delays():
     t, u = shaken(5.0, 4e-3, 3)
     y = np.interp(t - 0.016, t, u) + np.random.default_rng(0).normal(0, 2e-5, len(t))

@@ -232,6 +232,8 @@ def _print(
             [[name, *(f"{x * 1e3:.3g}" for x in values)] for name, *values in every],
             title=f"Prediction of {y.log.source}",
         )
+    for remark in found.remarks:
+        console.say(remark)
     if out is not None:
         servo = "servo.yaml, " if any(x.written for x in found.joints) else ""
         console.say(f"Written to {out}: {servo}report.html")

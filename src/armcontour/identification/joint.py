@@ -10,14 +10,16 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.identification.checking import refuse_misread
 from armcontour.identification.fitting import (
+    MRAD,
     Search,
     Stretch,
     noise_of,
     predict,
     split_logs,
 )
-from armcontour.identification.intervals import estimate_parameters
+from armcontour.identification.intervals import estimate_parameters, is_white, resolution
 from armcontour.identification.results import DIGITS, JointIdentification
+from armcontour.identification.saturation import Saturation, find_saturation, select_between
 from armcontour.identification.selection import Selected, find_lag, select
 from armcontour.motion.log import FEWEST, Log
 from armcontour.servo.simulation import JointServo
@@ -34,6 +36,8 @@ STILL, LEAST_MOTION = 1.5, 1e-9
 LEAST_LAG = 1e-12
 # Nor is this [rad] a change of velocity: logs have nine digits at most.
 LEAST_BEND = 1e-8
+# Longest cycle of a drive whose cycle is not given [s], or the command interval, if it is longer.
+USUAL_CYCLE = 2e-3
 # Time between logs in the report [s].
 APART = 1.0
 
@@ -54,7 +58,9 @@ def identify_joint(
         if why:
             return _without_model(name, f"{name} has no model: {why}", stretches)
         lag = find_lag(stretches, search.longest)
-    found = select(stretches, search, orders)
+    saturation = find_saturation(stretches)
+    found = saturation and select_between(stretches, saturation, search, orders)
+    found = found or select(stretches, search, orders)
     if found is None or found.rms > MISREAD * _rms([s.y for s in stretches], stretches)[0]:
         for log in logs:
             refuse_misread(log, search.longest, j)
@@ -65,14 +71,22 @@ def identify_joint(
         )
         return _without_model(name, note, stretches)
     tracking = _rms(_lags(stretches), stretches)[0]
-    servo = JointServo(*(float(f"{x:.{DIGITS}g}") for x in found.fit.servo))
+    servo = JointServo(*(float(f"{x:.{DIGITS}g}") for x in found.servo))
     order, noise = found.fit.problem.model.order, found.fit.noise
     file = [s.y - predict(s, servo, order, search.cycle) for s in stretches]
     unseen = [s.y - q for s, q in zip(found.stretches, found.unseen, strict=True)]
     error, of = _judge(unseen, found.stretches)
     worst = max((error, of), _judge(file, stretches), key=lambda x: x[0] / x[1])
+    unknown_cycle = _unknown_cycle(stretches, search)
+    limit = {} if found.limit is None else {found.limit.name: found.limit}
+    step = max(resolution(s.y) for s in stretches)
+    effective = not is_white(found.fit.problem.residuals(found.fit.x) / MRAD, step)
+    rivals = found.rivals if effective else ()
+    parameters = estimate_parameters(found.fit, found.without, unknown_cycle, rivals)
     judged: dict[str, Any] = {
-        "parameters": estimate_parameters(found.fit),
+        "parameters": parameters | limit,
+        "effective": effective,
+        "saturation": _describe(name, saturation, stretches),
         "unseen_rms": error,
         "share": error / of,
         "noise": noise,
@@ -94,6 +108,24 @@ def identify_joint(
         largest=_largest(file, stretches),
         unexplained=max(_largest(unseen, found.stretches), _largest(file, stretches)),
         **judged,
+    )
+
+
+def _unknown_cycle(stretches: Sequence[Stretch], search: Search) -> float:
+    """Longest cycle that the drive may have, 0 if the cycle is given [s]."""
+    interval = max(float(np.median(np.diff(s.command.t))) for s in stretches)
+    return 0.0 if search.cycle else max(interval, USUAL_CYCLE)
+
+
+def _describe(name: str, found: Saturation | None, stretches: Sequence[Stretch]) -> str:
+    """A sentence about saturation in the logs."""
+    if found is None:
+        return ""
+    time = sum(float(s.command.t[-1] - s.command.t[0]) for s in stretches)
+    unit = "rad/s²" if found.kind == "acceleration" else "rad/s"
+    return (
+        f"{name} saturates at {found.limit:.3g} {unit} for {found.time:.2g} s of {time:.3g} s, "
+        "which the fit allows for."
     )
 
 

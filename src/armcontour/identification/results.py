@@ -89,6 +89,9 @@ class JointIdentification:
         unexplained: Largest error, also on parts that were not fitted [rad].
         noise: Noise of the encoder [rad].
         note: Why the joint is not written, or empty.
+        effective: Whether the residuals are not white: the model lacks an effect, and its
+            parameters make up for it, so that they differ from those that are set in the drive.
+        saturation: A sentence about samples at a limit of the drive, or empty.
         t: Times of the predictions [s]; logs follow each other, with nan between them, (n,).
         measured: Measured positions [rad], (n,).
         unseen: Positions that are predicted from the other parts [rad], (n,).
@@ -106,6 +109,8 @@ class JointIdentification:
     unexplained: float = math.nan
     noise: float = math.nan
     note: str = ""
+    effective: bool = False
+    saturation: str = ""
     t: FloatArray = field(default_factory=lambda: np.empty(0))
     measured: FloatArray = field(default_factory=lambda: np.empty(0))
     unseen: FloatArray = field(default_factory=lambda: np.empty(0))
@@ -119,9 +124,10 @@ class JointIdentification:
         return line_up(
             f"Servo of {self.name}, order {self.order}",
             [
+                *([("parameters", "effective")] if self.effective else []),
                 *((x.name.replace("_", " "), x.words) for x in self.estimates),
                 ("error where not fitted", f"{self.unseen_rms * 1e3:.3g} mrad RMS"),
-                *([("note", self.note)] if self.note else []),
+                *((x, y) for x in ("saturation", "note") if (y := getattr(self, x))),
             ],
         )
 
@@ -172,6 +178,7 @@ class Identification:
         rows = [["joint", "order", "error where not fitted", "parameters"]]
         for x in self.joints:
             words = ", ".join(f"{y.name.replace('_', ' ')} {y.words}" for y in x.estimates)
+            words = "effective " * x.effective + words
             rows.append([x.name, x.order, f"{x.unseen_rms * 1e3:.3g} mrad", words])
         return line_up(
             f"Servo identified from {self.source}, set-points {self.interpolation}", rows
@@ -196,6 +203,17 @@ class Identification:
     def determined(self) -> bool:
         """Whether all parameters of all joints are determined."""
         return all(x.determined for x in self.joints)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences about saturation in the logs, and about effective parameters."""
+        names = ", ".join(x.name for x in self.joints if x.effective and x.written)
+        effective = (
+            f"Effective parameters: {names}. The residuals are not white: the model lacks an "
+            "effect, and its parameters differ from the settings of the drive."
+        )
+        found = [x.saturation for x in self.joints if x.saturation]
+        return (*found, effective) if names else tuple(found)
 
     def servo_model(self) -> ServoModel:
         """The servo as it is written to a file; joints without a model have order "unknown".

@@ -7,14 +7,20 @@ from collections.abc import Sequence
 from typing import Any
 
 from armcontour._version import __version__
-from armcontour.identification import Estimate, Identification, Prediction
+from armcontour.identification import (
+    Estimate,
+    Identification,
+    JointIdentification,
+    Prediction,
+)
 from armcontour.io.json_text import to_json
 from armcontour.servo import ServoModel
 
 # Attributes of an estimate, of a joint and of a prediction in the JSON file.
 OF_PARAMETER = "name unit value sd low high determined".split()
 OF_JOINT = (
-    "determined tracking_rms rms largest unseen_rms share unexplained noise written note"
+    "determined effective tracking_rms rms largest unseen_rms share unexplained noise written "
+    "note saturation"
 ).split()
 OF_PREDICTION = "tracking_rms rms largest".split()
 ONE_PROGRAM = "Judged on one program only: the error on other programs may be larger."
@@ -41,7 +47,8 @@ def servo_yaml(found: Identification) -> str:
     servo = found.servo_model()
     lines = [
         f"# Identified from {found.source} by armcontour {__version__}: goes into a job file.",
-        *(f"# {x.note or f'{x.name}: {_ranges(x.estimates)}'}" for x in found.joints),
+        *(f"# {x.note or f'{x.name}: {_ranges(x)}'}" for x in found.joints),
+        *(f"# {x.saturation}" for x in found.joints if x.saturation),
         *([] if len(found.logs) > 1 else [f"# {ONE_PROGRAM}"]),
         *servo_lines(servo, len(found.joints)),
     ]
@@ -104,9 +111,9 @@ def _list(values: Any) -> str:
     return "[" + ", ".join("none" if math.isinf(x) else f"{float(x):.6g}" for x in values) + "]"
 
 
-def _ranges(estimates: Sequence[Estimate]) -> str:
-    """Estimates with their ranges, for a comment."""
-    return "; ".join(_range(x) for x in estimates)
+def _ranges(joint: JointIdentification) -> str:
+    """Estimates of a joint with their ranges, for a comment."""
+    return "effective " * joint.effective + "; ".join(_range(x) for x in joint.estimates)
 
 
 def _range(x: Estimate) -> str:

@@ -9,13 +9,14 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import FUSED, compiled
-from armcontour.servo._cascade import march_cascade
+from armcontour.servo._cascade import march_cascade, march_lines
 from armcontour.servo._response import (
     LARGEST_STEP,
     Cubic,
     Motion,
     Servo,
     Step,
+    advance_freely,
     demand,
     fastest_rate,
     progresses,
@@ -151,7 +152,7 @@ def march(
     Args:
         servo: Gains and acceleration bounds of the joint; an infinite kp only delays.
         kind: 0: commands are held or lines; 1: cubics; 2: a drive holds its acceleration for each
-            piece.
+            piece; 3: as 0, without saturation, and only positions are results.
         pieces: Coefficients of the command in the time since the begin of each piece; the first
             and the last one are constant, (n + 1, 4); with an integrator those of v, too, (n + 1,
             8).
@@ -196,12 +197,16 @@ def march(
                     slot = i
             if slot < 0:
                 slot, oldest = oldest, (oldest + 1) % KEPT
-                if not write_step(servo.kp, servo.kv, span, kind == 0, kept[slot]):
+                if not write_step(servo.kp, servo.kv, span, kind != 1, kept[slot]):
                     return Motion(math.nan, math.nan, 0.0, m.saturated, m.lowest, m.highest)
             x = kept[slot]
             step = Step(x[2], x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], x[11], x[12])
             for _ in range(int(x[1])):
-                m = respond(servo, step, u, m)
+                if kind == 3:
+                    q, w = advance_freely(step, u, m.q, m.w)
+                    m = Motion(q, w, 0.0, m.saturated, m.lowest, m.highest)
+                else:
+                    m = respond(servo, step, u, m)
                 u = shift(u, step.time)
         now = until
         if delays:
@@ -242,7 +247,10 @@ def run_joints(
         bounds = joints.lower[j], joints.upper[j]
         servo = Servo(joints.kp[j], joints.kv[j], bounds[0], bounds[1], joints.ki[j])
         m = Motion(states[0, j], states[1, j], states[2, j], 0.0, 0.0, 0.0)
-        m = march(servo, kind, commands[j], starts[j], times, m, out[j])
+        if joints.ki[j] > 0.0 and kind == 3:
+            m = march_lines(servo, commands[j], starts[j], times, m, out[j])
+        else:
+            m = march(servo, kind, commands[j], starts[j], times, m, out[j])
         saturated[j], lowest[j], highest[j], held[j] = m.saturated, m.lowest, m.highest, m.held
         stuck[j] = not math.isfinite(m.q + m.w)
     return Run(out, saturated, lowest, highest, held, stuck)
