@@ -17,13 +17,14 @@ from armcontour.identification.fitting import (
     split_logs,
 )
 from armcontour.identification.intervals import estimate_parameters
+from armcontour.identification.judgement import WEAK
 from armcontour.identification.results import DIGITS, JointIdentification
-from armcontour.identification.selection import Selected, find_lag, select
+from armcontour.identification.selection import find_lag, select
 from armcontour.motion.log import FEWEST, Log
 from armcontour.servo.simulation import JointServo
 
-# A servo is written if its RMS error is at most this share of the tracking error, or at most this
-# many times the noise of the encoder.
+# A model is good if its RMS error is at most this share of the tracking error, or at most so many
+# times the noise of the encoder. A weak one is within that share of the motion.
 SHARE, NOISES = 0.3, 3.0
 # Errors beyond this share of the motion may come from columns in another order, unit or direction.
 MISREAD = 0.1
@@ -34,8 +35,6 @@ STILL, LEAST_MOTION = 1.5, 1e-9
 LEAST_LAG = 1e-12
 # Nor is this [rad] a change of velocity: logs have nine digits at most.
 LEAST_BEND = 1e-8
-# Time between logs in the report [s].
-APART = 1.0
 
 
 def identify_joint(
@@ -55,7 +54,8 @@ def identify_joint(
             return _without_model(name, f"{name} has no model: {why}", stretches)
         lag = find_lag(stretches, search.longest)
     found = select(stretches, search, orders)
-    if found is None or found.rms > MISREAD * _rms([s.y for s in stretches], stretches)[0]:
+    motion = _rms([s.y for s in stretches], stretches)[0]
+    if found is None or found.rms > MISREAD * motion:
         for log in logs:
             refuse_misread(log, search.longest, j)
     if found is None:
@@ -76,14 +76,17 @@ def identify_joint(
         "unseen_rms": error,
         "share": error / of,
         "noise": noise,
-        **_curves(found),
+        "rests": _rests(logs, found.stretches, unseen),
     }
+    note, share = "", worst[0] / worst[1]
     if worst[0] > max(SHARE * worst[1], NOISES * noise):
         note = (
-            f"{name} has no model: the best one errs by {worst[0] / worst[1]:.0%} of the tracking "
-            f"error ({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} mrad RMS) where it was not "
-            f"fitted, more than {SHARE:.0%}."
+            f"where it was not fitted, {share:.0%} of the tracking error remain "
+            f"({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} mrad RMS)"
         )
+    if note and (share > WEAK or found.rms > SHARE * motion):
+        most = f"{WEAK:.0%}" if share > WEAK else f"{SHARE:.0%} of the motion"
+        note = f"{name} has no model: {note}, more than {most}."
         return _without_model(name, note, stretches, **judged)
     return JointIdentification(
         name=name,
@@ -93,6 +96,7 @@ def identify_joint(
         rms=_rms(file, stretches, centred=False)[0],
         largest=_largest(file, stretches),
         unexplained=max(_largest(unseen, found.stretches), _largest(file, stretches)),
+        note=f"The model of {name} is weak: {note}, more than {SHARE:.0%}." if note else "",
         **judged,
     )
 
@@ -145,15 +149,16 @@ def _rms(
     return float(np.sqrt(sums[0] / sums[1])), float(np.sqrt(sums[2] / max(sums[3], 1e-300)))
 
 
-def _curves(found: Selected) -> dict[str, Any]:
-    """Times, measured and predicted positions for the report, one stretch after the other."""
-    curves: list[FloatArray] = []
-    gap, end = np.full((3, 1), np.nan), 0.0
-    for s, q in zip(found.stretches, found.unseen, strict=True):
-        curves += [np.stack([s.command.t + end, s.y, np.where(s.use, q, np.nan)]), gap]
-        end += float(s.command.t[-1]) + APART
-    t, measured, unseen = np.concatenate(curves[:-1], axis=1)
-    return {"t": t, "measured": measured, "unseen": unseen}
+def _rests(
+    logs: Sequence[Log], stretches: Sequence[Stretch], off: Sequence[FloatArray]
+) -> tuple[FloatArray, ...]:
+    """Residuals at the samples of the logs, nan where they do not count [rad]."""
+    found = [np.full(len(x.t), np.nan) for x in logs]
+    for s, x in zip(stretches, off, strict=True):
+        t = logs[s.log].t - logs[s.log].t[s.start]
+        some = (t >= s.command.t[s.use][0]) & (t <= s.command.t[-1])
+        found[s.log][some] = np.interp(t[some], s.command.t, x)
+    return tuple(found)
 
 
 def _why_none(stretches: Sequence[Stretch]) -> str:

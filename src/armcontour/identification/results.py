@@ -17,6 +17,7 @@ from armcontour.errors import InvalidInput
 from armcontour.identification.fitting import predict, split_logs
 from armcontour.motion.log import Log
 from armcontour.servo import ServoModel
+from armcontour.servo.model import TRUSTED
 from armcontour.servo.simulation import JointServo
 
 UNITS = {
@@ -31,6 +32,10 @@ UNITS = {
 }
 # Digits of the numbers in a servo file.
 DIGITS = 6
+
+
+# Columns of tables of joints: errors where the model was not fitted come first.
+JOINT_HEADINGS = ("joint", "of tracking", "of contour", "error [mrad]", "largest [mrad]", "model")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,10 +93,9 @@ class JointIdentification:
         share: `unseen_rms`, divided by the tracking error of the same kind.
         unexplained: Largest error, also on parts that were not fitted [rad].
         noise: Noise of the encoder [rad].
-        note: Why the joint is not written, or empty.
-        t: Times of the predictions [s]; logs follow each other, with nan between them, (n,).
-        measured: Measured positions [rad], (n,).
-        unseen: Positions that are predicted from the other parts [rad], (n,).
+        note: Why the joint has no model or a weak one, or empty.
+        rests: For each log, measured positions less those predicted from the other parts [rad]; nan
+            where they do not count, (n,). Empty if no model was fitted.
     """
 
     name: str
@@ -106,13 +110,10 @@ class JointIdentification:
     unexplained: float = math.nan
     noise: float = math.nan
     note: str = ""
-    t: FloatArray = field(default_factory=lambda: np.empty(0))
-    measured: FloatArray = field(default_factory=lambda: np.empty(0))
-    unseen: FloatArray = field(default_factory=lambda: np.empty(0))
+    rests: tuple[FloatArray, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("t", "measured", "unseen"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+        object.__setattr__(self, "rests", tuple(_checks.lock_floats(x) for x in self.rests))
 
     def __str__(self) -> str:
         """The estimates and the error on parts that were not fitted."""
@@ -151,6 +152,49 @@ class JointIdentification:
         return bool(self.parameters) and all(x.determined for x in self.estimates)
 
 
+def joint_cells(x: JointIdentification, ratio: float) -> list[str]:
+    """Cells of a row of JOINT_HEADINGS.
+
+    Args:
+        x: The joint.
+        ratio: Its deviation from the contour with compensation over that without it.
+    """
+    model = x.order if x.written else "delay only" if x.servo.dead_time else "none"
+    errors = [f"{x.share:.1%}", f"{ratio:.1%}", f"{x.unseen_rms * 1e3:.3g}"] if x.parameters else []
+    cells = [x.name, *(errors or ["", "", ""]), f"{x.unexplained * 1e3:.3g}"]
+    return [*cells, "weak: " * bool(x.written and x.note) + model]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judgement:
+    """Contour errors with and without compensation on motion that was not fitted.
+
+    With compensation, the command and the residuals of the model remain. A delay that all joints
+    share costs nothing. With an arm the errors are those of its tool across its path. Without an
+    arm they are distances in joint space, where each joint counts in proportion to its tracking
+    error.
+
+    Args:
+        programs: Number of different programs. If it is 1, parts of the program were predicted.
+        ratio: RMS contour error with compensation over that without it, in the worst log; 0 if only
+            the noise of the encoders remains.
+        errors: RMS contour errors of each log without and with compensation, (logs, 2): in m with
+            an arm, else in tracking errors.
+        joints: RMS deviation of each joint with compensation over that without it, in the worst
+            log, (dof,).
+    """
+
+    programs: int
+    ratio: float
+    errors: FloatArray
+    joints: FloatArray
+
+    @property
+    def trusted(self) -> bool:
+        """Whether compensation removes half of the contour error."""
+        return self.ratio <= TRUSTED
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Identification:
     """The identified servos of all joints.
@@ -160,12 +204,14 @@ class Identification:
         interpolation: Interpolation of set-points that was assumed.
         cycle: Cycle of the drives [s], 0 for continuous loops.
         joints: The result of each joint.
+        judgement: Contour errors with and without compensation where the servo was not fitted.
     """
 
     logs: tuple[Log, ...]
     interpolation: str
     cycle: float
     joints: tuple[JointIdentification, ...] = field(repr=False)
+    judgement: Judgement
 
     def __str__(self) -> str:
         """A row for every joint."""
@@ -220,6 +266,8 @@ class Identification:
             order=tuple(x.order for x in self.joints),
             cycle=self.cycle,
             unexplained=[round_up(x.unexplained) for x in self.joints],
+            contour_ratio=float(f"{self.judgement.ratio:.3g}"),
+            programs=self.judgement.programs,
             **given,
         )
 

@@ -30,6 +30,7 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.warnings import (
     CURVATURE_JUMPS,
     INVERSE_DYNAMICS,
+    NONE,
     JerkStop,
     Weaving,
     capped,
@@ -343,6 +344,8 @@ class RunResult:
         if self.taught is not None:
             found += cut_off(self.taught)
             found += filter(None, [describe_excess(self.taught)])
+            if self.servo is not None and self.run.compensation != NONE and self.servo.doubt:
+                found.append(self.servo.doubt)
         if self.execution is not None:
             found += self._weak_points_of_execution()
         return tuple(found)
