@@ -18,6 +18,7 @@ from armcontour.identification.fitting import (
 )
 from armcontour.identification.intervals import estimate_parameters
 from armcontour.identification.judgement import WEAK
+from armcontour.identification.residuals import describe_residuals, find_residuals
 from armcontour.identification.results import DIGITS, JointIdentification
 from armcontour.identification.selection import find_lag, select
 from armcontour.motion.log import FEWEST, Log
@@ -59,9 +60,10 @@ def identify_joint(
         for log in logs:
             refuse_misread(log, search.longest, j)
     if found is None:
+        left = [find_residuals(x, j) for x in logs]
         note = (
             f"{name} has no model: gains (up to {search.fastest:g} 1/s) or feed-forward end at the "
-            "bounds of their ranges."
+            f"bounds of their ranges. {describe_residuals(logs, j, left)}"
         )
         return _without_model(name, note, stretches)
     tracking = _rms(_lags(stretches), stretches)[0]
@@ -71,22 +73,24 @@ def identify_joint(
     unseen = [s.y - q for s, q in zip(found.stretches, found.unseen, strict=True)]
     error, of = _judge(unseen, found.stretches)
     worst = max((error, of), _judge(file, stretches), key=lambda x: x[0] / x[1])
+    rests = _rests(logs, found.stretches, unseen)
     judged: dict[str, Any] = {
         "parameters": estimate_parameters(found.fit),
         "unseen_rms": error,
         "share": error / of,
         "noise": noise,
-        "rests": _rests(logs, found.stretches, unseen),
+        "rests": rests,
     }
-    note, share = "", worst[0] / worst[1]
+    note, more, share = "", "", worst[0] / worst[1]
     if worst[0] > max(SHARE * worst[1], NOISES * noise):
         note = (
             f"where it was not fitted, {share:.0%} of the tracking error remain "
             f"({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} mrad RMS)"
         )
+        more = f" {describe_residuals(logs, j, rests)}"
     if note and (share > WEAK or found.rms > SHARE * motion):
         most = f"{WEAK:.0%}" if share > WEAK else f"{SHARE:.0%} of the motion"
-        note = f"{name} has no model: {note}, more than {most}."
+        note = f"{name} has no model: {note}, more than {most}.{more}"
         return _without_model(name, note, stretches, **judged)
     return JointIdentification(
         name=name,
@@ -96,7 +100,7 @@ def identify_joint(
         rms=_rms(file, stretches, centred=False)[0],
         largest=_largest(file, stretches),
         unexplained=max(_largest(unseen, found.stretches), _largest(file, stretches)),
-        note=f"The model of {name} is weak: {note}, more than {SHARE:.0%}." if note else "",
+        note=f"The model of {name} is weak: {note}, more than {SHARE:.0%}.{more}" if note else "",
         **judged,
     )
 
@@ -164,14 +168,15 @@ def _rests(
 def _why_none(stretches: Sequence[Stretch]) -> str:
     """Why nothing can be identified: no motion, or only a uniform velocity; else empty."""
     if not stretches:
-        return f"there are no {FEWEST} samples without a gap."
+        return f"there are no {FEWEST} samples without a gap: record more."
     if not any((s.weight * s.use).any() for s in stretches):
-        return "no motion is commanded."
+        return "no motion is commanded: record a program in which it moves."
     if all(np.ptp(s.y) <= LEAST_MOTION or np.std(s.y) <= STILL * noise_of(s.y) for s in stretches):
         change = max(float(np.ptp(s.command.u)) for s in stretches)
-        return f"it shows no motion beyond noise, though commands change by {change:.3g} rad."
+        still = f"it shows no motion beyond noise, though commands change by {change:.3g} rad"
+        return f"{still}: record more motion."
     if not any(changes_velocity(s.command.t, x) for s in stretches for x in (s.command.u, s.y)):
-        return "the velocity is uniform, which shows a lag, but no gains."
+        return "the velocity is uniform, which shows a lag, but no gains: record a multisine."
     return ""
 
 

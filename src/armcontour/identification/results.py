@@ -121,7 +121,10 @@ class JointIdentification:
             f"Servo of {self.name}, order {self.order}",
             [
                 *((x.name.replace("_", " "), x.words) for x in self.estimates),
-                ("error where not fitted", f"{self.unseen_rms * 1e3:.3g} mrad RMS"),
+                (
+                    "error where not fitted",
+                    f"{self.share:.1%} of the tracking error, {self.unseen_rms * 1e3:.3g} mrad RMS",
+                ),
                 *([("note", self.note)] if self.note else []),
             ],
         )
@@ -215,13 +218,11 @@ class Identification:
 
     def __str__(self) -> str:
         """A row for every joint."""
-        rows = [["joint", "order", "error where not fitted", "parameters"]]
-        for x in self.joints:
+        rows = [[*JOINT_HEADINGS, "parameters"]]
+        for x, ratio in zip(self.joints, self.judgement.joints, strict=True):
             words = ", ".join(f"{y.name.replace('_', ' ')} {y.words}" for y in x.estimates)
-            rows.append([x.name, x.order, f"{x.unseen_rms * 1e3:.3g} mrad", words])
-        return line_up(
-            f"Servo identified from {self.source}, set-points {self.interpolation}", rows
-        )
+            rows.append([*joint_cells(x, ratio), words])
+        return line_up(f"Servo identified from {self.source}, errors where not fitted", rows)
 
     __repr__ = brief
 
