@@ -113,5 +113,7 @@ OwnAccelerations = Annotated[
     FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", endless=True)
 ]
 AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", "not negative")]
+LoggedVelocities = Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", "not negative")]
+LoggedAccelerations = Annotated[FloatArray, Quantity("rad/s^2", "8 rad/s^2", "not negative")]
 FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", "not negative")]
 DeadTimes = Annotated[FloatArray, DEAD_TIME]

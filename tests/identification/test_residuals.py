@@ -5,7 +5,7 @@ import pytest
 from tests.identification.test_judgement import T, program
 
 import armcontour as ac
-from armcontour.identification.residuals import describe_residuals
+from armcontour.identification.residuals import describe_residuals, scale_residuals
 from armcontour.servo.simulation import JointServo, LoggedCommand, follow
 
 SERVO = JointServo(kp=25.0, kv=150.0, dead_time=6e-3)
@@ -55,3 +55,32 @@ def test_the_sign_and_the_phase_of_velocity_are_told_from_each_other():
     assert "no known pattern" in describe_residuals([log], 0, [np.roll(u[:, 1], 500) ** 3])
     rest = np.where(T > 1.0, np.sign(rate), np.nan)
     assert "sign of velocity" in describe_residuals([log], 0, [rest])
+
+
+def test_residuals_scale_with_velocity_and_acceleration():
+    u = program(3)
+    log = ac.Log(t=T, command=u, measured=u)
+    rate = np.gradient(u[:, 0], T)
+    parts = 1e-5, 2e-4 * rate, 3e-5 * np.gradient(rate, T)
+    random = np.random.default_rng(1).normal(size=(3, len(T)))
+    rest = sum(x * y for x, y in zip(parts, random, strict=True))
+    np.testing.assert_allclose(scale_residuals([log], 0, [rest]), [1e-5, 2e-4, 3e-5], rtol=0.35)
+
+
+def test_a_servo_states_the_motion_of_its_logs():
+    logs = [ac.Log(t=T, command=program(k), measured=program(k)) for k in (1, 2)]
+    rates = np.max([np.abs(np.gradient(x.command, T, axis=0)).max(axis=0) for x in logs], axis=0)
+    moved = [
+        np.stack(
+            [follow(LoggedCommand(T, u.copy(), "linear"), SERVO, u[0], 0.0).ravel() for u in x.T], 1
+        )
+        for x in (y.command for y in logs)
+    ]
+    found = ac.identify(
+        [ac.Log(t=T, command=x.command, measured=q) for x, q in zip(logs, moved, strict=True)]
+    )
+    servo = found.servo_model()
+    np.testing.assert_allclose(servo.logged_velocity, rates, rtol=0.05)
+    assert not servo.describe_excess(rates[None], 0 * rates[None])
+    assert "joint 2" in servo.describe_excess(rates[None] * [1, 1.5], 0 * rates[None])
+    assert "acceleration" in servo.describe_excess(rates[None], 1e3 + 0 * rates[None])

@@ -18,7 +18,11 @@ from armcontour.identification.fitting import (
 )
 from armcontour.identification.intervals import estimate_parameters
 from armcontour.identification.judgement import WEAK
-from armcontour.identification.residuals import describe_residuals, find_residuals
+from armcontour.identification.residuals import (
+    describe_residuals,
+    find_residuals,
+    scale_residuals,
+)
 from armcontour.identification.results import DIGITS, JointIdentification
 from armcontour.identification.selection import find_lag, select
 from armcontour.motion.log import FEWEST, Log
@@ -80,6 +84,7 @@ def identify_joint(
         "share": error / of,
         "noise": noise,
         "rests": rests,
+        "scaling": scale_residuals(logs, j, rests),
     }
     note, more, share = "", "", worst[0] / worst[1]
     if worst[0] > max(SHARE * worst[1], NOISES * noise):

@@ -15,6 +15,10 @@ NAMED = 0.25
 FAST = 3.0
 # Velocity below which dry friction is not at its full size, as a share of the largest one.
 SLIDING = 0.02
+# Velocities and accelerations are those over this time [s].
+SMOOTHED = 8e-3
+# Fits of the scaling of residuals, each with the weights of the one before.
+REWEIGHTED = 5
 # Patterns of residuals: what they are, and what to record.
 PATTERNS = {
     "velocity": (
@@ -71,6 +75,48 @@ def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray])
         record = f"each of both joints alone, while {name} or this one stands"
     much = f" by {shares[name]:.0%}" if shares[name] >= NAMED else ""
     return f"The residual {pattern}{much}: record {record}."
+
+
+def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:
+    """Largest velocities [rad/s] and accelerations [rad/s²] of commands, (dof,) each."""
+    found = []
+    for log in logs:
+        some = slice(None, None, max(round(SMOOTHED / log.interval), 1))
+        rates = np.gradient(log.command[some], log.t[some], axis=0)
+        bends = np.gradient(rates, log.t[some], axis=0)
+        found.append([np.abs(x).max(axis=0) for x in (rates, bends)])
+    most = np.max(found, axis=0)
+    return most[0], most[1]
+
+
+def scale_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) -> FloatArray:
+    """RMS residual at rest [rad], per velocity [s] and per acceleration [s²], by regression.
+
+    The squared residuals are the sum of the squares of these three parts.
+
+    Args:
+        logs: The logs.
+        j: The joint, from 0.
+        rests: Residuals at the samples of each log, nan where they do not count [rad].
+    """
+    from scipy.optimize import nnls
+
+    rows, squares = [], []
+    for log, rest in zip(logs, rests, strict=True):
+        use = np.isfinite(rest)
+        rate = np.gradient(log.command[:, j], log.t)
+        columns = (np.ones(len(rate)), rate, np.gradient(rate, log.t))
+        rows.append(np.stack(columns, axis=1)[use] ** 2)
+        squares.append(rest[use] ** 2)
+    every, values = np.concatenate(rows), np.concatenate(squares)
+    scale = np.maximum(np.linalg.norm(every, axis=0), 1e-300)
+    found, expected = np.zeros(3), np.full(len(values), max(float(values.mean()), 1e-300))
+    # Squares scatter in proportion to their expectation.
+    for _ in range(REWEIGHTED):
+        q, r = np.linalg.qr(every / scale / expected[:, None])
+        found = nnls(r, q.T @ (values / expected))[0] / scale
+        expected = np.maximum(every @ found, 1e-6 * expected.max())
+    return np.asarray(np.sqrt(found))
 
 
 def find_residuals(log: Log, j: int) -> FloatArray:

@@ -15,6 +15,7 @@ from armcontour._describing import brief, digits, line_up
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.identification.fitting import predict, split_logs
+from armcontour.identification.residuals import fastest_motion
 from armcontour.motion.log import Log
 from armcontour.servo import ServoModel
 from armcontour.servo.model import TRUSTED
@@ -92,6 +93,8 @@ class JointIdentification:
             worst log, with one log weighted by motion.
         share: `unseen_rms`, divided by the tracking error of the same kind.
         unexplained: Largest error, also on parts that were not fitted [rad].
+        scaling: The RMS error where it was not fitted is the root of the sum of squares of three
+            parts: at rest [rad], per velocity [s] and per acceleration [s²], (3,).
         noise: Noise of the encoder [rad].
         note: Why the joint has no model or a weak one, or empty.
         rests: For each log, measured positions less those predicted from the other parts [rad]; nan
@@ -108,12 +111,14 @@ class JointIdentification:
     unseen_rms: float = math.nan
     share: float = math.nan
     unexplained: float = math.nan
+    scaling: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
     noise: float = math.nan
     note: str = ""
     rests: tuple[FloatArray, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rests", tuple(_checks.lock_floats(x) for x in self.rests))
+        object.__setattr__(self, "scaling", _checks.lock_floats(self.scaling))
 
     def __str__(self) -> str:
         """The estimates and the error on parts that were not fitted."""
@@ -125,6 +130,7 @@ class JointIdentification:
                     "error where not fitted",
                     f"{self.share:.1%} of the tracking error, {self.unseen_rms * 1e3:.3g} mrad RMS",
                 ),
+                ("it grows", self.growth),
                 *([("note", self.note)] if self.note else []),
             ],
         )
@@ -143,6 +149,14 @@ class JointIdentification:
         none = dict.fromkeys(("value", "sd", "low", "high"), math.nan)
         missing = Estimate(name=name, unit=UNITS[name], **none, determined=False)
         return self.parameters.get(name, missing)
+
+    @property
+    def growth(self) -> str:
+        """How the error grows with the motion, as text; empty without a model."""
+        if not np.isfinite(self.scaling).all():
+            return ""
+        rest, rate, bend = (f"{x * 1e3:.2g} mrad" for x in self.scaling)
+        return f"{rest} at rest, {rate} per rad/s, {bend} per rad/s² (RMS, squares add)"
 
     @property
     def written(self) -> bool:
@@ -262,11 +276,14 @@ class Identification:
         }
         if not np.isfinite(given["kv"]).any():
             given["kv"] = None
+        fastest = fastest_motion(self.logs)
         return ServoModel(
             interpolation=self.interpolation,
             order=tuple(x.order for x in self.joints),
             cycle=self.cycle,
             unexplained=[round_up(x.unexplained) for x in self.joints],
+            logged_velocity=[float(f"{x:.{DIGITS}g}") for x in fastest[0]],
+            logged_acceleration=[float(f"{x:.{DIGITS}g}") for x in fastest[1]],
             contour_ratio=float(f"{self.judgement.ratio:.3g}"),
             programs=self.judgement.programs,
             **given,

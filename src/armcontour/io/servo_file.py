@@ -14,7 +14,7 @@ from armcontour.servo import ServoModel
 # Attributes of an estimate, of a joint and of a prediction in the JSON file.
 OF_PARAMETER = "name unit value sd low high determined".split()
 OF_JOINT = (
-    "determined tracking_rms rms largest unseen_rms share unexplained noise written note"
+    "determined tracking_rms rms largest unseen_rms share unexplained scaling noise written note"
 ).split()
 OF_PREDICTION = "tracking_rms rms largest".split()
 # Parameters with one value per joint in a servo file, with their units.
@@ -28,6 +28,8 @@ LISTS = {
     "dead_time": "s",
     "acceleration_limit": "rad/s^2; none: it never saturates",
     "unexplained": "rad, largest error on motion that was not fitted",
+    "logged_velocity": "rad/s, largest one of that motion",
+    "logged_acceleration": "rad/s^2",
 }
 # Parameters with one value.
 SINGLE = {

@@ -33,6 +33,7 @@ from armcontour.jobs.warnings import (
     NONE,
     JerkStop,
     Weaving,
+    beyond_logs,
     capped,
     cut_off,
     jerk_stops,
@@ -346,6 +347,8 @@ class RunResult:
             found += filter(None, [describe_excess(self.taught)])
             if self.servo is not None and self.run.compensation != NONE and self.servo.doubt:
                 found.append(self.servo.doubt)
+        if self.servo is not None:
+            found += filter(None, [beyond_logs(self.servo, self.trajectory)])
         if self.execution is not None:
             found += self._weak_points_of_execution()
         return tuple(found)

@@ -22,6 +22,8 @@ from armcontour._quantities import (
     IntegralGains,
     JointInertias,
     LargestRatio,
+    LoggedAccelerations,
+    LoggedVelocities,
     OwnAccelerations,
 )
 from armcontour.errors import InvalidInput
@@ -50,12 +52,14 @@ MOST_TIME_CONSTANTS = 1000.0
 # Compensation that leaves a larger share of the contour error where the servo was not fitted may be
 # worse than none on other programs.
 TRUSTED = 0.5
+# Largest logged velocity or acceleration [rad/s, rad/s²], and the ratio that is exceeded.
+MOST_LOGGED, EXCEEDED = 1e6, 1.02
 # Names in messages.
 NAMES = {"kp": "servo gain kp", "kv": "servo gain kv", "inertia": "servo inertia"}
 # Parameters with one value for all joints, or one per joint.
 PER_JOINT = (
     *("kp", "kv", "ki", "dead_time", "inertia", "velocity_feedforward", "acceleration_feedforward"),
-    *("friction", "acceleration_limit", "unexplained"),
+    *("friction", "acceleration_limit", "unexplained", "logged_velocity", "logged_acceleration"),
 )
 
 
@@ -127,6 +131,10 @@ class ServoModel(Value):
         cycle: Time between two computations of the drives' loops [s]; 0 for continuous loops.
         unexplained: Largest error of this model on measured motion to which it was not fitted
             [rad], one for all joints or one per joint; None if it is not known.
+        logged_velocity: Largest velocity [rad/s] of the motion on which `unexplained` was
+            determined, one for all joints or one per joint; None if it is not known.
+        logged_acceleration: Largest acceleration of that motion [rad/s²], one for all joints or one
+            per joint; None if it is not known.
         contour_ratio: RMS contour error with compensation over that without it, on measured motion
             to which the model was not fitted; None if it is not known.
         programs: Number of programs on which contour_ratio was determined; None if it is not known.
@@ -151,6 +159,8 @@ class ServoModel(Value):
     acceleration_limit: OwnAccelerations | None
     cycle: Duration
     unexplained: AngularErrors | None
+    logged_velocity: LoggedVelocities | None
+    logged_acceleration: LoggedAccelerations | None
     contour_ratio: LargestRatio | None
     programs: Annotated[int, AtLeast(1)] | None
 
@@ -170,6 +180,8 @@ class ServoModel(Value):
         acceleration_limit: npt.ArrayLike | None = None,
         cycle: float = 0.0,
         unexplained: npt.ArrayLike | None = None,
+        logged_velocity: npt.ArrayLike | None = None,
+        logged_acceleration: npt.ArrayLike | None = None,
         contour_ratio: float | None = None,
         programs: int | None = None,
     ) -> None:
@@ -214,6 +226,13 @@ class ServoModel(Value):
         if unexplained is not None:
             unexplained = _check_range("unexplained", unexplained, "rad", 0.0, np.pi)
         given["unexplained"] = unexplained
+        for name, values, unit in (
+            ("logged_velocity", logged_velocity, "rad/s"),
+            ("logged_acceleration", logged_acceleration, "rad/s²"),
+        ):
+            given[name] = values
+            if values is not None:
+                given[name] = _check_range(name, values, unit, 0.0, MOST_LOGGED)
         if contour_ratio is not None:
             contour_ratio = _checks.between("contour_ratio", contour_ratio, 0.0, 1e9, "")
         if programs is not None:
@@ -291,6 +310,33 @@ class ServoModel(Value):
         return (
             f"Compensation may be worse than none: {', and '.join(found)}. Identify the servo from "
             "more programs, or take the compensation none."
+        )
+
+    def describe_excess(self, dq: FloatArray, ddq: FloatArray) -> str:
+        """Warning that a motion is beyond that on which `unexplained` was determined, or empty.
+
+        Args:
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+        """
+        if self.unexplained is None:
+            return ""
+        found = []
+        for name, values, logged in (
+            ("velocity", dq, self.logged_velocity),
+            ("acceleration", ddq, self.logged_acceleration),
+        ):
+            if logged is None or not len(values):
+                continue
+            ratios = np.abs(values).max(axis=0) / np.maximum(logged, 1e-9)
+            j = int(np.argmax(ratios))
+            if ratios[j] > EXCEEDED:
+                found.append(f"joint {j + 1} has {ratios[j]:.3g} times the largest {name}")
+        if not found:
+            return ""
+        return (
+            "What the servo model does not explain is bounded for motion as in its logs only, but "
+            f"{', and '.join(found)} there: plan slower, or identify from logs of this motion."
         )
 
     @property
