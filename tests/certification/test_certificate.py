@@ -122,6 +122,13 @@ def test_the_papers_job_with_pole_placement_and_every_ten_milliseconds():
     assert found.duration <= 5.40 and judged(found).speed <= 0.15 * (1 + 1e-3)
 
 
+@pytest.mark.parametrize("more", ["ki: 6 1/s", "ki: 6 1/s, cycle: 4 ms"])
+def test_a_cascade_keeps_its_budget(more):
+    line = LINE.replace("kv: 150 1/s", f"kv: 150 1/s, {more}")
+    found = ac.certify(parse_job(line), goal=ac.Goal(servo=2e-5))
+    assert 0 < judged(found).contour_error.max <= 2e-5
+
+
 def test_limits_of_jerk_are_kept():
     base = job(SHORT)
     limits = base.runs[0].limits.replace(joint_jerk=36.0)

@@ -37,6 +37,7 @@ from armcontour.jobs.warnings import (
     capped,
     cut_off,
     jerk_stops,
+    limited_commands,
     missed_speeds,
     not_judged,
     oscillating,
@@ -186,6 +187,7 @@ class RunResult:
                 "taught",
                 f"{several(len(self.taught.q), 'set-point')} every {milliseconds(self.run.period)}",
             ),
+            ("command / limit", "" if self.taught is None else self.taught.command_note),
             ("shaped", "" if self.shaped is None else str(self.shaped)),
             ("clearance", "" if near is None else f"{mm(near.low)} at least"),
             ("warnings", f"{len(self.weak_points)}, in .warnings" if self.weak_points else ""),
@@ -273,6 +275,8 @@ class RunResult:
         """Sentences on plan and execution, with the name of the run, which are no warnings."""
         found = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
         found += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves]
+        if self.taught is not None and (used := self.taught.command_note):
+            found.append(f"Run {self.run.name}: set-points / command limits: {used}.")
         clear = None if self._far_from_itself else self.clearance_note
         found += [x for x in (self.shape_note, self.stops_note, clear) if x is not None]
         e = self.evaluation
@@ -344,6 +348,7 @@ class RunResult:
             found += oscillating(self.servo)
         if self.taught is not None:
             found += cut_off(self.taught)
+            found += limited_commands(self.taught)
             found += filter(None, [describe_excess(self.taught)])
             if self.servo is not None and self.run.compensation != NONE and self.servo.doubt:
                 found.append(self.servo.doubt)

@@ -169,6 +169,16 @@ def cut_off(taught: TaughtData) -> list[str]:
     ]
 
 
+def limited_commands(taught: TaughtData) -> list[str]:
+    """A warning for set-points that limits of commands change, with the error that this causes."""
+    if taught.limit_cost is None or taught.limit_cost.deviation.max() < UNFELT:
+        return []
+    return [
+        f"command_limits change the set-points by {taught.limit_cost}; a plan with a larger "
+        "timing.reserve, or with limits of jerk, needs smaller changes."
+    ]
+
+
 def oscillating(servo: ServoModel) -> list[str]:
     """A warning for the joint of order second with the least damping, if kv is below kp.
 

@@ -1,8 +1,9 @@
 """Compiled response of a joint whose velocity loop has an integrator (P-PI cascade).
 
-The joint follows `ddq = clip(kv (kp (u - q) - dq + ki x), lower, upper)`, `dx = kp (v - q) - dq`.
-The command v has no friction and no acceleration feed-forward. Within a step the motion is its
-Taylor series, which is exact up to rounding errors.
+The joint follows `ddq = clip(z, lower, upper)`, `z = kv (kp (u - q) - dq + ki x)`,
+`dx = kp (v - q) - dq - (z - ddq) / kv`, whose last term stops the integrator in saturation. The
+command v has no friction and no acceleration feed-forward. Within a step the motion is its Taylor
+series, which is exact up to rounding errors.
 """
 
 from __future__ import annotations
@@ -81,28 +82,27 @@ def count_terms(x: float) -> int:
 
 @compiled(inner=True, fastmath=FUSED)
 def expand(
-    servo: Servo, ki: float, u: FloatArray, side: float, q: FloatArray, x: FloatArray, z: FloatArray
+    servo: Servo, u: FloatArray, side: float, q: FloatArray, x: FloatArray, z: FloatArray
 ) -> None:
     """Write Taylor coefficients of position, integral and demand, from the first ones.
 
     Args:
         servo: Gains and bounds.
-        ki: Integral gain [1/s].
         u: Coefficients of both commands, (8,).
         side: 1 at the upper bound of the acceleration, -1 at the lower one, else 0.
         q: Position, with the first two coefficients, (n,).
         x: Integral, with the first coefficient, (n,).
         z: Output: demand, (n,).
     """
-    kp, kv = servo.kp, servo.kv
+    kp, kv, ki = servo.kp, servo.kv, servo.ki
     for k in range(len(q) - 2):
         p, v = (u[k], u[4 + k]) if k < 4 else (0.0, 0.0)
         w = (k + 1) * q[k + 1]
         z[k] = kv * (kp * (p - q[k]) - w + ki * x[k])
-        x[k + 1] = (kp * (v - q[k]) - w) / (k + 1)
         a = z[k]
         if side != 0.0:
             a = (servo.upper if side > 0.0 else servo.lower) if k == 0 else 0.0
+        x[k + 1] = (kp * (v - q[k]) - w - (z[k] - a) / kv) / (k + 1)
         q[k + 2] = a / ((k + 1) * (k + 2))
 
 
@@ -121,7 +121,6 @@ def move_command(
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def march_cascade(
     servo: Servo,
-    ki: float,
     pieces: FloatArray,
     starts: FloatArray,
     times: FloatArray,
@@ -132,7 +131,7 @@ def march_cascade(
 
     `held` is the demand [rad/s²] at the start and at the end. The integral follows from it.
     """
-    kp, kv = servo.kp, servo.kv
+    kp, kv, ki = servo.kp, servo.kv, servo.ki
     q, w, z, saturated, lowest, highest = motion
     u, series = np.empty(8), np.zeros((3, TERMS))
     last, now, length = len(starts), times[0], -1.0
@@ -178,7 +177,7 @@ def march_cascade(
                 side = -1.0
             if abs(side) == 2.0:  # A bound has just been left.
                 side = 0.0
-            expand(servo, ki, u, side, position, integral, demand)
+            expand(servo, u, side, position, integral, demand)
             turn = h
             if slope_of(demand, 0.0) * slope_of(demand, h) < 0.0:
                 turn = find_passage(demand, 0.0, h, 0.0, True)

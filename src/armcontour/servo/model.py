@@ -79,7 +79,9 @@ class ServoModel(Value):
 
     All of u, du and ddu are delayed by tau, and dry friction reduces u by `c sign(du)`; in a P-PI
     cascade it is the acceleration `-K_p K_v c sign(du)`, which the integrator does not see. In
-    saturation the integrator goes on. Between two set-points the command is, by interpolation,
+    saturation the integrator does not wind up: it integrates the velocity error less the part of
+    the demand above the limit, over K_v (back-calculation with the gain k_i, also known as
+    automatic reset). Between two set-points the command is, by interpolation,
 
     - "linear": the straight line;
     - "step": the earlier set-point (zero-order hold);
@@ -97,7 +99,7 @@ class ServoModel(Value):
 
     With a cycle, the loop is computed once per cycle, from command and state at its begin: the
     acceleration (order "second") or velocity ("first") is constant for the cycle, and du and ddu
-    are differences of u over cycles.
+    are differences of u over cycles. The integral then includes the velocity error of that cycle.
 
     The command passes each set-point at its time. A controller needs the next set-point for
     a line, and the one after it for the cubic; its wait for them is part of the dead time.
@@ -116,7 +118,7 @@ class ServoModel(Value):
             for rigid bodies and for servos of order "second". None is the arm's own nominal
             inertia.
         ki: Integral gain k_i of the velocity loop [1/s], one for all joints or one per joint; 0
-            without an integrator. Only for order "second" without a cycle.
+            without an integrator. Only for order "second".
         velocity_feedforward: Share f of the velocity of the command that is added to the velocity
             loop, one for all joints or one per joint: 0 for the paper's servo, about 1 for most
             drives of industrial robots.
@@ -204,7 +206,7 @@ class ServoModel(Value):
             )
         given["kv"] = None if kv is None else _check_gain("kv", kv, second, same)
         given["ki"] = _check_range("ki", ki, "1/s", 0.0, GAINS[1])
-        _refuse_integrator(given["ki"], second, interpolation, acceleration_feedforward, cycle)
+        _refuse_integrator(given["ki"], second, interpolation, acceleration_feedforward)
         given["dead_time"] = _check_range("dead_time", dead_time, "s", 0.0, LONGEST_DEAD_TIME)
         given["inertia"] = _check_inertia(inertia, orders)
         velocity = _check_range("velocity_feedforward", velocity_feedforward, "", *FEEDS)
@@ -266,6 +268,9 @@ class ServoModel(Value):
             InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
         dof = _checks.whole("dof", dof, 1, _checks.MOST_JOINTS)
+        values = [getattr(self, x) for x in PER_JOINT]
+        if all(x is None or x.shape == (dof,) for x in values) and isinstance(self.order, str):
+            return self
         given: dict[str, Any] = {}
         for x in PER_JOINT:
             values = getattr(self, x)
@@ -508,6 +513,45 @@ def lead_of(kp: Any, kv: Any, velocity: Any, acceleration: Any) -> tuple[FloatAr
     return np.asarray(velocity / kp), np.asarray(acceleration / (kp * loops))
 
 
+def integrator_filter(ki: float, period: float, cycle: float) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator, in z, of means over intervals of `s / (s + ki)` of means.
+
+    With a cycle, the integral is a sum; for intervals of one cycle the filter is then exact.
+    """
+    decay = np.log1p(ki * cycle) / cycle if cycle else ki
+    mean = -np.expm1(-decay * period) / (ki * period)
+    return mean * np.array([1.0, -1.0]), np.array([1.0, -np.exp(-decay * period)])
+
+
+def without_integral(
+    dq: FloatArray, ddq: FloatArray, servo: ServoModel, period: float
+) -> FloatArray:
+    """The part of means of accelerations that the integrators do not give [rad/s²], (n, dof).
+
+    The loop gives `K_v (1 + k_i / s)` of the velocity error, from rest, also against friction.
+
+    Args:
+        dq: Means of velocities over intervals [rad/s], (n, dof).
+        ddq: Means of accelerations [rad/s²], (n, dof).
+        servo: Servo model with values per joint.
+        period: Length of the intervals [s].
+    """
+    if not servo.ki.any():
+        return ddq
+    from scipy.signal import lfilter
+
+    assert servo.kv is not None
+    found = ddq.copy()
+    for j in np.flatnonzero(servo.ki):
+        rub = servo.kp[j] * servo.kv[j] * servo.friction[j] * sliding(dq[:, j])
+        share = integrator_filter(servo.ki[j], period, servo.cycle)
+        # Feed-forward of a drive with a cycle is late, which the integrator does not change.
+        late = servo.kv[j] * servo.velocity_feedforward[j] * servo.cycle / 2
+        found[:, j] = lfilter(*share, ddq[:, j] + rub) - rub + late * ddq[:, j]
+        found[:, j] /= 1 + late
+    return found
+
+
 def sliding(rate: FloatArray) -> FloatArray:
     """The direction in which dry friction acts at command velocities [rad/s], smooth at rest."""
     return np.asarray(rate / np.hypot(rate, SLIDING))
@@ -584,13 +628,13 @@ def _check_range(
 
 
 def _refuse_integrator(
-    ki: FloatArray, second: BoolArray, interpolation: str, feed: npt.ArrayLike, cycle: float
+    ki: FloatArray, second: BoolArray, interpolation: str, feed: npt.ArrayLike
 ) -> None:
     """Refuse an integrator where no model has one.
 
     Raises:
-        InvalidInput: A joint without a velocity loop has one, or a drive with a cycle, or
-            acceleration feed-forward is not linear in the set-points.
+        InvalidInput: A joint without a velocity loop has one, or acceleration feed-forward is not
+            linear in the set-points.
     """
     if not ki.any():
         return
@@ -599,10 +643,6 @@ def _refuse_integrator(
         raise InvalidInput(
             "ki is the integral gain of a velocity loop, which only order second has: give 0 for "
             "joints of another order."
-        )
-    if cycle:
-        raise InvalidInput(
-            "A servo with ki has no cycle: leave cycle out, and add half of it to dead_time."
         )
     if interpolation == "cubic" and np.any(feed):
         raise InvalidInput(

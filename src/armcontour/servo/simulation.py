@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,11 +50,7 @@ class Simulation:
             self.kind = HELD
             self.commands = command_and_rates(q, period, servo.interpolation)[0]
             return
-        self.commands = polynomials(q, period, servo)
-        if servo.ki.any():
-            integrated = servo.replace(friction=0.0, acceleration_feedforward=0.0)
-            both = self.commands, polynomials(q, period, integrated)
-            self.commands = np.concatenate(both, axis=2)
+        self.commands = with_integrated(servo, lambda x: polynomials(q, period, x))
         self.starts = np.arange(len(q)) * period + servo.dead_time[:, None]
 
     def run(
@@ -128,11 +125,17 @@ class Simulation:
 
     def _cycles(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
         """What the drives hold in each cycle between two times, and when the cycles begin."""
-        cycle = self.servo.cycle
-        first = int(np.floor(begin / cycle + SNAP))
-        count = max(int(np.ceil(end / cycle - SNAP)) - first, 1) + 1
-        held = cycle_commands(self.commands, self.period, self.servo, first, count)
-        return hold(held, (first + np.arange(count, dtype=np.float64)) * cycle, self.joints.kp)
+        cycle, pieces, period = self.servo.cycle, self.commands, self.period
+        # The integral at the begin follows from the cycle before.
+        first = int(np.floor(begin / cycle + SNAP)) - 1
+        count = int(np.ceil(end / cycle - SNAP)) - first + 1
+        starts = (first + np.arange(max(count, 2), dtype=np.float64)) * cycle
+
+        def commands(servo: ServoModel) -> FloatArray:
+            held = cycle_commands(pieces, period, servo, first, len(starts))
+            return hold(held, starts, self.joints.kp)
+
+        return with_integrated(self.servo, commands), np.tile(starts, (len(pieces), 1))
 
     def _refuse_stuck(self, j: int) -> None:
         """Raise ExecutionError for joint j."""
@@ -153,13 +156,23 @@ def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
     return np.where(np.isinf(kv), 0.0, kv)
 
 
-def hold(values: FloatArray, starts: FloatArray, kp: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Pieces of commands that are held, and their starts; joints that only delay follow lines."""
+def with_integrated(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatArray:
+    """Pieces of commands, with those that integrators see, as in `run_joints`."""
+    found = commands(servo)
+    if not np.any(servo.ki):
+        return found
+    replace = servo._replace if isinstance(servo, JointServo) else servo.replace
+    seen = replace(friction=0.0, acceleration_feedforward=0.0)
+    return np.concatenate([found, commands(seen)], axis=2)
+
+
+def hold(values: FloatArray, starts: FloatArray, kp: FloatArray) -> FloatArray:
+    """Pieces of commands that are held; joints that only delay follow lines."""
     pieces = np.zeros((len(values), values.shape[1] + 1, 4))
     pieces[:, 1:, 0] = values
     lines = np.isinf(kp)
     pieces[lines, 1:-1, 1] = np.diff(values[lines], axis=1) / np.diff(starts)
-    return pieces, np.tile(starts, (len(values), 1))
+    return pieces
 
 
 def respond_within(
@@ -239,11 +252,15 @@ def follow(
     if cycle:
         kind = HELD
         count = int(np.ceil((command.t[-1] - command.t[0]) / cycle - SNAP)) + 1
-        starts = command.t[0] + np.arange(-2, count) * cycle
-        u = np.stack([command.at(starts - late) for late in each.dead_time])
-        pieces, starts = hold(cycle_feedforward(u, cycle, each), starts[2:], each.kp)
+        times = command.t[0] + np.arange(-3, count) * cycle
+        u = np.stack([command.at(times - late) for late in each.dead_time])
+
+        def held(own: JointServo) -> FloatArray:
+            return hold(cycle_feedforward(u, cycle, own), times[2:], each.kp)
+
+        pieces, starts = with_integrated(each, held), np.tile(times[2:], (rows, 1))
     else:
-        pieces = command.for_servo(each, rows)
+        pieces = with_integrated(each, lambda x: command.for_servo(x, rows))
         starts = command.t + each.dead_time[:, None]
     states = np.zeros((3, rows))
     states[0], states[1], states[2] = q0, dq0, ddq0
@@ -361,10 +378,7 @@ class LoggedCommand:
         """Pieces with feed-forward and friction of some servos, as in `run_joints`."""
         found = np.tile(self.pieces, (rows, 1, 1))
         a, b, c = (np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction))
-        found[:, :, 0] += a * self.rate
-        integrated = found if np.any(servo.ki) else found[:, :, :0]
-        found = np.concatenate([found, integrated], axis=2)
-        found[:, :, 0] += b * self.bend - c * self.slide
+        found[:, :, 0] += a * self.rate + b * self.bend - c * self.slide
         return found
 
     def at(self, t: FloatArray) -> FloatArray:
