@@ -86,7 +86,8 @@ def compensate(
             exceeds velocity or acceleration of the command limits by more than 1 %.
 
     Warns:
-        UserWarning: No limits are given, and set-points exceed those of the plan.
+        UserWarning: No limits are given, and set-points exceed those of the plan; or compensation
+            with this servo may be worse than none (`ServoModel.doubt`).
     """
     given = {"poles": poles, "gravity_feedforward": gravity_feedforward, "known": known}
     taught = teach(
@@ -102,6 +103,8 @@ def compensate(
         refuse_commands(taught, limits)
     elif excess := describe_excess(taught):
         warnings.warn(excess, stacklevel=3)
+    if method != "none" and servo.doubt:
+        warnings.warn(servo.doubt, stacklevel=3)
     return taught
 
 

@@ -30,8 +30,10 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.warnings import (
     CURVATURE_JUMPS,
     INVERSE_DYNAMICS,
+    NONE,
     JerkStop,
     Weaving,
+    beyond_logs,
     capped,
     cut_off,
     jerk_stops,
@@ -348,6 +350,10 @@ class RunResult:
             found += cut_off(self.taught)
             found += limited_commands(self.taught)
             found += filter(None, [describe_excess(self.taught)])
+            if self.servo is not None and self.run.compensation != NONE and self.servo.doubt:
+                found.append(self.servo.doubt)
+        if self.servo is not None:
+            found += filter(None, [beyond_logs(self.servo, self.trajectory)])
         if self.execution is not None:
             found += self._weak_points_of_execution()
         return tuple(found)

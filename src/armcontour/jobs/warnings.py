@@ -34,6 +34,8 @@ FAR_ABOVE = 1.5
 # share is not said.
 LOOK = 1e-3
 UNSEEN = 1e-3
+# Number of times at which a plan is compared with the motion of logs, and its breaks.
+LOOKS = 1000
 # Errors of joints below this are not said [rad].
 UNFELT = 1e-6
 # The compensation whose set-points are for rigid bodies, and set-points that are the plan's.
@@ -309,6 +311,19 @@ def worse_than_none(
         f"{without.max * 1e3:.4g} mm. The compensation {this.compensation} makes it worse, as "
         f"{why}."
     ]
+
+
+def beyond_logs(servo: ServoModel, trajectory: Trajectory) -> str:
+    """A warning for motion beyond that of the logs of the servo's identification, or empty.
+
+    Args:
+        servo: The servo.
+        trajectory: The plan.
+    """
+    if servo.unexplained is None or servo.logged_velocity is None:
+        return ""
+    t = np.union1d(trajectory.breaks, np.linspace(0.0, trajectory.duration, LOOKS))
+    return servo.describe_excess(trajectory(t, 1), trajectory(t, 2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,6 +13,7 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, Value
 from armcontour._quantities import (
     AngularErrors,
+    AtLeast,
     Choice,
     DeadTimes,
     Duration,
@@ -20,6 +21,9 @@ from armcontour._quantities import (
     Gains,
     IntegralGains,
     JointInertias,
+    LargestRatio,
+    LoggedAccelerations,
+    LoggedVelocities,
     OwnAccelerations,
 )
 from armcontour.errors import InvalidInput
@@ -45,12 +49,17 @@ LONGEST_DEAD_TIME = 60.0
 # Most time constants in a command interval. With more, the joint comes to rest long before the next
 # set-point, and the simulation needs a step for each half of a time constant.
 MOST_TIME_CONSTANTS = 1000.0
+# Compensation that leaves a larger share of the contour error where the servo was not fitted may be
+# worse than none on other programs.
+TRUSTED = 0.5
+# Largest logged velocity or acceleration [rad/s, rad/s²], and the ratio that is exceeded.
+MOST_LOGGED, EXCEEDED = 1e6, 1.02
 # Names in messages.
 NAMES = {"kp": "servo gain kp", "kv": "servo gain kv", "inertia": "servo inertia"}
 # Parameters with one value for all joints, or one per joint.
 PER_JOINT = (
     *("kp", "kv", "ki", "dead_time", "inertia", "velocity_feedforward", "acceleration_feedforward"),
-    *("friction", "acceleration_limit", "unexplained"),
+    *("friction", "acceleration_limit", "unexplained", "logged_velocity", "logged_acceleration"),
 )
 
 
@@ -65,8 +74,8 @@ class ServoModel(Value):
     - order "first": `dq = K_p (u - q) + f du + g ddu`, a first-order lag, for a very fast velocity
       loop;
     - order "delay": `q = u`;
-    - order "unknown": no model of the joint. Compensation leaves the plan as its set-points, and
-      simulations let it follow these exactly.
+    - order "unknown": no model of the joint but its dead time. Compensation leaves the plan as its
+      set-points, and simulations let it follow these exactly, both with the dead time.
 
     All of u, du and ddu are delayed by tau, and dry friction reduces u by `c sign(du)`; in a P-PI
     cascade it is the acceleration `-K_p K_v c sign(du)`, which the integrator does not see. In
@@ -124,6 +133,13 @@ class ServoModel(Value):
         cycle: Time between two computations of the drives' loops [s]; 0 for continuous loops.
         unexplained: Largest error of this model on measured motion to which it was not fitted
             [rad], one for all joints or one per joint; None if it is not known.
+        logged_velocity: Largest velocity [rad/s] of the motion on which `unexplained` was
+            determined, one for all joints or one per joint; None if it is not known.
+        logged_acceleration: Largest acceleration of that motion [rad/s²], one for all joints or one
+            per joint; None if it is not known.
+        contour_ratio: RMS contour error with compensation over that without it, on measured motion
+            to which the model was not fitted; None if it is not known.
+        programs: Number of programs on which contour_ratio was determined; None if it is not known.
 
     Raises:
         InvalidInput: A gain or an inertia is missing, not needed or out of range; a dead time is
@@ -145,6 +161,10 @@ class ServoModel(Value):
     acceleration_limit: OwnAccelerations | None
     cycle: Duration
     unexplained: AngularErrors | None
+    logged_velocity: LoggedVelocities | None
+    logged_acceleration: LoggedAccelerations | None
+    contour_ratio: LargestRatio | None
+    programs: Annotated[int, AtLeast(1)] | None
 
     def __init__(
         self,
@@ -162,6 +182,10 @@ class ServoModel(Value):
         acceleration_limit: npt.ArrayLike | None = None,
         cycle: float = 0.0,
         unexplained: npt.ArrayLike | None = None,
+        logged_velocity: npt.ArrayLike | None = None,
+        logged_acceleration: npt.ArrayLike | None = None,
+        contour_ratio: float | None = None,
+        programs: int | None = None,
     ) -> None:
         _checks.choice("interpolation", interpolation, INTERPOLATIONS)
         orders = (order,) if isinstance(order, str) else _checks.check_names("order", order)
@@ -204,6 +228,18 @@ class ServoModel(Value):
         if unexplained is not None:
             unexplained = _check_range("unexplained", unexplained, "rad", 0.0, np.pi)
         given["unexplained"] = unexplained
+        for name, values, unit in (
+            ("logged_velocity", logged_velocity, "rad/s"),
+            ("logged_acceleration", logged_acceleration, "rad/s²"),
+        ):
+            given[name] = values
+            if values is not None:
+                given[name] = _check_range(name, values, unit, 0.0, MOST_LOGGED)
+        if contour_ratio is not None:
+            contour_ratio = _checks.between("contour_ratio", contour_ratio, 0.0, 1e9, "")
+        if programs is not None:
+            programs = _checks.whole("programs", programs, 1, 10**9)
+        given["contour_ratio"], given["programs"] = contour_ratio, programs
         for name, value in given.items():
             object.__setattr__(self, name, value)
 
@@ -262,6 +298,51 @@ class ServoModel(Value):
         """
         own = {x.name: getattr(self, x.name) for x in fields(self)}
         return ServoModel(**{**own, **changes})
+
+    @property
+    def doubt(self) -> str:
+        """Warning that compensation may be worse than none, or empty for a trusted model."""
+        found = []
+        if self.contour_ratio is not None and self.contour_ratio > TRUSTED:
+            found.append(
+                f"where the servo was not fitted, {self.contour_ratio:.0%} of the contour error "
+                f"remain, above {TRUSTED:.0%}"
+            )
+        if self.programs == 1:
+            found.append("the servo was judged on one program only")
+        if not found:
+            return ""
+        return (
+            f"Compensation may be worse than none: {', and '.join(found)}. Identify the servo from "
+            "more programs, or take the compensation none."
+        )
+
+    def describe_excess(self, dq: FloatArray, ddq: FloatArray) -> str:
+        """Warning that a motion is beyond that on which `unexplained` was determined, or empty.
+
+        Args:
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+        """
+        if self.unexplained is None:
+            return ""
+        found = []
+        for name, values, logged in (
+            ("velocity", dq, self.logged_velocity),
+            ("acceleration", ddq, self.logged_acceleration),
+        ):
+            if logged is None or not len(values):
+                continue
+            ratios = np.abs(values).max(axis=0) / np.maximum(logged, 1e-9)
+            j = int(np.argmax(ratios))
+            if ratios[j] > EXCEEDED:
+                found.append(f"joint {j + 1} has {ratios[j]:.3g} times the largest {name}")
+        if not found:
+            return ""
+        return (
+            "What the servo model does not explain is bounded for motion as in its logs only, but "
+            f"{', and '.join(found)} there: plan slower, or identify from logs of this motion."
+        )
 
     @property
     def has_feedforward(self) -> bool:
