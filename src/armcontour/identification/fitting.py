@@ -66,7 +66,7 @@ class Search(NamedTuple):
     @property
     def fastest(self) -> float:
         """Largest gain of the search [1/s]."""
-        return min(FASTEST, 1 / self.cycle) if self.cycle else FASTEST
+        return min(FASTEST, 2 / self.cycle) if self.cycle else FASTEST
 
     def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
         """Bounds of the parameters of a model, logarithms for LOGARITHMIC, (m,) each."""

@@ -125,9 +125,7 @@ def select_between(
         for i, j in _spans(~clipped)
         if np.sum(s.use[i:j]) >= FEWEST_BETWEEN
     ]
-    if not any((s.weight * s.use).any() for s in between):
-        return None
-    free = select(between, search, orders, limited=False)
+    free = select(between, search, orders, limited=False) if between else None
     if free is None:
         return None
     if saturation.kind == "velocity" or free.fit.problem.model.order != "second":
