@@ -152,9 +152,8 @@ def select(
     tried: list[Selected] = []
     for model in CANDIDATES:
         bent = ACCELERATION in model.free and not some[0].command.linear
-        if model.order not in orders or bent:
-            continue
-        if LIMIT in model.free and not limited:
+        excluded = bent or (LIMIT in model.free and not limited)
+        if excluded or model.order not in orders:
             continue
         if KI in model.free and not _may_be_cascade(model, taken):
             continue
@@ -248,7 +247,7 @@ def _thin(stretches: Sequence[Stretch]) -> Sequence[Stretch]:
     every = int(COARSE / interval * (1 + 1e-6))
     if every < 2 or not stretches[0].command.linear:
         return stretches
-    found = [x.thinned(every) for x in stretches]
+    found = [x.cut(0, len(x.y), every) for x in stretches]
     for one, full in zip(found, stretches, strict=True):
         off = one.command.at(full.command.t) - full.command.u
         rough = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
