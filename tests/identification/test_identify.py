@@ -269,11 +269,15 @@ def test_a_saturating_step_shows_the_limit():
     assert joint.acceleration_limit.value == pytest.approx(LIMIT, rel=0.01)
 
 
-@pytest.mark.parametrize(("kv", "interval"), [(100.0, 12e-3), (150.0, 8e-3)])
-def test_velocity_gains_do_not_need_a_sample_in_their_time_constant(kv, interval):
+@pytest.mark.parametrize(
+    ("kv", "interval", "cycle"),
+    [(100.0, 12e-3, 0.0), (150.0, 8e-3, 0.0), (150.0, 8e-3, 8e-3), (230.0, 8e-3, 8e-3)],
+)
+def test_velocity_gains_do_not_need_a_sample_in_their_time_constant(kv, interval, cycle):
+    """A loop with a cycle is stable if its gains are below two over the cycle."""
     t, u = shaken(6.0, interval, 1)
-    y = follow(LoggedCommand(t, u), JointServo(25.0, kv), 0.0, 0.0)
-    joint = identify(Log(t=t, command=u, measured=y)).joints[0]
+    y = follow(LoggedCommand(t, u), JointServo(25.0, kv), 0.0, 0.0, cycle)
+    joint = identify(Log(t=t, command=u, measured=y), drive_cycle=cycle or None).joints[0]
     assert joint.order == "second" and joint.written
     assert joint.kp.value == pytest.approx(25.0, rel=0.01)
     assert joint.kv.value == pytest.approx(kv, rel=0.01)
@@ -302,22 +306,28 @@ def test_a_position_gain_at_its_bound_is_no_model():
     assert not joint.written and "bounds" in joint.note
 
 
+CASCADE = JointServo(11.6, 99.9, 0.0, 0.0, 2.25e-3, friction=4.25e-4, ki=5.92)
+
+
 @pytest.mark.parametrize(
-    "truth",
+    ("truth", "interval", "cycle"),
     [
-        JointServo(11.6, 99.9, 0.0, 0.0, 2.25e-3, friction=4.25e-4, ki=5.92),
+        (CASCADE, 4e-3, 0.0),
         # Without the exchange of its gains the fit ends at kp 14.9 and ki 7.6.
-        JointServo(5.83, 82.9, 0.987, 0.0, 9e-3, friction=5.3e-4, ki=16.5),
+        (JointServo(5.83, 82.9, 0.987, 0.0, 9e-3, friction=5.3e-4, ki=16.5), 4e-3, 0.0),
+        (CASCADE, 1e-3, 1e-3),
+        (JointServo(20.3, 41.7, 0.594, 0.0, 7.6e-4, friction=2e-4, ki=13.3), 4e-3, 1e-3),
+        (JointServo(15.0, 150.0, 0.8, 0.0, 5e-3, friction=3e-4, ki=8.0), 4e-3, 8e-3),
     ],
 )
-def test_a_cascade_is_found_and_predicts_other_programs(truth):
+def test_a_cascade_is_found_and_predicts_other_programs(truth, interval, cycle):
     logs = []
     for seed in range(3):
-        t, u = shaken(6.0, 4e-3, seed)
-        y = follow(LoggedCommand(t, u), truth, float(u[0]), 0.0)
+        t, u = shaken(6.0, interval, seed)
+        y = follow(LoggedCommand(t, u), truth, float(u[0]), 0.0, cycle)
         y += np.random.default_rng(seed + 100).normal(0, 1e-5, len(t))
         logs.append(Log(t=t, command=u, measured=y, source=f"{seed}.csv"))
-    found = identify(logs[:2])
+    found = identify(logs[:2], drive_cycle=cycle or None)
     joint = found.joints[0]
     for name in joint.parameters:
         x = getattr(joint, name)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
+import armcontour as ac
 from armcontour.identification import Log, identify
 from armcontour.servo.simulation import JointServo, LoggedCommand, follow
 
@@ -41,7 +42,7 @@ def moves(top, seconds=5.0, seed=2):
 
 
 def log_of(t, u, y, noise=0.0):
-    y = y + noise * np.random.default_rng(5).normal(size=len(t))
+    y = y + noise * np.random.default_rng(5).normal(size=y.shape)
     return Log(t=t, command=u, measured=y, interpolation="linear", source="log.csv")
 
 
@@ -75,6 +76,40 @@ def test_a_limit_of_velocity_is_found():
     joint = identify(log).joints[0]
     assert "0.25 rad/s " in joint.saturation
     assert joint.kp.value == pytest.approx(25.0, rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def hal():
+    """Path, plan, robot and the saturating log of a run whose gains are wrong, as on LinuxCNC."""
+    arm = ac.load_arm("pmk3s")
+    points = ((0.35, 0.1), (0.41, 0.15), (0.28, 0.3))
+    path = ac.round_corners(ac.Path.polyline(points), tolerance=5e-3)
+    limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
+    plan = ac.plan(path, arm, limits, reserve=0.02)
+    robot = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0, cycle=CYCLE))
+    first = ac.compensate(plan, ac.ServoModel(kp=20.0, kv=120.0), period=4e-3)
+    done = ac.execute(first, robot, resolution=CYCLE)
+    times = first.start_time + np.arange(len(first.q)) * first.period
+    u = np.stack([np.interp(done.t, times, x) for x in first.q.T], axis=1)
+    return path, plan, robot, log_of(done.t, u, done.q)
+
+
+def test_a_log_of_a_first_run_that_saturates_compensates_the_next_one(hal):
+    path, plan, robot, log = hal
+    for cycle, most in ((None, 5e-7), (CYCLE, 1e-7)):
+        found = identify(log, drive_cycle=cycle)
+        assert all("0.72 rad/s²" in x.saturation for x in found.joints)
+        with pytest.warns(UserWarning, match="one program"):
+            taught = ac.compensate(plan, found.servo_model(), period=4e-3)
+        assert ac.evaluate(ac.execute(taught, robot), path).contour_error.rms <= most
+
+
+def test_a_joint_that_saturates_most_of_the_time_can_be_judged():
+    """Only one part of the motion has samples between those at the limit."""
+    t, u = moves(2.0, 2.5)
+    joint = identify(log_of(t, u, run_loop(u, 25.0, 150.0, 0.6, np.inf))).joints[0]
+    assert "0.6 rad/s²" in joint.saturation
+    assert joint.kp.value == pytest.approx(25.0, rel=0.01)
 
 
 def shaken(seed):

@@ -66,7 +66,7 @@ class Search(NamedTuple):
     @property
     def fastest(self) -> float:
         """Largest gain of the search [1/s]."""
-        return min(FASTEST, 1 / self.cycle) if self.cycle else FASTEST
+        return min(FASTEST, 2 / self.cycle) if self.cycle else FASTEST
 
     def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
         """Bounds of the parameters of a model, logarithms for LOGARITHMIC, (m,) each."""
@@ -110,28 +110,17 @@ class Stretch:
         n = min(STARTING, len(self.y))
         return float(np.polyfit(self.command.t[:n], self.y[:n], 1)[0])
 
-    def thinned(self, every: int) -> Stretch:
-        """Every so many samples, with set-points only there."""
+    def cut(self, a: int, b: int, every: int = 1) -> Stretch:
+        """Samples from a to b, or every so many of them, with set-points only there and before."""
         c, before = self.command, len(self.command.knots) - len(self.command.t)
-        some = slice(-before % every, None, every)
+        a += -(before + a) % every
+        knots, samples = slice(0, before + b, every), slice(a, b, every)
         kind = "linear" if c.linear else "step"
-        begin = len(range(0, before, every))
-        return replace(
-            self,
-            start=self.start + some.start,
-            command=LoggedCommand(c.knots[::every], c.every[::every], kind, begin),
-            **{x: getattr(self, x)[some] for x in ("y", "use", "weight", "part")},
-        )
-
-    def cut(self, a: int, b: int) -> Stretch:
-        """The samples from a to b, with the set-points before them; all of them count."""
-        c, kind = self.command, "linear" if self.command.linear else "step"
-        begin = len(c.knots) - len(c.t)
         return replace(
             self,
             start=self.start + a,
-            command=LoggedCommand(c.knots[: begin + b], c.every[: begin + b], kind, begin + a),
-            **{x: getattr(self, x)[a:b] for x in ("y", "use", "weight", "part")},
+            command=LoggedCommand(c.knots[knots], c.every[knots], kind, (before + a) // every),
+            **{x: getattr(self, x)[samples] for x in ("y", "use", "weight", "part")},
         )
 
 
@@ -189,7 +178,7 @@ class Problem:
 
     def __init__(self, model: Model, stretches: Sequence[Stretch], search: Search) -> None:
         self.model, self.stretches, self.cycle = model, stretches, search.cycle
-        self.m, self.b = len(model.free), count_begins(model.order, "ki" in model.free)
+        self.m, self.b = len(model.free), BEGINS[model.order] + ("ki" in model.free)
         self.logarithmic = np.array([x in LOGARITHMIC for x in model.free])
         own, count = [getattr(SCALES, x) for x in model.free], len(stretches)
         self.scale = np.concatenate([own, np.tile(BEGIN_SCALES[: self.b], count)])
@@ -353,11 +342,6 @@ def invert(square: FloatArray) -> FloatArray:
     return np.asarray(vectors[:, some] / values[some] @ vectors[:, some].T)
 
 
-def count_begins(order: str, integrates: bool) -> int:
-    """Numbers of the begin of a log that are fitted."""
-    return BEGINS[order] + int(integrates)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
     """A solved problem, its unknowns, and half of the sum of squared residuals [mrad²]."""
@@ -403,7 +387,7 @@ def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> Fl
 
     Offset, position and velocity at the begin are fitted: they are no parameters of the servo.
     """
-    s, b = stretch, count_begins(order, servo.ki > 0)
+    s, b = stretch, BEGINS[order] + int(servo.ki > 0)
     free = np.isinf(servo.acceleration_limit)
     scale = BEGIN_SCALES[:b]
     steps = np.diag(BEGIN_SCALES)[:b] * (1.0 if free else STEP)

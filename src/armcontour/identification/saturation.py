@@ -128,7 +128,7 @@ def select_between(
         for i, j in _spans(~clipped)
         if np.sum(s.use[i:j]) >= FEWEST_BETWEEN
     ]
-    if len(between) > MOST_BETWEEN or not any((s.weight * s.use).any() for s in between):
+    if not between or len(between) > MOST_BETWEEN:
         return None
     free = select(between, search, orders, limited=False)
     if free is None:

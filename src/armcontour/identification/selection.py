@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour.identification.fitting import (
     ROUNDING,
     Fit,
@@ -135,7 +135,7 @@ def find_lag(stretches: Sequence[Stretch], longest: float) -> float:
 def select(
     stretches: Sequence[Stretch], search: Search, orders: tuple[str, ...], *, limited: bool = True
 ) -> Selected | None:
-    """Select the model of a joint; None if the parameters of all models are at their bounds.
+    """Select the model of a joint; None if none can be judged or all are at their bounds.
 
     Args:
         stretches: The joint in the logs.
@@ -144,14 +144,16 @@ def select(
         limited: Whether models with an acceleration limit may be selected.
     """
     some, taken = _thin(stretches), None
+    # A model is judged by the parts without which it was fitted.
+    if len(_moving_parts(some)) < 2:
+        return None
     lag = find_lag(some, search.longest)
     fits: dict[Model, Fit] = {}
     tried: list[Selected] = []
     for model in CANDIDATES:
         bent = ACCELERATION in model.free and not some[0].command.linear
-        if model.order not in orders or bent or (KI in model.free and search.cycle):
-            continue
-        if LIMIT in model.free and not limited:
+        excluded = bent or (LIMIT in model.free and not limited)
+        if excluded or model.order not in orders:
             continue
         if KI in model.free and not _may_be_cascade(model, taken):
             continue
@@ -245,7 +247,7 @@ def _thin(stretches: Sequence[Stretch]) -> Sequence[Stretch]:
     every = int(COARSE / interval * (1 + 1e-6))
     if every < 2 or not stretches[0].command.linear:
         return stretches
-    found = [x.thinned(every) for x in stretches]
+    found = [x.cut(0, len(x.y), every) for x in stretches]
     for one, full in zip(found, stretches, strict=True):
         off = one.command.at(full.command.t) - full.command.u
         rough = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
@@ -267,8 +269,7 @@ def _starts(
     ]
     new = {FRICTION} if FRICTION in free else {ACCELERATION, LIMIT} & set(free)
     if KI in free or not new:
-        sampled = search.cycle and order == "second"
-        return _sampled_starts(problem, search, loops, lag) if sampled else loops
+        return loops
     known = fits[Model(order, tuple(x for x in free if x not in new))].servo._asdict()
     if LIMIT not in new:
         return [known]
@@ -278,17 +279,10 @@ def _starts(
     return [{**x, LIMIT: a} for x in (known, *loops) for a in (*tops, 3 * max(tops))]
 
 
-def _sampled_starts(
-    problem: Problem, search: Search, found: list[dict[str, float]], lag: float
-) -> list[dict[str, float]]:
-    """Starts of a loop that is sampled, from the fit of a continuous one."""
-    continuous = Problem(problem.model, problem.stretches, search._replace(cycle=0.0))
-    servo = fit(continuous, [continuous.guess(x, lag) for x in found]).servo
-    gain = servo.kv / (1 + servo.kv * search.cycle / 2)
-    starts = []
-    for late in (search.cycle / 2, search.cycle):
-        starts.append({**servo._asdict(), KV: gain, DELAY: max(servo.dead_time - late, 0.0)})
-    return starts
+def _moving_parts(stretches: Sequence[Stretch]) -> IntArray:
+    """The parts in which the command moves."""
+    every = [s.part[s.use & (s.weight > 0)] for s in stretches]
+    return np.unique(np.concatenate(every))
 
 
 def _acceleration(s: Stretch, time: float) -> float:
@@ -326,11 +320,10 @@ def predict_parts(
 
     # Parts without motion are predicted by the fit of all.
     unseen = [predict_by(found.servo, s) for s in stretches]
-    parts = sorted({int(x) for s in stretches for x in np.unique(s.part[s.use & (s.weight > 0)])})
     errors, motions, without = [], [], []
-    for k in parts:
+    for k in _moving_parts(stretches):
         others = [replace(s, use=s.use & (s.part != k)) for s in p.stretches]
-        kept = [i for i, s in enumerate(others) if s.use.sum() > len(p.model.free)]
+        kept = [i for i, s in enumerate(others) if s.use.any()]
         other = Problem(p.model, [others[i] for i in kept], search)
         servo = fit(other, [p.select(found.x, kept)], REFITTED).servo
         without.append(servo)
