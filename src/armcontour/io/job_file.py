@@ -302,17 +302,9 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
             compensation_options=_compensation_options(compensation, experiment),
             until=model.until,
             duration=model.duration,
-            smoothing=_windows(model.smoothing),
             reserve=timing.reserve,
             experiment=experiment,
         )
-
-
-def _windows(given: float | list[float] | None) -> tuple[float, ...]:
-    """Windows of a smoothing: none, one or two [s]."""
-    if given is None:
-        return ()
-    return tuple(given) if isinstance(given, list) else (given,)
 
 
 def _compensation_options(

@@ -388,9 +388,6 @@ class RunModel:
         limits, corners, command_interval: As the keys of the job, for this run only.
         until: End of the time over which errors are evaluated [s]; by default when all joints rest.
         duration: Time of the motion from start to end [s]; by default the shortest.
-        smoothing: Window of a moving average of the plan's s(t), or two windows [s]: one makes
-            accelerations along the path continuous, a second bounds their rate. For the timing
-            optimal without a given duration.
     """
 
     timing: TimingModel = TimingModel()
@@ -400,7 +397,6 @@ class RunModel:
     command_interval: Interval | None = None
     until: Interval | None = None
     duration: Interval | None = None
-    smoothing: Interval | Annotated[list[Interval], Field(min_length=1, max_length=2)] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

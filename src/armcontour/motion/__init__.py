@@ -10,7 +10,6 @@ from armcontour.motion.execution import (
     TaughtData,
     check_interval,
 )
-from armcontour.motion.joint_average import JointAverage
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.laws import (
     LapLaw,
@@ -22,8 +21,6 @@ from armcontour.motion.laws import (
     stand_still,
 )
 from armcontour.motion.log import Log
-from armcontour.motion.path_average import SmoothedLaw
-from armcontour.motion.smoothing import smooth
 from armcontour.motion.trajectory import (
     PERIOD,
     Method,
@@ -39,7 +36,6 @@ __all__ = [
     "PERIOD",
     "Execution",
     "FineMotion",
-    "JointAverage",
     "JointPath",
     "LapLaw",
     "Law",
@@ -50,7 +46,6 @@ __all__ = [
     "PathLaw",
     "Rates",
     "Samples",
-    "SmoothedLaw",
     "Span",
     "Stretch",
     "TaughtData",
@@ -60,6 +55,5 @@ __all__ = [
     "interval_times",
     "largest_shares",
     "quintic",
-    "smooth",
     "stand_still",
 ]
