@@ -469,8 +469,7 @@ class CheckOptions(ArmOptions):
         typer.Option(
             "--scene",
             help="Cell: check how near the arm comes to it and to itself. A built-in cell such as "
-            "ur5e, a job file, of which scene is enough, obstacles as URDF, or a scene of MoveIt "
-            "(.scene).",
+            "ur5e, a job file, of which scene is enough, or obstacles as URDF.",
         ),
     ] = None
     columns: Columns = None
