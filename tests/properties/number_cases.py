@@ -271,7 +271,7 @@ NEVER: set[Place] = {
 _AXIS = {"from": 0.0, "to": 0.01, "places": 2}
 _ASKED: dict[str, Any] = {"over": {"x": _AXIS}, "refine": False}
 # Keys that hold tools by their names.
-_TOOLS = (lambda x: {"placement": _ASKED | {"tools": x}}), (lambda x: {"tools": x})
+_TOOLS = ((lambda x: {"tools": x}),)
 # The first base that has a field is the one it is tried in; what no base has is added to the first.
 BASES: list[dict[str, Any]] = [
     PLANE,
@@ -343,7 +343,6 @@ BASES: list[dict[str, Any]] = [
         for x in names
     ),
     _with(PLANE, placement=_ASKED | {"about": [0.3, 0.2, 0.0]}),
-    _with(SPACE, placement=_ASKED | {"tools": {"short": [0.0, 0.0, 0.1]}}),
     _with(SPACE, tools={"T1": [0.0, 0.0, 0.1]}),
     _with(SPACE, tools={"T1": {"payload": SPACE["arm"]["payload"]}}),
     *(
@@ -499,12 +498,12 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--noise": ("# rad", "0.1 mrad, # mrad/s"),
 }
 TEXTS = {
-    "--arm", "--arms", "--base", "--cell", "--cluster", "--color", "--columns", "--continuity",
+    "--arm", "--base", "--cell", "--cluster", "--color", "--columns", "--continuity",
     "--contour", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--only-tool", "--out", "--output", "--package", "--path",
     "--plant", "--predict", "--run", "--scene", "--skip", "--taught", "--texts",
-    "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units",
+    "--template", "--tip", "--tool-positions", "--topic", "--units",
     "--waypoint-columns", "--xacro-arg",
 }  # fmt: skip
 
