@@ -133,7 +133,7 @@ WRONG = [
     (PLACE, {"placement.objective": ["cycle", "torque"]}, ["needs the key placement.over of"]),
     (
         PLACE | {"columns": ["duration"]},
-        {X: [ARMS["over"]["x"]]},
+        {X: [{"from": 0, "to": 0.1, "places": 2}]},
         ["columns (item 1): duration comes from do: teach, but the plan does place"],
     ),
     ({"columns": ["place.x"]}, {}, ["place.x comes from do: place, but the plan does run"]),
