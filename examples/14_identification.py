@@ -10,20 +10,23 @@ data_sheet = ac.ServoModel(kp=25.0, kv=150.0)
 robot = ac.ServoPlant(arm, ac.ServoModel(kp=[23.0, 20.0], kv=[150.0, 120.0], dead_time=0.012))
 
 # Shake both joints by a few milliradians at many speeds for 12 s, 2 s of half a radian among them.
-t = np.arange(0.0, 12.0, 4e-3)
+# In two programs: each one is predicted from the other.
+t, logs = np.arange(0.0, 12.0, 4e-3), []
 frequencies = np.arange(0.5, 25.0, 1 / 12)  # Hz, lines one per duration apart
-phases = np.random.default_rng(1).uniform(0.0, 2 * np.pi, (2, len(frequencies)))
-u = np.cos(2 * np.pi * t[:, None, None] * frequencies + phases).sum(axis=2)
-u *= 5e-3 / np.abs(u).max()
-u[(t > 8.0) & (t < 10.0)] += 0.5
-u += (0.3, 1.2)
-rest = ac.Trajectory(laws=(ac.stand_still(u[0], t[-1]),), method="rest")
-shaken = ac.execute(ac.TaughtData(period=4e-3, q=u, trajectory=rest, method="shaking"), robot)
-noise = 1e-5 * np.random.default_rng(2).standard_normal(u.shape)
-q = np.stack([np.interp(t, shaken.t, x) for x in shaken.q.T], axis=1) + noise
+for program in (1, 2):
+    random = np.random.default_rng(program)
+    phases = random.uniform(0.0, 2 * np.pi, (2, len(frequencies)))
+    u = np.cos(2 * np.pi * t[:, None, None] * frequencies + phases).sum(axis=2)
+    u *= 5e-3 / np.abs(u).max()
+    u[(t > 8.0) & (t < 10.0)] += 0.5
+    u += (0.3, 1.2)
+    rest = ac.Trajectory(laws=(ac.stand_still(u[0], t[-1]),), method="rest")
+    shaken = ac.execute(ac.TaughtData(period=4e-3, q=u, trajectory=rest, method="shaking"), robot)
+    noise = 1e-5 * random.standard_normal(u.shape)
+    q = np.stack([np.interp(t, shaken.t, x) for x in shaken.q.T], axis=1) + noise
+    logs.append(ac.Log(t=t, command=u, measured=q, interpolation="linear"))
 
-log = ac.Log(t=t, command=u, measured=q, interpolation="linear")
-found = ac.identify(log)
+found = ac.identify(logs)
 for joint in found.joints:
     print(
         f"{joint.name}: K_p {joint.kp.value:.2f} 1/s, K_v {joint.kv.value:.1f} 1/s, "

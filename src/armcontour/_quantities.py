@@ -74,6 +74,7 @@ Pole = Annotated[float, Quantity("1/s", "-100 1/s", "negative")]
 Mass = Annotated[float, Quantity("kg", "2 kg")]
 Inertia = Annotated[float, Quantity("kg m^2", "0.002 kg m^2")]
 Ratio = Annotated[float, Quantity("1", "10 %")]
+LargestRatio = Annotated[float, Quantity("1", "40 %", "not negative")]
 Reserve = Annotated[float, Quantity("1", "10 %", "share")]
 
 DEAD_TIME = Quantity("s", "4 ms", "not negative")
@@ -112,5 +113,7 @@ OwnAccelerations = Annotated[
     FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", endless=True)
 ]
 AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", "not negative")]
+LoggedVelocities = Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", "not negative")]
+LoggedAccelerations = Annotated[FloatArray, Quantity("rad/s^2", "8 rad/s^2", "not negative")]
 FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", "not negative")]
 DeadTimes = Annotated[FloatArray, DEAD_TIME]

@@ -122,6 +122,13 @@ def test_the_papers_job_with_pole_placement_and_every_ten_milliseconds():
     assert found.duration <= 5.40 and judged(found).speed <= 0.15 * (1 + 1e-3)
 
 
+@pytest.mark.parametrize("more", ["ki: 6 1/s", "ki: 6 1/s, cycle: 4 ms"])
+def test_a_cascade_keeps_its_budget(more):
+    line = LINE.replace("kv: 150 1/s", f"kv: 150 1/s, {more}")
+    found = ac.certify(parse_job(line), goal=ac.Goal(servo=2e-5))
+    assert 0 < judged(found).contour_error.max <= 2e-5
+
+
 def test_limits_of_jerk_are_kept():
     base = job(SHORT)
     limits = base.runs[0].limits.replace(joint_jerk=36.0)
@@ -239,6 +246,13 @@ def test_a_budget_has_room_for_what_the_servo_model_does_not_explain(refuses):
     assert budget.left == 0.2e-3 - budget.executed >= 0
     more = ac.certify(job(SHORT), goal=Goal(servo=0.2e-3 - budget.unexplained))
     assert more.duration == pytest.approx(found.duration, rel=1e-3)
+    # The condition is stated, and the joint that exceeds the motion of the logs is named.
+    assert "bounded for motion" in found.condition and "joint" not in found.condition
+    assert not more.condition
+    logged = "logged_velocity: [9, 1e-3], logged_acceleration: 9"
+    beyond = ac.certify(job(SHORT, servo=f", unexplained: 0.1 mrad, {logged}"), goal=found.goal)
+    fastest = np.abs(beyond.trajectory(beyond.trajectory.breaks, 1)[:, 1]).max()
+    assert f"joint 2 has {fastest / 1e-3:.3g} times" in beyond.condition
     call = partial(ac.certify, this, goal=Goal(servo=2e-5))
     words = "The servo model does not explain errors of up to", "allow more"
     refuses(call, ac.NotRealizable, *words, limit="contour error", allowed=2e-5)

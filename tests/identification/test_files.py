@@ -204,15 +204,16 @@ def _write(file, t, u, q, names):
 def test_the_command(log, tmp_path, capsys):
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(file, log.t, log.command[:, 0], log.measured[:, 0], "t,u1,q1")
-    assert identify_files([file], IdentifyOptions(out=out, predict=[file]))
+    assert identify_files([file], IdentifyOptions(out=out, predict=[file])) == 9
     printed = capsys.readouterr().out
-    assert "Prediction of log.csv" in printed and "Judged on one program only" in printed
+    assert "Prediction of log.csv" in printed and "judged on one program only" in printed
     written = {"servo.yaml", "report.html", "summary.json"}
     assert {x.name for x in out.iterdir()} == {*written, ".armcontour.json"}
     part = IdentifyOptions(
         as_json=True, predict=[file], start="0 s", end="2000 ms", drive_cycle="2 ms"
     )
-    assert identify_files([file, file], part)
+    # The same program again is one program.
+    assert identify_files([file, file], part) == 9
     data = json.loads(capsys.readouterr().out)
     assert data["samples"] == 2 * 1001 and data["cycle"] == 2e-3
     (prediction,) = data["predictions"]
@@ -224,7 +225,7 @@ def test_errors_at_the_tool_of_an_arm_without_masses(log, tmp_path, capsys):
     file, arm = tmp_path / "log.csv", tmp_path / "arm.yaml"
     _write(file, log.t, log.command, log.measured, "t,u1,u2,q1,q2")
     arm.write_text(ARM)
-    assert identify_files([file], IdentifyOptions(arm=str(arm), predict=[file]))
+    assert identify_files([file], IdentifyOptions(arm=str(arm), predict=[file])) == 9
     assert "At the tool in log.csv: " in capsys.readouterr().out
 
 
@@ -236,9 +237,9 @@ def test_six_joints_fit_on_a_screen(log, tmp_path, capsys):
     every[1][:, 4] = every[0][0, 4]
     names = ",".join(f"{x}{j}" for x in "uq" for j in range(1, 7))
     _write(file, log.t[some], *every, f"t,{names}")
-    assert not identify_files([file], IdentifyOptions(out=out))
+    assert identify_files([file], IdentifyOptions(out=out)) == 1
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) <= 14 and "4 of 6 joints" in lines[0]
+    assert len(lines) <= 18 and "4 of 6 joints" in lines[0]
 
 
 def test_the_command_where_no_servo_is_known(tmp_path, capsys, refuses):
@@ -247,7 +248,7 @@ def test_the_command_where_no_servo_is_known(tmp_path, capsys, refuses):
     y = move(t, u, kp=25.0, kv=150.0) + 1e-4 * np.random.default_rng(0).normal(size=2000)
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(file, t, u, y, "t,u1,q1")
-    assert not identify_files([file], IdentifyOptions(out=out))
+    assert identify_files([file], IdentifyOptions(out=out)) == 1
     assert "the velocity is uniform" in capsys.readouterr().out
     assert {x.name for x in out.iterdir()} == {"report.html", "summary.json", ".armcontour.json"}
     refuses(lambda: identify_files([file], IdentifyOptions(out=out)), InvalidInput, "--force")

@@ -190,7 +190,11 @@ _JOINTS = {
     "joint_lower": -3.0,
     "joint_upper": 3.0,
 }
-_REAL = {"friction": 0.0, "cycle": 1e-3, "acceleration_limit": 5.0, "unexplained": 1e-4}
+_REAL = {
+    "friction": 0.0, "cycle": 1e-3, "acceleration_limit": 5.0, "unexplained": 1e-4,
+    "logged_velocity": 2.0, "logged_acceleration": 9.0,
+    "contour_ratio": 0.2, "programs": 2,
+}  # fmt: skip
 _FED = {"velocity_feedforward": 1.0, "acceleration_feedforward": 0.5}
 _UR5E = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 _BY_NAME = dict(zip((f"{x}_joint" for x in _UR5E), SPACE["start"], strict=True))

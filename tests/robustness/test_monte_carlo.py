@@ -63,6 +63,7 @@ SERVOS = {
     "first order, cubic": {"kv": None, "order": "first", "interpolation": "cubic"},
     "underdamped": {"kp": 60.0, "kv": 90.0},
     "fed forward": {"velocity_feedforward": 0.5, "acceleration_feedforward": 0.2},
+    "cascade, fed forward": {"ki": [6.0, 0.0], "friction": 2e-4, "velocity_feedforward": 0.3},
     "held and fed forward": {"velocity_feedforward": 0.3, "interpolation": "step"},
 }
 

@@ -139,6 +139,19 @@ def test_set_points_compensate_the_cycle_of_drives(kind, feed):
         assert off[1] < off[0] + 3e-5
 
 
+def test_jumps_of_acceleration_do_not_saturate_a_drive_with_a_cycle():
+    points = [(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)]
+    path = ac.round_corners(ac.Path.polyline(points), tolerance=5e-3)
+    arm = ac.load_arm("pmk3s")
+    limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
+    plan = ac.plan(path, arm, limits, reserve=0.02)
+    servo = ac.ServoModel(kp=25.0, kv=150.0, cycle=1e-3)
+    taught = ac.compensate(plan, servo, method="inverse", period=PERIOD)
+    done = ac.execute(taught, ac.ServoPlant(arm, servo))
+    assert np.all(np.abs(done.demand) < limits.joint_acceleration)
+    assert ac.evaluate(done, path).contour_error.rms < 2e-8
+
+
 @pytest.mark.parametrize("feed", [0.0, 0.9])
 @pytest.mark.parametrize("kind", [{"kv": 150.0}, {"order": "first"}])
 def test_set_points_compensate_dry_dry_friction(kind, feed):

@@ -111,6 +111,7 @@ class Robot:
             method=self.run.compensation,
             period=self.run.period if period is None else period,
             arm=self.arm,
+            command_limits=self.run.command_limits,
             **self.run.compensation_options,
         )
 
@@ -375,6 +376,7 @@ def peak_demands(
         return executed.demand[-1], executed.demand[-1]
     row = begin * round(taught.period / float(executed.t[1] - executed.t[0]))
     held = executed.dq[row] if servo.kv is None else executed.ddq[row]
+    held = np.where(servo.ki > 0, executed.demand[row], held)
     again = Simulation(taught.q, taught.period, servo).run(
         begin, end, executed.q[row], executed.dq[row], held=held
     )

@@ -23,6 +23,7 @@ from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
 from armcontour.jobs.results import ExperimentResult, RunResult, Study
+from armcontour.jobs.warnings import beyond_logs
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.robustness.monte_carlo import Spread
@@ -263,6 +264,7 @@ class Certificate:
                 ("saturated", ", ".join(f"{x:.1%}" for x in self.evaluation.saturated)),
                 ("limits of the plan", f"{self.check.verdict}, between samples too"),
                 ("holds for", self.model),
+                ("condition", self.condition),
             ],
         )
 
@@ -283,6 +285,16 @@ class Certificate:
     def cost(self) -> float:
         """Time that the certificate costs [s]."""
         return self.duration - self.uncertified.duration
+
+    @property
+    def condition(self) -> str:
+        """Condition of what the servo model does not explain; empty if that is not known."""
+        if not self.budget.unexplained:
+            return ""
+        return beyond_logs(self.job.plant_servo, self.trajectory) or (
+            "What the servo model does not explain is bounded for motion with at most the velocity "
+            "and acceleration of the logs of its identification."
+        )
 
     @property
     def pauses(self) -> float:

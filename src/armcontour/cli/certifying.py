@@ -124,6 +124,8 @@ def _print(found: Certificate, report: FilePath | None) -> None:
             console.say(f"Warning: {near.below_base}")
     if found.on_bodies is not None:
         console.say(found.on_bodies)
+    if found.condition:
+        console.say(found.condition)
     for note in found.job.arm.notes:
         console.say(f"Note: {note}")
     if report is not None:

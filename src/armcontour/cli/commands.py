@@ -64,7 +64,7 @@ app = typer.Typer(
     epilog=(
         "Exit codes: 0 done; 1 not kept, not determined, or refused by the system; 2 invalid "
         "input; 3 out of reach; 4 no timing or certificate; 5 delay not compensated; 6 simulation "
-        "not completed; 7 cannot tell; 8 collision; 130, 141 and 143 interrupted. "
+        "not completed; 7 cannot tell; 8 collision; 9 provisional; 130, 141 and 143 interrupted. "
         "Example: armcontour run gasket.dxf --cell ur5e --out gasket"
     ),
     cls=Commands,
@@ -276,10 +276,13 @@ def identify(
     ],
     options: IdentifyOptions,
 ) -> None:
-    """Identify a servo, or with --arm a robot, from logs; exit code 1 if it is not known."""
+    """Identify a servo, or with --arm a robot, from logs.
+
+    Exit codes: 0 good, 1 a joint or the compensation is doubtful, 9 good on one program only.
+    """
     from armcontour.cli.identifying import identify_files
 
-    raise typer.Exit(0 if identify_files(logs, options) else 1)
+    raise typer.Exit(identify_files(logs, options))
 
 
 @_command(ROBOT, "learn job.yaml --taught result --log robot.csv --out next")

@@ -37,10 +37,13 @@ SHOWN = {
 }
 
 
-def identify_files(logs: list[FilePath], x: IdentifyOptions) -> bool:
-    """Identify a servo or a robot and print the result.
+# Exit codes: all joints have a good model and compensation is trusted (with masses: all is
+# determined), not so, and so on one program only. No error has the code 9.
+DONE, DOUBTFUL, PROVISIONAL = 0, 1, 9
 
-    Returns whether all joints have a model, with an arm whether all is determined.
+
+def identify_files(logs: list[FilePath], x: IdentifyOptions) -> int:
+    """Identify a servo or a robot, print the result, and return the exit code.
 
     Args:
         logs: CSV files, or bags of ROS.
@@ -59,12 +62,12 @@ def identify_files(logs: list[FilePath], x: IdentifyOptions) -> bool:
         for name in (*of_arm, "xacro_arg"):
             if getattr(x, name) is not None:
                 raise InvalidInput(f"--{name.replace('_', '-')} goes with --arm: name the arm too.")
-        complete = _identify_servo(logs, x, None)
+        code = _identify_servo(logs, x, None)
     else:
-        complete = _identify_robot(logs, x, x.arm)
+        code = _identify_robot(logs, x, x.arm)
     if x.out is not None and x.open_report:
         open_page(x.out / "report.html")
-    return complete
+    return code
 
 
 def _identify(logs: list[FilePath], x: IdentifyOptions, **own: Any) -> Any:
@@ -99,12 +102,12 @@ def _read(log: FilePath, x: IdentifyOptions) -> Log:
     return found
 
 
-def _identify_servo(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) -> bool:
+def _identify_servo(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) -> int:
     """Identify the servo of every joint of some logs; the arm gives errors at the tool."""
     from armcontour.io.servo_file import identification_json
 
     unseen = [_read(log, x) for log in x.predict or []]
-    found: Identification = _identify(logs, x, model=x.model)
+    found: Identification = _identify(logs, x, model=x.model, kinematics=arm)
     predictions = [found.predict(log) for log in unseen]
     if x.out is not None:
         _write_results(found, predictions, x.out, x.force)
@@ -112,10 +115,12 @@ def _identify_servo(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) -
         print(identification_json(found, predictions), end="")
     else:
         _print(found, predictions, arm, x.out)
-    return all(joint.written for joint in found.joints)
+    if any(joint.note for joint in found.joints) or not found.judgement.trusted:
+        return DOUBTFUL
+    return PROVISIONAL if found.judgement.programs == 1 else DONE
 
 
-def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool:
+def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> int:
     """Identify a robot with masses from logs, or joints of an arm without."""
     from armcontour.cli.checking import named_arm
     from armcontour.errors import InvalidInput
@@ -139,7 +144,7 @@ def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> bool
         print(robot_json(found), end="")
     else:
         _print_robot(found, written)
-    return found.determined
+    return DONE if found.determined else DOUBTFUL
 
 
 def _write_robot(found: RobotIdentification, x: IdentifyOptions, name: str, out: FilePath) -> str:
@@ -214,17 +219,17 @@ def _print(
     found: Identification, predictions: list[Prediction], arm: Arm | None, out: FilePath | None
 ) -> None:
     """Print the verdict, the result of each joint, and how well it predicts other logs."""
+    from armcontour.identification.results import JOINT_HEADINGS, joint_cells
+
     console = Console()
     _print_verdict(console, found, predictions, arm)
     shown = [x for x in SHOWN if any(x in y.parameters for y in found.joints)]
-    rows = []
-    for x in found.joints:
-        errors = [f"{y * 1e3:.3g}" for y in (x.tracking_rms, x.unseen_rms, x.rms)]
-        own = errors if x.parameters else ["", "", ""]
-        rows.append([x.name, x.order, *own, *(_value(getattr(x, y)) for y in shown)])
-    title = "RMS errors [mrad]; parameters in parentheses are not determined"
-    columns = ["joint", "order", "tracking", "not fitted", "file", *(SHOWN[x] for x in shown)]
-    console.show_table(columns, rows, title=title)
+    rows = [
+        [*joint_cells(x, ratio), *(_value(getattr(x, y)) for y in shown)]
+        for x, ratio in zip(found.joints, found.judgement.joints, strict=True)
+    ]
+    title = "Errors where not fitted; parameters in parentheses are not determined"
+    console.show_table([*JOINT_HEADINGS, *(SHOWN[x] for x in shown)], rows, title=title)
     for y in predictions:
         every = zip(y.log.joint_names, y.tracking_rms, y.rms, y.largest, strict=True)
         console.show_table(
@@ -232,6 +237,8 @@ def _print(
             [[name, *(f"{x * 1e3:.3g}" for x in values)] for name, *values in every],
             title=f"Prediction of {y.log.source}",
         )
+    for remark in found.remarks:
+        console.say(remark)
     if out is not None:
         servo = "servo.yaml, " if any(x.written for x in found.joints) else ""
         console.say(f"Written to {out}: {servo}report.html")
@@ -240,30 +247,26 @@ def _print(
 def _print_verdict(
     console: Console, found: Identification, predictions: list[Prediction], arm: Arm | None
 ) -> None:
-    """Print the errors at the joints and at the tool, and the joints without a model."""
-    from armcontour.identification.joint import SHARE
-
-    written = [x for x in found.joints if x.written]
+    """Print the errors at the contour, the joints and the tool, and what to do about joints."""
+    judgement, written = found.judgement, [x for x in found.joints if x.written]
     if written:
-        rms, most = np.max([(x.unseen_rms, x.unexplained) for x in written], axis=0)
-        judged = "" if len(found.logs) > 1 else " Judged on one program only."
+        left = f"{max(x.share for x in written):.0%}"
         console.say(
-            f"Servo of {len(written)} of {several(len(found.joints), 'joint')}: errors where not "
-            f"fitted up to {rms * 1e3:.3g} mrad RMS, {most * 1e3:.3g} mrad at most.{judged}"
+            f"Servo of {len(written)} of {several(len(found.joints), 'joint')}: where not fitted, "
+            f"up to {left} of a joint's tracking error remain, and {judgement.ratio:.0%} of the "
+            "contour error."
         )
+        if judgement.programs == 1:
+            console.say("Provisional: judged on one program only. Record a second, different one.")
+        elif not judgement.trusted:
+            console.say(found.servo_model().doubt)
     if arm is not None:
         for y in predictions or [found.predict(x) for x in found.logs]:
             off = y.tool_errors(arm)
             rms = float(np.sqrt(np.mean(off**2)))
             console.say(f"At the tool in {y.log.source}: {mm(rms)} RMS, {mm(off.max())} at most.")
-    refused = [x for x in found.joints if not x.written]
-    if len(refused) == 1:
-        console.say(refused[0].note)
-    elif refused:
-        shares = ", ".join(
-            f"{x.name} ({x.share:.0%})" if math.isfinite(x.share) else x.name for x in refused
-        )
-        console.say(f"No model (error above {SHARE:.0%} of the tracking error): {shares}.")
+    for note in dict.fromkeys(x.note for x in found.joints if x.note):
+        console.say(note)
 
 
 def _cell(x: Estimate) -> str:

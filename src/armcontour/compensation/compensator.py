@@ -32,6 +32,7 @@ def compensate(
     period: float = PERIOD,
     arm: Arm | None = None,
     limits: Limits | None = None,
+    command_limits: Limits | None = None,
     poles: npt.ArrayLike | None = None,
     gravity_feedforward: bool | None = None,
     known: Arm | None = None,
@@ -61,7 +62,14 @@ def compensate(
             not use it.
         limits: Limits of the controller, in place of those of the plan: set-points must be within
             joint_lower and joint_upper, and must not move faster than joint_velocity. Set-points
-            that exceed the limits of the plan, where none are given, are a warning.
+            that exceed those of the command limits or else of the plan, where none are given, are a
+            warning.
+        command_limits: Limits of the set-points themselves, as controllers check them by
+            differences over the command interval: joint_velocity [rad/s], joint_acceleration
+            [rad/s²], joint_jerk [rad/s³], joint_lower and joint_upper [rad], each one value or one
+            per joint. Set-points of a joint that exceeds one are the nearest ones within them (mean
+            square), at rest at both ends of the plan; they begin earlier and end later by up to
+            1 s. `TaughtData.limit_cost` is the error that this causes.
         poles: For "pole_placement": two regulator poles and the observer pole [1/s], (3,), or three
             per joint, (dof, 3).
         gravity_feedforward: For "inverse_dynamics": whether the controller adds the gravity torque;
@@ -74,17 +82,29 @@ def compensate(
             fit the joints or the interval, the interval is longer than the motion, the set-points
             are too many, "inverse_dynamics" has no arm with masses, or it or "pole_placement" has a
             servo with joints of another order than "second", an integrator, friction or a cycle.
-        CompensationError: Poles are not stable, or set-points exceed the given limits.
+        CompensationError: Poles are not stable, set-points exceed the given limits, or the plan
+            exceeds velocity or acceleration of the command limits by more than 1 %.
 
     Warns:
-        UserWarning: No limits are given, and set-points exceed those of the plan.
+        UserWarning: No limits are given, and set-points exceed those of the plan; or compensation
+            with this servo may be worse than none (`ServoModel.doubt`).
     """
     given = {"poles": poles, "gravity_feedforward": gravity_feedforward, "known": known}
-    taught = teach(trajectory, servo, method=method, period=period, arm=arm, **given)
+    taught = teach(
+        trajectory,
+        servo,
+        method=method,
+        period=period,
+        arm=arm,
+        command_limits=command_limits,
+        **given,
+    )
     if limits is not None:
         refuse_commands(taught, limits)
     elif excess := describe_excess(taught):
         warnings.warn(excess, stacklevel=3)
+    if method != "none" and servo.doubt:
+        warnings.warn(servo.doubt, stacklevel=3)
     return taught
 
 
@@ -95,6 +115,7 @@ def teach(
     method: str,
     period: float,
     arm: Arm | None,
+    command_limits: Limits | None = None,
     **given: Any,
 ) -> TaughtData:
     """Taught data as of `compensate`, without a check of limits.
@@ -105,6 +126,7 @@ def teach(
         method: See above.
         period: See above.
         arm: See above.
+        command_limits: See above.
         given: Options of the method, or None.
 
     Raises:
@@ -124,7 +146,7 @@ def teach(
         "take a longer command interval or a higher speed",
     )
     start, q, cut_off = _set_points(trajectory, model, interval, method, arm, options)
-    return TaughtData(
+    taught = TaughtData(
         period=interval,
         q=q,
         trajectory=trajectory,
@@ -132,6 +154,11 @@ def teach(
         start_time=start,
         cut_off=cut_off,
     )
+    if command_limits is None:
+        return taught
+    from armcontour.compensation.nearest import within_limits
+
+    return within_limits(taught, model, command_limits, arm)
 
 
 def _refuse_long_interval(period: float, duration: float) -> None:

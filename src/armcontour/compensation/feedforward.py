@@ -10,11 +10,11 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.compensation.set_points import (
     SETTLING,
-    integrator_filter,
     integrator_tail,
     longest_tail,
 )
 from armcontour.servo import ServoModel
+from armcontour.servo.model import integrator_filter
 from armcontour.servo.simulation import Simulation, polynomials
 
 # What a set-point leaves of the end of the motion after its tail [rad].
@@ -139,7 +139,7 @@ def _solved(means: FloatArray, period: float, servo: ServoModel) -> FloatArray:
         shares = np.ones(1)
         if servo.ki[j]:
             # The integrator acts against acceleration feed-forward.
-            share, shares = integrator_filter(servo.ki[j], period)
+            share, shares = integrator_filter(servo.ki[j], period, servo.cycle)
             line, bend = np.convolve(line, shares), np.convolve(bend, share)
         found[:, j] = lfilter(shares, np.polynomial.polynomial.polyadd(line, bend), means[:, j])
     return found

@@ -10,7 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour.motion import Trajectory
 from armcontour.servo import ServoModel
-from armcontour.servo.model import sliding
+from armcontour.servo.model import without_integral
 
 # Set-points closer than this to a break of the trajectory, in command intervals, are at the break.
 SNAP = 1e-9
@@ -146,9 +146,10 @@ def inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[f
         if len(t) and times.after_end < period / 2:
             # The interval about the next set-point still has a part of the motion.
             t = np.append(t, trajectory.duration + times.after_end)
-        q, dq, ddq = _means(trajectory, t, period)
+        # An acceleration that is held for a cycle is that of its middle.
+        q, dq, ddq = _means(trajectory, t, period, servo.cycle / 2)
         q, ends = np.concatenate([q, tail + final]), np.concatenate([dq, tail])
-        ddq = _without_integral(ends, np.concatenate([ddq, tail]), servo, period)
+        ddq = without_integral(ends, np.concatenate([ddq, tail]), servo, period)
         found = servo.command(q, ends, ddq)
         inside = found[: len(t)]
         inside -= BIAS[servo.interpolation] * _bends(inside, trajectory, t, period)
@@ -175,42 +176,22 @@ def longest_tail(duration: float) -> float:
     return min(LONGEST_TAIL, TAIL_SHARE * duration)
 
 
-def integrator_filter(ki: float, period: float) -> tuple[FloatArray, FloatArray]:
-    """Numerator and denominator, in z, of means over intervals of `s / (s + ki)` of means."""
-    rest = np.exp(-ki * period)
-    mean = -np.expm1(-ki * period) / (ki * period)
-    return mean * np.array([1.0, -1.0]), np.array([1.0, -rest])
-
-
-def _without_integral(
-    dq: FloatArray, ddq: FloatArray, servo: ServoModel, period: float
-) -> FloatArray:
-    """The part of means of accelerations [rad/s²] that the integrators do not give, (n, dof).
-
-    The loop gives `K_v (1 + k_i / s)` of the velocity error, from rest, also against friction.
-    """
-    from scipy.signal import lfilter
-
-    found = ddq.copy()
-    for j in np.flatnonzero(servo.ki):
-        kv = 1.0 if servo.kv is None else servo.kv[j]
-        rub = servo.kp[j] * kv * servo.friction[j] * sliding(dq[:, j])
-        found[:, j] = lfilter(*integrator_filter(servo.ki[j], period), ddq[:, j] + rub) - rub
-    return found
-
-
 def _means(
-    trajectory: Trajectory, t: FloatArray, period: float
+    trajectory: Trajectory, t: FloatArray, period: float, ahead: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Means of q, dq and ddq over the intervals about times, also of the rest around the motion.
 
-    Those of q are by Simpson's rule, which is exact up to third order.
+    Those of q are by Simpson's rule, which is exact up to third order. Those of ddq are for
+    intervals that are `ahead` later [s].
     """
+    shifts = period / 2 * np.arange(-1, 2)
+    if ahead:
+        shifts = np.append(shifts, ahead + shifts[::2])
     # At all times at once, nearly in their order: a program has thousands of laws to look up.
-    times = np.stack([t - period / 2, t, t + period / 2], axis=1)
-    q, dq = trajectory.motion_with_rests(times.ravel(), 1)
-    first, middle, last = (q[k::3] for k in range(3))
-    before, after = dq[0::3], dq[2::3]
+    q, dq = trajectory.motion_with_rests((t[:, None] + shifts).ravel(), 1)
+    count = len(shifts)
+    first, middle, last = (q[k::count] for k in range(3))
+    before, after = dq[count // 4 * 3 :: count], dq[count - 1 :: count]
     return (first + 4 * middle + last) / 6, (last - first) / period, (after - before) / period
 
 

@@ -5,14 +5,13 @@ do not.
 """
 
 from armcontour.drives.drives import Drives
-from armcontour.drives.response import Response, mean_over_three, regular_times, respond_along
+from armcontour.drives.response import Response, regular_times, respond_along
 from armcontour.drives.simulation import Simulation, simulate
 
 __all__ = [
     "Drives",
     "Response",
     "Simulation",
-    "mean_over_three",
     "regular_times",
     "respond_along",
     "simulate",

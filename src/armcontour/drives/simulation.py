@@ -10,6 +10,7 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.drives._response import spread
 from armcontour.drives.drives import Drives
+from armcontour.drives.response import linear_along
 from armcontour.errors import ExecutionError
 
 # Corrections below this [rad], less than the best encoder resolves, end the iteration. What is left
@@ -19,9 +20,6 @@ EXACT = 1e-9
 CORRECTIONS = 40
 # How much stiffer than inertia and drive a joint that sticks is held.
 HELD = 1e6
-# The linear response is that of the motion at times this far apart [s], and interpolated: arms
-# hardly change between them.
-APART = 10e-3
 # A joint that a correction moves by more than this [rad] runs away.
 AWAY = 1e3
 
@@ -112,7 +110,7 @@ def simulate(
     for k in range(CORRECTIONS):
         dq, ddq = _rates(q, before, step)
         if k < 2:
-            mass, damping, stiffness = _linear(drives, t, q, dq, ddq)
+            mass, damping, stiffness = linear_along(drives, t, q, dq, ddq)
             mass -= np.diag(lost_mass)
             damping += np.diag(brake - np.asarray(chain.viscous) - lost_damping)
         lacking = wanted - drives.stiffness * _mean(q, before)
@@ -138,18 +136,6 @@ def simulate(
         f"The motion of {drives.arm.name} cannot be simulated with its servo gains and inertias: "
         f"corrections of {size:.2g} rad remain; look at gains, inertias and units."
     )
-
-
-def _linear(
-    drives: Drives, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray
-) -> list[FloatArray]:
-    """Mass, damping and stiffness at the times, interpolated, (n, dof, dof) each."""
-    rows = np.linspace(0, len(t) - 1, max(int((t[-1] - t[0]) / APART), 1) + 1).astype(np.intp)
-    place = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
-    before = np.minimum(place.astype(np.intp), len(rows) - 2)
-    share = (place - before)[:, None, None]
-    linear = drives.linear(q[rows], dq[rows], ddq[rows])
-    return [(1 - share) * x[before] + share * x[before + 1] for x in linear]
 
 
 def _mean(values: FloatArray, before: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ from armcontour.identification.results import (
     Estimate,
     Identification,
     JointIdentification,
+    Judgement,
     Prediction,
 )
 from armcontour.motion.log import INTERPOLATIONS, Log, cut
@@ -17,6 +18,7 @@ __all__ = [
     "Estimate",
     "Identification",
     "JointIdentification",
+    "Judgement",
     "Prediction",
     "Log",
     "RobotIdentification",

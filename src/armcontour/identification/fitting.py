@@ -112,12 +112,26 @@ class Stretch:
 
     def thinned(self, every: int) -> Stretch:
         """Every so many samples, with set-points only there."""
-        some = slice(None, None, every)
-        c = self.command
+        c, before = self.command, len(self.command.knots) - len(self.command.t)
+        some = slice(-before % every, None, every)
+        kind = "linear" if c.linear else "step"
+        begin = len(range(0, before, every))
         return replace(
             self,
-            command=LoggedCommand(c.t[some], c.u[some], "linear" if c.linear else "step"),
+            start=self.start + some.start,
+            command=LoggedCommand(c.knots[::every], c.every[::every], kind, begin),
             **{x: getattr(self, x)[some] for x in ("y", "use", "weight", "part")},
+        )
+
+    def cut(self, a: int, b: int) -> Stretch:
+        """The samples from a to b, with the set-points before them; all of them count."""
+        c, kind = self.command, "linear" if self.command.linear else "step"
+        begin = len(c.knots) - len(c.t)
+        return replace(
+            self,
+            start=self.start + a,
+            command=LoggedCommand(c.knots[: begin + b], c.every[: begin + b], kind, begin + a),
+            **{x: getattr(self, x)[a:b] for x in ("y", "use", "weight", "part")},
         )
 
 
@@ -179,6 +193,7 @@ class Problem:
         self.logarithmic = np.array([x in LOGARITHMIC for x in model.free])
         own, count = [getattr(SCALES, x) for x in model.free], len(stretches)
         self.scale = np.concatenate([own, np.tile(BEGIN_SCALES[: self.b], count)])
+        self.used = [np.flatnonzero(s.use) for s in stretches]
         free, (low, high) = np.full(self.b * count, np.inf), search.bounds(model)
         self.low, self.high = np.concatenate([low, -free]), np.concatenate([high, free])
         limited = "acceleration_limit" in model.free
@@ -223,21 +238,24 @@ class Problem:
         rows = after + len(later)
         values = np.tile(x[:m], (rows, 1))
         values[np.arange(1, after), own] += self.steps[own]
-        servo, found = self.servo(values), []
-        for i, s in enumerate(self.stretches):
+        servo, place, end = self.servo(values), np.cumsum(only), 0
+        every = np.zeros((1 + int(place[-1]), sum(len(k) for k in self.used)))
+        for i, (s, used) in enumerate(zip(self.stretches, self.used, strict=True)):
             begin, at = np.zeros((rows, len(BEGIN_SCALES))), m + i * b
             begin[:, :b] = x[at : at + b]
             begin[np.arange(after, rows), later] += self.steps[m + later]
             _, q0, dq0, ddq0 = begin.T
-            q = follow(s.command, servo, q0, dq0, self.cycle, ddq0)[:, s.use]
-            slopes = np.zeros((len(x), q.shape[1]))
-            slopes[own] = (q[1:after] - q[0]) / self.steps[own, None]
-            slopes[at] = 1.0
-            slopes[at + later] = (q[after:] - q[0]) / self.steps[m + later, None]
-            found.append(np.concatenate([q[:1] + x[at] - s.y[s.use], slopes[only]]))
-        every = np.concatenate(found, axis=1) * MRAD
-        off = np.nan_to_num(np.clip(every[0], -MOST, MOST), nan=MOST)
-        return off, np.nan_to_num(every[1:]).T
+            q = follow(s.command, servo, q0, dq0, self.cycle, ddq0).take(used, axis=1)
+            block, end = every[:, end : end + len(used)], end + len(used)
+            block[place[own]] = (q[1:after] - q[0]) / self.steps[own, None]
+            block[place[at + later]] = (q[after:] - q[0]) / self.steps[m + later, None]
+            if only[at]:
+                block[place[at]] = 1.0
+            block[0] = q[0] + x[at] - s.y[used]
+        every *= MRAD
+        if not np.isfinite(every.sum()):
+            every = np.nan_to_num(every, nan=MOST)
+        return np.clip(every[0], -MOST, MOST), every[1:].T
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Simulated less measured positions of the samples that count [mrad]."""
@@ -271,6 +289,10 @@ class Problem:
         best = x.copy()
         best[own] = np.clip(x[own] + step / size, self.low[own], self.high[own])
         return best, start + np.einsum("ki,i->k", slopes, step), slopes[:, within]
+
+    def cost(self, x: FloatArray) -> float:
+        """Half of the sum of squared residuals with the best linear unknowns [mrad²]."""
+        return float(np.sum(self.project(np.clip(x, self.low, self.high))[1] ** 2)) / 2
 
     def solve(self, start: FloatArray, most: int) -> Any:
         """Solve the problem from a start, with at most so many evaluations.
@@ -326,7 +348,9 @@ def normalize(columns: FloatArray, least: float = 1e-150) -> tuple[FloatArray, F
 
 def invert(square: FloatArray) -> FloatArray:
     """Inverse of a symmetric matrix of normalized columns, of which some may be dependent."""
-    return np.asarray(np.linalg.pinv(square, 1e-14, hermitian=True))
+    values, vectors = np.linalg.eigh(square)
+    some = values > 1e-14 * values.max(initial=0.0)
+    return np.asarray(vectors[:, some] / values[some] @ vectors[:, some].T)
 
 
 def count_begins(order: str, integrates: bool) -> int:
@@ -362,10 +386,14 @@ class Fit:
 
 
 def fit(problem: Problem, starts: Sequence[FloatArray], most: int = 60) -> Fit:
-    """Solve a problem from several starts; only the best one of a few evaluations goes on."""
-    few = min(12, most // 4) if len(starts) > 1 else most
+    """Solve a problem from the best of some starts; only the best one of these fits goes on."""
+    few = most
+    if len(starts) > 1:
+        few = min(12, most // 4)
+        count = 4 if "acceleration_limit" in problem.model.free else 2
+        starts = sorted(starts, key=problem.cost)[:count]
     found = min((problem.solve(x, few) for x in starts), key=lambda x: float(x.cost))
-    if len(starts) > 1 and found.status == 0:
+    if few < most and found.status == 0:
         found = problem.solve(found.x, most)
     return Fit(problem=problem, x=found.x, cost=float(found.cost))
 

@@ -10,20 +10,28 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.identification.checking import refuse_misread
 from armcontour.identification.fitting import (
+    MRAD,
     Search,
     Stretch,
     noise_of,
     predict,
     split_logs,
 )
-from armcontour.identification.intervals import estimate_parameters
+from armcontour.identification.intervals import estimate_parameters, is_white, resolution
+from armcontour.identification.judgement import WEAK
+from armcontour.identification.residuals import (
+    describe_residuals,
+    find_residuals,
+    scale_residuals,
+)
 from armcontour.identification.results import DIGITS, JointIdentification
-from armcontour.identification.selection import Selected, find_lag, select
+from armcontour.identification.saturation import Saturation, find_saturation, select_between
+from armcontour.identification.selection import find_lag, select
 from armcontour.motion.log import FEWEST, Log
 from armcontour.servo.simulation import JointServo
 
-# A servo is written if its RMS error is at most this share of the tracking error, or at most this
-# many times the noise of the encoder.
+# A model is good if its RMS error is at most this share of the tracking error, or at most so many
+# times the noise of the encoder. A weak one is within that share of the motion.
 SHARE, NOISES = 0.3, 3.0
 # Errors beyond this share of the motion may come from columns in another order, unit or direction.
 MISREAD = 0.1
@@ -34,8 +42,8 @@ STILL, LEAST_MOTION = 1.5, 1e-9
 LEAST_LAG = 1e-12
 # Nor is this [rad] a change of velocity: logs have nine digits at most.
 LEAST_BEND = 1e-8
-# Time between logs in the report [s].
-APART = 1.0
+# Longest cycle of a drive whose cycle is not given [s], or the command interval, if it is longer.
+USUAL_CYCLE = 2e-3
 
 
 def identify_joint(
@@ -54,36 +62,54 @@ def identify_joint(
         if why:
             return _without_model(name, f"{name} has no model: {why}", stretches)
         lag = find_lag(stretches, search.longest)
-    found = select(stretches, search, orders)
-    if found is None or found.rms > MISREAD * _rms([s.y for s in stretches], stretches)[0]:
+    saturation = find_saturation(stretches)
+    found = saturation and select_between(stretches, saturation, search, orders)
+    found = found or select(stretches, search, orders)
+    motion = _rms([s.y for s in stretches], stretches)[0]
+    if found is None or found.rms > MISREAD * motion:
         for log in logs:
             refuse_misread(log, search.longest, j)
     if found is None:
+        left = [find_residuals(x, j) for x in logs]
         note = (
             f"{name} has no model: gains (up to {search.fastest:g} 1/s) or feed-forward end at the "
-            "bounds of their ranges."
+            f"bounds of their ranges. {describe_residuals(logs, j, left)}"
         )
         return _without_model(name, note, stretches)
     tracking = _rms(_lags(stretches), stretches)[0]
-    servo = JointServo(*(float(f"{x:.{DIGITS}g}") for x in found.fit.servo))
+    servo = JointServo(*(float(f"{x:.{DIGITS}g}") for x in found.servo))
     order, noise = found.fit.problem.model.order, found.fit.noise
     file = [s.y - predict(s, servo, order, search.cycle) for s in stretches]
     unseen = [s.y - q for s, q in zip(found.stretches, found.unseen, strict=True)]
     error, of = _judge(unseen, found.stretches)
     worst = max((error, of), _judge(file, stretches), key=lambda x: x[0] / x[1])
+    unknown_cycle = _unknown_cycle(stretches, search)
+    limit = {} if found.limit is None else {found.limit.name: found.limit}
+    step = max(resolution(s.y) for s in stretches)
+    effective = not is_white(found.fit.problem.residuals(found.fit.x) / MRAD, step)
+    rivals = found.rivals if effective else ()
+    parameters = estimate_parameters(found.fit, found.without, unknown_cycle, rivals)
+    rests = _rests(logs, found.stretches, unseen)
     judged: dict[str, Any] = {
-        "parameters": estimate_parameters(found.fit),
+        "parameters": parameters | limit,
+        "effective": effective,
+        "saturation": _describe(name, saturation, stretches),
         "unseen_rms": error,
         "share": error / of,
         "noise": noise,
-        **_curves(found),
+        "rests": rests,
+        "scaling": scale_residuals(logs, j, rests),
     }
+    note, more, share = "", "", worst[0] / worst[1]
     if worst[0] > max(SHARE * worst[1], NOISES * noise):
         note = (
-            f"{name} has no model: the best one errs by {worst[0] / worst[1]:.0%} of the tracking "
-            f"error ({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} mrad RMS) where it was not "
-            f"fitted, more than {SHARE:.0%}."
+            f"where it was not fitted, {share:.0%} of the tracking error remain "
+            f"({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} mrad RMS)"
         )
+        more = f" {describe_residuals(logs, j, rests)}"
+    if note and (share > WEAK or found.rms > SHARE * motion):
+        most = f"{WEAK:.0%}" if share > WEAK else f"{SHARE:.0%} of the motion"
+        note = f"{name} has no model: {note}, more than {most}.{more}"
         return _without_model(name, note, stretches, **judged)
     return JointIdentification(
         name=name,
@@ -93,7 +119,26 @@ def identify_joint(
         rms=_rms(file, stretches, centred=False)[0],
         largest=_largest(file, stretches),
         unexplained=max(_largest(unseen, found.stretches), _largest(file, stretches)),
+        note=f"The model of {name} is weak: {note}, more than {SHARE:.0%}.{more}" if note else "",
         **judged,
+    )
+
+
+def _unknown_cycle(stretches: Sequence[Stretch], search: Search) -> float:
+    """Longest cycle that the drive may have, 0 if the cycle is given [s]."""
+    interval = max(float(np.median(np.diff(s.command.t))) for s in stretches)
+    return 0.0 if search.cycle else max(interval, USUAL_CYCLE)
+
+
+def _describe(name: str, found: Saturation | None, stretches: Sequence[Stretch]) -> str:
+    """A sentence about saturation in the logs."""
+    if found is None:
+        return ""
+    time = sum(float(s.command.t[-1] - s.command.t[0]) for s in stretches)
+    unit = "rad/s²" if found.kind == "acceleration" else "rad/s"
+    return (
+        f"{name} saturates at {found.limit:.3g} {unit} for {found.time:.2g} s of {time:.3g} s, "
+        "which the fit allows for."
     )
 
 
@@ -145,28 +190,30 @@ def _rms(
     return float(np.sqrt(sums[0] / sums[1])), float(np.sqrt(sums[2] / max(sums[3], 1e-300)))
 
 
-def _curves(found: Selected) -> dict[str, Any]:
-    """Times, measured and predicted positions for the report, one stretch after the other."""
-    curves: list[FloatArray] = []
-    gap, end = np.full((3, 1), np.nan), 0.0
-    for s, q in zip(found.stretches, found.unseen, strict=True):
-        curves += [np.stack([s.command.t + end, s.y, np.where(s.use, q, np.nan)]), gap]
-        end += float(s.command.t[-1]) + APART
-    t, measured, unseen = np.concatenate(curves[:-1], axis=1)
-    return {"t": t, "measured": measured, "unseen": unseen}
+def _rests(
+    logs: Sequence[Log], stretches: Sequence[Stretch], off: Sequence[FloatArray]
+) -> tuple[FloatArray, ...]:
+    """Residuals at the samples of the logs, nan where they do not count [rad]."""
+    found = [np.full(len(x.t), np.nan) for x in logs]
+    for s, x in zip(stretches, off, strict=True):
+        t = logs[s.log].t - logs[s.log].t[s.start]
+        some = (t >= s.command.t[s.use][0]) & (t <= s.command.t[-1])
+        found[s.log][some] = np.interp(t[some], s.command.t, x)
+    return tuple(found)
 
 
 def _why_none(stretches: Sequence[Stretch]) -> str:
     """Why nothing can be identified: no motion, or only a uniform velocity; else empty."""
     if not stretches:
-        return f"there are no {FEWEST} samples without a gap."
+        return f"there are no {FEWEST} samples without a gap: record more."
     if not any((s.weight * s.use).any() for s in stretches):
-        return "no motion is commanded."
+        return "no motion is commanded: record a program in which it moves."
     if all(np.ptp(s.y) <= LEAST_MOTION or np.std(s.y) <= STILL * noise_of(s.y) for s in stretches):
         change = max(float(np.ptp(s.command.u)) for s in stretches)
-        return f"it shows no motion beyond noise, though commands change by {change:.3g} rad."
+        still = f"it shows no motion beyond noise, though commands change by {change:.3g} rad"
+        return f"{still}: record more motion."
     if not any(changes_velocity(s.command.t, x) for s in stretches for x in (s.command.u, s.y)):
-        return "the velocity is uniform, which shows a lag, but no gains."
+        return "the velocity is uniform, which shows a lag, but no gains: record a multisine."
     return ""
 
 

@@ -15,8 +15,10 @@ from armcontour._describing import brief, digits, line_up
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.identification.fitting import predict, split_logs
+from armcontour.identification.residuals import fastest_motion
 from armcontour.motion.log import Log
 from armcontour.servo import ServoModel
+from armcontour.servo.model import TRUSTED
 from armcontour.servo.simulation import JointServo
 
 UNITS = {
@@ -31,6 +33,10 @@ UNITS = {
 }
 # Digits of the numbers in a servo file.
 DIGITS = 6
+
+
+# Columns of tables of joints: errors where the model was not fitted come first.
+JOINT_HEADINGS = ("joint", "of tracking", "of contour", "error [mrad]", "largest [mrad]", "model")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,11 +93,15 @@ class JointIdentification:
             worst log, with one log weighted by motion.
         share: `unseen_rms`, divided by the tracking error of the same kind.
         unexplained: Largest error, also on parts that were not fitted [rad].
+        scaling: The RMS error where it was not fitted is the root of the sum of squares of three
+            parts: at rest [rad], per velocity [s] and per acceleration [s²], (3,).
         noise: Noise of the encoder [rad].
-        note: Why the joint is not written, or empty.
-        t: Times of the predictions [s]; logs follow each other, with nan between them, (n,).
-        measured: Measured positions [rad], (n,).
-        unseen: Positions that are predicted from the other parts [rad], (n,).
+        note: Why the joint has no model or a weak one, or empty.
+        effective: Whether the residuals are not white: the model lacks an effect, and its
+            parameters make up for it, so that they differ from those that are set in the drive.
+        saturation: A sentence about samples at a limit of the drive, or empty.
+        rests: For each log, measured positions less those predicted from the other parts [rad]; nan
+            where they do not count, (n,). Empty if no model was fitted.
     """
 
     name: str
@@ -104,24 +114,30 @@ class JointIdentification:
     unseen_rms: float = math.nan
     share: float = math.nan
     unexplained: float = math.nan
+    scaling: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
     noise: float = math.nan
     note: str = ""
-    t: FloatArray = field(default_factory=lambda: np.empty(0))
-    measured: FloatArray = field(default_factory=lambda: np.empty(0))
-    unseen: FloatArray = field(default_factory=lambda: np.empty(0))
+    effective: bool = False
+    saturation: str = ""
+    rests: tuple[FloatArray, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("t", "measured", "unseen"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+        object.__setattr__(self, "rests", tuple(_checks.lock_floats(x) for x in self.rests))
+        object.__setattr__(self, "scaling", _checks.lock_floats(self.scaling))
 
     def __str__(self) -> str:
         """The estimates and the error on parts that were not fitted."""
         return line_up(
             f"Servo of {self.name}, order {self.order}",
             [
+                *([("parameters", "effective")] if self.effective else []),
                 *((x.name.replace("_", " "), x.words) for x in self.estimates),
-                ("error where not fitted", f"{self.unseen_rms * 1e3:.3g} mrad RMS"),
-                *([("note", self.note)] if self.note else []),
+                (
+                    "error where not fitted",
+                    f"{self.share:.1%} of the tracking error, {self.unseen_rms * 1e3:.3g} mrad RMS",
+                ),
+                ("it grows", self.growth),
+                *((x, y) for x in ("saturation", "note") if (y := getattr(self, x))),
             ],
         )
 
@@ -141,6 +157,14 @@ class JointIdentification:
         return self.parameters.get(name, missing)
 
     @property
+    def growth(self) -> str:
+        """How the error grows with the motion, as text; empty without a model."""
+        if not np.isfinite(self.scaling).all():
+            return ""
+        rest, rate, bend = (f"{x * 1e3:.2g} mrad" for x in self.scaling)
+        return f"{rest} at rest, {rate} per rad/s, {bend} per rad/s² (RMS, squares add)"
+
+    @property
     def written(self) -> bool:
         """Whether the servo file has a model of this joint."""
         return self.order != "unknown"
@@ -149,6 +173,49 @@ class JointIdentification:
     def determined(self) -> bool:
         """Whether the logs determine all parameters of the model."""
         return bool(self.parameters) and all(x.determined for x in self.estimates)
+
+
+def joint_cells(x: JointIdentification, ratio: float) -> list[str]:
+    """Cells of a row of JOINT_HEADINGS.
+
+    Args:
+        x: The joint.
+        ratio: Its deviation from the contour with compensation over that without it.
+    """
+    model = x.order if x.written else "delay only" if x.servo.dead_time else "none"
+    errors = [f"{x.share:.1%}", f"{ratio:.1%}", f"{x.unseen_rms * 1e3:.3g}"] if x.parameters else []
+    cells = [x.name, *(errors or ["", "", ""]), f"{x.unexplained * 1e3:.3g}"]
+    return [*cells, "weak: " * bool(x.written and x.note) + model]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judgement:
+    """Contour errors with and without compensation on motion that was not fitted.
+
+    With compensation, the command and the residuals of the model remain. A delay that all joints
+    share costs nothing. With an arm the errors are those of its tool across its path. Without an
+    arm they are distances in joint space, where each joint counts in proportion to its tracking
+    error.
+
+    Args:
+        programs: Number of different programs. If it is 1, parts of the program were predicted.
+        ratio: RMS contour error with compensation over that without it, in the worst log; 0 if only
+            the noise of the encoders remains.
+        errors: RMS contour errors of each log without and with compensation, (logs, 2): in m with
+            an arm, else in tracking errors.
+        joints: RMS deviation of each joint with compensation over that without it, in the worst
+            log, (dof,).
+    """
+
+    programs: int
+    ratio: float
+    errors: FloatArray
+    joints: FloatArray
+
+    @property
+    def trusted(self) -> bool:
+        """Whether compensation removes half of the contour error."""
+        return self.ratio <= TRUSTED
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,22 +227,23 @@ class Identification:
         interpolation: Interpolation of set-points that was assumed.
         cycle: Cycle of the drives [s], 0 for continuous loops.
         joints: The result of each joint.
+        judgement: Contour errors with and without compensation where the servo was not fitted.
     """
 
     logs: tuple[Log, ...]
     interpolation: str
     cycle: float
     joints: tuple[JointIdentification, ...] = field(repr=False)
+    judgement: Judgement
 
     def __str__(self) -> str:
         """A row for every joint."""
-        rows = [["joint", "order", "error where not fitted", "parameters"]]
-        for x in self.joints:
+        rows = [[*JOINT_HEADINGS, "parameters"]]
+        for x, ratio in zip(self.joints, self.judgement.joints, strict=True):
             words = ", ".join(f"{y.name.replace('_', ' ')} {y.words}" for y in x.estimates)
-            rows.append([x.name, x.order, f"{x.unseen_rms * 1e3:.3g} mrad", words])
-        return line_up(
-            f"Servo identified from {self.source}, set-points {self.interpolation}", rows
-        )
+            words = "effective " * x.effective + words
+            rows.append([*joint_cells(x, ratio), words])
+        return line_up(f"Servo identified from {self.source}, errors where not fitted", rows)
 
     __repr__ = brief
 
@@ -197,6 +265,17 @@ class Identification:
         """Whether all parameters of all joints are determined."""
         return all(x.determined for x in self.joints)
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences about saturation in the logs, and about effective parameters."""
+        names = ", ".join(x.name for x in self.joints if x.effective and x.written)
+        effective = (
+            f"Effective parameters: {names}. The residuals are not white: the model lacks an "
+            "effect, and its parameters differ from the settings of the drive."
+        )
+        found = [x.saturation for x in self.joints if x.saturation]
+        return (*found, effective) if names else tuple(found)
+
     def servo_model(self) -> ServoModel:
         """The servo as it is written to a file; joints without a model have order "unknown".
 
@@ -215,11 +294,16 @@ class Identification:
         }
         if not np.isfinite(given["kv"]).any():
             given["kv"] = None
+        fastest = fastest_motion(self.logs)
         return ServoModel(
             interpolation=self.interpolation,
             order=tuple(x.order for x in self.joints),
             cycle=self.cycle,
             unexplained=[round_up(x.unexplained) for x in self.joints],
+            logged_velocity=[float(f"{x:.{DIGITS}g}") for x in fastest[0]],
+            logged_acceleration=[float(f"{x:.{DIGITS}g}") for x in fastest[1]],
+            contour_ratio=float(f"{self.judgement.ratio:.3g}"),
+            programs=self.judgement.programs,
             **given,
         )
 

@@ -18,7 +18,9 @@ from armcontour.identification.fitting import (
     fit,
     predict,
 )
+from armcontour.identification.results import Estimate
 from armcontour.motion.log import FEWEST
+from armcontour.servo.simulation import JointServo
 
 KP, KV, KI = "kp", "kv", "ki"
 FEED, ACCELERATION = "velocity_feedforward", "acceleration_feedforward"
@@ -44,6 +46,8 @@ OPTIONAL = (ACCELERATION, FEED, FRICTION)
 GAIN, LIMIT_GAIN, MOST_PARTS = 0.9, 0.5, 0.6
 # A richer model whose error on the data that it was fitted to is above this share is not better.
 SAME = 0.97
+# A poorer model whose error there is above this times that of the richer one is worse.
+WORSE = 2.0
 # A cascade is fitted where the error of the other models is below this share of the tracking error.
 EXPLAINED = 0.5
 # Loops with less damping are rejected: no drive is tuned so.
@@ -59,14 +63,14 @@ USUAL_DELAY = 0.01
 # Times over which accelerations are measured [s], short for fast motion and long for small motion
 # in noise, and their percentile.
 ACCELERATING, FAST = (8e-3, 40e-3), 99
-# First values of loops, times the gain of the lag for kp and the lag for the dead time; without
-# feed-forward, with it, in a loop that saturates, and with an integrator.
-PLAIN_STARTS = ((1.0, 200.0, 0.05), (1.5, 60.0, 0.3), (4.0, 100.0, 0.7))
-FED_STARTS = (
-    (10.0, 20.0, 1.0, 0.8), (1.0, 100.0, 1.0, 1.0), (40.0, 150.0, 0.6, 0.5),
-    (30.0, 100.0, 0.0, 0.3), (150.0, 60.0, 0.6, 0.9),
+# First values of loops: K_p [1/s], also times the gain of the lag; K_v; k_i; feed-forward, which
+# matters only in loops that saturate; dead time over the lag.
+STARTS = (
+    (10.0, 0.0, 20.0, 5.0, 1.0, 0.8), (1.0, 0.0, 100.0, 5.0, 1.0, 1.0),
+    (40.0, 0.0, 150.0, 5.0, 0.6, 0.5), (30.0, 0.0, 100.0, 5.0, 0.0, 0.3),
+    (150.0, 0.0, 60.0, 5.0, 0.6, 0.9), (0.0, 0.8, 60.0, 5.0, 0.0, 0.1),
+    (0.0, 1.5, 150.0, 12.0, 0.0, 0.3), (0.0, 4.0, 100.0, 5.0, 0.0, 0.7),
 )  # fmt: skip
-CASCADE_STARTS = ((0.8, 60.0, 5.0, 0.1), (1.5, 150.0, 12.0, 0.3))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,6 +83,9 @@ class Selected:
         unseen: Predicted positions [rad]; each sample by a fit without its part.
         errors: Mean squared errors of the parts, weighted by motion [rad²], (parts,).
         motions: Weights of the parts, (parts,).
+        limit: Acceleration limit that is estimated apart from the fit.
+        without: Servos that are fitted without one part each.
+        rivals: Servos of other models whose error is hardly larger.
     """
 
     fit: Fit
@@ -86,6 +93,14 @@ class Selected:
     unseen: list[FloatArray]
     errors: FloatArray
     motions: FloatArray
+    limit: Estimate | None = None
+    without: Sequence[JointServo] = ()
+    rivals: Sequence[JointServo] = ()
+
+    @property
+    def servo(self) -> JointServo:
+        """The servo of the fit with the limit."""
+        return limited_servo(self.fit.servo, self.limit)
 
     @property
     def rms(self) -> float:
@@ -118,7 +133,7 @@ def find_lag(stretches: Sequence[Stretch], longest: float) -> float:
 
 
 def select(
-    stretches: Sequence[Stretch], search: Search, orders: tuple[str, ...]
+    stretches: Sequence[Stretch], search: Search, orders: tuple[str, ...], *, limited: bool = True
 ) -> Selected | None:
     """Select the model of a joint; None if the parameters of all models are at their bounds.
 
@@ -126,17 +141,21 @@ def select(
         stretches: The joint in the logs.
         search: Ranges of the search.
         orders: Orders that may be selected.
+        limited: Whether models with an acceleration limit may be selected.
     """
     some, taken = _thin(stretches), None
     lag = find_lag(some, search.longest)
     fits: dict[Model, Fit] = {}
+    tried: list[Selected] = []
     for model in CANDIDATES:
         bent = ACCELERATION in model.free and not some[0].command.linear
         if model.order not in orders or bent or (KI in model.free and search.cycle):
             continue
+        if LIMIT in model.free and not limited:
+            continue
         if KI in model.free and not _may_be_cascade(model, taken):
             continue
-        taken = _try(model, some, search, lag, fits, taken)
+        taken = _try(model, some, search, lag, fits, tried, taken)
         if taken and taken.explains_all:
             break
     if taken is None:
@@ -145,8 +164,10 @@ def select(
     if KI in own.free:
         taken = _prune(taken, search)
     elif own.order != "delay" and not taken.explains_all:
-        taken = _try(Model(own.order, (*own.free, FRICTION)), some, search, lag, fits, taken)
+        taken = _try(Model(own.order, (*own.free, FRICTION)), some, search, lag, fits, tried, taken)
         assert taken is not None
+    rivals = [x.fit.servo for x in tried if x.rms * GAIN < taken.rms and x is not taken]
+    taken = replace(taken, rivals=rivals)
     if some is stretches:
         return taken
     whole = Problem(taken.fit.problem.model, stretches, search)
@@ -159,6 +180,7 @@ def _try(
     search: Search,
     lag: float,
     fits: dict[Model, Fit],
+    tried: list[Selected],
     taken: Selected | None,
 ) -> Selected | None:
     """Fit one more model; returns the better one of it and the one that is taken."""
@@ -170,11 +192,13 @@ def _try(
         # Loops that differ in both gains by an exchange have the same poles.
         servo = found.servo
         other = servo._replace(kp=servo.ki, ki=servo.kp)._asdict()
-        found = fit(problem, [found.x, problem.guess(other, servo.dead_time)], 30)
+        exchanged = fit(problem, [problem.guess(other, servo.dead_time)], 30)
+        found = min(found, exchanged, key=lambda x: x.cost)
     fits[model] = found
     if hopeless or is_implausible(found):
         return taken
-    unseen = _predict_parts(found, search)
+    unseen = predict_parts(found, search)
+    tried.append(unseen)
     return unseen if taken is None or unseen.is_better(taken) else taken
 
 
@@ -197,8 +221,10 @@ def _prune(taken: Selected, search: Search) -> Selected:
             continue
         problem = Problem(Model(order, rest), taken.stretches, search)
         found = fit(problem, [problem.guess(taken.fit.servo._asdict(), taken.fit.servo.dead_time)])
-        poorer = _predict_parts(found, search)
-        if not is_implausible(found) and not taken.is_better(poorer):
+        if is_implausible(found) or found.cost > WORSE * taken.fit.cost:
+            continue
+        poorer = predict_parts(found, search)
+        if not taken.is_better(poorer):
             taken = poorer
     return taken
 
@@ -237,34 +263,19 @@ def _starts(
         return [{DELAY: x} for x in (lag, max(lag - 4e-3, 0.0))]
     gain = max(1 / (lag + 1e-4), 0.5)
     loops: list[dict[str, float]] = [
-        {KP: a * gain, KV: b, DELAY: c * lag} for a, b, c in PLAIN_STARTS
+        {KP: a + b * gain, KV: kv, KI: ki, FEED: f, DELAY: d * lag} for a, b, kv, ki, f, d in STARTS
     ]
-    if FEED in free:
-        loops = [{KP: a, KV: b, FEED: c, DELAY: d * lag} for a, b, c, d in FED_STARTS]
-    if KI in free:
-        loops = [{KP: a * gain, KV: b, KI: c, DELAY: d * lag} for a, b, c, d in CASCADE_STARTS]
     new = {FRICTION} if FRICTION in free else {ACCELERATION, LIMIT} & set(free)
     if KI in free or not new:
         sampled = search.cycle and order == "second"
         return _sampled_starts(problem, search, loops, lag) if sampled else loops
     known = fits[Model(order, tuple(x for x in free if x not in new))].servo._asdict()
     if LIMIT not in new:
-        first = {FRICTION: 1e-4, ACCELERATION: 0.1 if order == "second" else 5e-3}
-        return [known | {x: first[x] for x in new}]
-    return _saturating_starts(problem, known, loops[2:4])
-
-
-def _saturating_starts(
-    problem: Problem, known: dict[str, float], loops: list[dict[str, float]]
-) -> list[dict[str, float]]:
-    """Starts of a loop with an acceleration limit, from the fit without a limit and from others.
-
-    If a joint saturates much, the fit without a limit and its lag are of no use.
-    """
+        return [known]
+    # If a joint saturates much, the fit without a limit and its lag are of no use.
     tops = [max(_acceleration(s, x) for s in problem.stretches) for x in ACCELERATING]
-    limits = (*tops, 3 * max(tops))
-    loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops]
-    return [{**x, LIMIT: a} for x in (known, *loops) for a in limits]
+    loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
+    return [{**x, LIMIT: a} for x in (known, *loops) for a in (*tops, 3 * max(tops))]
 
 
 def _sampled_starts(
@@ -277,8 +288,6 @@ def _sampled_starts(
     starts = []
     for late in (search.cycle / 2, search.cycle):
         starts.append({**servo._asdict(), KV: gain, DELAY: max(servo.dead_time - late, 0.0)})
-    if FEED in problem.model.free:
-        starts.append({**starts[0], FEED: 0.02})
     return starts
 
 
@@ -291,23 +300,45 @@ def _acceleration(s: Stretch, time: float) -> float:
     return float(np.percentile(np.abs(second), FAST)) / (k * interval) ** 2
 
 
-def _predict_parts(found: Fit, search: Search) -> Selected:
-    """Predict each part by a fit of the others."""
-    p, stretches = found.problem, found.problem.stretches
+def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
+    """The servo with an acceleration limit, if there is one."""
+    return servo if limit is None else servo._replace(acceleration_limit=limit.value)
+
+
+def predict_parts(
+    found: Fit,
+    search: Search,
+    judged: Sequence[Stretch] | None = None,
+    limit: Estimate | None = None,
+) -> Selected:
+    """Predict each part by a fit of the others.
+
+    Args:
+        found: The fit of all parts.
+        search: Ranges of the search.
+        judged: Stretches that are predicted, by default those of the fit.
+        limit: Acceleration limit in addition to the fit.
+    """
+    p, stretches = found.problem, judged or found.problem.stretches
+
+    def predict_by(servo: JointServo, s: Stretch) -> FloatArray:
+        return predict(s, limited_servo(servo, limit), p.model.order, search.cycle)
+
     # Parts without motion are predicted by the fit of all.
-    unseen = [predict(s, found.servo, p.model.order, search.cycle) for s in stretches]
+    unseen = [predict_by(found.servo, s) for s in stretches]
     parts = sorted({int(x) for s in stretches for x in np.unique(s.part[s.use & (s.weight > 0)])})
-    errors, motions = [], []
+    errors, motions, without = [], [], []
     for k in parts:
-        others = [replace(s, use=s.use & (s.part != k)) for s in stretches]
+        others = [replace(s, use=s.use & (s.part != k)) for s in p.stretches]
         kept = [i for i, s in enumerate(others) if s.use.sum() > len(p.model.free)]
         other = Problem(p.model, [others[i] for i in kept], search)
         servo = fit(other, [p.select(found.x, kept)], REFITTED).servo
+        without.append(servo)
         squares = motion = 0.0
         for i, s in enumerate(stretches):
             own = s.part == k
             if own.any():
-                q = predict(s, servo, p.model.order, search.cycle)
+                q = predict_by(servo, s)
                 unseen[i][own] = q[own]
                 weight = s.weight[own] * s.use[own]
                 squares += float(np.sum(weight * (q - s.y)[own] ** 2))
@@ -320,4 +351,6 @@ def _predict_parts(found: Fit, search: Search) -> Selected:
         unseen=unseen,
         errors=np.array(errors),
         motions=np.array(motions),
+        limit=limit,
+        without=without,
     )

@@ -36,6 +36,7 @@ from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, PlaceSearch, Rounding, Run
 from armcontour.jobs.axes import AXES
 from armcontour.motion import check_interval
+from armcontour.motion.nearest_commands import check_command_limits
 from armcontour.program import Event, Process, Program
 from armcontour.scene import Scene
 from armcontour.servo import ServoModel
@@ -271,6 +272,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     if not isinstance(corners, str) and limits.centripetal_acceleration is None:
         # In case I this acceleration sets the corner radius; it limits the corner speed, too.
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
+    commands = {**job.command_limits, **model.command_limits}
     experiment = _experiment(name, job.experiment, arm)
     compensation = model.compensation
     _refuse_options(f"runs.{name}.timing", model.timing, TIMING_OPTIONS)
@@ -300,6 +302,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
             period=period,
             timing_options={key: value for key, value in options.items() if value is not None},
             compensation_options=_compensation_options(compensation, experiment),
+            command_limits=check_command_limits(Limits(**commands), arm.dof) if commands else None,
             until=model.until,
             duration=model.duration,
             reserve=timing.reserve,

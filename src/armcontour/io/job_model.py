@@ -14,6 +14,10 @@ from armcontour._quantities import (
     Choice,
     Distance,
     Interval,
+    JointAccelerations,
+    JointJerks,
+    JointRanges,
+    JointVelocities,
     Length,
     Pole,
     Reserve,
@@ -379,13 +383,33 @@ class CompensationModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CommandLimitsModel:
+    """Limits of the set-points themselves; compensation takes the nearest ones within them.
+
+    Args:
+        joint_velocity: Largest difference of set-points over the command interval [rad/s], one
+            value, one per joint, or a lower and an upper bound per joint.
+        joint_acceleration: Largest second difference of set-points [rad/s²], in the same way.
+        joint_jerk: Largest third difference of set-points [rad/s³], one value or one per joint.
+        joint_lower, joint_upper: Range of the set-points of each joint [rad].
+    """
+
+    joint_velocity: JointVelocities | None = None
+    joint_acceleration: JointAccelerations | None = None
+    joint_jerk: JointJerks | None = None
+    joint_lower: JointRanges | None = None
+    joint_upper: JointRanges | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunModel:
     """A run; keys that are left out have the values of the job.
 
     Args:
         timing: How the path is timed.
         compensation: How the servo's delay is compensated.
-        limits, corners, command_interval: As the keys of the job, for this run only.
+        limits, command_limits, corners, command_interval: As the keys of the job, for this run
+            only.
         until: End of the time over which errors are evaluated [s]; by default when all joints rest.
         duration: Time of the motion from start to end [s]; by default the shortest.
     """
@@ -393,6 +417,9 @@ class RunModel:
     timing: TimingModel = TimingModel()
     compensation: CompensationModel = CompensationModel()
     limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
+    command_limits: Annotated[dict[str, Any], Given(CommandLimitsModel)] = field(
+        default_factory=dict
+    )
     corners: Rounding | Literal["sharp"] | None = None
     command_interval: Interval | None = None
     until: Interval | None = None
@@ -450,6 +477,7 @@ class JobModel:
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
         limits: Limits in place of the arm's own; inf lifts one.
+        command_limits: Limits of the set-points themselves, as the controller checks them.
         corners: How corners are rounded; `sharp` keeps sharp corners.
         servo: The nominal servo.
         plant: Parameters of the real servo that differ from the nominal servo.
@@ -471,6 +499,9 @@ class JobModel:
     path: PathModel
     process: Process | None = None
     limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
+    command_limits: Annotated[dict[str, Any], Given(CommandLimitsModel)] = field(
+        default_factory=dict
+    )
     corners: Rounding | Literal["sharp"] = "sharp"
     servo: ServoModel
     plant: Annotated[dict[str, Any], Given(ServoModel, null=True)] | None = None

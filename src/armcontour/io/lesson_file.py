@@ -22,8 +22,8 @@ from armcontour.servo import ServoModel
 
 # Changes with the content of these files.
 VERSION = 3
-# The plan is made again from the job, and the model of the response from the plan.
-LEFT_OUT = ("trajectory", "runs", "lifted", "servo", "misfits")
+# Plan and command limits are made again from the job, and the model of the response from the plan.
+LEFT_OUT = ("trajectory", "runs", "lifted", "servo", "misfits", "command_limits", "limit_cost")
 RUN = "run {}: {}"
 # Types of values that are no arrays, by the annotations of their fields.
 KINDS: dict[Any, tuple[type, ...]] = {

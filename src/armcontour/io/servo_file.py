@@ -7,17 +7,22 @@ from collections.abc import Sequence
 from typing import Any
 
 from armcontour._version import __version__
-from armcontour.identification import Estimate, Identification, Prediction
+from armcontour.identification import (
+    Estimate,
+    Identification,
+    JointIdentification,
+    Prediction,
+)
 from armcontour.io.json_text import to_json
 from armcontour.servo import ServoModel
 
 # Attributes of an estimate, of a joint and of a prediction in the JSON file.
 OF_PARAMETER = "name unit value sd low high determined".split()
 OF_JOINT = (
-    "determined tracking_rms rms largest unseen_rms share unexplained noise written note"
+    "determined effective tracking_rms rms largest unseen_rms share unexplained scaling noise "
+    "written note saturation"
 ).split()
 OF_PREDICTION = "tracking_rms rms largest".split()
-ONE_PROGRAM = "Judged on one program only: the error on other programs may be larger."
 # Parameters with one value per joint in a servo file, with their units.
 LISTS = {
     "kp": "1/s",
@@ -29,6 +34,14 @@ LISTS = {
     "dead_time": "s",
     "acceleration_limit": "rad/s^2; none: it never saturates",
     "unexplained": "rad, largest error on motion that was not fitted",
+    "logged_velocity": "rad/s, largest one of that motion",
+    "logged_acceleration": "rad/s^2",
+}
+# Parameters with one value.
+SINGLE = {
+    "contour_ratio": "contour error with compensation over without, on motion that was not fitted",
+    "programs": "programs on which it was determined",
+    "cycle": "s",
 }
 
 
@@ -41,8 +54,9 @@ def servo_yaml(found: Identification) -> str:
     servo = found.servo_model()
     lines = [
         f"# Identified from {found.source} by armcontour {__version__}: goes into a job file.",
-        *(f"# {x.note or f'{x.name}: {_ranges(x.estimates)}'}" for x in found.joints),
-        *([] if len(found.logs) > 1 else [f"# {ONE_PROGRAM}"]),
+        *(f"# {x.note or f'{x.name}: {_ranges(x)}'}" for x in found.joints),
+        *(f"# {x.saturation}" for x in found.joints if x.saturation),
+        *([f"# {servo.doubt}"] if servo.doubt else []),
         *servo_lines(servo, len(found.joints)),
     ]
     return "\n".join(lines) + "\n"
@@ -56,7 +70,10 @@ def servo_lines(servo: ServoModel, dof: int) -> list[str]:
         values = getattr(servo, name)
         if values is not None:
             lines.append(f"  {name}: {_list(values)}{f'    # {unit}' if unit else ''}")
-    return [*lines, f"  cycle: {servo.cycle:.6g}    # s", f"  interpolation: {servo.interpolation}"]
+    for name, unit in SINGLE.items():
+        if (value := getattr(servo, name)) is not None:
+            lines.append(f"  {name}: {value:.6g}    # {unit}")
+    return [*lines, f"  interpolation: {servo.interpolation}"]
 
 
 def identification_json(
@@ -74,8 +91,9 @@ def identification_json(
             **{x: getattr(joint, x) for x in ("name", "order")},
             "parameters": [{x: getattr(y, x) for x in OF_PARAMETER} for y in joint.estimates],
             **{x: getattr(joint, x) for x in OF_JOINT},
+            "contour_ratio": ratio,
         }
-        for joint in found.joints
+        for joint, ratio in zip(found.joints, found.judgement.joints, strict=True)
     ]
     page: dict[str, Any] = {
         "version": __version__,
@@ -84,6 +102,7 @@ def identification_json(
         "interpolation": found.interpolation,
         "cycle": found.cycle,
         "determined": found.determined,
+        "judgement": {x: getattr(found.judgement, x) for x in ("programs", "ratio", "errors")},
         "joints": joints,
     }
     if predictions:
@@ -104,9 +123,9 @@ def _list(values: Any) -> str:
     return "[" + ", ".join("none" if math.isinf(x) else f"{float(x):.6g}" for x in values) + "]"
 
 
-def _ranges(estimates: Sequence[Estimate]) -> str:
-    """Estimates with their ranges, for a comment."""
-    return "; ".join(_range(x) for x in estimates)
+def _ranges(joint: JointIdentification) -> str:
+    """Estimates of a joint with their ranges, for a comment."""
+    return "effective " * joint.effective + "; ".join(_range(x) for x in joint.estimates)
 
 
 def _range(x: Estimate) -> str:

@@ -22,7 +22,7 @@ from armcontour.jobs.quantities import (
     assumed_numbers,
     planned_torques,
 )
-from armcontour.motion import Execution
+from armcontour.motion import Execution, TaughtData
 from armcontour.program import Program
 from armcontour.timing import Explanation
 
@@ -60,6 +60,10 @@ UNITS = {
     "s": "m",
     "start": "rad",
     "cut_off": "rad",
+    "set_point_change": "rad",
+    "command_use": "share of the limit",
+    "limit_contour_rms": "m",
+    "limit_contour_max": "m",
     "unsettled": "rad",
     "turn": "rad",
     "angular_error": "rad",
@@ -160,6 +164,7 @@ def _plan(job: Job, plan: RunResult) -> dict[str, Any]:
         "full_stops": {"count": sum(plan.full_stops.values()), "reasons": plan.full_stops},
         "merged_points": () if single_path is None else single_path.merged,
         "cut_off": plan.taught.cut_off,
+        **_commands(plan.taught),
         "warnings": plan.warnings,
         **({"analog": job.process.analog_names} if job.process.analog_names else {}),
         **_moves(job, plan),
@@ -182,6 +187,19 @@ def _plan(job: Job, plan: RunResult) -> dict[str, Any]:
     if plan.shaped is not None:
         found["shaping"] = _shaping(plan.shaped, plan.run)
     return found
+
+
+def _commands(taught: TaughtData) -> dict[str, Any]:
+    """Data of limits of commands: their use, and what they cost."""
+    cost = taught.limit_cost
+    if taught.command_limits is None:
+        return {}
+    return {
+        "command_use": taught.command_use,
+        "set_point_change": 0.0 if cost is None else cost.deviation,
+        "limit_contour_rms": 0.0 if cost is None else cost.contour_rms,
+        "limit_contour_max": 0.0 if cost is None else cost.contour_max,
+    }
 
 
 def clearance_summary(x: Clearance, avoided: Sequence[str] = ()) -> dict[str, Any]:

@@ -54,7 +54,7 @@ def read_taught(place: FilePath, job: Job, plan: RunResult) -> TaughtData:
     _refuse_other(
         file, job, lesson, f"{history.name} beside it has", "give both as learn wrote them"
     )
-    return lesson
+    return replace(lesson, command_limits=plan.taught.command_limits)
 
 
 def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:
@@ -76,7 +76,9 @@ def _recorded(file: FilePath, job: Job, plan: RunResult) -> TaughtData | None:
         return None
     if same and np.abs(found.q - now.q).max() <= found.resolution["q"] + SAME:
         return None
-    return replace(now, q=found.q, start_time=min(float(found.t[0]), 0.0), cut_off=None)
+    return replace(
+        now, q=found.q, start_time=min(float(found.t[0]), 0.0), cut_off=None, limit_cost=None
+    )
 
 
 def _refuse_other(file: FilePath, job: Job, taught: TaughtData, has: str, mend: str) -> None:

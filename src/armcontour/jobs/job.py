@@ -234,6 +234,7 @@ class Run:
         period: Command interval [s].
         timing_options: Options of the timing method.
         compensation_options: Options of the compensation method.
+        command_limits: Limits of the set-points themselves, as in `compensate`.
         until: End of the time over which errors are evaluated [s]; None is when all joints rest.
         reserve: Share of joint acceleration and torque that the plan leaves to the servo.
         duration: Time of the motion from start to end [s]; None is the shortest.
@@ -252,6 +253,7 @@ class Run:
     period: float
     timing_options: Mapping[str, Any] = field(default_factory=dict)
     compensation_options: Mapping[str, Any] = field(default_factory=dict)
+    command_limits: Limits | None = None
     until: float | None = None
     reserve: float = 0.0
     duration: float | None = None

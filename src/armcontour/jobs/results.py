@@ -30,11 +30,14 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.warnings import (
     CURVATURE_JUMPS,
     INVERSE_DYNAMICS,
+    NONE,
     JerkStop,
     Weaving,
+    beyond_logs,
     capped,
     cut_off,
     jerk_stops,
+    limited_commands,
     missed_speeds,
     not_judged,
     oscillating,
@@ -183,6 +186,7 @@ class RunResult:
                 "taught",
                 f"{several(len(self.taught.q), 'set-point')} every {milliseconds(self.run.period)}",
             ),
+            ("command / limit", "" if self.taught is None else self.taught.command_note),
             ("shaped", "" if self.shaped is None else str(self.shaped)),
             ("clearance", "" if near is None else f"{mm(near.low)} at least"),
             ("warnings", f"{len(self.weak_points)}, in .warnings" if self.weak_points else ""),
@@ -270,6 +274,8 @@ class RunResult:
         """Sentences on plan and execution, with the name of the run, which are no warnings."""
         found = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
         found += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves]
+        if self.taught is not None and (used := self.taught.command_note):
+            found.append(f"Run {self.run.name}: set-points / command limits: {used}.")
         clear = None if self._far_from_itself else self.clearance_note
         found += [x for x in (self.shape_note, self.stops_note, clear) if x is not None]
         e = self.evaluation
@@ -341,7 +347,12 @@ class RunResult:
             found += oscillating(self.servo)
         if self.taught is not None:
             found += cut_off(self.taught)
+            found += limited_commands(self.taught)
             found += filter(None, [describe_excess(self.taught)])
+            if self.servo is not None and self.run.compensation != NONE and self.servo.doubt:
+                found.append(self.servo.doubt)
+        if self.servo is not None:
+            found += filter(None, [beyond_logs(self.servo, self.trajectory)])
         if self.execution is not None:
             found += self._weak_points_of_execution()
         return tuple(found)

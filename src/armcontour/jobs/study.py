@@ -232,6 +232,7 @@ def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
         method=this.compensation,
         period=this.period,
         arm=job.arm,
+        command_limits=this.command_limits,
         **this.compensation_options,
     )
 
@@ -294,7 +295,7 @@ def on_bodies(
     executed = execute(taught, plant, **how)
     uncompensated = None
     if this.compensation != NONE:
-        plain = replace(this, compensation=NONE, compensation_options={})
+        plain = replace(this, compensation=NONE, compensation_options={}, command_limits=None)
         with suppress(ExecutionError):
             done = execute(teach_run(job, plain, taught.trajectory), plant, **how)
             uncompensated = evaluate(done, path, until=this.until)

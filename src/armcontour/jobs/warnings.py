@@ -28,6 +28,8 @@ MOST_NAMES = 4
 SAME = 1e-9
 # A joint that is asked for this multiple of its acceleration limit is far above it.
 FAR_ABOVE = 1.5
+# Number of times at which a plan is compared with the motion of logs, and its breaks.
+LOOKS = 1000
 # Errors of joints below this are not said [rad].
 UNFELT = 1e-6
 # The compensation whose set-points are for rigid bodies, and set-points that are the plan's.
@@ -158,6 +160,16 @@ def cut_off(taught: TaughtData) -> list[str]:
         f"off: this adds up to {taught.cut_off[j] * 1e3:.3g} mrad to the error of joint {j + 1} "
         "after the end of the plan; a servo model with a larger kp or a "
         "velocity_feedforward nearer to 1 needs less."
+    ]
+
+
+def limited_commands(taught: TaughtData) -> list[str]:
+    """A warning for set-points that limits of commands change, with the error that this causes."""
+    if taught.limit_cost is None or taught.limit_cost.deviation.max() < UNFELT:
+        return []
+    return [
+        f"command_limits change the set-points by {taught.limit_cost}; a plan with a larger "
+        "timing.reserve, or with limits of jerk, needs smaller changes."
     ]
 
 
@@ -293,6 +305,19 @@ def worse_than_none(
         f"{without.max * 1e3:.4g} mm. The compensation {this.compensation} makes it worse, as "
         f"{why}."
     ]
+
+
+def beyond_logs(servo: ServoModel, trajectory: Trajectory) -> str:
+    """A warning for motion beyond that of the logs of the servo's identification, or empty.
+
+    Args:
+        servo: The servo.
+        trajectory: The plan.
+    """
+    if servo.unexplained is None or servo.logged_velocity is None:
+        return ""
+    t = np.union1d(trajectory.breaks, np.linspace(0.0, trajectory.duration, LOOKS))
+    return servo.describe_excess(trajectory(t, 1), trajectory(t, 2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

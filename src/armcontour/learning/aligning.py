@@ -30,6 +30,8 @@ STEPS, NEAR = 30, 1e-9
 UNLIKE = 0.3
 # Fewest samples in a period of the loops' natural frequency: disturbances up to it become errors.
 SAMPLES = 5.0
+# Two intervals that differ by less than this share are the same: clocks drift.
+SAME = 0.01
 # Logged set-points are those of another run if they differ from the taught ones by more than this
 # RMS [rad], by more than this share of the errors, and by more than so many times the noise.
 OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
@@ -141,7 +143,9 @@ def align(
     servo = lifted.nominal.servo
     loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
     allowed = 2 * math.pi / float(np.sqrt(servo.kp * loops).max()) / SAMPLES
-    if recording.interval > allowed:
+    # Set-points correct no faster disturbances than a log of the command interval shows.
+    allowed = max(allowed, taught.period)
+    if recording.interval > allowed * (1 + SAME):
         raise InvalidInput(
             f"{source} has a sample every {1e3 * recording.interval:.4g} ms, but the joints' loops "
             f"need one every {1e3 * allowed:.3g} ms at least: record faster.",

@@ -10,16 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
+from armcontour._bounded_differences import differences
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.errors import CompensationError, InvalidInput
+from armcontour.errors import InvalidInput
 from armcontour.learning import aligning
 from armcontour.learning.estimating import UNTESTED, Estimate, smooth_error, unexplained
 from armcontour.learning.lesson import LearnedRun, Lesson, Recording, record
-from armcontour.learning.lifted import NEAR_BOUND, Lifted, Nominal, rms
+from armcontour.learning.lifted import Lifted, Nominal, rms
 from armcontour.learning.servo_fit import fit_servo
 from armcontour.motion import Execution, Log, TaughtData
-from armcontour.motion.command_limits import SLACK, describe_excess, refuse_commands
+from armcontour.motion.command_limits import describe_excess, refuse_commands
+from armcontour.motion.nearest_commands import BY_ORDER, command_bounds, excess, nearest_commands
 from armcontour.servo import ServoModel
 from armcontour.servo.model import LONGEST_DEAD_TIME
 
@@ -37,9 +39,6 @@ TYPICAL_GAIN = 25.0
 # times as slow.
 MOST_SETBACKS = 3
 HALF, SLOWER = 0.5, 100.0
-# A joint whose set-points would exceed a limit gets this share of its change, again and again; of
-# less than NO_STEP it gets none.
-SHORTER, NO_STEP = 0.8, 1e-6
 # Set-points may accelerate so many times as much as before learning, where this is above the limit
 # of the joint. Joints that hardly move count as accelerating by RESTING times the fastest one.
 ROUGHER, RESTING = 2.0, 0.25
@@ -148,7 +147,7 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
             f"learn needs one log for positions of the tool, and at least one without: {len(logs)} "
             "are given."
         )
-    servo = _linear(nominal.servo.for_joints(nominal.arm.dof))
+    servo = _linear(nominal.servo.for_joints(nominal.arm.dof), nominal.arm)
     nominal = nominal._replace(servo=servo)
     if isinstance(taught, Lesson):
         nominal, misfits = nominal._replace(servo=taught.servo), taught.misfits
@@ -158,7 +157,8 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
     fitted = lifted.nominal.servo
     seen = Lesson(
         period=taught.period, q=taught.q, trajectory=taught.trajectory, method=taught.method,
-        start_time=taught.start_time, servo=fitted, misfits=misfits, lifted=lifted,
+        start_time=taught.start_time, command_limits=taught.command_limits, servo=fitted,
+        misfits=misfits, lifted=lifted,
         runs=tuple(_judge_run(lifted, taught, record(x, taught), tool) for x in logs),
         delay=float((fitted.dead_time - servo.dead_time).max()),
         predicted=0.0, noise=0.0, best=0, repeats=0.0, finished=True, reason="learned nothing",
@@ -166,12 +166,16 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
     return seen, lifted
 
 
-def _linear(servo: ServoModel) -> ServoModel:
+def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
     """The linear response of a servo with values per joint, which a fit can change.
 
-    Friction is learned, and a cycle delays by half of it. A joint that only delays its command is
-    one of order "first" with velocity feed-forward 1.
+    Friction is learned. A joint that only delays its command is one of order "first" with velocity
+    feed-forward 1. On rigid bodies a cycle delays by half of it.
     """
+    servo = servo.replace(friction=0.0).for_joints(arm.dof)
+    if servo.cycle and arm.has_bodies and servo.replace(cycle=0.0).is_plain("second"):
+        late = np.minimum(servo.dead_time + servo.cycle / 2, LONGEST_DEAD_TIME)
+        servo = servo.replace(cycle=0.0, dead_time=late)
     loop = np.isfinite(servo.kp)
     orders = np.broadcast_to(servo.order, loop.shape)
     return servo.replace(
@@ -179,9 +183,6 @@ def _linear(servo: ServoModel) -> ServoModel:
         kp=np.where(loop, servo.kp, TYPICAL_GAIN),
         velocity_feedforward=np.where(loop, servo.velocity_feedforward, 1.0),
         acceleration_feedforward=np.where(loop, servo.acceleration_feedforward, 0.0),
-        dead_time=np.minimum(servo.dead_time + servo.cycle / 2, LONGEST_DEAD_TIME),
-        friction=0.0,
-        cycle=0.0,
     )
 
 
@@ -263,36 +264,31 @@ def _next_lesson(
     setbacks += is_setback
     step = HALF**setbacks * (known.step if earlier else 1.0)
     own = _limits_to_keep(seen, limits)
+    refuse_commands(replace(seen, q=best.q), own)
     first = _accelerations(runs[0].q, seen.period)
     fastest = ROUGHER * np.maximum(first, RESTING * first.max())
     if own.joint_acceleration is not None:
         slowest = np.minimum(*np.abs(own.acceleration_bounds(lifted.dof)))
         fastest = np.maximum(slowest, fastest)
-    penalty = known.penalty * SLOWER**setbacks
-    # The set-points are `best.q + step (known.q - best.q + change)`.
-    offset, bend = known.q - best.q, fastest * seen.period**2 * (1 - NEAR_BOUND)
-    now_bent, from_there = (np.diff(x, 2, axis=0) for x in (best.q, offset))
-    least, most = ((x * bend - now_bent) / step - from_there for x in (-1, 1))
-    bounded = lifted.correct_within(known.error, penalty, least, most)
-    response, wanted = lifted.respond(bounded), lifted.correct(known.error, penalty)[0]
-    change = step * (offset + bounded)
-    share, reason = keep_limits(replace(seen, q=best.q), change, own, fastest)
+    change, response = lifted.correct(known.error, known.penalty * SLOWER**setbacks)
+    wanted = best.q + step * (known.q - best.q + change)
+    q, reason = _keep_limits(seen, wanted, best.q, own, fastest)
     # Learning slows down from run to run, as noise and friction take a larger share.
     rest = FITTED if any(seen.misfits) else UNTESTED
     rest = max(known.off, float(np.sqrt(min(now / before, 1.0)))) if earlier else rest
     left = lifted.judge(rest * response).rms
-    lost = lifted.respond(step * (offset + wanted) - share * change)
+    lost = lifted.respond(wanted - q)
     left += lifted.judge(lost).rms + (1 - step) * known.repeats
     predicted = float(np.linalg.norm([left, known.differs / np.sqrt(len(runs)), known.noise]))
     end = _reason_to_finish(known, setbacks, is_setback)
     early = last is None and seen.delay >= seen.period
-    if reason and not (end or early) and rms(share * change) < NO_GAIN * rms(change):
+    if reason and not (end or early) and rms(q - best.q) < NO_GAIN * rms(wanted - best.q):
         end = f"nothing was learned, because {reason}"
     finished, averaged = bool(end), known.is_noise and known.differs > 0
     return replace(
         seen, runs=runs, method="learning", setbacks=setbacks, finished=finished,
         reason=end or reason,
-        q=best.q if finished and not averaged else best.q + share * change,
+        q=best.q if finished and not averaged else q,
         predicted=known.expected if finished else min(predicted, known.expected),
         noise=known.noise, best=known.best, repeats=known.repeats,
     )  # fmt: skip
@@ -300,7 +296,7 @@ def _next_lesson(
 
 def _limits_to_keep(seen: Lesson, limits: Limits | None) -> Limits:
     """The limits that lessons keep; of the plan's those only that its set-points kept."""
-    own = seen.trajectory.limits_for(limits)
+    own = seen.trajectory.limits_for(seen.command_limits if limits is None else limits)
     return own.of_tool if limits is None and describe_excess(seen) else own
 
 
@@ -322,35 +318,36 @@ def _reason_to_finish(known: Estimate, setbacks: int, is_setback: bool) -> str:
 
 def _accelerations(q: FloatArray, period: float) -> FloatArray:
     """Largest acceleration of set-points of each joint [rad/s²], (dof,)."""
-    return np.asarray(np.abs(np.diff(q, 2, axis=0)).max(axis=0, initial=0.0) / period**2)
+    return np.asarray(np.abs(differences(q, 2)).max(axis=0) / period**2)
 
 
-def keep_limits(
-    taught: TaughtData, change: FloatArray, limits: Limits, fastest: FloatArray
+def _keep_limits(
+    seen: Lesson, wanted: FloatArray, best: FloatArray, limits: Limits, fastest: FloatArray
 ) -> tuple[FloatArray, str]:
-    """The share of each joint's change that keeps the limits, (dof,), and why it is not all of it.
+    """The set-points within limits nearest to wanted ones, (n, dof), and the limit that binds most.
 
     Args:
-        taught: The set-points that are changed.
-        change: Their change [rad], (n, dof).
+        seen: The lesson, with its limits of commands.
+        wanted: The wanted set-points [rad], (n, dof).
+        best: Those of the best run [rad], (n, dof), which a joint keeps if there are no others.
         limits: Limits of the controller, with values per joint.
         fastest: Largest acceleration of the set-points of each joint [rad/s²], (dof,).
-
-    Raises:
-        CompensationError: The set-points exceed the limits before the change.
     """
-    share, reason = np.ones(len(fastest)), ""
-    refuse_commands(taught, limits)
-    while True:
-        found = replace(taught, q=taught.q + share * change)
-        rough = _accelerations(found.q, taught.period) > fastest * (1 + SLACK)
-        try:
-            refuse_commands(found, limits)
-            if not rough.any():
-                return share, reason
-            name, j = "acceleration", int(np.argmax(rough))
-        except CompensationError as error:
-            assert error.joint is not None
-            name, j = str(error.limit), error.joint
-        reason = f"the {name} of the set-points of joint {j + 1} limits the step"
-        share[j] = share[j] * SHORTER if share[j] > NO_STEP else 0.0
+    own = Limits.only(
+        joint_velocity=limits.joint_velocity,
+        joint_acceleration=fastest,
+        joint_lower=limits.joint_lower,
+        joint_upper=limits.joint_upper,
+    )
+    bounds = command_bounds(own, len(fastest))
+    if seen.command_limits is not None:
+        others = command_bounds(seen.command_limits, len(fastest))
+        bounds = np.stack(
+            [np.maximum(bounds[:, 0], others[:, 0]), np.minimum(bounds[:, 1], others[:, 1])], axis=1
+        )
+    worst = excess(wanted, seen.period, bounds)
+    if worst is None:
+        return wanted, ""
+    name, j = BY_ORDER[worst[0]] or "range", worst[2]
+    q = nearest_commands(wanted, seen.period, bounds, best)[0]
+    return q, f"the {name} of the set-points of joint {j + 1} limits the step"

@@ -18,10 +18,10 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour._sampling import GAP, interpolate
 from armcontour.arms import Arm
-from armcontour.drives import Drives, mean_over_three, respond_along
-from armcontour.geometry import Path
+from armcontour.drives import Drives, respond_along
 from armcontour.motion import TaughtData
 from armcontour.servo import ServoModel
+from armcontour.servo.model import integrator_filter, without_integral
 from armcontour.servo.simulation import command_weights
 
 # Longest time between two times of the model [s]. The rule of the response is off by about
@@ -36,9 +36,6 @@ PENALTIES, FIRST = (-8, 6), 1e-3
 BRIDGES, BRIDGED = 10, 1e-3
 # Factors that are kept: those of the last penalties, and as many as a search ends with.
 MOST_FACTORS = 3
-# Weight and number of steps of the search for bounded second differences, and its tolerance
-# relative to the bounds.
-BEND_WEIGHT, MOST_BENDS, NEAR_BOUND = 1.0, 100, 0.01
 
 
 class ToolError(NamedTuple):
@@ -74,11 +71,15 @@ class Nominal(NamedTuple):
 
 
 class _Term(NamedTuple):
-    """The interpolated set-points at shifted times [s], times a factor (one, or one per joint)."""
+    """The interpolated set-points at shifted times [s], times a factor (one, or one per joint).
+
+    The integrators see it or not, as acceleration feed-forward.
+    """
 
     factor: FloatArray | float
     interpolation: str
     shift: float
+    seen: bool = True
 
 
 class Lifted:
@@ -90,8 +91,8 @@ class Lifted:
         taught: Set-points; their times and plan count, not their values.
         nominal: The nominal robot.
         t: Regular times of the plan [s], (n,); by default at most 1 ms apart.
-        near: A model of the same set-points and robot with another servo and the same times, which
-            shares its motion and its linearisation.
+        near: A model of the same set-points and robot with another servo and these times, or
+            times in between, which shares its motion and its linearisation.
 
     Attributes:
         t: Regular times of the plan [s], (n,).
@@ -102,7 +103,6 @@ class Lifted:
     """
 
     _motion: tuple[FloatArray, FloatArray, FloatArray]
-    _means: csc_array
 
     def __init__(
         self,
@@ -119,67 +119,99 @@ class Lifted:
             parts = int(np.ceil(self.period / LONGEST_STEP * (1 - 1e-9)))
             rest = float(nominal.servo.dead_time.max()) + AFTER / float(nominal.servo.kp.min())
             intervals = self.count - 1 + int(np.ceil(rest / self.period))
-            t = taught.times(intervals * parts + 1, self.period / parts)
+            step, cycle = self.period / parts, nominal.servo.cycle
+            # At the times at which the drives compute their loops, where these are not far apart.
+            step = cycle if cycle > LONGEST_STEP / 2 else step
+            t = taught.times(int(np.ceil(intervals * self.period / step - 1e-9)) + 1, step)
         self.t, self.step = t, float(t[1] - t[0])
         _checks.refuse_too_many(
             f"Learning {t[-1] - t[0]:.4g} s of motion, {len(t)} times,",
             len(t) * self.dof**2,
             "learn contour by contour or at a higher speed",
         )
-        self.nominal, drives = nominal, nominal.drives
+        self.nominal, self.drives = nominal, nominal.drives
+        every = 1 if near is None else round(self.step / near.step)
         if near is None:
             q, dq, ddq = self.plan.motion_with_rests(t)
+            if nominal.servo.cycle:
+                ddq = self.plan.motion_with_rests(t + nominal.servo.cycle / 2)[2]
             dq[0] = ddq[0] = 0.0
-            self._motion, self._means = (q, dq, ddq), mean_over_three(len(t), self.dof)
+            self._motion = q, dq, ddq
         else:
-            self._motion, self._means = near._motion, near._means
-        self.planned = self._motion[0]
-        self._needed = (drives or nominal.servo).command(*self._motion)
-        # The equations `A x = S c` of x by the command.
-        if near is None or drives is None or near.nominal.drives is None:
+            q, dq, ddq = near._motion
+            self._motion = q[::every], dq[::every], ddq[::every]
+        self.planned, dq, ddq = self._motion
+        self._prompt = nominal.servo.without_feedforward().for_joints(self.dof)
+        left = ddq if self.drives else without_integral(dq, ddq, self._prompt, self.step)
+        self._needed = (self.drives or self._prompt).command(self.planned, dq, left)
+        # The equations of x by the command.
+        if near is None or self.drives is None or near.drives is None:
             self._response = respond_along(self.plan.with_rests, t, **nominal._asdict())
         else:
-            self._response = near._response.of_drives(near.nominal.drives, drives)
-        self._left = self._response.equations()
+            self._response = near._response.of_drives(near.drives, self.drives, every)
+        self._left, self._means, self._unseen = self._response.equations()
         self._solve = splu(self._left, permc_spec="NATURAL")
-        self._factors: dict[tuple[float, float], tuple[Any, IntArray, float]] = {}
+        self._factors: dict[float, tuple[Any, IntArray, float]] = {}
+        self._penalty = FIRST
+        self._weights: dict[tuple[str, float], tuple[IntArray, FloatArray]] = {}
 
-    def _terms(self, shift: float = 0.0) -> list[_Term]:
+    @cached_property
+    def _terms(self) -> list[_Term]:
         """Terms of the command that reaches the drives, with feed-forward."""
-        servo, found = self.nominal.servo, [_Term(1.0, self.nominal.servo.interpolation, shift)]
+        servo, found = self.nominal.servo, [_Term(1.0, self.nominal.servo.interpolation, 0.0)]
         a, b = servo.lead
         if a.any():
-            found += self._rate_terms(a, shift)
+            found += self._rate_terms(a, 0.0)
         if b.any():
             linear = servo.interpolation == "linear"
             late, span = (0.0, self.period) if linear else (self.step / 2, self.step)
-            found += self._rate_terms(b / span, shift + late)
-            found += self._rate_terms(-b / span, shift + late - span)
+            late, span = (0.0, servo.cycle) if servo.cycle else (late, span)
+            bends = self._rate_terms(b / span, late)
+            bends += self._rate_terms(-b / span, late - span)
+            found += [x._replace(seen=False) for x in bends]
         return found
 
     def _rate_terms(self, factor: FloatArray | float, shift: float) -> list[_Term]:
         """Terms of a multiple of the command's velocity, mean over one step [1/s].
 
-        For interpolation "step" it is the velocity of the line one interval before.
+        For interpolation "step" it is the velocity of the line one interval before. Drives with a
+        cycle take the difference to the command of the cycle before.
         """
-        kind, half = self.nominal.servo.interpolation, self.step / 2
-        if kind == "step":
+        kind, cycle = self.nominal.servo.interpolation, self.nominal.servo.cycle
+        if kind == "step" and not cycle:
             kind, shift = "linear", shift - self.period
-        return [_Term(x * factor / self.step, kind, shift + x * half) for x in (1, -1)]
+        span = cycle or self.step
+        return [_Term(x * factor / span, kind, shift - cycle / 2 + x * span / 2) for x in (1, -1)]
 
     def _interpolated(self, term: _Term) -> tuple[IntArray, FloatArray]:
         """Indices of set-points, in the order of `q.ravel()`, and weights, (n dof, 2 or 4) each."""
-        at = (self.t[:, None] - self.start - self.nominal.servo.dead_time + term.shift).ravel()
-        index, weight = command_weights(self.count, self.period, term.interpolation, at)
-        factor = np.tile(np.broadcast_to(term.factor, self.dof), len(self.t))[:, None]
-        return index * self.dof + np.arange(at.size)[:, None] % self.dof, weight * factor
+        key = term.interpolation, term.shift
+        if key not in self._weights:
+            at = (self.t[:, None] - self.start - self.nominal.servo.dead_time + term.shift).ravel()
+            index, weight = command_weights(self.count, self.period, term.interpolation, at)
+            joint = np.arange(at.size)[:, None] % self.dof
+            self._weights[key] = index * self.dof + joint, weight
+        index, weight = self._weights[key]
+        if isinstance(term.factor, float):
+            return index, weight * term.factor
+        return index, weight * np.tile(np.broadcast_to(term.factor, self.dof), len(self.t))[:, None]
 
     def _command(self, q: FloatArray, terms: Sequence[_Term]) -> FloatArray:
         """The sum of terms for set-points, (n, dof)."""
-        found, values = np.zeros(self.planned.size), q.ravel()
-        for index, weight in map(self._interpolated, terms):
-            found += (weight * values[index]).sum(axis=1)
-        return found.reshape(self.planned.shape)
+        found, values = np.zeros((2, self.planned.size)), q.ravel()
+        for term in terms:
+            index, weight = self._interpolated(term)
+            found[int(term.seen)] += (weight * values[index]).sum(axis=1)
+        unseen, seen = found.reshape(2, *self.planned.shape)
+        return np.asarray(seen + self.as_seen(unseen))
+
+    def as_seen(self, command: FloatArray) -> FloatArray:
+        """The command to which joints respond as to one that their integrators do not see.
+
+        Args:
+            command: Command at the times, 0 before the first one [rad], (n, dof).
+        """
+        return without_integral(np.zeros_like(command), command, self._prompt, self.step)
 
     def rates(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Velocities of the command: of the set-points, and with feed-forward [rad/s], (n, dof).
@@ -188,7 +220,10 @@ class Lifted:
             q: Set-points [rad], (count, dof).
         """
         plain = self._command(q, self._rate_terms(1.0, 0.0))
-        after, before = (self.reaching(q, x * self.step / 2) for x in (1, -1))
+        after, before = (
+            self._command(q, [y._replace(shift=y.shift + x * self.step / 2) for y in self._terms])
+            for x in (1, -1)
+        )
         return plain, (after - before) / self.step
 
     def respond(self, change: FloatArray) -> FloatArray:
@@ -199,14 +234,13 @@ class Lifted:
         """
         return self.respond_to(self.reaching(change))
 
-    def reaching(self, change: FloatArray, shift: float = 0.0) -> FloatArray:
+    def reaching(self, change: FloatArray) -> FloatArray:
         """The change of the command that reaches the drives at the times [rad], (n, dof).
 
         Args:
             change: Change of the set-points [rad], (count, dof).
-            shift: Added to the times [s].
         """
-        return self._command(change, self._terms(shift))
+        return self._command(change, self._terms)
 
     def respond_to(self, command: FloatArray) -> FloatArray:
         """Change of the joints by a change of the command that reaches the drives [rad].
@@ -248,41 +282,6 @@ class Lifted:
         change = found[rows:].reshape(self.count, self.dof, *cases)
         return change, (-flat - self._left.T @ found[:rows]).reshape(error.shape)
 
-    def correct_within(
-        self, error: FloatArray, penalty: float, least: FloatArray, most: FloatArray
-    ) -> FloatArray:
-        """The change that `correct` gives, with bounded second differences [rad], (count, dof).
-
-        The alternating direction method of multipliers stops at the first change that satisfies the
-        bounds to NEAR_BOUND.
-
-        Args:
-            error: Errors of the joints at the times [rad], (n, dof).
-            penalty: As in `correct`.
-            least: Lower bounds of the second differences of the change [rad], (count - 2, dof).
-            most: Upper bounds [rad], (count - 2, dof).
-        """
-        change = self.correct(error, penalty)[0]
-        bends, dual, weight = np.diff(change, 2, axis=0), np.zeros_like(least), BEND_WEIGHT
-        if np.all((bends >= least) & (bends <= most)):
-            return change
-        rows, near = error.size, NEAR_BOUND * (most - least) / 2
-        fixed = -(self._left @ error.ravel())
-        for _ in range(MOST_BENDS):
-            factors, order, _ = self._factored(penalty, weight)
-            bounded = np.clip(bends + dual, least, most)
-            pull = np.zeros((self.count, self.dof))
-            for shift, sign in enumerate((1.0, -2.0, 1.0)):
-                pull[shift : shift + len(dual)] -= weight * sign * (bounded - dual)
-            right, found = np.append(fixed, pull.ravel()), np.empty(len(order))
-            found[order] = factors.solve(right[order])
-            change = found[rows:].reshape(self.count, self.dof)
-            bends = np.diff(change, 2, axis=0)
-            dual += bends - bounded
-            if np.all((bends >= least - near) & (bends <= most + near)):
-                break
-        return change
-
     def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
         """The part of an error that a disturbance of the drives explains [rad], (n, dof).
 
@@ -292,42 +291,42 @@ class Lifted:
         """
         return -self.correct(error, penalty)[1]
 
-    def _factored(self, penalty: float, weight: float = 0.0) -> tuple[Any, IntArray, float]:
+    def _factored(self, penalty: float) -> tuple[Any, IntArray, float]:
         """Factors of the optimality conditions, the order of time, and the log of the determinant.
 
         The conditions are those of a minimum over x and du with the multipliers y of
         `A x = B du`, from which `x = -error - A' y` is eliminated: AA' and B above B' and
-        -penalty L'L, and -weight D'D of second differences D. They are quasi-definite, so that no
-        pivots are needed.
+        -penalty L'L. They are quasi-definite, so that no pivots are needed.
         """
-        key = penalty, weight
-        if key not in self._factors:
+        if penalty not in self._factors:
             while len(self._factors) >= MOST_FACTORS:
                 del self._factors[next(iter(self._factors))]
-            conditions, jumps, bends, order = self._conditions
+            conditions, jumps, order = self._conditions
             factors = splu(
-                conditions - penalty * jumps - weight * bends,
+                conditions - penalty * jumps,
                 permc_spec="NATURAL",
                 diag_pivot_thresh=0.0,
                 options={"SymmetricMode": True},
             )
             size = float(np.log(np.abs(factors.U.diagonal())).sum())
-            self._factors[key] = factors, order, size
-        return self._factors[key]
+            self._factors[penalty] = factors, order, size
+        return self._factors[penalty]
 
     @cached_property
-    def _conditions(self) -> tuple[csc_array, csc_array, csc_array, IntArray]:
-        """The conditions of `_factored` without penalties, L'L, D'D, and the order of time."""
+    def _conditions(self) -> tuple[csc_array, csc_array, IntArray]:
+        """The conditions of `_factored` without penalties, L'L, and the order of time."""
         n, size = len(self.t) * self.dof, self.count * self.dof
         rows = size - self.dof
         jump = csc_array(eye_array(rows, size, k=self.dof) - eye_array(rows, size))
-        bend = jump[: rows - self.dof, :rows] @ jump
-        index, weight = (
-            np.hstack(x) for x in zip(*map(self._interpolated, self._terms()), strict=True)
-        )
-        where = np.repeat(np.arange(n), index.shape[1]), index.ravel()
-        weights = csc_array(coo_array((weight.ravel(), where), shape=(n, size)))
-        right = self._means @ weights
+        right = csc_array((n, size))
+        for means, seen in ((self._means, True), (self._unseen, False)):
+            terms = [x for x in self._terms if x.seen == seen]
+            if terms:
+                index, weight = (
+                    np.hstack(x) for x in zip(*map(self._interpolated, terms), strict=True)
+                )
+                where = np.repeat(np.arange(n), index.shape[1]), index.ravel()
+                right += means @ csc_array(coo_array((weight.ravel(), where), shape=(n, size)))
         blocks: Any = [[self._left @ self._left.T, right], [right.T, None]]
         taught = self.start + np.arange(self.count)[:, None] * self.period
         reached = taught + self.nominal.servo.dead_time
@@ -336,26 +335,28 @@ class Lifted:
         order = np.argsort(np.append(np.repeat(self.t, self.dof), reached.ravel()), kind="stable")
         # An array of no entries has the shape of the multipliers.
         none = csc_array((n, n))
-        jumps, bends = (block_diag([none, x.T @ x], format="csc") for x in (jump, bend))
-        parts = csc_array(block_array(blocks)), jumps, bends
-        conditions, jumps, bends = (csc_array(x[order][:, order]) for x in parts)
-        return conditions, jumps, bends, order
+        jumps = block_diag([none, jump.T @ jump], format="csc")
+        parts = csc_array(block_array(blocks)), jumps
+        conditions, jumps = (csc_array(x[order][:, order]) for x in parts)
+        return conditions, jumps, order
 
-    def choose_penalty(self, error: FloatArray, variance: float, first: float = FIRST) -> float:
+    def choose_penalty(self, error: FloatArray, variance: float, first: float = 0.0) -> float:
         """The power of ten that explains an error best, with which noise is not learned.
 
         Args:
             error: Errors of the joints [rad], (n, dof).
             variance: Variance of the noise in them [rad²].
-            first: The penalty from which the search starts, a power of ten.
+            first: The penalty from which the search starts, a power of ten; by default that of the
+                last search, which is near.
         """
         surprise = cache(lambda k: self.surprise(error, 10.0**k, max(variance, 1e-300)))
-        power, last = round(np.log10(first)), None
+        power, last = round(np.log10(first or self._penalty)), None
         while power != last:
             last = power
             around = range(max(power - 1, PENALTIES[0]), min(power + 1, PENALTIES[1]) + 1)
             power = min(around, key=surprise)
-        return float(10.0**power)
+        self._penalty = float(10.0**power)
+        return self._penalty
 
     def surprise(self, error: FloatArray, penalty: float, variance: float) -> float:
         """How improbable an error is, as -2 log of its probability density, but for a constant.
@@ -383,7 +384,13 @@ class Lifted:
         Args:
             error: Errors of the joints at the times [rad], (n, dof).
         """
-        return np.asarray((self._left @ error.ravel()).reshape(error.shape))
+        from scipy.signal import lfilter
+
+        found = (self._left @ error.ravel()).reshape(error.shape)
+        for j in np.flatnonzero(self._prompt.ki):
+            rest = integrator_filter(self._prompt.ki[j], self.step, self._prompt.cycle)[1]
+            found[:, j] = lfilter([1.0], rest, found[:, j])
+        return np.asarray(found)
 
     def between(self, t: FloatArray, values: FloatArray) -> FloatArray:
         """Values at the model's times, at other times, (m, dof); constant before and after them.
@@ -443,26 +450,11 @@ class Lifted:
         """
         planned, tool = (self.nominal.arm.tool_position(self.planned + x) for x in (0.0, error))
         off = np.linalg.norm(tool - planned, axis=1)
-        found = [path.project(tool[which]).distance for path, which in self._paths]
+        found = [path.project(tool[which]).distance for path, which in self.plan.paths_at(self.t)]
         if not found:
             return ToolError(rms(off), float(off.max()), None, None)
         contour = np.concatenate(found)
         return ToolError(rms(off), float(off.max()), rms(contour), float(contour.max()))
-
-    @cached_property
-    def _paths(self) -> list[tuple[Path, IntArray]]:
-        """The paths of the plan, and which times belong to each; empty if one has no path."""
-        plan = self.plan
-        if not plan.spans:
-            return [] if plan.path is None else [(plan.path, np.arange(len(self.t)))]
-        found: list[tuple[Path, IntArray]] = []
-        for span in plan.contour_spans:
-            if span.trajectory is None or span.trajectory.path is None:
-                return []
-            start, end = span.work or span.t
-            which = np.flatnonzero((self.t >= start) & (self.t <= end))
-            found.append((span.trajectory.path, which))
-        return [x for x in found if len(x[1])]
 
 
 def rms(values: FloatArray) -> float:

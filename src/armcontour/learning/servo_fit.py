@@ -65,21 +65,28 @@ def fit_servo(
         The servo, and the RMS deviation of the joints from the motion with the nominal servo and
         with this one, without friction and offsets [rad]; both 0 if it is the nominal servo.
     """
-    every = max(round(STEP / lifted.step), 1)
-    few = Lifted(taught, lifted.nominal, lifted.t[::every])
-    still = np.ptp(lifted.planned, axis=0) < np.maximum(MOVES * noise, STILL)
-    coarse = _Fit(taught, few, error[::every], variance, still)
     # More times than two in an interval of the log say nothing more.
-    fine = max(int(min(interval / 2, STEP) / lifted.step * (1 + 1e-9)), 1)
-    if fine > 1:
-        lifted, error = Lifted(taught, lifted.nominal, lifted.t[::fine]), error[::fine]
-    fit = _Fit(taught, lifted, error, variance, still)
+    spans = STEP, min(interval / 2, STEP)
+    steps = [max(int(x / lifted.step * (1 + 1e-9)), 1) for x in spans]
+    still = np.ptp(lifted.planned, axis=0) < np.maximum(MOVES * noise, STILL)
+    fits = {
+        k: _Fit(
+            taught,
+            lifted if k == 1 else Lifted(taught, lifted.nominal, lifted.t[::k], near=lifted),
+            error[::k],
+            variance,
+            still,
+        )
+        for k in set(steps)
+    }
+    coarse, fit = (fits[k] for k in steps)
+    few, lifted = coarse.lifted, fit.lifted
     # Without changes, and with each feed-forward.
     dof, starts = lifted.dof, np.zeros((1 + len(STARTS), len(fit.spread)))
     starts[1:, dof : 2 * dof] = np.subtract.outer(STARTS, fit.nominal.velocity_feedforward)
     found = min((coarse.solve(x, FIRST) for x in np.unique(starts, axis=0)), key=coarse.cost)
     # The search at all times is short from the penalty at few times.
-    before, fit.penalty = 0.0, few.choose_penalty(coarse.rest(found), variance)
+    before, fit.penalty = 0.0, few.choose_penalty(coarse.rest(found), variance, NO_DISTURBANCE)
     for _ in range(ROUNDS):
         fit.penalty = lifted.choose_penalty(fit.rest(found), variance, fit.penalty)
         if fit.penalty == before:
@@ -121,7 +128,7 @@ class _Fit:
         if self.nominal.kv is not None:
             each[3, np.isinf(self.nominal.kv)] = KNOWN
         self.spread = np.append(each.ravel(), DELAY_PRIOR)
-        self._last = np.zeros(len(self.spread)), lifted
+        self._last: tuple[FloatArray, Lifted, FloatArray, FloatArray] | None = None
 
     def servo(self, x: FloatArray) -> ServoModel:
         """The servo of parameters."""
@@ -129,12 +136,14 @@ class _Fit:
         nominal = self.nominal
         # A servo with acceleration feed-forward has velocity feed-forward, too.
         least = np.where(nominal.acceleration_feedforward > 0, LEAST_F, 0.0)
+        # Loops with a cycle are unstable with larger gains.
+        low, high = GAINS[0], 1 / nominal.cycle if nominal.cycle else GAINS[1]
         kv = nominal.kv
         if kv is not None:
-            changed = np.clip(kv * (1 + b) / (1 + c[0]), *GAINS)
+            changed = np.clip(kv * (1 + b) / (1 + c[0]), low, np.maximum(kv, high))
             kv = np.where(np.isinf(kv), kv, changed)
         return nominal.replace(
-            kp=np.clip(nominal.kp / (1 + b), *GAINS),
+            kp=np.clip(nominal.kp / (1 + b), low, np.maximum(nominal.kp, high)),
             kv=kv,
             velocity_feedforward=np.clip(
                 (nominal.velocity_feedforward + a) / (1 + b), least, MOST_F
@@ -142,24 +151,27 @@ class _Fit:
             dead_time=np.clip(nominal.dead_time + x[-1], 0.0, LONGEST_DEAD_TIME),
         )
 
-    def response(self, x: FloatArray) -> Lifted:
-        """The response with the servo of parameters."""
-        if not np.array_equal(x, self._last[0]):
-            nominal = self.lifted.nominal._replace(servo=self.servo(x))
-            self._last = x.copy(), Lifted(self.taught, nominal, self.lifted.t, near=self.lifted)
-        return self._last[1]
+    def response(self, x: FloatArray) -> tuple[Lifted, FloatArray, FloatArray]:
+        """The response with the servo of parameters, its motion and that by friction."""
+        if self._last is None or not np.array_equal(x, self._last[0]):
+            response = self.lifted
+            if x.any():
+                nominal = response.nominal._replace(servo=self.servo(x))
+                response = Lifted(self.taught, nominal, response.t, near=response)
+            expected = response.expected(self.taught.q)
+            self._last = x.copy(), response, expected, self._friction(expected)
+        return self._last[1:]
 
     def rest(self, x: FloatArray) -> FloatArray:
         """Deviations that parameters leave unexplained [rad], (n, dof)."""
-        friction = x[:-1].reshape(-1, self.dof)[2]
-        expected = self.response(x).expected(self.taught.q)
-        return np.asarray(self.measured - expected - self._friction(expected) * friction)
+        _, expected, friction = self.response(x)
+        return np.asarray(self.measured - expected - friction * x[:-1].reshape(-1, self.dof)[2])
 
     def _friction(self, expected: FloatArray) -> FloatArray:
         speed = np.gradient(expected, self.lifted.step, axis=0)
         fastest = np.abs(speed).max(axis=0)
         direction = np.tanh(speed / np.where(fastest > 0, 1e-2 * fastest, 1.0))
-        return self.lifted.respond_to(direction)
+        return self.lifted.respond_to(self.lifted.as_seen(direction))
 
     def whiten(self, error: FloatArray) -> FloatArray:
         """Deviations whose values are independent, with the standard deviation 1, (m, cases)."""
@@ -174,21 +186,22 @@ class _Fit:
 
     def derivatives(self, x: FloatArray) -> FloatArray:
         """Derivatives of `residuals` by the parameters."""
-        lifted, nominal, dof = self.response(x), self.nominal, self.dof
+        nominal, dof = self.nominal, self.dof
+        lifted, expected, friction = self.response(x)
         rate, with_feedforward = lifted.rates(self.taught.q)
-        expected = lifted.expected(self.taught.q)
         dq = np.gradient(expected, lifted.step, axis=0)
         causes = [-dq / nominal.kp, rate / nominal.kp]
         if nominal.kv is not None:
-            drives, ddq = lifted.nominal.drives, np.gradient(dq, lifted.step, axis=0)
+            drives, ddq = lifted.drives, np.gradient(dq, lifted.step, axis=0)
             if drives is not None:
                 ddq = drives.moving_torque(expected, dq, ddq) / drives.inertia
+            ddq = lifted.as_seen(ddq)
             causes.append(-ddq / (nominal.kp * nominal.kv))
         each = [x[:, :, None] * np.eye(dof) for x in causes]
         late = -with_feedforward[:, :, None]
         parts = lifted.respond_to(np.concatenate([*each, late], axis=2))
-        friction = self._friction(expected)[:, :, None] * np.eye(dof)
-        parts = np.concatenate([parts[:, :, : 2 * dof], friction, parts[:, :, 2 * dof :]], axis=2)
+        own = friction[:, :, None] * np.eye(dof)
+        parts = np.concatenate([parts[:, :, : 2 * dof], own, parts[:, :, 2 * dof :]], axis=2)
         return np.vstack([-self.whiten(parts), np.diag(1 / self.spread)])
 
     def solve(self, x: FloatArray, steps: int) -> FloatArray:

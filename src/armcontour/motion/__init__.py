@@ -7,6 +7,7 @@ from armcontour.motion.execution import (
     LONGEST_CLOCK,
     Execution,
     FineMotion,
+    LimitCost,
     TaughtData,
     check_interval,
 )
@@ -40,6 +41,7 @@ __all__ = [
     "LapLaw",
     "Law",
     "LawAlongPath",
+    "LimitCost",
     "LineLaw",
     "Log",
     "Method",

@@ -9,10 +9,7 @@ from armcontour.arms import Limits
 from armcontour.arms.limits import by_direction
 from armcontour.errors import CompensationError
 from armcontour.motion.execution import TaughtData
-
-# A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
-# rounding errors.
-SLACK = 1e-9
+from armcontour.motion.nearest_commands import SLACK
 
 
 def refuse_commands(taught: TaughtData, limits: Limits | None = None) -> None:
@@ -23,12 +20,13 @@ def refuse_commands(taught: TaughtData, limits: Limits | None = None) -> None:
 
     Args:
         taught: The set-points.
-        limits: Limits in place of those of the plan.
+        limits: Limits in place of those of the plan; by default the limits of commands.
 
     Raises:
         CompensationError: A limit is exceeded; with the set-point of the largest excess.
     """
-    dof, limits = taught.q.shape[1], taught.trajectory.limits_for(limits)
+    given = taught.command_limits if limits is None else limits
+    dof, limits = taught.q.shape[1], taught.trajectory.limits_for(given)
     lower, upper = limits.joint_range(dof)
     _refuse_beyond(taught, "joint_upper", taught.q, upper)
     _refuse_beyond(taught, "joint_lower", -taught.q, -lower)

@@ -9,10 +9,20 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray, Value
-from armcontour._describing import brief, draw, joint_rows, line_up, milliseconds, several, to_html
+from armcontour._describing import (
+    brief,
+    draw,
+    joint_rows,
+    line_up,
+    milliseconds,
+    mm,
+    several,
+    to_html,
+)
 from armcontour._quintics import evaluate, quintic
-from armcontour.arms import Arm
+from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput
+from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import Trajectory, to_columns
 
 # A plant's motion ends at a result if it is as near to it as this [rad].
@@ -280,6 +290,33 @@ def check_interval(period: float) -> float:
     return _checks.between("command interval", interval, *INTERVALS, "s")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LimitCost(Value):
+    """What limits of commands cost: set-points differ from those without these limits.
+
+    Args:
+        deviation: Largest change of the set-points of each joint [rad], (dof,).
+        contour_rms: RMS contour error that the changes cause by the servo model, if the set-points
+            without limits cause none [m]; None if the plan knows no arm or has no path.
+        contour_max: Largest such contour error [m].
+    """
+
+    deviation: FloatArray
+    contour_rms: float | None = None
+    contour_max: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "deviation", _checks.lock_floats(self.deviation, "deviation"))
+
+    def __str__(self) -> str:
+        """Largest change of a set-point, and the contour error."""
+        j = int(np.argmax(self.deviation))
+        text = f"up to {self.deviation[j] * 1e3:.3g} mrad at joint {j + 1}"
+        if self.contour_rms is None or self.contour_max is None:
+            return text
+        return f"{text}, contour error {mm(self.contour_rms)} RMS, {mm(self.contour_max)} largest"
+
+
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TaughtData(Value):
@@ -295,6 +332,8 @@ class TaughtData(Value):
             set-points with a time advance start before.
         cut_off: Bound of each joint's error after the planned motion because the transient of its
             set-points is cut off [rad], (dof,); None if it is not.
+        command_limits: Limits of the set-points themselves, as in `compensate`; None without any.
+        limit_cost: Cost of these limits; None if all set-points are as without them.
 
     Raises:
         InvalidInput: The set-points are not finite numbers, (n, dof), the interval is outside
@@ -307,6 +346,8 @@ class TaughtData(Value):
     method: str
     start_time: float = 0.0
     cut_off: FloatArray | None = None
+    command_limits: Limits | None = None
+    limit_cost: LimitCost | None = None
 
     def __post_init__(self) -> None:
         _checks.check_fields(self)
@@ -342,8 +383,26 @@ class TaughtData(Value):
             ("compensation", self.method),
             ("times", f"{first:.4f} to {last:.4f} s"),
             ("plan", f"{self.trajectory.duration:.4f} s"),
+            ("command / limit", self.command_note),
+            ("limits change", "" if self.limit_cost is None else str(self.limit_cost)),
             *joint_rows(self.q),
         ]
+
+    @property
+    def command_use(self) -> dict[str, FloatArray]:
+        """Largest share of each command limit that set-points use, per joint, (dof,) each.
+
+        Velocities, accelerations and jerks are differences of the set-points over the command
+        interval, as controllers check them. Empty without command limits.
+        """
+        if self.command_limits is None:
+            return {}
+        return command_use(self.q, self.period, self.command_limits)
+
+    @property
+    def command_note(self) -> str:
+        """The largest values of `command_use`, as text; empty without command limits."""
+        return ", ".join(f"{name} {use.max():.4f}" for name, use in self.command_use.items())
 
     @property
     def t(self) -> FloatArray:

@@ -295,6 +295,24 @@ class Trajectory(Value):
             return (Span(move=0, kind="contour", t=t, s=s, work=t, trajectory=self),)
         return tuple(x for x in self.spans if x.kind == "contour")
 
+    def paths_at(self, t: FloatArray) -> list[tuple[Path, IntArray]]:
+        """Paths of the contours, and which times belong to each; empty if one has no path.
+
+        A path has all times, a contour of a program those while the process is at work on it.
+
+        Args:
+            t: Times [s], (n,).
+        """
+        if not self.spans:
+            return [] if self.path is None else [(self.path, np.arange(len(t)))]
+        found: list[tuple[Path, IntArray]] = []
+        for span in self.contour_spans:
+            if span.trajectory is None or span.trajectory.path is None:
+                return []
+            start, end = span.work or span.t
+            found.append((span.trajectory.path, np.flatnonzero((t >= start) & (t <= end))))
+        return [x for x in found if len(x[1])]
+
     @property
     def breaks(self) -> FloatArray:
         """Times between which the motion is smooth, with start and end [s]."""

@@ -11,9 +11,9 @@ from armcontour._describing import digits
 from armcontour.identification import (
     Estimate,
     Identification,
-    JointIdentification,
     RobotIdentification,
 )
+from armcontour.identification.results import JOINT_HEADINGS, joint_cells
 from armcontour.report.figure import Figure, render_page
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -43,17 +43,24 @@ SYMBOLS = {
 }
 
 
+# Time between logs in the figures [s].
+APART = 1.0
+
+
 def render_identification(found: Identification) -> str:
     """Render the report of an identification as one HTML page without other files."""
     joints = [
         {
             "joint": joint,
             "rows": [_row(x) for x in joint.estimates],
-            "figures": _figures(joint),
+            "figures": _figures(found, j),
         }
-        for joint in found.joints
+        for j, joint in enumerate(found.joints)
     ]
-    return render_page("identification.html", found=found, joints=joints)
+    table = [joint_cells(*x) for x in zip(found.joints, found.judgement.joints, strict=True)]
+    return render_page(
+        "identification.html", found=found, joints=joints, headings=JOINT_HEADINGS, table=table
+    )
 
 
 def render_robot(found: RobotIdentification) -> str:
@@ -113,20 +120,25 @@ def _row(x: Estimate) -> tuple[str, ...]:
     )
 
 
-def _figures(joint: JointIdentification) -> list[Any]:
+def _figures(found: Identification, j: int) -> list[Any]:
     """Figures of a joint: measured and predicted position, and residual, where not fitted."""
-    if not len(joint.t):
+    joint = found.joints[j]
+    if not joint.rests:
         return []
+    gap, start, parts = np.full((1, 3), np.nan), 0.0, []
+    for log, rest in zip(found.logs, joint.rests, strict=True):
+        y = log.measured[:, j]
+        parts += [np.stack([log.t - log.t[0] + start, y, rest], axis=1), gap]
+        start += log.t[-1] - log.t[0] + APART
+    times, measured, rests = np.concatenate(parts).T
     motion, residual = Figure(), Figure()
-    for curve, name, colour in (
-        (joint.measured, "measured", EXECUTED_COLOUR),
-        (joint.unseen, "predicted from the other parts", PLANNED_COLOUR),
+    for figure, curve, name, colour in (
+        (motion, measured, "measured", EXECUTED_COLOUR),
+        (motion, measured - rests, "predicted from the other parts", PLANNED_COLOUR),
+        (residual, rests * 1e3, "residual", LIMIT_COLOUR),
     ):
-        t, y = thin(joint.t, curve)
-        motion.add_trace(line(t, y, name, colour, width=1.5))
-    off = (joint.measured - joint.unseen) * 1e3
-    t, off = thin(joint.t, off)
-    residual.add_trace(line(t, off, "residual", LIMIT_COLOUR, width=1))
+        t, y = thin(times, curve)
+        figure.add_trace(line(t, y, name, colour, width=1.5))
     for figure, unit in ((motion, "position [rad]"), (residual, "residual [mrad]")):
         figure.update_xaxes(title="t [s]")
         figure.update_yaxes(title=unit)

@@ -24,6 +24,8 @@ STILL_SPEED = 1e-9
 # evaluated at this many finer steps. A vertex with a smaller turn than CORNER [rad] is no corner.
 FINER = 16
 CORNER = 1e-3
+# A joint with an integrator gets faster by at most about this factor before it rests.
+OVERSHOOT = 10.0
 # Times that differ by less than this many intervals between results are equal.
 SNAP = 1e-9
 
@@ -96,14 +98,16 @@ class Sample(NamedTuple):
     """The parameters of one robot.
 
     Attributes:
-        kp, kv: Servo gains [1/s], (dof,); kv is 0 for a servo of first order.
+        kp, kv, ki: Servo gains [1/s], (dof,); kv is 0 for a servo of first order, and ki without
+            integrator.
         load: Additional mass at the tool [kg].
-        commands: Polynomials of the commands, (dof, n + 1, 4).
+        commands: Polynomials of the commands, as in `march`, (dof, n + 1, 4 or 8).
         starts: Times of the set-points at the joints [s], (dof, n).
     """
 
     kp: FloatArray
     kv: FloatArray
+    ki: FloatArray
     load: float
     commands: FloatArray
     starts: FloatArray
@@ -225,8 +229,8 @@ def _advance_joints(
         sample: The robot.
         begin: First command interval.
         size: Number of intervals.
-        states: Position [rad], velocity [rad/s], time in saturation [s] and largest demand over
-            its limit of all joints, (dof, 4); updated.
+        states: Position [rad], velocity [rad/s], time in saturation [s], largest demand over its
+            limit, and demand without a payload [rad/s²] of all joints, (dof, 5); updated.
         places: Output: results of all joints, (dof, n, 3).
 
     Returns:
@@ -241,12 +245,12 @@ def _advance_joints(
     # A payload means more inertia at the same torque: less gain and limits in every interval.
     chunk = count if sample.load == 0.0 else steps
     for j in range(len(states)):
-        kp, kv, share = sample.kp[j], sample.kv[j], 1.0
+        kp, kv, ki, share = sample.kp[j], sample.kv[j], sample.ki[j], 1.0
         for first in range(0, count, chunk):
             if sample.load != 0.0:
                 k = min(begin + first // steps, setting.inertia.shape[1] - 1)
                 share = 1 / (1 + sample.load * setting.inertia[j, k])
-            servo = Servo(kp, kv * share, setting.lower[j] * share, setting.upper[j] * share)
+            servo = Servo(kp, kv * share, setting.lower[j] * share, setting.upper[j] * share, ki)
             limit = min(-servo.lower, servo.upper)
             most = states[j, 3] * limit if limit < math.inf else math.inf
             m = march(
@@ -255,16 +259,21 @@ def _advance_joints(
                 sample.commands[j],
                 sample.starts[j],
                 times[first : first + chunk + 1],
-                Motion(states[j, 0], states[j, 1], 0.0, states[j, 2], -most, most),
+                Motion(states[j, 0], states[j, 1], share * states[j, 4], states[j, 2], -most, most),
                 places[j, first : first + chunk],
             )
             if not math.isfinite(m.q + m.w):
                 return math.nan
             states[j, 0], states[j, 1], states[j, 2] = m.q, m.w, m.saturated
+            states[j, 4] = m.held / share
             states[j, 3] = max(-m.lowest, m.highest) / limit if limit < math.inf else 0.0
         # The energy of a joint decreases, whether the joint is saturated or not.
         off, w = states[j, 0] - sample.commands[j, -1, 0], states[j, 1]
-        if kv > 0.0:
+        if ki > 0.0:
+            # An integrator gives energy, too.
+            rate = max(kv, math.sqrt(kv * (kp + ki)))
+            total += OVERSHOOT * (abs(w) + rate * abs(off) + abs(states[j, 4]) / rate)
+        elif kv > 0.0:
             total += math.sqrt(w * w + kp * kv * off * off)
         elif off != 0.0:
             total += kp * abs(off)
@@ -286,7 +295,7 @@ def execute(setting: Setting, sample: Sample) -> tuple[float, float, float, floa
     """
     line, clock, dof = setting.line, setting.clock, len(sample.commands)
     period, knots = clock.period, sample.commands.shape[1] - 1
-    anchors, states = np.zeros((dof, 3)), np.zeros((dof, 4))
+    anchors, states = np.zeros((dof, 3)), np.zeros((dof, 5))
     anchors[:, 2] = 1.0
     places, late = np.empty((dof, CHUNK * clock.steps, 3)), 0.0
     for j in range(dof):

@@ -24,7 +24,13 @@ from armcontour.robustness._monte_carlo import Clock, Line, Sample, Setting, exe
 from armcontour.robustness.box import Box
 from armcontour.servo import ServoModel
 from armcontour.servo.model import GAINS
-from armcontour.servo.simulation import CUBIC, STRAIGHT, command_and_rates, polynomials
+from armcontour.servo.simulation import (
+    CUBIC,
+    STRAIGHT,
+    command_and_rates,
+    polynomials,
+    with_integrated,
+)
 
 # Longest time between two samples of the contour error: 2 ms [s], and half of the shortest time
 # constant of a servo. The RMS error of the paper's job is then within 1e-4 of that at 0.1 ms.
@@ -294,7 +300,8 @@ class _Model:
         line = _line(path, taught, arm, self._lag())
         inertia = _inertia(arm, taught, box)
         self.setting = Setting(robot, reach, line, clock, kind, inertia, lower, upper)
-        self.commands = polynomials(taught.q, taught.period, self.servo.without_feedforward())
+        plain = self.servo.without_feedforward().for_joints(dof)
+        self.commands = with_integrated(plain, lambda x: polynomials(taught.q, taught.period, x))
         _, *self.rates = command_and_rates(taught.q, taught.period, servo.interpolation)
 
     def span(self, signs: FloatArray) -> FloatArray:
@@ -395,15 +402,16 @@ class _Model:
             rate = servo.velocity_feedforward / kp
             bend = servo.acceleration_feedforward / (kp * np.where(kv > 0, kv, 1.0))
             velocity, acceleration = self.rates
-            commands = commands + rate[:, None, None] * velocity
-            commands += bend[:, None, None] * acceleration
+            leads = np.tile(rate[:, None, None] * velocity, commands.shape[2] // 4)
+            leads[:, :, :4] += bend[:, None, None] * acceleration
+            commands = commands + leads
         if seed is not None and self.box.jitter > 0.0:
             # The controller interpolates between two set-points over the time between arrivals.
             starts += jitter_of(seed, number, count, self.box.jitter)
             rates = period / np.diff(starts, axis=1)
             commands = commands.copy()
-            commands[:, 1:count] *= rates[:, :, None] ** np.arange(4)
-        return Sample(kp, kv, load, commands, starts)
+            commands[:, 1:count] *= rates[:, :, None] ** (np.arange(commands.shape[2]) % 4)
+        return Sample(kp, kv, np.array(servo.ki), load, commands, starts)
 
     def _names(self) -> list[str]:
         """Names of all parameters, in the order of the columns of `executed`."""
@@ -514,11 +522,6 @@ def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray
         raise InvalidInput(
             "Robots with uncertain parameters are simulated with continuous loops only: leave "
             "cycle out of the servo, or set it to 0."
-        )
-    if servo.ki.any():
-        raise InvalidInput(
-            "Robots with uncertain parameters are simulated without integrators only: leave ki out "
-            "of the servo, or leave the box out."
         )
     if box.jitter and servo.has_feedforward:
         raise InvalidInput(

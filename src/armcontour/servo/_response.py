@@ -63,20 +63,24 @@ def shift(u: Cubic, t: float) -> Cubic:
 
 
 class Servo(NamedTuple):
-    """Gains [1/s] and acceleration bounds [rad/s²] of one joint; kv = 0 means first order."""
+    """Gains [1/s] and acceleration bounds [rad/s²] of one joint.
+
+    kv = 0 means first order, and ki = 0 no integrator.
+    """
 
     kp: float
     kv: float
     lower: float
     upper: float
+    ki: float
 
 
 class Motion(NamedTuple):
     """State of a joint, and accumulated results.
 
     They are position q [rad] and velocity w [rad/s]; the acceleration [rad/s²] or velocity that a
-    drive with a cycle holds; time in saturation [s], and lowest and highest demand [rad/s²] up to
-    now.
+    drive with a cycle holds, or with an integrator the demand; time in saturation [s], and lowest
+    and highest demand [rad/s²] up to now.
     """
 
     q: float

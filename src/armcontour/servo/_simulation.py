@@ -9,13 +9,14 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._kernels import FUSED, compiled
-from armcontour.servo._cascade import march_cascade
+from armcontour.servo._cascade import march_cascade, march_lines
 from armcontour.servo._response import (
     LARGEST_STEP,
     Cubic,
     Motion,
     Servo,
     Step,
+    advance_freely,
     demand,
     fastest_rate,
     progresses,
@@ -33,10 +34,7 @@ KEPT, COLUMNS = 4, 13
 
 
 class Joints(NamedTuple):
-    """Gains and acceleration bounds of all joints, (rows,) each, as in `Servo`.
-
-    Integral gains ki are 0 for joints without an integrator.
-    """
+    """Gains and acceleration bounds of all joints, (rows,) each, as in `Servo`."""
 
     kp: FloatArray
     kv: FloatArray
@@ -95,23 +93,35 @@ def march_held(
 ) -> Motion:
     """Simulate a joint whose acceleration or velocity is held for a piece; as `march`.
 
-    `at` is the number of pieces that have begun at times[0].
+    `at` is the number of pieces that have begun at times[0]. The integral changes once per piece,
+    by the law of `_cascade`, before the demand is computed.
     """
     q, w, held, saturated, lowest, highest = m
     first, last, now = servo.kv == 0.0, len(starts), times[0]
+    kp, kv, ki = servo.kp, servo.kv, servo.ki
     if 0 < at and starts[at - 1] > now - NEAR:
         at -= 1
-    z = held
+    z, x, cycle = held, 0.0, starts[1] - starts[0] if last > 1 else 0.0
+    if ki > 0.0 and at > 0:
+        # From the demand of the last cycle, and where the joint was then.
+        held = min(max(z, servo.lower), servo.upper)
+        t = now - starts[at - 1]
+        v = w - t * held
+        p = q - t * (w + v) / 2
+        x = (z / kv - kp * (pieces[at, 0] - p) + v) / ki - cycle * (z - held) / kv
     for row in range(1, len(times)):
         until = times[row]
         while until - now > NEAR:
             if at < last and starts[at] - now <= NEAR:
                 at += 1
                 if first:
-                    held, z = servo.kp * (pieces[at, 0] - q), 0.0
+                    held, z = kp * (pieces[at, 0] - q), 0.0
                 else:
-                    z = servo.kv * (servo.kp * (pieces[at, 0] - q) - w)
+                    if ki > 0.0:
+                        x += cycle * (kp * (pieces[at, 4] - q) - w)
+                    z = kv * (kp * (pieces[at, 0] - q) - w + ki * x)
                     held = min(max(z, servo.lower), servo.upper)
+                    x -= cycle * (z - held) / kv
                 lowest, highest = min(lowest, z), max(highest, z)
                 continue
             stop = starts[at] if at < last and starts[at] < until - NEAR else until
@@ -124,7 +134,7 @@ def march_held(
             now = stop
         now = until
         out[row - 1, 0], out[row - 1, 1], out[row - 1, 2] = q, w, z
-    return Motion(q, w, held, saturated, lowest, highest)
+    return Motion(q, w, z if ki > 0.0 else held, saturated, lowest, highest)
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
@@ -142,9 +152,10 @@ def march(
     Args:
         servo: Gains and acceleration bounds of the joint; an infinite kp only delays.
         kind: 0: commands are held or lines; 1: cubics; 2: a drive holds its acceleration for each
-            piece.
+            piece; 3: as 0, without saturation, and only positions are results.
         pieces: Coefficients of the command in the time since the begin of each piece; the first
-            and the last one are constant, (n + 1, 4).
+            and the last one are constant, (n + 1, 4); with an integrator those of v, too, (n + 1,
+            8).
         starts: Times at which all pieces but the first reach the joint [s], (n,).
         times: Time of the start, and those of the results [s], (m + 1,).
         motion: State at the start.
@@ -153,6 +164,8 @@ def march(
     Returns:
         State at the end; not finite if time steps as short as the servo needs make no progress.
     """
+    if servo.ki > 0.0 and kind != 2:
+        return march_cascade(servo, pieces, starts, times, motion, out)
     m, delays, last, now = motion, math.isinf(servo.kp), len(starts), times[0]
     # The number of pieces that have begun, by bisection.
     at, high = 0, last
@@ -184,12 +197,16 @@ def march(
                     slot = i
             if slot < 0:
                 slot, oldest = oldest, (oldest + 1) % KEPT
-                if not write_step(servo.kp, servo.kv, span, kind == 0, kept[slot]):
+                if not write_step(servo.kp, servo.kv, span, kind != 1, kept[slot]):
                     return Motion(math.nan, math.nan, 0.0, m.saturated, m.lowest, m.highest)
             x = kept[slot]
             step = Step(x[2], x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], x[11], x[12])
             for _ in range(int(x[1])):
-                m = respond(servo, step, u, m)
+                if kind == 3:
+                    q, w = advance_freely(step, u, m.q, m.w)
+                    m = Motion(q, w, 0.0, m.saturated, m.lowest, m.highest)
+                else:
+                    m = respond(servo, step, u, m)
                 u = shift(u, step.time)
         now = until
         if delays:
@@ -227,10 +244,11 @@ def run_joints(
     saturated, lowest, highest, held = np.empty((4, rows))
     stuck = np.empty(rows, np.bool_)
     for j in range(rows):
-        servo = Servo(joints.kp[j], joints.kv[j], joints.lower[j], joints.upper[j])
+        bounds = joints.lower[j], joints.upper[j]
+        servo = Servo(joints.kp[j], joints.kv[j], bounds[0], bounds[1], joints.ki[j])
         m = Motion(states[0, j], states[1, j], states[2, j], 0.0, 0.0, 0.0)
-        if joints.ki[j] > 0.0:
-            m = march_cascade(servo, joints.ki[j], commands[j], starts[j], times, m, out[j])
+        if joints.ki[j] > 0.0 and kind == 3:
+            m = march_lines(servo, commands[j], starts[j], times, m, out[j])
         else:
             m = march(servo, kind, commands[j], starts[j], times, m, out[j])
         saturated[j], lowest[j], highest[j], held[j] = m.saturated, m.lowest, m.highest, m.held

@@ -13,6 +13,7 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, Value
 from armcontour._quantities import (
     AngularErrors,
+    AtLeast,
     Choice,
     DeadTimes,
     Duration,
@@ -20,6 +21,9 @@ from armcontour._quantities import (
     Gains,
     IntegralGains,
     JointInertias,
+    LargestRatio,
+    LoggedAccelerations,
+    LoggedVelocities,
     OwnAccelerations,
 )
 from armcontour.errors import InvalidInput
@@ -45,12 +49,17 @@ LONGEST_DEAD_TIME = 60.0
 # Most time constants in a command interval. With more, the joint comes to rest long before the next
 # set-point, and the simulation needs a step for each half of a time constant.
 MOST_TIME_CONSTANTS = 1000.0
+# Compensation that leaves a larger share of the contour error where the servo was not fitted may be
+# worse than none on other programs.
+TRUSTED = 0.5
+# Largest logged velocity or acceleration [rad/s, rad/s²], and the ratio that is exceeded.
+MOST_LOGGED, EXCEEDED = 1e6, 1.02
 # Names in messages.
 NAMES = {"kp": "servo gain kp", "kv": "servo gain kv", "inertia": "servo inertia"}
 # Parameters with one value for all joints, or one per joint.
 PER_JOINT = (
     *("kp", "kv", "ki", "dead_time", "inertia", "velocity_feedforward", "acceleration_feedforward"),
-    *("friction", "acceleration_limit", "unexplained"),
+    *("friction", "acceleration_limit", "unexplained", "logged_velocity", "logged_acceleration"),
 )
 
 
@@ -65,12 +74,14 @@ class ServoModel(Value):
     - order "first": `dq = K_p (u - q) + f du + g ddu`, a first-order lag, for a very fast velocity
       loop;
     - order "delay": `q = u`;
-    - order "unknown": no model of the joint. Compensation leaves the plan as its set-points, and
-      simulations let it follow these exactly.
+    - order "unknown": no model of the joint but its dead time. Compensation leaves the plan as its
+      set-points, and simulations let it follow these exactly, both with the dead time.
 
     All of u, du and ddu are delayed by tau, and dry friction reduces u by `c sign(du)`; in a P-PI
     cascade it is the acceleration `-K_p K_v c sign(du)`, which the integrator does not see. In
-    saturation the integrator goes on. Between two set-points the command is, by interpolation,
+    saturation the integrator does not wind up: it integrates the velocity error less the part of
+    the demand above the limit, over K_v (back-calculation with the gain k_i, also known as
+    automatic reset). Between two set-points the command is, by interpolation,
 
     - "linear": the straight line;
     - "step": the earlier set-point (zero-order hold);
@@ -88,7 +99,7 @@ class ServoModel(Value):
 
     With a cycle, the loop is computed once per cycle, from command and state at its begin: the
     acceleration (order "second") or velocity ("first") is constant for the cycle, and du and ddu
-    are differences of u over cycles.
+    are differences of u over cycles. The integral then includes the velocity error of that cycle.
 
     The command passes each set-point at its time. A controller needs the next set-point for
     a line, and the one after it for the cubic; its wait for them is part of the dead time.
@@ -107,7 +118,7 @@ class ServoModel(Value):
             for rigid bodies and for servos of order "second". None is the arm's own nominal
             inertia.
         ki: Integral gain k_i of the velocity loop [1/s], one for all joints or one per joint; 0
-            without an integrator. Only for order "second" without a cycle.
+            without an integrator. Only for order "second".
         velocity_feedforward: Share f of the velocity of the command that is added to the velocity
             loop, one for all joints or one per joint: 0 for the paper's servo, about 1 for most
             drives of industrial robots.
@@ -122,6 +133,13 @@ class ServoModel(Value):
         cycle: Time between two computations of the drives' loops [s]; 0 for continuous loops.
         unexplained: Largest error of this model on measured motion to which it was not fitted
             [rad], one for all joints or one per joint; None if it is not known.
+        logged_velocity: Largest velocity [rad/s] of the motion on which `unexplained` was
+            determined, one for all joints or one per joint; None if it is not known.
+        logged_acceleration: Largest acceleration of that motion [rad/s²], one for all joints or one
+            per joint; None if it is not known.
+        contour_ratio: RMS contour error with compensation over that without it, on measured motion
+            to which the model was not fitted; None if it is not known.
+        programs: Number of programs on which contour_ratio was determined; None if it is not known.
 
     Raises:
         InvalidInput: A gain or an inertia is missing, not needed or out of range; a dead time is
@@ -143,6 +161,10 @@ class ServoModel(Value):
     acceleration_limit: OwnAccelerations | None
     cycle: Duration
     unexplained: AngularErrors | None
+    logged_velocity: LoggedVelocities | None
+    logged_acceleration: LoggedAccelerations | None
+    contour_ratio: LargestRatio | None
+    programs: Annotated[int, AtLeast(1)] | None
 
     def __init__(
         self,
@@ -160,6 +182,10 @@ class ServoModel(Value):
         acceleration_limit: npt.ArrayLike | None = None,
         cycle: float = 0.0,
         unexplained: npt.ArrayLike | None = None,
+        logged_velocity: npt.ArrayLike | None = None,
+        logged_acceleration: npt.ArrayLike | None = None,
+        contour_ratio: float | None = None,
+        programs: int | None = None,
     ) -> None:
         _checks.choice("interpolation", interpolation, INTERPOLATIONS)
         orders = (order,) if isinstance(order, str) else _checks.check_names("order", order)
@@ -180,7 +206,7 @@ class ServoModel(Value):
             )
         given["kv"] = None if kv is None else _check_gain("kv", kv, second, same)
         given["ki"] = _check_range("ki", ki, "1/s", 0.0, GAINS[1])
-        _refuse_integrator(given["ki"], second, interpolation, acceleration_feedforward, cycle)
+        _refuse_integrator(given["ki"], second, interpolation, acceleration_feedforward)
         given["dead_time"] = _check_range("dead_time", dead_time, "s", 0.0, LONGEST_DEAD_TIME)
         given["inertia"] = _check_inertia(inertia, orders)
         velocity = _check_range("velocity_feedforward", velocity_feedforward, "", *FEEDS)
@@ -202,6 +228,18 @@ class ServoModel(Value):
         if unexplained is not None:
             unexplained = _check_range("unexplained", unexplained, "rad", 0.0, np.pi)
         given["unexplained"] = unexplained
+        for name, values, unit in (
+            ("logged_velocity", logged_velocity, "rad/s"),
+            ("logged_acceleration", logged_acceleration, "rad/s²"),
+        ):
+            given[name] = values
+            if values is not None:
+                given[name] = _check_range(name, values, unit, 0.0, MOST_LOGGED)
+        if contour_ratio is not None:
+            contour_ratio = _checks.between("contour_ratio", contour_ratio, 0.0, 1e9, "")
+        if programs is not None:
+            programs = _checks.whole("programs", programs, 1, 10**9)
+        given["contour_ratio"], given["programs"] = contour_ratio, programs
         for name, value in given.items():
             object.__setattr__(self, name, value)
 
@@ -230,6 +268,9 @@ class ServoModel(Value):
             InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
         dof = _checks.whole("dof", dof, 1, _checks.MOST_JOINTS)
+        values = [getattr(self, x) for x in PER_JOINT]
+        if all(x is None or x.shape == (dof,) for x in values) and isinstance(self.order, str):
+            return self
         given: dict[str, Any] = {}
         for x in PER_JOINT:
             values = getattr(self, x)
@@ -257,6 +298,51 @@ class ServoModel(Value):
         """
         own = {x.name: getattr(self, x.name) for x in fields(self)}
         return ServoModel(**{**own, **changes})
+
+    @property
+    def doubt(self) -> str:
+        """Warning that compensation may be worse than none, or empty for a trusted model."""
+        found = []
+        if self.contour_ratio is not None and self.contour_ratio > TRUSTED:
+            found.append(
+                f"where the servo was not fitted, {self.contour_ratio:.0%} of the contour error "
+                f"remain, above {TRUSTED:.0%}"
+            )
+        if self.programs == 1:
+            found.append("the servo was judged on one program only")
+        if not found:
+            return ""
+        return (
+            f"Compensation may be worse than none: {', and '.join(found)}. Identify the servo from "
+            "more programs, or take the compensation none."
+        )
+
+    def describe_excess(self, dq: FloatArray, ddq: FloatArray) -> str:
+        """Warning that a motion is beyond that on which `unexplained` was determined, or empty.
+
+        Args:
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+        """
+        if self.unexplained is None:
+            return ""
+        found = []
+        for name, values, logged in (
+            ("velocity", dq, self.logged_velocity),
+            ("acceleration", ddq, self.logged_acceleration),
+        ):
+            if logged is None or not len(values):
+                continue
+            ratios = np.abs(values).max(axis=0) / np.maximum(logged, 1e-9)
+            j = int(np.argmax(ratios))
+            if ratios[j] > EXCEEDED:
+                found.append(f"joint {j + 1} has {ratios[j]:.3g} times the largest {name}")
+        if not found:
+            return ""
+        return (
+            "What the servo model does not explain is bounded for motion as in its logs only, but "
+            f"{', and '.join(found)} there: plan slower, or identify from logs of this motion."
+        )
 
     @property
     def has_feedforward(self) -> bool:
@@ -427,6 +513,45 @@ def lead_of(kp: Any, kv: Any, velocity: Any, acceleration: Any) -> tuple[FloatAr
     return np.asarray(velocity / kp), np.asarray(acceleration / (kp * loops))
 
 
+def integrator_filter(ki: float, period: float, cycle: float) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator, in z, of means over intervals of `s / (s + ki)` of means.
+
+    With a cycle, the integral is a sum; for intervals of one cycle the filter is then exact.
+    """
+    decay = np.log1p(ki * cycle) / cycle if cycle else ki
+    mean = -np.expm1(-decay * period) / (ki * period)
+    return mean * np.array([1.0, -1.0]), np.array([1.0, -np.exp(-decay * period)])
+
+
+def without_integral(
+    dq: FloatArray, ddq: FloatArray, servo: ServoModel, period: float
+) -> FloatArray:
+    """The part of means of accelerations that the integrators do not give [rad/s²], (n, dof).
+
+    The loop gives `K_v (1 + k_i / s)` of the velocity error, from rest, also against friction.
+
+    Args:
+        dq: Means of velocities over intervals [rad/s], (n, dof).
+        ddq: Means of accelerations [rad/s²], (n, dof).
+        servo: Servo model with values per joint.
+        period: Length of the intervals [s].
+    """
+    if not servo.ki.any():
+        return ddq
+    from scipy.signal import lfilter
+
+    assert servo.kv is not None
+    found = ddq.copy()
+    for j in np.flatnonzero(servo.ki):
+        rub = servo.kp[j] * servo.kv[j] * servo.friction[j] * sliding(dq[:, j])
+        share = integrator_filter(servo.ki[j], period, servo.cycle)
+        # Feed-forward of a drive with a cycle is late, which the integrator does not change.
+        late = servo.kv[j] * servo.velocity_feedforward[j] * servo.cycle / 2
+        found[:, j] = lfilter(*share, ddq[:, j] + rub) - rub + late * ddq[:, j]
+        found[:, j] /= 1 + late
+    return found
+
+
 def sliding(rate: FloatArray) -> FloatArray:
     """The direction in which dry friction acts at command velocities [rad/s], smooth at rest."""
     return np.asarray(rate / np.hypot(rate, SLIDING))
@@ -503,13 +628,13 @@ def _check_range(
 
 
 def _refuse_integrator(
-    ki: FloatArray, second: BoolArray, interpolation: str, feed: npt.ArrayLike, cycle: float
+    ki: FloatArray, second: BoolArray, interpolation: str, feed: npt.ArrayLike
 ) -> None:
     """Refuse an integrator where no model has one.
 
     Raises:
-        InvalidInput: A joint without a velocity loop has one, or a drive with a cycle, or
-            acceleration feed-forward is not linear in the set-points.
+        InvalidInput: A joint without a velocity loop has one, or acceleration feed-forward is not
+            linear in the set-points.
     """
     if not ki.any():
         return
@@ -518,10 +643,6 @@ def _refuse_integrator(
         raise InvalidInput(
             "ki is the integral gain of a velocity loop, which only order second has: give 0 for "
             "joints of another order."
-        )
-    if cycle:
-        raise InvalidInput(
-            "A servo with ki has no cycle: leave cycle out, and add half of it to dead_time."
         )
     if interpolation == "cubic" and np.any(feed):
         raise InvalidInput(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from armcontour.servo._simulation import Joints, Run, run_joints
 from armcontour.servo.model import ServoModel, lead_of, sliding
 
 # Kinds of commands, as in `march`.
-STRAIGHT, CUBIC, HELD = range(3)
+STRAIGHT, CUBIC, HELD, LINES = range(4)
 # Times closer to a set-point than this, in command intervals, count as the set-point's time.
 SNAP = 1e-9
 
@@ -49,11 +50,7 @@ class Simulation:
             self.kind = HELD
             self.commands = command_and_rates(q, period, servo.interpolation)[0]
             return
-        self.commands = polynomials(q, period, servo)
-        if servo.ki.any():
-            integrated = servo.replace(friction=0.0, acceleration_feedforward=0.0)
-            both = self.commands, polynomials(q, period, integrated)
-            self.commands = np.concatenate(both, axis=2)
+        self.commands = with_integrated(servo, lambda x: polynomials(q, period, x))
         self.starts = np.arange(len(q)) * period + servo.dead_time[:, None]
 
     def run(
@@ -128,11 +125,17 @@ class Simulation:
 
     def _cycles(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
         """What the drives hold in each cycle between two times, and when the cycles begin."""
-        cycle = self.servo.cycle
-        first = int(np.floor(begin / cycle + SNAP))
-        count = max(int(np.ceil(end / cycle - SNAP)) - first, 1) + 1
-        held = cycle_commands(self.commands, self.period, self.servo, first, count)
-        return hold(held, (first + np.arange(count, dtype=np.float64)) * cycle, self.joints.kp)
+        cycle, pieces, period = self.servo.cycle, self.commands, self.period
+        # The integral at the begin follows from the cycle before.
+        first = int(np.floor(begin / cycle + SNAP)) - 1
+        count = int(np.ceil(end / cycle - SNAP)) - first + 1
+        starts = (first + np.arange(max(count, 2), dtype=np.float64)) * cycle
+
+        def commands(servo: ServoModel) -> FloatArray:
+            held = cycle_commands(pieces, period, servo, first, len(starts))
+            return hold(held, starts, self.joints.kp)
+
+        return with_integrated(self.servo, commands), np.tile(starts, (len(pieces), 1))
 
     def _refuse_stuck(self, j: int) -> None:
         """Raise ExecutionError for joint j."""
@@ -153,13 +156,23 @@ def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
     return np.where(np.isinf(kv), 0.0, kv)
 
 
-def hold(values: FloatArray, starts: FloatArray, kp: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Pieces of commands that are held, and their starts; joints that only delay follow lines."""
+def with_integrated(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatArray:
+    """Pieces of commands, with those that integrators see, as in `run_joints`."""
+    found = commands(servo)
+    if not np.any(servo.ki):
+        return found
+    replace = servo._replace if isinstance(servo, JointServo) else servo.replace
+    seen = replace(friction=0.0, acceleration_feedforward=0.0)
+    return np.concatenate([found, commands(seen)], axis=2)
+
+
+def hold(values: FloatArray, starts: FloatArray, kp: FloatArray) -> FloatArray:
+    """Pieces of commands that are held; joints that only delay follow lines."""
     pieces = np.zeros((len(values), values.shape[1] + 1, 4))
     pieces[:, 1:, 0] = values
     lines = np.isinf(kp)
     pieces[lines, 1:-1, 1] = np.diff(values[lines], axis=1) / np.diff(starts)
-    return pieces, np.tile(starts, (len(values), 1))
+    return pieces
 
 
 def respond_within(
@@ -223,7 +236,7 @@ def follow(
             the other.
         q0: Position at the first time [rad], a number or (rows,).
         dq0: Velocity at the first time [rad/s], a number or (rows,).
-        cycle: Cycle of the drive [s], which begins at the first time; 0 for a continuous servo.
+        cycle: Cycle of the drive [s]; one begins at the first set-point; 0 for a continuous servo.
         ddq0: Demand of a servo with an integrator at the first time [rad/s²], as dq0.
 
     Returns:
@@ -235,16 +248,25 @@ def follow(
     each = JointServo(*(np.array(np.broadcast_to(x, rows), dtype=np.float64) for x in servo))
     limit = each.acceleration_limit
     joints = Joints(each.kp, _loops(each.kv, limit), -limit, limit, each.ki)
-    kind = STRAIGHT
+    kind = LINES if np.isinf(limit).all() else STRAIGHT
     if cycle:
         kind = HELD
-        count = int(np.ceil((command.t[-1] - command.t[0]) / cycle - SNAP)) + 1
-        starts = command.t[0] + np.arange(-2, count) * cycle
-        u = np.stack([command.at(starts - late) for late in each.dead_time])
-        pieces, starts = hold(cycle_feedforward(u, cycle, each), starts[2:], each.kp)
+        origin = command.knots[0]
+        first = int(np.floor((command.t[0] - origin) / cycle + SNAP))
+        count = int(np.ceil((command.t[-1] - origin) / cycle - SNAP)) + 1
+        times = origin + np.arange(first - 3, count) * cycle
+        u = np.stack([command.at(times - late) for late in each.dead_time])
+
+        def held(own: JointServo) -> FloatArray:
+            return hold(cycle_feedforward(u, cycle, own), times[2:], each.kp)
+
+        pieces, starts = with_integrated(each, held), np.tile(times[2:], (rows, 1))
     else:
-        pieces = command.for_servo(each, rows)
-        starts = command.t + each.dead_time[:, None]
+        # Earlier set-points have reached the joint before the motion.
+        early = command.t[0] - np.max(each.dead_time)
+        first = max(int(np.searchsorted(command.knots, early)) - 1, 0)
+        pieces = with_integrated(each, lambda x: command.for_servo(x, rows, first))
+        starts = command.knots[first:] + each.dead_time[:, None]
     states = np.zeros((3, rows))
     states[0], states[1], states[2] = q0, dq0, ddq0
     run = run_joints(joints, kind, pieces, starts, command.t, states)
@@ -341,10 +363,18 @@ class LoggedCommand:
         t: Times of the set-points [s], increasing, (n,).
         u: Set-points [rad], (n,).
         interpolation: "linear" or "step".
+        begin: Index of the set-point at which the motion begins; those before it arrive later.
+
+    Attributes:
+        knots: Times of all set-points.
+        t, u: Times and set-points of the motion.
     """
 
-    def __init__(self, t: FloatArray, u: FloatArray, interpolation: str = "linear") -> None:
-        self.t, self.u, self.linear = np.array(t), np.array(u), interpolation == "linear"
+    def __init__(
+        self, t: FloatArray, u: FloatArray, interpolation: str = "linear", begin: int = 0
+    ) -> None:
+        self.knots, self.every, self.linear = np.array(t), np.array(u), interpolation == "linear"
+        self.t, self.u = self.knots[begin:], self.every[begin:]
         width = np.diff(t)
         chord = np.diff(u) / width
         self.pieces = np.zeros((len(t) + 1, 4))
@@ -357,22 +387,25 @@ class LoggedCommand:
             self.rate[2:] = chord
         self.slide = sliding(self.rate)
 
-    def for_servo(self, servo: JointServo, rows: int) -> FloatArray:
-        """Pieces with feed-forward and friction of some servos, as in `run_joints`."""
-        found = np.tile(self.pieces, (rows, 1, 1))
-        a, b, c = (np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction))
-        found[:, :, 0] += a * self.rate
-        integrated = found if np.any(servo.ki) else found[:, :, :0]
-        found = np.concatenate([found, integrated], axis=2)
-        found[:, :, 0] += b * self.bend - c * self.slide
+    def for_servo(self, servo: JointServo, rows: int, first: int) -> FloatArray:
+        """Pieces from one on, with feed-forward and friction of some servos, as in `run_joints`."""
+        lead, bend, slide = (
+            np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction)
+        )
+        found = np.tile(self.pieces[first:], (rows, 1, 1))
+        found[:, :, 0] += lead * self.rate[first:]
+        if bend.any():
+            found[:, :, 0] += bend * self.bend[first:]
+        if slide.any():
+            found[:, :, 0] -= slide * self.slide[first:]
         return found
 
     def at(self, t: FloatArray) -> FloatArray:
         """The command at some times [rad]."""
         if self.linear:
-            return np.interp(t, self.t, self.u)
-        k = np.searchsorted(self.t, t + SNAP * 1e-3, side="right") - 1
-        return np.asarray(self.u[np.maximum(k, 0)])
+            return np.interp(t, self.knots, self.every)
+        k = np.searchsorted(self.knots, t + SNAP * 1e-3, side="right") - 1
+        return np.asarray(self.every[np.maximum(k, 0)])
 
 
 def command_and_rates(

@@ -177,7 +177,10 @@ class Previewer:
         _refuse_too_long(planned)
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
         with self._kept.timed() as seconds, locate_errors(f"Run {this.name}"):
-            how = this.compensation, this.compensation_options, this.period, servos[0]
+            how = (
+                *(this.compensation, this.compensation_options, this.period, servos[0]),
+                comparable(this.command_limits),
+            )
             taught = get(
                 "compensation",
                 (planned.trajectory, *how),

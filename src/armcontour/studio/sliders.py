@@ -53,6 +53,7 @@ SLIDERS = (
     Slider("limits.joint_jerk", "joint jerk", "joints", 1.0, 1e4),
     Slider("servo.kp", "gain kp", "servo", 1.0, 500.0),
     Slider("servo.kv", "gain kv", "servo", 1.0, 2e3),
+    Slider("servo.ki", "gain ki", "servo", 0.1, 2e2),
     Slider("command_interval", "command interval", "servo", 1e-4, 2e-2),
     Slider("timing.reserve", "reserve", "run", 0.0, 0.9, log=False),
 )
@@ -99,7 +100,7 @@ def _sliders(
         if value.ndim == 2:
             return
         # A joint without such a loop has no gain to slide.
-        given = np.flatnonzero(np.isfinite(value))
+        given = np.flatnonzero(np.isfinite(value) & (value > 0))
         if isinstance(written, list) or len(set(value.tolist())) > 1 or not len(given):
             for k in given.tolist():
                 own = written[k] if isinstance(written, list) else written

@@ -12,7 +12,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._banded import solve_banded
 from armcontour._checks import FloatArray, IntArray
-from armcontour.arms import Arm, SerialArm
+from armcontour.arms import Arm, Limits, SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.frames import quaternions
 from armcontour.motion import LONGEST_CLOCK, PERIOD, Samples, TaughtData, TimedEvent, Trajectory
@@ -46,6 +46,7 @@ class Table:
         start_time: Time of the first point in the plan [s], where the plan starts at 0.
         analog: Values of analog outputs by their names, (n,) each.
         contours: Start times [s] and names of contours.
+        command_limits: Limits that the joint positions satisfy, as set-points.
 
     Raises:
         InvalidInput: An array has a wrong shape, the times do not increase, a name is not one line
@@ -66,6 +67,7 @@ class Table:
     start_time: float = 0.0
     analog: Mapping[str, FloatArray] = field(default_factory=dict)
     contours: tuple[tuple[float, str], ...] = ()
+    command_limits: Limits | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joint_names", tuple(str(x) for x in self.joint_names))
@@ -232,6 +234,7 @@ def make_table(
         tool_motion=tool_motion,
         analog={key: values(samples.t + start) for key, values in functions.items()},
         contours=tuple((x.t[0] - start, x.name) for x in plan.contour_spans),
+        command_limits=data.command_limits if isinstance(data, TaughtData) else None,
     )
 
 
@@ -248,6 +251,7 @@ def tabulate(
     tool_motion: bool = False,
     analog: Mapping[str, FloatArray] | None = None,
     contours: tuple[tuple[float, str], ...] = (),
+    command_limits: Limits | None = None,
 ) -> Table:
     """The table of samples; the arguments are those of `Table` and of `make_table`.
 
@@ -274,6 +278,7 @@ def tabulate(
         start_time=start_time,
         analog=analog or {},
         contours=contours,
+        command_limits=command_limits,
         **({} if arm is None else _tool(arm, samples, tool_motion)),
     )
 

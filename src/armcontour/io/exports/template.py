@@ -17,6 +17,7 @@ from armcontour._text import list_some, show
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
 from armcontour.io.exports.text import DECIMALS, format_event
+from armcontour.motion.nearest_commands import SLACK, command_use
 
 ENDING = ".j2"
 SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
@@ -32,6 +33,8 @@ FEWER = {
     **dict.fromkeys(SHIPPED, "use a longer period (--period)"),
     "urscript": "stream the set-points over RTDE (--export csv)",
 }
+# Last digit of joint positions in programs [rad]; other formats have 12 decimals or more.
+LAST_DIGIT = {"urscript": 1e-6, **dict.fromkeys(SHIPPED, math.radians(1e-6))}
 # So many events are named in one sentence.
 MOST_NAMES = 4
 
@@ -134,7 +137,7 @@ def describe_program(
         outputs: The outputs of events and analog outputs by their names.
         name_output: How users name the output of an event.
     """
-    found, given = [], outputs or {}
+    found, given = _describe_rounding(table, name), outputs or {}
     if name in FEWER and len(table.t) > MOST_POINTS:
         found.append(
             f"the program has {len(table.t)} points, and a controller may not hold more than "
@@ -166,6 +169,23 @@ def describe_program(
             "template of your own."
         )
     return found
+
+
+def _describe_rounding(table: Table, name: str | FilePath) -> list[str]:
+    """A sentence on set-points that exceed limits of commands with the digits that are written."""
+    digit = LAST_DIGIT.get(str(name))
+    if table.command_limits is None or digit is None:
+        return []
+    rounded = np.round(table.q / digit) * digit
+    uses = command_use(rounded, table.period, table.command_limits)
+    most, worst = max(((float(x.max()), name) for name, x in uses.items()), default=(0.0, ""))
+    if most <= 1 + SLACK:
+        return []
+    return [
+        f"joint positions are rounded to {digit:.2g} rad, with which set-points need "
+        f"{most:.4f} times command_limits.{worst}: reduce this limit by "
+        f"{math.ceil((most - 1) * 100)} %, or use a format with 12 decimals, such as csv."
+    ]
 
 
 def write_template(

@@ -397,6 +397,7 @@ def _notes(found: Certificate) -> tuple[str, ...]:
         notes.append("Saturation was allowed; the certified execution includes it.")
     if found.check.not_judged:
         notes.append("Not checked: " + ", ".join(found.check.not_judged) + ".")
+    notes += filter(None, [found.condition])
     return tuple(notes)
 
 

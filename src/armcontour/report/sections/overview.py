@@ -91,6 +91,23 @@ def _jerk(result: RunResult) -> list[Tile]:
     ]
 
 
+def _commands(result: RunResult) -> list[Tile]:
+    """The tile of the command limits, if the run has some: their use, and their cost."""
+    use, cost = result.taught.command_use, result.taught.limit_cost
+    if not use:
+        return []
+    name = max(use, key=lambda x: use[x].max())
+    joint = result.arm.joint_names[int(use[name].argmax())]
+    return [
+        Tile(
+            label="set-points / command limit",
+            value=_ratio(float(use[name].max())),
+            note=f"{joint}, {name.replace('_', ' ')}"
+            + ("; no set-point is changed" if cost is None else f"; changed by {cost}"),
+        )
+    ]
+
+
 def _tiles(result: RunResult) -> tuple[Tile, ...]:
     """Tiles of one run."""
     e = result.evaluation
@@ -120,6 +137,7 @@ def _tiles(result: RunResult) -> tuple[Tile, ...]:
             else "the arm has no limits of joint acceleration or torque",
         ),
         *_jerk(result),
+        *_commands(result),
         Tile(
             label="joints fully used",
             value="-" if e.utilisation is None else f"{e.utilisation:.0%}",

@@ -24,7 +24,7 @@ SHARP = "sharp"
 # The tolerance of corners that were sharp before.
 FIRST_TOLERANCE = "1 mm"
 # Keys that a run has in the place of the job's; all others of a run are its own alone.
-OF_BOTH = ("limits", "corners", "command_interval")
+OF_BOTH = ("limits", "command_limits", "corners", "command_interval")
 OF_RUN = ("timing", "compensation", "until", "duration")
 
 
@@ -55,7 +55,7 @@ def place_of(key: str | Sequence[Key], data: Mapping[str, Any], run: str) -> Key
 def _is_own(parts: Sequence[Key], data: Mapping[str, Any], run: str) -> bool:
     """Whether a run has a value of its own in the place of the job's."""
     own = (data["runs"].get(run) or {}).get(parts[0])
-    if parts[0] == "limits" and len(parts) > 1:
+    if parts[0] in ("limits", "command_limits") and len(parts) > 1:
         return isinstance(own, dict) and parts[1] in own
     return own is not None
 

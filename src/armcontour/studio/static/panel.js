@@ -35,6 +35,7 @@ const MEANING = {
   "corners.shape": "sharp: corners as drawn; arc: rounded by arcs; free: the fastest path within the tolerance.",
   "servo.kp": GAIN,
   "servo.kv": GAIN,
+  "servo.ki": GAIN,
   "compensation.method": "How set-points make up for what the servo does to the motion; none: they are those of the plan.",
 };
 

@@ -1,0 +1,133 @@
+"""Limits of set-points: their differences, and the nearest set-points within bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour._bounded_differences import differences, nearest_within
+from armcontour._checks import FloatArray
+from armcontour.arms import Limits
+from armcontour.arms.limits import JOINT_RANGE, UNITS
+from armcontour.errors import InvalidInput
+
+# A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
+# rounding errors.
+SLACK = 1e-9
+# Limits of commands by the order of the differences that they bound; order 0 has two.
+BY_ORDER = ("", "joint_velocity", "joint_acceleration", "joint_jerk")
+COMMAND_LIMITS = (*BY_ORDER[1:], *JOINT_RANGE)
+# Decimals of set-points within limits [rad], which are those of written files.
+DECIMALS = 12
+
+
+def check_command_limits(limits: Limits, dof: int) -> Limits:
+    """Checked limits of commands, with one value per joint.
+
+    Args:
+        limits: The limits.
+        dof: Number of joints.
+
+    Raises:
+        InvalidInput: A limit that is none of commands, no limit, or a wrong number of values.
+    """
+    given = [x for x in UNITS if getattr(limits, x) is not None]
+    if others := [x for x in given if x not in COMMAND_LIMITS]:
+        raise InvalidInput(
+            f"command_limits has {others[0]}, but it limits set-points by "
+            f"{', '.join(COMMAND_LIMITS)}: give {others[0]} in limits."
+        )
+    return limits.for_joints(dof)
+
+
+def command_bounds(limits: Limits, dof: int) -> FloatArray:
+    """Lower and upper bounds of set-points and their derivatives of orders 1 to 3, (4, 2, dof).
+
+    Args:
+        limits: The limits.
+        dof: Number of joints.
+    """
+    jerk = np.full(dof, np.inf if limits.joint_jerk is None else limits.joint_jerk)
+    return np.array(
+        [
+            limits.joint_range(dof),
+            limits.velocity_bounds(dof),
+            limits.acceleration_bounds(dof),
+            (-jerk, jerk),
+        ]
+    )
+
+
+def command_use(q: FloatArray, period: float, limits: Limits) -> dict[str, FloatArray]:
+    """Largest share of each limit that set-points use, per joint, by names of `BY_ORDER`.
+
+    Args:
+        q: Set-points [rad], (n, dof); constant before and after.
+        period: Command interval [s].
+        limits: Limits of commands.
+    """
+    found = {}
+    for order, bounds in enumerate(command_bounds(limits, q.shape[1])):
+        if order and np.isfinite(bounds).any():
+            shares = differences(q, order)[:, None] / (bounds * period**order)
+            found[BY_ORDER[order]] = np.asarray(shares.max(axis=(0, 1)))
+    return found
+
+
+def excess(q: FloatArray, period: float, bounds: FloatArray) -> tuple[int, int, int, float] | None:
+    """Order, row and joint of the set-point farthest beyond its bound, and its value.
+
+    Args:
+        q: Set-points [rad], (n, dof).
+        period: Command interval [s].
+        bounds: As of `command_bounds`; the first orders are enough.
+
+    Returns:
+        The row is that of the last set-point of the difference. None if all bounds are satisfied.
+    """
+    worst, found = SLACK, None
+    for order, (low, high) in enumerate(bounds):
+        if not (np.isfinite(low).any() or np.isfinite(high).any()):
+            continue
+        x = differences(q, order) / period**order if order else q
+        upper, lower = (np.where(np.isfinite(y) & (order > 0), np.abs(y), 1.0) for y in (high, low))
+        beyond = np.maximum((x - high) / upper, (low - x) / lower)
+        k, j = (int(i) for i in np.unravel_index(int(np.argmax(beyond)), beyond.shape))
+        if beyond[k, j] > worst:
+            row = min(k + (order == 0), len(q) - 1)
+            worst, found = float(beyond[k, j]), (order, row, j, float(x[k, j]))
+    return found
+
+
+def nearest_commands(
+    q: FloatArray, period: float, bounds: FloatArray, otherwise: FloatArray | None = None
+) -> tuple[FloatArray, int | None]:
+    """The set-points nearest to given ones, in the mean square, within bounds.
+
+    Joints within their bounds keep their set-points to the last bit. Others get set-points that are
+    rounded to DECIMALS, and satisfy the bounds with this rounding.
+
+    Args:
+        q: Set-points [rad], (n, dof), at rest before and after.
+        period: Command interval [s].
+        bounds: As of `command_bounds`.
+        otherwise: Set-points of the joints for which none satisfy the bounds.
+
+    Returns:
+        Set-points [rad], (n, dof), and the first joint for which none satisfy the bounds, or None.
+    """
+    found = q.copy()
+    for j in range(q.shape[1]):
+        own, one = bounds[:, :, j], q[:, j : j + 1]
+        if excess(one, period, own[:, :, None]) is None:
+            continue
+        steps, digit = period ** np.arange(len(own))[:, None], 10.0**-DECIMALS
+        margin = digit * 2.0 ** np.arange(len(own))[:, None] + SLACK * np.abs(own * steps)
+        inside = own * steps + np.where(np.isfinite(own), margin, 0.0) * (1.0, -1.0)
+        nearest = nearest_within(one[:, 0], [(float(x), float(y)) for x, y in inside])
+        if nearest is None:
+            if otherwise is None:
+                return found, j
+            found[:, j] = otherwise[:, j]
+            continue
+        found[:, j] = np.round(nearest, DECIMALS)
+    return found, None
