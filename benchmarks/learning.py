@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import armcontour as ac
-from armcontour.motion import smooth
 from benchmarks import reference, ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 
@@ -22,18 +21,18 @@ def lines() -> list[Line]:
 
 
 def _square() -> Pair:
-    square = ac.round_corners(ur5e.square(), tolerance=ur5e.CORNER_ERROR)
-    return _learn(ur5e.load(), square, LIMITS, 0.02)
+    square = ac.round_corners(ur5e.square(), tolerance=ur5e.CORNER_ERROR, continuity="curvature")
+    return _learn(ur5e.load(), square, LIMITS.replace(joint_jerk=320.0))
 
 
 def _paper() -> Pair:
     strokes = ac.round_corners(ac.Path.polyline(POINTS), tolerance=5e-3, acceleration=0.09)
     slow = ac.Limits(speed=0.15, joint_acceleration=0.72, centripetal_acceleration=0.09)
-    return _learn(ac.load_arm("pmk3s"), strokes, slow, 4e-3)
+    return _learn(ac.load_arm("pmk3s"), strokes, slow)
 
 
-def _learn(arm: ac.Arm, path: ac.Path, limits: ac.Limits, window: float) -> Pair:
-    plan = smooth(ac.plan(path, arm, limits.for_joints(arm.dof)), window)
+def _learn(arm: ac.Arm, path: ac.Path, limits: ac.Limits) -> Pair:
+    plan = ac.plan(path, arm, limits.for_joints(arm.dof))
     taught = ac.compensate(plan, SERVO, method="inverse")
     plant = ac.RigidBodyPlant(arm, SERVO.replace(kp=24.0))
     executed = ac.execute(taught, plant)

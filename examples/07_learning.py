@@ -2,14 +2,15 @@
 
 import armcontour as ac
 from armcontour.arms import Payload
-from armcontour.motion.smoothing import smooth
 
 arm = ac.load_arm("ur5e").with_dynamics(armature=0.1)
 servo = ac.ServoModel(kp=25.0, kv=150.0)
 corner = ac.Path.polyline([(0.45, 0.00, 0.20), (0.50, 0.00, 0.20), (0.50, 0.03, 0.20)])
-path = ac.round_corners(corner.pointing((0.0, 0.0, -1.0)), tolerance=0.25e-3)
-limits = arm.limits.replace(speed=0.25, joint_acceleration=6.4)
-planned = smooth(ac.plan(path, arm, limits), 0.02)
+path = ac.round_corners(
+    corner.pointing((0.0, 0.0, -1.0)), tolerance=0.25e-3, continuity="curvature"
+)
+limits = arm.limits.replace(speed=0.25, joint_acceleration=6.4, joint_jerk=320.0)
+planned = ac.plan(path, arm, limits)
 
 loaded = arm.with_dynamics(
     payload=Payload(mass=2.0),

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import armcontour as ac
-from armcontour import geometry, io, motion, robustness, scene
+from armcontour import geometry, io, robustness, scene
 from armcontour.timing.constraints import SecondOrder
 from soak import Outcome
 
@@ -153,7 +153,6 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (robustness.spread, robot | {"samples": 10}),
         (robustness.worst_corner, robot),
         (plan_with, {"coefficients": nothing}),
-        (smooth_over, {"window": 0.01}),
     ]  # fmt: skip
 
 
@@ -167,11 +166,6 @@ def plan_with(coefficients: Any) -> ac.Trajectory:
     x = right()
     constraint = SecondOrder("own", coefficients, [-0.05], [0.05])
     return ac.plan(x["joint_path"], x["arm"], intervals=100, constraints=[constraint])
-
-
-def smooth_over(window: Any) -> ac.Trajectory:
-    """A smoothed plan."""
-    return motion.smooth(right()["trajectory"], window)
 
 
 def instances() -> Iterator[Any]:

@@ -16,7 +16,6 @@ from scipy.interpolate import CubicSpline
 
 import armcontour as ac
 from armcontour.drives.drives import nominal_inertia
-from armcontour.motion import smooth
 from soak import Outcome
 
 ARMS = ("pmk3s", "ur5e", "panda")
@@ -57,13 +56,16 @@ def task(name):
         limits = arm.limits.replace(
             speed=0.15, joint_acceleration=SLOW, centripetal_acceleration=0.09
         )
-        window = 4e-3
     else:
         arm = arm._copy(chain=arm.chain.replace(armature=np.full(arm.dof, ARMATURE)))
-        path = ac.round_corners(ur5e.square(), tolerance=0.25e-3)
-        limits = ac.Limits(joint_velocity=2.0, joint_acceleration=ACCELERATION, speed=0.25)
-        window = 0.02
-    plan = smooth(ac.plan(path, arm, limits.for_joints(arm.dof)), window)
+        path = ac.round_corners(ur5e.square(), tolerance=0.25e-3, continuity="curvature")
+        limits = ac.Limits(
+            joint_velocity=2.0,
+            joint_acceleration=ACCELERATION,
+            joint_jerk=50 * ACCELERATION,
+            speed=0.25,
+        )
+    plan = ac.plan(path, arm, limits.for_joints(arm.dof))
     taught = ac.compensate(plan, SERVO, method="inverse")
     return Task(arm, path, taught, SLOW if name == "pmk3s" else ACCELERATION)
 

@@ -31,12 +31,11 @@ KINDS = {
     "job": ".yaml",
     "stl": ".stl",
     "obj": ".obj",
-    "scene": ".scene",
     "urdf": ".urdf",
     "Srdf": ".srdf",
 }
 # Files of bodies, which are read from a folder.
-BODIES = ("stl", "obj", "scene", "urdf", "Srdf")
+BODIES = ("stl", "obj", "urdf", "Srdf")
 # A file of a few kilobytes is not worth more [s], [bytes].
 LONGEST = 20.0
 LARGEST = 600e6

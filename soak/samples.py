@@ -110,11 +110,9 @@ runs: {one: {until: 5 s}, two: {limits: {joint_jerk: 100}}}
 """,
 )
 
-# A wedge of 0.1 x 0.2 x 0.3 m, and scenes in both dialects of MoveIt.
+# A wedge of 0.1 x 0.2 x 0.3 m, and cells.
 CORNERS = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.2, 0], [0, 0, 0.3]])
 FACES = np.array([[1, 3, 2], [1, 2, 4], [1, 4, 3], [2, 3, 4]])
-POSE = "0.5 0 0\n0 0 0.70710678 0.70710678\n"
-MESH = "mesh\n4 4\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n0 2 1\n0 1 3\n0 3 2\n1 2 3\n"
 OBJ = "".join(
     [
         "# a wedge\no wedge\n",
@@ -125,12 +123,6 @@ OBJ = "".join(
 )
 BODIES = {
     "obj": (OBJ,),
-    "scene": (
-        f"(noname)\n* vise\n2\nbox\n0.1 0.2 0.3\n{POSE}0 0 0 0\ncone\n0.1 0.4\n{POSE}1 0 0 1\n.\n",
-        f"cell\n* vise\n{POSE}3\ncylinder\n0.1 0.4\n{POSE}0 0 0 0\n"
-        f"plane\n0 0 1 0.2\n{POSE}0 0 0 0\n"
-        f"{MESH}{POSE}0 0 0 0\n1\ntop\n{POSE}* ball\n{POSE}1\nsphere\n0.1\n{POSE}0 0 0 0\n0\n.\n",
-    ),
     "urdf": (
         """<robot name="cell"><link name="world"/><link name="table"><collision>
 <origin xyz="0 0 -0.05" rpy="0 0 0.1"/><geometry><box size="2 1 0.1"/></geometry></collision>

@@ -127,15 +127,13 @@ def between(first, last, steps=None, **more):
 
 X = "placement.over.x"
 PLACE, SOBOL = {"do": "place"}, {"combine": {"sobol": 8}}
-ARMS = {"over": {"x": {"from": 0, "to": 0.1, "places": 2}}, "arms": ["ur5e"]}
 # Further keys of the plan, its parameters, words of the message.
 WRONG = [
     (PLACE, {}, ["do: place needs the key placement.over of bend.yaml"]),
     (PLACE, {"placement.objective": ["cycle", "torque"]}, ["needs the key placement.over of"]),
-    (PLACE, {"placement": [ARMS]}, ["placement.arms of bend.yaml", "over: {arm: [...]}"]),
     (
         PLACE | {"columns": ["duration"]},
-        {X: [ARMS["over"]["x"]]},
+        {X: [{"from": 0, "to": 0.1, "places": 2}]},
         ["columns (item 1): duration comes from do: teach, but the plan does place"],
     ),
     ({"columns": ["place.x"]}, {}, ["place.x comes from do: place, but the plan does run"]),

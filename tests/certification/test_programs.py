@@ -145,7 +145,7 @@ def test_a_refusal_names_the_contour(certified, refuses):
     call = partial(ac.certify, job(), goal=ac.Goal(servo=1e-10, slowest=1.05))
     data = {"limit": "contour error", "allowed": 1e-10}
     refuses(call, ac.NotRealizable, "contour bend", "contour error comes down to", **data)
-    refuses(lambda: certified.windows, ac.InvalidInput, "2 contours")
+    refuses(lambda: certified.derating, ac.InvalidInput, "2 contours")
 
 
 def test_a_total_tolerance_holds_for_all_contours_alike():

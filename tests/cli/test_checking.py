@@ -233,14 +233,17 @@ def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     (tmp_path / "sweep.csv").write_text(SWEEP)
     at = ac.load_arm("ur5e").tool_position([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
     x, y, z = at
-    wall = f"(noname)+\n* wall\n1\nbox\n0.001 0.3 0.3\n{x} {y} {z}\n0 0 0 1\n0 0 0 0\n.\n"
-    (tmp_path / "cell.scene").write_text(wall)
-    (tmp_path / "free.scene").write_text("(noname)+\n.\n")
+    wall = (
+        '<robot name="cell"><link name="wall"><collision><origin xyz="{}"/>'
+        '<geometry><box size="0.001 0.3 0.3"/></geometry></collision></link></robot>'
+    )
+    (tmp_path / "cell.urdf").write_text(wall.format(f"{x} {y} {z}"))
+    (tmp_path / "free.urdf").write_text(wall.format("0 0 -5"))
     boxes = f"scene: {{boxes: [{{name: wall, size: [0.001, 0.3, 0.3], at: {at}}}]}}\n"
     (tmp_path / "scene.yaml").write_text(boxes)
     (tmp_path / "cell.yaml").write_text(f"arm: ur5e\n{boxes}")
     arm = ("--arm", "ur5e", "--scene")
-    for options in ((*arm, "cell.scene"), (*arm, "scene.yaml"), ("--scene", "cell.yaml")):
+    for options in ((*arm, "cell.urdf"), (*arm, "scene.yaml"), ("--scene", "cell.yaml")):
         done = check(tmp_path, "sweep.csv", *options)
         assert done.code == 1, (options, done)
         assert "touch, first at t = 1." in done.out and "wall" in done.out
@@ -249,7 +252,7 @@ def test_a_scene_is_checked_between_samples_too(tmp_path, check):
         assert page["kept"] is False
         touched = next(x for x in page["pairs"] if x["first"] == "wall" and x["first_too_near"])
         assert 1.0 < touched["first_too_near"] < 1.5
-    assert "Clear: " in check(tmp_path, "sweep.csv", *arm, "free.scene").out
+    assert "Clear: " in check(tmp_path, "sweep.csv", *arm, "free.urdf").out
     built_in = check(tmp_path, "sweep.csv", "--scene", "ur5e", "--json")
     pairs = json.loads(built_in.out)["clearance"]["pairs"]
     assert "floor" in {y for x in pairs for y in (x["first"], x["second"])}

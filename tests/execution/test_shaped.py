@@ -8,9 +8,9 @@ TOLERANCE = 5e-3
 SLACK = 1e-5  # m, of the executed tool beyond the tolerance
 SERVO = ac.ServoModel(kp=25, kv=150)
 PERIOD = 4e-3
-# One command interval of smoothing; the reserve is about what interpolated set-points add to
-# accelerations, so that servos saturate for some milliseconds at most.
-SHAPED = {"method": "shaped", "tolerance": TOLERANCE, "smoothing": PERIOD, "reserve": 0.012}
+# The reserve is about what interpolated set-points add to accelerations, so that servos saturate
+# for some milliseconds at most.
+SHAPED = {"method": "shaped", "tolerance": TOLERANCE, "reserve": 0.012}
 
 
 @pytest.mark.parametrize(("centripetal", "longest"), [(0.09, 4.80), (None, 4.46)])
@@ -25,9 +25,9 @@ def test_the_executed_tool_stays_within_the_tolerance(arm, objective, centripeta
     found = ac.check(planned, arm, limits, objective, **allowed, points=5)
     for name in ("path_deviation", "path_missed", "joint_acceleration"):
         assert found[name].ratio <= 1
-    for method, plant in (
-        ("inverse", ac.ServoPlant(arm, SERVO, limits)),
-        ("inverse_dynamics", ac.RigidBodyPlant(arm, SERVO, limits)),
+    for method, plant, off in (
+        ("inverse", ac.ServoPlant(arm, SERVO, limits), 2e-6),
+        ("inverse_dynamics", ac.RigidBodyPlant(arm, SERVO, limits), 5e-6),
     ):
         taught = ac.compensate(planned, SERVO, method=method, period=PERIOD, arm=arm)
         executed = ac.execute(taught, plant, resolution=5e-4)
@@ -35,7 +35,7 @@ def test_the_executed_tool_stays_within_the_tolerance(arm, objective, centripeta
         # Every place of the tool near the objective, and every corner of it near the tool.
         assert result.objective_error.max <= TOLERANCE + SLACK
         assert result.objective_missed.max <= TOLERANCE + SLACK
-        assert result.contour_error.max <= 2e-6
+        assert result.contour_error.max <= off
         if method == "inverse":
             assert executed.saturated_time.max() < 0.01
             assert result.demand_ratio.max() <= 1.01

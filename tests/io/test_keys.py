@@ -105,7 +105,7 @@ process: {lead_in: {shape: arc, length: 5 mm}, dwell: 20 ms, begin: [1 mm, 2 mm]
 servo: {kp: [25 1/s, 25, 25, 25, 25, 25], order: first, dead_time: 4 ms}
 plant: {dead_time: 5 ms}
 certificate: {tolerance: 0.1 mm, box: {gains: 10 %, payload: 1 kg}}
-runs: {one: {timing: {reserve: 5 %}, smoothing: [10 ms, 20 ms], corners: sharp}}
+runs: {one: {timing: {reserve: 5 %}, corners: sharp}}
 """
 TEXTS = {
     "paper": PAPER.read_text(encoding="utf-8"),

@@ -13,7 +13,6 @@ from tests.io.tables import refusals
 import armcontour as ac
 from armcontour.io import parse_job, placed_job_text, placement_csv
 from armcontour.io.job_overrides import JobOverrides
-from armcontour.io.placement import read_tools
 from armcontour.scene import Obstacle, Scene, Sphere
 
 SQUARE = """\
@@ -121,13 +120,3 @@ def test_a_part_in_the_plane_takes_its_obstacles_along():
     (moved,) = found.placed().scene.obstacles
     np.testing.assert_allclose(there.place.position, moved.place.position, atol=1e-12)
     assert np.linalg.norm(moved.place.position - [0.3, 0.3, 0]) > 1e-3
-
-
-def test_tools_are_read_by_their_names(tmp_path):
-    file = tmp_path / "tools.yaml"
-    file.write_text("short: [0, 0, 50 mm]\nlong: {position: [0, 0, 0.2], rpy: [0, 90 deg, 0]}\n")
-    tools = read_tools(file)
-    assert tools["short"].position == [0, 0, 0.05]
-    assert tools["long"].rpy == [0, pytest.approx(np.pi / 2), 0]
-    table = [("[1, 2]", "tool frames by their names"), ("a: {at: 1}", "tools.yaml: a")]
-    refusals(lambda x: read_tools(file) if file.write_text(x) else None, table)

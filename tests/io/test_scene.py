@@ -152,30 +152,6 @@ CELL = """<robot name="cell">
   <joint name="hinge" type="revolute"><parent link="table"/><child link="door"/>
     <origin xyz="1 0 0.5"/><axis xyz="0 0 1"/><limit lower="0" upper="1.5" velocity="1"/></joint>
 </robot>"""
-SHAPES = """box
-0.1 0.2 0.3
-{0}
-0 0 0 0
-cylinder
-0.05 0.4
-{0}
-0 0 0 0"""
-# A pose 0.5 m along x, turned by 90 deg about z.
-POSE = "0.5 0 0\n0 0 0.70710678 0.70710678"
-HERE = "0 0 0\n0 0 0 1"
-OLD = (
-    f"(noname)\n* fixture one\n2\n{SHAPES.format(POSE)}\n"
-    f"* ball\n1\nsphere\n0.1\n{HERE}\n0 0 0 0\n.\n"
-)
-NEW = (
-    f"(noname)+\n* fixture one\n{POSE}\n2\n{SHAPES.format(HERE)}\n1\ntop\n0 0 0.1\n0 0 0 1\n"
-    f"* ball\n{HERE}\n1\nsphere\n0.1\n{HERE}\n1 0 0 1\n0\n.\n"
-)
-
-
-def read(folder, text):
-    (folder / "a.scene").write_text(text)
-    return read_scene_file(folder / "a.scene")
 
 
 def test_links_of_a_cell_are_obstacles_where_they_stand(tmp_path):
@@ -192,60 +168,6 @@ def test_links_of_a_cell_are_obstacles_where_they_stand(tmp_path):
         (CELL.replace('radius="0.05"', 'radius="-1"'), "cell.urdf ... radius"),
     ]
     refusals(lambda x: read_scene_file(file) if file.write_text(x) else None, table)
-
-
-def test_both_dialects_say_the_same(tmp_path):
-    for text in (OLD, NEW):
-        box, cylinder, ball = read(tmp_path, text)
-        assert (box.name, cylinder.name, ball.name) == ("fixture one", "fixture one 2", "ball")
-        assert isinstance(box.shape, Box) and isinstance(cylinder.shape, Cylinder)
-        assert isinstance(ball.shape, Sphere) and ball.shape.radius == 0.1
-        np.testing.assert_allclose(box.shape.size, [0.1, 0.2, 0.3])
-        assert (cylinder.shape.radius, cylinder.shape.length) == (0.05, 0.4)
-        for x in (box, cylinder):
-            np.testing.assert_allclose(x.place.position, [0.5, 0, 0], atol=1e-8)
-            np.testing.assert_allclose(x.place.rotation[:, 0], [0, 1, 0], atol=1e-8)
-    # Poses of an object and of its shapes are joined.
-    text = f"s\n* a\n{POSE}\n1\nbox\n1 1 1\n0.1 0.2 0\n0 0 0 1\n0 0 0 0\n0\n.\n"
-    (found,) = read(tmp_path, text)
-    # The shape's (0.1, 0.2) is turned by 90 deg.
-    np.testing.assert_allclose(found.place.position, [0.5 - 0.2, 0.1, 0], atol=1e-8)
-
-
-def test_planes_are_half_spaces_and_cones_are_held(tmp_path):
-    text = f"""s
-* floor\n1\nplane\n0 0 2 0.4\n{HERE}\n0 0 0 0
-* cone\n1\ncone\n0.1 0.4\n{HERE}\n0 0 0 0
-* wedge\n1\nmesh\n4 4\n{POINTS}\n0 2 1\n0 1 3\n0 3 2\n1 2 3\n{HERE}\n0 0 0 0\n.\n"""
-    floor, cone, wedge = read(tmp_path, text)
-    assert [type(x.shape) for x in (floor, cone, wedge)] == [HalfSpace, Mesh, Mesh]
-    # 2 z + 0.4 = 0.
-    np.testing.assert_allclose(floor.place.position, [0, 0, -0.2])
-    np.testing.assert_allclose(floor.place.rotation[:, 2], [0, 0, 1])
-    assert cone.shape.points[-1].tolist() == [0, 0, 0.2]
-    # All edges of the pyramid's base are outside the circle, and its corners by 0.5 %.
-    base = cone.shape.points[:-1, :2]
-    middles = (base + np.roll(base, 1, axis=0)) / 2
-    assert np.linalg.norm(middles, axis=1).min() == pytest.approx(0.1)
-    assert np.linalg.norm(base, axis=1).max() < 0.1005
-    assert wedge.shape.triangles.tolist()[3] == [1, 2, 3]
-
-
-POINTS = "0 0 0\n1 0 0\n0 1 0\n0 0 1"
-BAD_SCENES = [
-    ("name\n", "ends early"),
-    (NEW.replace("box", "torus"), "line 6: box, sphere, ... not 'torus'"),
-    (NEW.replace("0.1 0.2 0.3", "0.1 0.2"), "line 7: x and y and z of a box, 3 n ... '0.1 0.2'"),
-    (NEW.replace("0.1 0.2 0.3", "0.1 -1 0.3"), "line 7 ... size of a box"),
-    (NEW.replace("0 0 0.70710678 0.70710678", "0 0 1 1"), "line 4 ... quaternion ... length 1"),
-    (f"s\n* m\n1\nmesh\n3 1\n{HERE}\n.\n", "line 5: 4 to 1,000,000 points"),
-    (f"s\n* m\n1\nmesh\n4 4\n{POINTS}\n0 1 4\n0 1 2\n0 1 3\n0 2 3\n.\n", "from 0 to 3"),
-    (f"s\n* m\n1\nplane\n0 0 0 1\n{HERE}\n0 0 0 0\n.", "line 5: a plane whose normal"),
-]
-
-
-def test_a_scene_of_another_form_is_refused_with_its_line(tmp_path):
-    refusals(lambda text: read(tmp_path, text), BAD_SCENES, "a.scene")
 
 
 # A box of 0.2 x 0.3 x 0.4 m, as corners and 12 triangles.

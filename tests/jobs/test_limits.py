@@ -201,7 +201,6 @@ def test_a_plan_carries_its_limits_to_all_that_comes_after_it():
         ac.plan(path, arm, limits, reserve=0.02),
         ac.plan(program, arm, limits),
         ac.plan(path, arm, limits, duration=9.0),
-        ac.plan(path, arm, limits, smoothing=0.005, reserve=0.2),
         ac.plan(path, arm, limits, method="conventional"),
     ):
         np.testing.assert_array_equal(plan.limits.joint_acceleration, [0.4, 0.4])

@@ -47,9 +47,9 @@ def test_shaped_runs_keep_the_reserve_and_share_shapes(plans):
     assert plans["r"].path is not free.path and plans["d"].path is not free.path
 
 
-def test_a_given_duration_smoothing_and_the_execution_are_as_for_arcs():
+def test_a_given_duration_and_the_execution_are_as_for_arcs():
     # Without a reserve the servo saturates and overshoots.
-    values = {"free": {}, "slow": {"duration": 4.0}, "smooth": {"smoothing": (0.02,)}}
+    values = {"free": {}, "slow": {"duration": 4.0}}
     found = run(a_job(BEND, *(a_run(k, reserve=0.1, **x) for k, x in values.items()))).runs
     assert found["slow"].trajectory.duration == pytest.approx(4.0, abs=1e-9)
     assert found["slow"].path is found["free"].path

@@ -75,50 +75,13 @@ def test_a_demand_far_above_the_limit_is_said_and_by_whom():
     assert f"{found.evaluation.contour_error.max * 1e3:.3g} mm off" in warning
 
 
-def test_a_smoothed_run_says_which_limit_it_exceeds_and_a_reserve_that_mends_it():
-    limits = ac.Limits.only(joint_acceleration=[0.72, 0.72], speed=0.1)
-
-    def smoothed(windows, reserve=0.0):
-        return run(
-            job(drawn(), smoothing=windows, limits=limits, reserve=reserve), simulate=False
-        ).runs["one"]
-
-    plan, plain = smoothed((0.03,)), smoothed(())
-    assert plan.trajectory.duration == pytest.approx(plain.trajectory.duration + 0.03, rel=1e-12)
-    assert plain.warnings == ()
-    (warning,) = plan.warnings
-    t = np.linspace(0, plan.trajectory.duration, 20001)
-    over = np.abs(plan.trajectory(t, 2)) / limits.joint_acceleration
-    assert over.max() > 1.01
-    assert f"smoothing takes joint {over.max(axis=0).argmax() + 1} to " in warning
-    said = float(warning.split(" to ")[1].split(" times its joint_acceleration")[0])
-    assert said == pytest.approx(over.max(), rel=5e-3)
-    share = int(warning.split("reserve: ")[1].split(" %")[0]) / 100
-    assert smoothed((0.03,), reserve=share).warnings == ()
-    # Smoothing that keeps the limits is not warned of.
-    assert warnings_of(job(ac.Path.polyline(LINES[:2]), smoothing=(0.02, 0.01))) == ()
-
-
-def test_smoothing_that_cannot_be_is_refused_and_a_duration_is_kept():
-    def taught(**values):
-        limits = LIMITS.replace(joint_acceleration=0.72)
-        return lambda: (
-            run(
-                job(drawn(), limits=limits, **{"smoothing": (0.02,), **values}), simulate=False
-            ).runs
-        )
-
-    refused(
-        (taught(timing="mac"), "Run one", "method mac"),
-        (taught(duration=4.0), "Run one", "leave out smoothing, or the given duration"),
-        (taught(smoothing=(0.02, 0.02, 0.02)), "one or two windows, not 3"),
-    )
+def test_a_duration_is_kept():
     plan = run(job(drawn(), duration=4.0), simulate=False).runs["one"]
     assert plan.trajectory.duration == pytest.approx(4.0, rel=1e-12)
 
 
 def test_who_judges_set_points_that_are_for_the_bodies():
-    options = {"compensation": "inverse_dynamics", "smoothing": (4e-3,)}
+    options = {"compensation": "inverse_dynamics", "limits": LIMITS.replace(joint_jerk=20.0)}
     straight = ac.Path.polyline(LINES[:2])
     bare = only(job(straight, **options))
     (warning,) = bare.warnings

@@ -10,7 +10,6 @@ import pytest
 
 import armcontour as ac
 from armcontour.io.job_file import read_job
-from armcontour.motion import smooth
 
 pytest.importorskip("mujoco")
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
@@ -31,7 +30,7 @@ def test_the_papers_job_with_a_gain_that_is_not_known():
     job = read_job(str(resources.files("armcontour.jobs") / "library" / "paper.yaml"))
     objective = job.program.path
     path = ac.round_corners(objective, tolerance=5e-3)
-    plan = smooth(ac.plan(path, job.arm, job.runs[-1].limits), 4e-3)
+    plan = ac.plan(path, job.arm, job.runs[-1].limits)
     assert plan.duration <= 5.335
     taught = ac.compensate(plan, SERVO, method="inverse_dynamics", arm=job.arm)
 
@@ -55,9 +54,11 @@ def in_space(runs):
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0]])
     objective = ac.Path.polyline(np.array([0.45, 0.08, 0.2]) + 0.1 * corners)
     objective = objective.oriented(np.diag([1.0, -1.0, -1.0]))
-    path = ac.round_corners(objective, tolerance=2.5e-4)
-    limits = ac.Limits.only(joint_velocity=3.14, joint_acceleration=6.4, speed=0.25)
-    plan = smooth(ac.plan(path, arm, limits), 0.02)
+    path = ac.round_corners(objective, tolerance=2.5e-4, continuity="curvature")
+    limits = ac.Limits.only(
+        joint_velocity=3.14, joint_acceleration=6.4, joint_jerk=320.0, speed=0.25
+    )
+    plan = ac.plan(path, arm, limits)
     taught = ac.compensate(plan, SERVO, method="inverse_dynamics", arm=arm)
 
     def robot(seed):

@@ -8,7 +8,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.geometry import Path
-from armcontour.motion import Method, Rates, Span, smooth, stand_still
+from armcontour.motion import Method, Rates, Span, stand_still
 from armcontour.program import Contour, Dwell, Program
 
 ARM = ac.load_arm("pmk3s")
@@ -31,9 +31,6 @@ ASIDE = 1e-6
 MAKERS = {
     "optimal": lambda: ac.plan(ROUNDED, ARM, LIMITS, intervals=400),
     "optimal, sharp": lambda: ac.plan(OBJECTIVE, ARM, LIMITS, intervals=400),
-    "smoothed": lambda: smooth(plan("optimal"), 0.02, 0.01),
-    "smoothed once": lambda: smooth(plan("optimal"), 0.02),
-    "smoothed, sharp": lambda: smooth(plan("optimal, sharp"), 0.02, 0.01),
     "mac": lambda: ac.plan(ROUNDED, ARM, SLOW, method="mac"),
     "mac, sharp": lambda: ac.plan(OBJECTIVE, ARM, SLOW, method="mac"),
     "conventional": lambda: ac.plan(ROUNDED, ARM, SLOW, method="conventional"),
@@ -132,7 +129,7 @@ def test_rates_are_differences_of_s(order):
         assert (np.abs(trajectory.s(t, order) - expected) <= near).all(), name
 
 
-@pytest.mark.parametrize("kind", ["optimal", "smoothed", "mac"])
+@pytest.mark.parametrize("kind", ["optimal", "mac"])
 def test_the_tool_is_at_the_place_then_and_stands_at_corners(kind):
     for name in (kind, f"{kind}, sharp"):
         path, trajectory = path_of(name), plan(name)
@@ -151,7 +148,7 @@ def test_the_tool_is_at_the_place_then_and_stands_at_corners(kind):
         np.testing.assert_allclose(speed, 0, atol=1e-4)
         np.testing.assert_allclose(trajectory.speed_at(corners, side=side), speed, atol=1e-6)
         # The acceleration has two sides there.
-        assert kind == "smoothed" or (sign * trajectory.s(t, 2, side=side) > 0.01).all()
+        assert (sign * trajectory.s(t, 2, side=side) > 0.01).all()
 
 
 def test_speeds_that_jump_have_two_sides_and_answers_the_shape_of_the_question():
@@ -161,7 +158,7 @@ def test_speeds_that_jump_have_two_sides_and_answers_the_shape_of_the_question()
     for side, speed in (("left", 0.05), ("right", 0.025)):
         assert float(trajectory.speed_at(vertex, side=side)) == speed
         assert float(trajectory.s(t, 1, side=side)) == pytest.approx(speed)
-    for name in ("optimal", "smoothed", "mac", "program, mac"):
+    for name in ("optimal", "mac", "program, mac"):
         trajectory = plan(name)
         for shape in ((), (3,), (2, 3), (0,)):
             share = np.full(shape, 0.3)
@@ -174,7 +171,7 @@ def test_speeds_that_jump_have_two_sides_and_answers_the_shape_of_the_question()
         assert trajectory.time_at(places).tolist() == times
     for name, method in (("optimal", Method.OPTIMAL), ("program, mac", Method.MAC)):
         assert plan(name).method is method
-    assert plan("smoothed").method == "optimal, smoothed" and f"{plan('mac').method}" == "mac"
+    assert f"{plan('mac').method}" == "mac"
 
 
 @pytest.mark.parametrize("method", METHODS)

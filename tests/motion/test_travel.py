@@ -24,8 +24,6 @@ def test_no_joint_moves_farther_than_its_bound():
         ({}, {}),
         ({"centripetal_acceleration": 0.09}, {"method": "mac"}),
         ({}, {"method": "conventional"}),
-        ({}, {"smoothing": (0.05,), "reserve": 0.3}),
-        ({}, {"smoothing": (0.05, 0.02), "reserve": 0.3}),
         ({"joint_jerk": 50.0}, {}),
     ):
         line = ac.Path.polyline([[0.35, 0.1], [0.41, 0.15]])

@@ -1,4 +1,4 @@
-"""Placements: grids, refined places, reach, variants, and the search on workers."""
+"""Placements: grids, refined places, reach, and the search on workers."""
 
 import random
 from concurrent.futures import Executor, Future
@@ -23,7 +23,7 @@ from armcontour.errors import (
     Unreachable,
 )
 from armcontour.io import parse_job, placement_csv
-from armcontour.placement import Case, Moves, best_case, with_arm, with_tool
+from armcontour.placement import Moves
 from armcontour.placement.judging import Trail, Verdict
 from armcontour.placement.reach import beyond_links, longest_reach
 from armcontour.placement.screening import Screened
@@ -251,9 +251,6 @@ def test_the_job_holds_the_question():
     more = ac.place(parse_job(CORNER + asked), over={"yaw": (0.0, 0.1, 2)}, about=(0.3, 0.2, 0.0))
     assert [x.name for x in more.axes] == ["x", "yaw"]
     assert more.moves.anchor.tolist() == [0.3, 0.2, 0.0]
-    arms = asked.replace("about: origin", "arms: [pmk3s]")
-    (note,) = (x for x in ac.place(parse_job(CORNER + arms)).notes if "arms" in x)
-    assert note.startswith("The arms of the key placement are compared by the command")
 
 
 def test_a_best_place_at_the_end_of_a_range_is_said(square):
@@ -418,35 +415,3 @@ def test_a_lost_worker_is_an_error(square, refuses):
             ac.place(square, over=FEW, executor=Losing(after))
     with pytest.raises(InvalidInput, match="An executor has its own workers"):
         ac.place(square, over=FEW, executor=InProcess(), processes=2)
-
-
-def test_another_arm_or_tool_keeps_the_rest(square, plane):
-    arm = ac.load_arm("panda")
-    found = with_arm(square, arm)
-    assert found.arm is arm and found.servo.kp.shape == (7,)
-    limits = found.runs[0].limits
-    assert limits.speed == 0.25
-    np.testing.assert_array_equal(limits.joint_velocity, arm.limits.joint_velocity)
-    uneven = replace(square, servo=square.servo.replace(kp=[25, 25, 25, 25, 25, 30]).for_joints(6))
-    with pytest.raises(InvalidInput, match="6 values of kp, but the arm .* has 7 joints"):
-        with_arm(uneven, arm)
-    assert with_arm(uneven, ac.load_arm("ur10e")).servo.kp[5] == 30
-    with pytest.raises(InvalidInput, match="moves its tool in 2 coordinates"):
-        with_arm(square, ac.load_arm("pmk3s"))
-    tool = ac.Frame(position=[0, 0, 0.1])
-    found = with_tool(square, tool)
-    assert found.arm.chain.tool is tool
-    with pytest.raises(InvalidInput, match="has no tool frame"):
-        with_tool(plane, tool)
-
-
-def test_the_best_case_has_the_least_score(square):
-    over = {"x": (0.0, 0.0, 1)}
-    cases = [
-        Case(name=name, placement=ac.place(with_arm(square, ac.load_arm(name)), over=over))
-        for name in ("ur5e", "ur10e")
-    ]
-    known = [x.placement.best.verdict.duration for x in cases]
-    best = best_case([*cases, Case(name="none", refusal="too short")])
-    assert best is cases[int(np.argmin(known))].placement
-    assert best_case([Case(name="none", refusal="too short")]) is None

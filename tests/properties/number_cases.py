@@ -275,7 +275,7 @@ NEVER: set[Place] = {
 _AXIS = {"from": 0.0, "to": 0.01, "places": 2}
 _ASKED: dict[str, Any] = {"over": {"x": _AXIS}, "refine": False}
 # Keys that hold tools by their names.
-_TOOLS = (lambda x: {"placement": _ASKED | {"tools": x}}), (lambda x: {"tools": x})
+_TOOLS = ((lambda x: {"tools": x}),)
 # The first base that has a field is the one it is tried in; what no base has is added to the first.
 BASES: list[dict[str, Any]] = [
     PLANE,
@@ -336,8 +336,6 @@ BASES: list[dict[str, Any]] = [
     *(_oriented(x) for x in _ORIENTED),
     *(_oriented([x] * 3) for x in ({"rpy": _GIVEN[0]}, *_ORIENTED)),
     _with(PLANE, runs={"one": {"timing": {"reserve": 0.1}, "until": 5.0, "duration": 4.0}}),
-    _with(PLANE, runs={"one": {"smoothing": [0.02, 0.01]}}),
-    _with(PLANE, runs={"one": {"smoothing": 0.02}}),
     _with(PLANE, servo={"inertia": 0.1}, plant={"inertia": 0.1}),
     _with(PLANE, limits=_JOINTS),
     _with(PLANE, limits={key: [x, x] for key, x in _JOINTS.items()}),
@@ -349,7 +347,6 @@ BASES: list[dict[str, Any]] = [
         for x in names
     ),
     _with(PLANE, placement=_ASKED | {"about": [0.3, 0.2, 0.0]}),
-    _with(SPACE, placement=_ASKED | {"tools": {"short": [0.0, 0.0, 0.1]}}),
     _with(SPACE, tools={"T1": [0.0, 0.0, 0.1]}),
     _with(SPACE, tools={"T1": {"payload": SPACE["arm"]["payload"]}}),
     *(
@@ -505,12 +502,12 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--noise": ("# rad", "0.1 mrad, # mrad/s"),
 }
 TEXTS = {
-    "--arm", "--arms", "--base", "--cell", "--cluster", "--color", "--columns", "--continuity",
+    "--arm", "--base", "--cell", "--cluster", "--color", "--columns", "--continuity",
     "--contour", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--only-tool", "--out", "--output", "--package", "--path",
     "--plant", "--predict", "--run", "--scene", "--skip", "--taught", "--texts",
-    "--template", "--tip", "--tool-positions", "--tools", "--topic", "--units",
+    "--template", "--tip", "--tool-positions", "--topic", "--units",
     "--waypoint-columns", "--xacro-arg",
 }  # fmt: skip
 

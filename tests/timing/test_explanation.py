@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import Method, PathLaw, Rates, smooth
+from armcontour.motion import Method, PathLaw, Rates
 from armcontour.timing import explain
 from armcontour.timing.constraints import IntervalEnds, SecondOrder, jerks_of
 from armcontour.timing.grid import grid_through
@@ -276,7 +276,6 @@ def test_refusals(arm, rounded, traced, objective, limits, refuses):
         mac | {"period": 0.0},
         mac | {"period": np.nan},
         mac | {"branch": "up"},
-        *({"smoothing": x} for x in ("20 ms", -0.02, [0.0])),
     ):
         rows.append((rounded, limits, options, ac.InvalidInput, {}))
     for method in METHODS:
@@ -296,36 +295,6 @@ def test_refusals(arm, rounded, traced, objective, limits, refuses):
     rows.append((traced, limits, {"branch": "negative"}, ac.InvalidInput, {}))
     for path, own, options, kind, data in rows:
         refuses(lambda x=path, y=own, z=options: ac.plan(x, arm, y, **z), kind, **data)
-
-
-def test_a_plan_is_smoothed_as_by_hand(arm, traced, limits):
-    limits = limits.replace(centripetal_acceleration=np.inf)
-    plain = ac.plan(traced, arm, limits, reserve=0.3)
-    for windows in (0.02, [0.02, 0.01]):
-        found = ac.plan(traced, arm, limits, reserve=0.3, smoothing=windows)
-        by_hand = smooth(plain, *np.atleast_1d(windows))
-        t = np.linspace(0, found.duration, 101)
-        np.testing.assert_array_equal(found(t), by_hand(t))
-
-
-def test_smoothing_that_exceeds_a_limit_is_refused_with_what_would_do(arm, limits):
-    corners = ac.Path.polyline([(0.3, 0.2), (0.35, 0.2), (0.35, 0.25)])
-    corners = ac.round_corners(corners, tolerance=1e-5)
-    free = limits.replace(centripetal_acceleration=np.inf)
-    windows, coarse = [0.02, 0.02], {"intervals": 800}
-    smoothed = coarse | {"smoothing": windows}
-    with pytest.raises(ac.NotRealizable, match="reserve, such as") as caught:
-        ac.plan(corners, arm, free, **smoothed, reserve=0.05)
-    assert caught.value.limit == "joint_acceleration" and caught.value.needed > 1.01
-    # The excess is that of the judge, which shares no code with the plan.
-    by_hand = smooth(ac.plan(corners, arm, free, reserve=0.05, **coarse), *windows)
-    used = ac.check(by_hand, arm, free)["joint_acceleration"]
-    assert caught.value.needed == pytest.approx(used.ratio, rel=2e-2)
-    reserve = float(str(caught.value).rpartition("such as ")[2].rstrip("."))
-    assert ac.plan(corners, arm, free, **smoothed, reserve=reserve).duration > 0
-    with pytest.raises(ac.NotRealizable, match="lower limit, such as") as caught:
-        ac.plan(corners, arm, limits, **smoothed, reserve=0.5)
-    assert caught.value.limit == "centripetal_acceleration"
 
 
 def test_an_infinite_limit_of_jerk_is_none(arm, traced, limits):

@@ -122,28 +122,6 @@ def test_keeps_all_that_holds_of_programs_in_the_plane():
     assert (last.name, last.t) == ("spindle", pytest.approx(trajectory.duration))
 
 
-def test_smoothed_programs_have_all_but_the_limits():
-    windows = 0.01, 0.03
-    moves = Dwell(duration=0.1), Event(name="coolant"), Rapid(), Contour(path=BEND, events=GLUE)
-    program, gentle = plane(LINE, *moves), IN_PLANE.replace(centripetal_acceleration=np.inf)
-    plain, smoothed = (
-        ac.plan(program, PMK3S, gentle, reserve=0.4, intervals=800, smoothing=x)
-        for x in ((), windows)
-    )
-    judged(program, PMK3S, ac.Limits.only(), smoothed)
-    assert smoothed.method == "optimal, smoothed"
-    assert [x.kind for x in smoothed.spans] == [x.kind for x in plain.spans]
-    for before, after in zip(plain.spans, smoothed.spans, strict=True):
-        longer = 0.0 if before.kind == "dwell" else sum(windows)
-        assert np.ptp(after.t) == pytest.approx(np.ptp(before.t) + longer, abs=1e-12)
-    # Path accelerations no longer jump, at starts and ends of moves neither.
-    jumps = [
-        np.abs(np.subtract(*(x.s(x.breaks, 2, side=side) for side in ("left", "right")))).max()
-        for x in (plain, smoothed)
-    ]
-    assert jumps[1] < 1e-6 < 1e-1 < jumps[0]
-
-
 def test_keeps_all_that_holds_of_programs_in_space():
     process = dataclasses.replace(AROUND, approach=0.02, retract=0.03)
     program = ac.prepare(program_of(in_space(SQUARE), in_space(BEND)), process)
@@ -531,7 +509,7 @@ def test_a_traced_program_is_timed_again_without_tracing(monkeypatch, refuses):
 def test_other_processes_give_the_same_plans(monkeypatch):
     lines = [Path.polyline([[0.3, y], [0.31, y]]) for y in np.linspace(-0.1, 0.1, 12)]
     program = program_of(*(in_space(x) for x in lines))
-    options = {"intervals": 100, "smoothing": 0.02, "reserve": 0.2}
+    options = {"intervals": 100, "reserve": 0.2}
     alone = ac.plan(program, UR5E, IN_SPACE, **options)
     # From the second move on others plan.
     monkeypatch.setattr("armcontour._pool.START", 1e-9)

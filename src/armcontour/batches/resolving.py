@@ -255,14 +255,14 @@ def refuse_without_effect(base: Base, keys: Sequence[str]) -> None:
 
 
 def refuse_unplaced(base: Base, data: Mapping[str, Any]) -> None:
-    """Refuse a job that does not say where its part is to be placed, or that compares arms.
+    """Refuse a job that does not say where its part is to be placed.
 
     Args:
         base: The job.
         data: Its data with the first values of all parameters.
 
     Raises:
-        InvalidInput: There is no key placement.over, or arms or tools are to be compared.
+        InvalidInput: There is no key placement.over.
     """
     asked = data.get("placement") or {}
     if not asked.get("over"):
@@ -270,12 +270,6 @@ def refuse_unplaced(base: Base, data: Mapping[str, Any]) -> None:
             f"do: place needs the key placement.over of {base.source}, which says where to look, "
             "such as placement: {over: {x: {from: -100 mm, to: 100 mm, places: 5}}}."
         )
-    for name, key in (("arms", "arm"), ("tools", "arm.tool")):
-        if asked.get(name):
-            raise InvalidInput(
-                f"placement.{name} of {base.source} is for the command place: a batch compares "
-                f"them by over: {{{key}: [...]}}, so leave it out."
-            )
 
 
 def _put(data: dict[str, Any], parts: Sequence[str], value: Any) -> None:

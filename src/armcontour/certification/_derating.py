@@ -12,7 +12,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
-from armcontour.motion import JointPath, Trajectory, smooth
+from armcontour.motion import JointPath, Trajectory
 from armcontour.timing.constraints import (
     Constraint,
     JointMotion,
@@ -149,23 +149,18 @@ def plan_derated(
     arm: Arm,
     limits: Limits,
     derating: Derating,
-    windows: tuple[float, ...] = (),
     factors: Mapping[str, float] = MappingProxyType({}),
     intervals: int | None = None,
-) -> tuple[Trajectory, Trajectory]:
-    """Plan the fastest motion within derated limits, and smooth it.
+) -> Trajectory:
+    """Plan the fastest motion within derated limits.
 
     Args:
         joint_path: The path.
         arm: The arm.
         limits: The limits, with values per joint.
         derating: Derating of acceleration and speed along the path.
-        windows: Windows of the moving averages [s]; none for no smoothing.
         factors: Shares that are left of other limits along the whole path, by the limits' names.
         intervals: Number of grid intervals; by default that of `plan`.
-
-    Returns:
-        The plan before and after smoothing.
 
     Raises:
         NotRealizable: The limits allow no motion.
@@ -177,5 +172,4 @@ def plan_derated(
     if limits.joint_acceleration is not None:
         constraints.append(DeratedAcceleration(*limits.acceleration_bounds(arm.dof), derating))
     found = plan_optimal(joint_path, arm, rest, intervals=intervals, constraints=constraints)
-    found = found.limited(limits)
-    return found, smooth(found, *windows) if windows else found
+    return found.limited(limits)

@@ -8,10 +8,8 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.geometry import ShapedPath
 from armcontour.motion import (
-    JointAverage,
     JointPath,
     PathLaw,
-    SmoothedLaw,
     Trajectory,
     largest_shares,
 )
@@ -33,9 +31,7 @@ def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
     joints = np.stack([*limits.acceleration_bounds(arm.dof), *limits.velocity_bounds(arm.dof)])
     found = np.zeros(6)
     for law in plan.laws:
-        # Averages of the joints are not above what is averaged.
-        law = law.original if isinstance(law, JointAverage) else law
-        assert isinstance(law, PathLaw | SmoothedLaw)
+        assert isinstance(law, PathLaw)
         speeds = _highest_speeds(law.joint_path, limits)
         found = np.maximum(found, largest_shares(law, joints, speeds, 1 + KEPT))
     acceleration, velocity = found[:4].reshape(2, 2).max(axis=1).tolist()

@@ -18,14 +18,13 @@ from armcontour.certification._uses import (
 )
 from armcontour.errors import NotRealizable
 from armcontour.evaluation import check
-from armcontour.motion import Execution, JointPath, Law, TaughtData, Trajectory, smooth
+from armcontour.motion import Execution, JointPath, Law, TaughtData, Trajectory
 from armcontour.servo import ServoModel
 from armcontour.timing.program_timing import time_rapid
 
-# Lengths of the moving averages in command intervals, of which the fastest is taken. Without one
-# the tool settles later where the contour starts.
-WINDOWS = ((0.5,), (0.5, 0.5), (1.0,), (1.0, 1.0))
-# Plans with the same windows; each one derates the limits that the last one exceeded.
+# In so many command intervals accelerations rise to their limits; the fastest rapid is taken.
+RISES = (0.0, 0.5)
+# Each plan derates the limits that the last one exceeded.
 MOST_TRIALS = 12
 # Trials aim at this share of each limit: set-points next to the end of a rapid have a part of the
 # contour after it.
@@ -40,12 +39,10 @@ class Derated:
     """A rapid that keeps its limits when it is executed.
 
     Args:
-        windows: Windows of the moving averages [s].
         factors: Shares that are left of limits along the rapid, by the limits' names.
         trajectory: The plan.
     """
 
-    windows: tuple[float, ...]
     factors: dict[str, float]
     trajectory: Trajectory
 
@@ -75,11 +72,13 @@ def plan_fastest_rapid(
     approach = Approach.of(() if robot.saturated else before, robot)
     # Demands are measured without saturation: on a saturated plant they say nothing of the excess.
     robot = replace(robot, saturated=False)
-    found = [
-        x
-        for multiples in (((),) if robot.limits.jerk_limits else WINDOWS)
-        if (x := _derate(joint_path, approach, robot, multiples, GOAL * margin, speed)) is not None
+    limits = robot.limits
+    steep = limits.jerk_limits or limits.joint_acceleration is None
+    plans = [
+        _derate(joint_path, approach, robot, GOAL * margin, speed, rise)
+        for rise in ((0.0,) if steep else RISES)
     ]
+    found = [x for x in plans if x is not None]
     if not found:
         raise NotRealizable(
             f"No rapid keeps its limits when it is executed, after {MOST_TRIALS} plans of it: its "
@@ -94,9 +93,9 @@ def _derate(
     joint_path: JointPath,
     approach: Approach,
     robot: Robot,
-    multiples: tuple[float, ...],
     goal: float,
     speed: float | None,
+    rise: float,
 ) -> Derated | None:
     """Derate a rapid until it keeps its limits; None if MOST_TRIALS plans do not.
 
@@ -104,19 +103,20 @@ def _derate(
         joint_path: The joint path of the rapid.
         approach: The motion before it.
         robot: The robot.
-        multiples: Windows of the moving averages in command intervals.
         goal: Share of its limits that it may use.
         speed: As of `time_rapid`.
+        rise: In how many command intervals accelerations rise from zero to their limits, at least.
     """
-    windows = tuple(x * robot.run.period for x in multiples)
     factors: dict[str, float] = {}
     for _ in range(MOST_TRIALS):
         left = {name: getattr(robot.limits, name) * share for name, share in factors.items()}
+        if rise:
+            low, high = robot.limits.acceleration_bounds(robot.arm.dof)
+            left["joint_jerk"] = np.minimum(-low, high) / (rise * robot.run.period)
         plan = time_rapid(joint_path, robot.arm, robot.limits.replace(**left), speed)
-        plan = smooth(plan, *windows) if windows else plan
         over = {name: x for name, x in _uses(plan, approach, robot).items() if x > goal}
         if not over:
-            return Derated(windows=windows, factors=factors, trajectory=plan)
+            return Derated(factors=factors, trajectory=plan)
         for name, ratio in over.items():
             factors[name] = factors.get(name, 1.0) * goal / ratio * (1 - CLOSE)
     return None

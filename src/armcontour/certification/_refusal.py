@@ -39,11 +39,6 @@ def refuse(search: Search) -> NoReturn:
     )
 
 
-def _smoothing(search: Search) -> Reason:
-    text = f"smoothing over the command interval alone takes longer; take {LONGER}"
-    return Reason(text, "slowest", search.goal.slowest)
-
-
 def _acceleration(search: Search) -> Reason:
     setting, ratio, shorter = search.setting, search.binds[1], _shorter(search)
     held = " and are held" if setting.servo.interpolation == "step" else ""
@@ -109,8 +104,12 @@ def _error(search: Search) -> Reason:
 
 # By the kind of use that the last trials exceeded.
 REASONS: dict[str, Callable[[Search], Reason]] = {
-    **{"": _smoothing, "acceleration": _acceleration, "speed": _speed, "torque": _torque},
-    **{"tool": _tool_speed, "error": _error, "box": _error},
+    "acceleration": _acceleration,
+    "speed": _speed,
+    "torque": _torque,
+    "tool": _tool_speed,
+    "error": _error,
+    "box": _error,
 }
 
 

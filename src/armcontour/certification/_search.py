@@ -1,6 +1,6 @@
 """The search for the fastest plan that holds what a certificate asks for.
 
-A trial is planned within what is left of the limits, smoothed, compensated, executed and looked at;
+A trial is planned within what is left of the limits, compensated, executed and looked at;
 where something is used beyond its limit, more is derated there, and the next trial is made. What
 is derated stays derated, so a search ends. See docs/concepts/certificate.md.
 """
@@ -39,17 +39,11 @@ from armcontour.evaluation import Check, check
 from armcontour.execution import execute
 from armcontour.jobs.goal import Goal
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
-from armcontour.motion.smoothing import averages_joints
 from armcontour.robustness.monte_carlo import Spread
 
-# Lengths of the moving averages in command intervals, the likeliest fastest first.
-WINDOWS: Mapping[str, tuple[tuple[float, ...], ...]] = {
-    "refuse": ((), (0.5,), (0.5, 0.5), (1.0,), (1.0, 1.0), (2.0, 1.0)),
-    "report": ((), (1.0,)),
-}
-# A search with one choice of windows takes at most this many trials.
+# A search takes at most this many trials.
 MOST_TRIALS = 25
-# Smoothing carries what is derated in one cell to its neighbours, so that an excess may shrink by
+# What is derated in one cell changes the motion in its neighbours, so that an excess may shrink by
 # less than half in a trial: after so many trials it is met with its square, then its cube.
 PATIENCE = 5
 # Trials aim a little below each limit, so that they arrive: at this share of accelerations, and of
@@ -61,10 +55,11 @@ ERROR_GOAL = 0.995
 # Robots drawn from the box may be worse than its corners: a search is made again, and aims lower,
 # so often at most. Each of them aims at least by a ratio of ERROR_GOAL lower.
 MOST_DRAWS = 10
-# An error goes at least with this power of speed and acceleration; in one step they are slowed down
-# to this share at most.
-ERROR_POWER = 1 / 3
-LARGEST_STEP = 0.7
+# Errors go at least with the third power of speed and acceleration. Which steps lead to the fastest
+# plan is not known: each search takes all of these, and its best plan. They are the power of the
+# excess by which an error is derated, the share that is left in one step at least, and whether what
+# all cells need for acceleration is derated at once.
+STEPS = ((1 / 3, 0.7, True), (1 / 3, 0.85, True), (1 / 4, 0.85, False))
 # A tool that is too fast for its place still has what it had this many time constants before.
 LASTING = 8.0
 # A body that is off has what its plan did this many time constants of its position loops before.
@@ -74,12 +69,11 @@ LAGGING = 2.0
 # then found to this ratio.
 COARSE_SHARE = 0.85
 SHARE_PRECISION = 1.005
-# On rigid bodies: moving averages in command intervals and in time constants of the velocity loops;
-# longer ones are tried while the nominal robot takes more than NOMINAL of the budget. Of the box,
-# FIRST_CORNERS corners judge each plan that the linear model takes, and all corners the best one.
-BODY_WINDOWS = ((1.0, 0.0), (0.0, 1.5), (0.0, 3.0), (0.0, 6.0))
-NOMINAL = 0.1
+# On rigid bodies so many corners of the box judge each plan that the linear model takes, and all
+# corners the best one.
 FIRST_CORNERS = 8
+# Certified plans that take this share longer than the optimum are searched again.
+GAIN = 1e-4
 # After a drive saturated, torque limits are lowered by this ratio at least.
 SPARE = 1.01
 # Places per interval at which the plan is checked against its limits between all samples.
@@ -98,19 +92,15 @@ class Trial:
     """One plan, executed.
 
     Args:
-        windows: Of the moving averages [s].
         derating: What was derated.
         factors: What was left of other limits.
-        plan: Before smoothing.
-        trajectory: The plan after smoothing.
+        trajectory: The plan.
         taught: Its taught data, after that of what leads to it.
         uses: Of all limits over time.
     """
 
-    windows: tuple[float, ...]
     derating: Derating
     factors: Mapping[str, float]
-    plan: Trajectory
     trajectory: Trajectory
     taught: TaughtData
     uses: Uses
@@ -173,7 +163,8 @@ class Search:
         torque_goal: Which share of torque limits trials use, for what the box adds.
         shares: Parts of the contour error of the worst robot of the box in the last trial, by kinds
             of unknowns [m]; None of servos.
-        known_derating: What the box needs derated on rigid bodies, by windows.
+        known_derating: What the box needs derated on rigid bodies, if it is known.
+        steps: Those of STEPS that are taken.
         tightness: What trials aim at, as shares of what is allowed.
     """
 
@@ -196,7 +187,8 @@ class Search:
     box_goal: float = ERROR_GOAL
     torque_goal: float = 1.0
     shares: dict[str, float] | None = None
-    known_derating: dict[tuple[float, ...], Derating] = field(default_factory=dict)
+    known_derating: Derating | None = None
+    steps: tuple[float, float, bool] = STEPS[0]
     tightness: dict[str, float] = field(default_factory=dict)
 
     def fastest(self) -> Kept | None:
@@ -206,7 +198,7 @@ class Search:
         it judge the best plan. If one is outside, the search is made again and aims lower.
         """
         for _ in range(MOST_DRAWS):
-            best = self._best_of_windows()
+            best = self._best_of_steps()
             if best is None or (self.setting.box is None and not self.setting.bodies):
                 return best
             best = self._draw_bodies(best) if self.setting.bodies else self._draw(best)
@@ -222,7 +214,7 @@ class Search:
                 continue
             if self.setting.bodies:
                 # What was derated stays derated.
-                self.known_derating[best.trial.windows] = best.trial.derating
+                self.known_derating = best.trial.derating
             if best.worst <= self.setting.budget:
                 return best
             self.binds = ("box", best.worst / self.setting.budget)
@@ -263,71 +255,42 @@ class Search:
             seed=seed,
         )
 
-    def _best_of_windows(self) -> Kept | None:
-        """The fastest plan that holds the goal on the corners of the box, of all windows."""
-        for windows in self._windows():
-            # The plan with nothing derated is a bound of the time with these windows.
-            if self.best is not None and self.optimum + sum(windows) >= self.best_time:
-                continue
-            settle = self._evenly if self.setting.saturated else self._settle
-            found = settle(windows)
-            if found is not None and found.trial.trajectory.duration < self.best_time:
-                self.best = found
-            if self.setting.bodies and self._smooth_enough(found):
-                break
+    def _best_of_steps(self) -> Kept | None:
+        """The fastest plan that holds the goal on the corners of the box, of all steps."""
+        if self.setting.saturated:
+            self.best = self._evenly()
+            return self.best
+        for self.steps in STEPS:
+            if self.best is None or self.best_time > self.optimum * (1 + GAIN):
+                self.best = self._settle() or self.best
         return self.best
-
-    def _windows(self) -> list[tuple[float, ...]]:
-        """Lengths of moving averages to try [s]."""
-        if self.setting.limits.jerk_limits:
-            # Averages along a path that bends exceed limits of jerk, which smooth the plan already.
-            return [()]
-        period, kv = self.setting.run.period, self.setting.servo.kv
-        if self.setting.bodies and kv is not None:
-            slowest = 1 / float(kv.min())
-            found = [(max(a * period + b * slowest, period),) for a, b in BODY_WINDOWS]
-            return sorted(dict.fromkeys(found))
-        multiples = WINDOWS[self.goal.saturation]
-        if averages_joints(self.joint_path):
-            # One average of the joints leaves no jump that a second one would have to smooth.
-            multiples = tuple(x for x in multiples if len(x) < 2)
-        return [tuple(x * period for x in windows) for windows in multiples]
-
-    def _smooth_enough(self, found: Kept | None) -> bool:
-        """Whether more smoothing of a plan on rigid bodies is of no use: others bind."""
-        if found is None:
-            return self.binds[0] in ("box", "torque")
-        return found.judged.largest <= NOMINAL * self.setting.budget
 
     @property
     def best_time(self) -> float:
         """Duration of the fastest plan so far [s]."""
         return np.inf if self.best is None else self.best.trial.trajectory.duration
 
-    def _evenly(self, windows: tuple[float, ...]) -> Kept | None:
-        """The fastest plan with these windows, and one share left of all accelerations."""
+    def _evenly(self) -> Kept | None:
+        """The fastest plan that leaves one share of all accelerations."""
         low = high = 1.0
-        found = self._settle(windows, low)
+        found = self._settle(low)
         while found is None and self.binds[0] == "error" and self.in_time:
             low, high = low * COARSE_SHARE, low
-            found = self._settle(windows, low)
+            found = self._settle(low)
         while found is not None and high > low * SHARE_PRECISION:
             middle = float(np.sqrt(low * high))
-            better = self._settle(windows, middle)
+            better = self._settle(middle)
             low, high = (low, middle) if better is None else (middle, high)
             found = better or found
         return found
 
-    def _settle(self, windows: tuple[float, ...], share: float = 1.0) -> Kept | None:
-        """The first trial with these windows that holds everything.
+    def _settle(self, share: float = 1.0) -> Kept | None:
+        """The first trial that holds everything.
 
         Args:
-            windows: Of the moving averages [s].
             share: What is left of accelerations from the beginning.
         """
-        nothing = self.known_derating.get(windows) or Derating.nothing(
-            self.joint_path, self.intervals
-        )
+        nothing = self.known_derating or Derating.nothing(self.joint_path, self.intervals)
         derating = nothing if share == 1.0 else nothing.with_share(share, "error")
         factors: Mapping[str, float] = (
             {} if self.torque_goal == 1.0 else {"joint_torque": self.torque_goal}
@@ -337,17 +300,17 @@ class Search:
         self.tightness = {name: x * self.margin for name, x in goals.items()}
         for number in range(MOST_TRIALS):
             try:
-                trial = self._trial(windows, derating, factors)
+                trial = self._trial(derating, factors)
             except NotRealizable:
                 if number == 0:
                     raise
                 # What was derated leaves no plan.
                 return None
             if np.isnan(self.optimum):
-                self.optimum = trial.plan.duration
-                self.squares = _squares(trial.plan, derating.cells)
-            duration = trial.trajectory.duration
-            self.in_time = duration < min(self.best_time, self.goal.slowest * self.optimum)
+                self.optimum = trial.trajectory.duration
+                self.squares = _squares(trial.trajectory, derating.cells)
+            slowest = min(self.best_time, self.goal.slowest * self.optimum)
+            self.in_time = trial.trajectory.duration < slowest
             if not self.in_time:
                 return None
             worst = trial.uses.worst()
@@ -359,26 +322,21 @@ class Search:
                 if not isinstance(found, Trial):
                     return found
                 trial, factors = found, found.factors
-            first = number == 0 and not self.setting.saturated
+            first = number == 0 and not self.setting.saturated and self.steps[2]
             derating = self._tighten(trial, first=first, power=1 + number // PATIENCE)
         return None
 
-    def _trial(
-        self, windows: tuple[float, ...], derating: Derating, factors: Mapping[str, float]
-    ) -> Trial:
+    def _trial(self, derating: Derating, factors: Mapping[str, float]) -> Trial:
         self.trials += 1
-        shown = " + ".join(f"{x * 1e3:.3g} ms" for x in windows) or "no smoothing"
-        self.progress(Step((f"{shown}, trial {self.trials}",)))
+        self.progress(Step((f"trial {self.trials}",)))
         setting = self.setting
-        plan, trajectory = plan_derated(
-            self.joint_path, setting.arm, setting.limits, derating, windows, factors, self.intervals
+        trajectory = plan_derated(
+            self.joint_path, setting.arm, setting.limits, derating, factors, self.intervals
         )
         taught = self.approach.teach(trajectory, setting)
         return Trial(
-            windows=windows,
             derating=derating,
             factors=factors,
-            plan=plan,
             trajectory=trajectory,
             taught=taught,
             uses=uses_on_bodies(setting, taught)
@@ -510,8 +468,8 @@ class Search:
                 errors, with ERROR_POWER of it.
         """
         derating, uses, tight = trial.derating, trial.uses, self.tightness
-        moment = _Moments(trial, sum(trial.windows) + trial.taught.period + self._memory())
-        speed = _squares(trial.plan, derating.cells)
+        moment = _Moments(trial, trial.taught.period + self._memory())
+        speed = _squares(trial.trajectory, derating.cells)
 
         def slower(use: FloatArray, left: FloatArray, cause: str) -> Derating:
             """Derating that leaves a share of ds² in the cells with a use above 1."""
@@ -538,14 +496,14 @@ class Search:
         derating = slower(use, np.maximum(use, 1.0) ** -power, "tool")
         if not self.setting.saturated:
             use = np.maximum(moment.largest(uses.error, before=late), uses.rms) / tight["error"]
-            slow = np.clip(np.maximum(use, 1.0) ** (-ERROR_POWER * power), LARGEST_STEP, 1.0)
+            slow = np.clip(np.maximum(use, 1.0) ** (-self.steps[0] * power), self.steps[1], 1.0)
             derating = slower(use, slow**2, "error").with_share(slow[:, None], "error")
         if uses.box is not None:
             # Bodies are late by the time constant of their position loops.
             late = LAGGING / float(self.setting.servo.kp.min()) if self.setting.bodies else 0.0
             use = moment.largest(uses.box, before=late) / tight["box"]
             slow = 1 / np.maximum(use, 1.0)
-            derating = slower(use, np.maximum(slow, LARGEST_STEP) ** 2, "box")
+            derating = slower(use, np.maximum(slow, self.steps[1]) ** 2, "box")
             if self.setting.bodies:
                 derating = derating.with_share(slow[:, None], "box")
         return derating

@@ -20,9 +20,7 @@ from armcontour.geometry import Path
 from armcontour.jobs.job import Run
 from armcontour.motion import (
     Execution,
-    JointAverage,
     PathLaw,
-    SmoothedLaw,
     TaughtData,
     Trajectory,
 )
@@ -395,13 +393,10 @@ def motion(
     s, states = np.empty(len(t)), np.empty((3, len(t), plan.dof))
     for k, here, i, local in plan.locate(t, side):
         law = plan.laws[k]
-        assert isinstance(law, PathLaw | SmoothedLaw | JointAverage)
+        assert isinstance(law, PathLaw)
         along = law.path_motion(i, local)
         s[here] = along[0]
-        if isinstance(law, JointAverage):
-            states[:, here] = law.motion(i, local)
-        else:
-            states[:, here] = join_path(law.joint_path, law.s[i + 1], along, (0, 1, 2))
+        states[:, here] = join_path(law.joint_path, law.s[i + 1], along, (0, 1, 2))
     return s, states
 
 
@@ -453,7 +448,7 @@ def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
     """When a plan passes the joints between segments that are breaks of it [s]."""
     times = [np.zeros(0)]
     for law, start in zip(plan.laws, plan.starts, strict=False):
-        assert isinstance(law, PathLaw | SmoothedLaw | JointAverage)
+        assert isinstance(law, PathLaw)
         k = np.clip(np.searchsorted(law.s, places), 0, len(law.s) - 1)
         times.append(start + law.breaks[k[np.abs(law.s[k] - places) < 1e-9]])
     return np.clip(np.unique(np.concatenate(times)), 0.0, plan.duration)

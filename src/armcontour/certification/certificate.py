@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._describing import brief, line_up, milliseconds, mm
+from armcontour._describing import brief, line_up, mm
 from armcontour.certification._bodies import LinearFigures
 from armcontour.certification._derating import Derating
 from armcontour.certification._rapids import Derated
@@ -118,7 +118,6 @@ class ContourCertificate:
         work: Start and end time of the work of the process, in which errors count [s].
         path: The tool path.
         joint_path: The joint path.
-        windows: Windows of the moving averages of s(t) [s].
         derating: Derating of acceleration and speed along the path.
         factors: Shares that are left of limits derated along the whole contour, by their names.
         lowered: What was derated: how much, where, and for what; the largest share first.
@@ -142,7 +141,6 @@ class ContourCertificate:
     work: tuple[float, float]
     path: Path
     joint_path: JointPath
-    windows: tuple[float, ...]
     derating: Derating
     factors: dict[str, float]
     lowered: tuple[Lowered, ...]
@@ -167,7 +165,6 @@ class ContourCertificate:
                 ("cost", f"{cost:+.1f} ms to {self.optimum:.4f} s"),
                 *self.budget.rows,
                 ("derated, mean", ", ".join(f"{x:.2%}" for x in self.headroom)),
-                ("smoothing", ", ".join(milliseconds(x) for x in self.windows)),
                 *(("lowered", str(x)) for x in self.lowered),
             ],
         )
@@ -203,7 +200,7 @@ class ContourCertificate:
 class Certificate:
     """The fastest plan found that keeps a goal, with the evidence.
 
-    A job of a single path has one contour. Its joint path, windows and derating are attributes of
+    A job of a single path has one contour. Its joint path and its derating are attributes of
     the certificate too.
 
     Args:
@@ -384,11 +381,6 @@ class Certificate:
         return self._only.joint_path
 
     @property
-    def windows(self) -> tuple[float, ...]:
-        """Windows of the moving averages of s(t) of the only contour [s]."""
-        return self._only.windows
-
-    @property
     def derating(self) -> Derating:
         """Derating of acceleration and speed along the only contour."""
         return self._only.derating
@@ -403,7 +395,7 @@ class Certificate:
         if len(self.contours) != 1:
             raise InvalidInput(
                 f"The certificate of the job {self.job.name} has {len(self.contours)} contours: "
-                "every one of its contours has paths, windows and derating of its own."
+                "every one of its contours has a path and a derating of its own."
             )
         return self.contours[0]
 

@@ -59,7 +59,7 @@ def certify(
 ) -> Certificate:
     """Find the fastest plan of a job whose execution keeps its tolerance.
 
-    Whatever timing the run has, the plan is an optimal one, smoothed, and derated where needed.
+    Whatever timing the run has, the plan is an optimal one, derated where needed.
     Compensation, command interval and limits are those of the run. The certificate is valid for the
     job's plant: its servos, or its rigid bodies if the goal says so, and for no other model.
 
@@ -82,11 +82,6 @@ def certify(
         raise InvalidInput(
             f"Run {this.name} has a duration of {this.duration:g} s, which a certified plan does "
             "not take: leave duration out."
-        )
-    if this.smoothing:
-        raise InvalidInput(
-            f"Run {this.name} has smoothing, but a certified plan has windows of its own: leave "
-            "smoothing out."
         )
     if this.rounding is not None and this.rounding.free:
         refuse_unkept_jerk(Method.SHAPED, this.limits)
@@ -234,7 +229,6 @@ class _Certifying:
             work=span.work,
             path=planned.setting.path,
             joint_path=planned.joint_path,
-            windows=kept.trial.windows,
             derating=kept.trial.derating,
             factors=dict(kept.trial.factors),
             lowered=find_lowered(

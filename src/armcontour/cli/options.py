@@ -23,7 +23,7 @@ TOPICS = {
                                  "iterations", "continuity", "from_s"),
     "Log and files of numbers": ("log", "taught", "tool_positions", "start", "end", "columns",
                                  "topic", "unwrap", "interpolation"),
-    "Places": ("over", "objective", "uncertainty", "move", "absolute", "about", "arms", "tools",
+    "Places": ("over", "objective", "uncertainty", "move", "absolute", "about",
                "every", "refined"),
     "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
     "Files for robot controllers": ("export", "template", "output", "period", "derivatives",
@@ -469,8 +469,7 @@ class CheckOptions(ArmOptions):
         typer.Option(
             "--scene",
             help="Cell: check how near the arm comes to it and to itself. A built-in cell such as "
-            "ur5e, a job file, of which scene is enough, obstacles as URDF, or a scene of MoveIt "
-            "(.scene).",
+            "ur5e, a job file, of which scene is enough, or obstacles as URDF.",
         ),
     ] = None
     columns: Columns = None
@@ -631,21 +630,6 @@ class PlaceOptions:
             "--about",
             help="Point that is placed and turned about: middle of the path (default), origin of "
             "its coordinates, or '400 mm, 0 mm, 0 mm'.",
-        ),
-    ] = None
-    arms: Annotated[
-        str | None,
-        typer.Option(
-            "--arms",
-            help="Arms to compare: names and files, such as 'ur5e, ur10e, mine.urdf'; '' is "
-            "the job's own arm.",
-        ),
-    ] = None
-    tools: Annotated[
-        FilePath | None,
-        typer.Option(
-            "--tools",
-            help="Tools to compare: a YAML file of tool frames by their names, as arm.tool.",
         ),
     ] = None
     every: Annotated[

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -14,9 +14,7 @@ from armcontour.cli.quantities import read_option, read_option_list
 if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, PlaceOptions
     from armcontour.io.job_model import PlacementModel
-    from armcontour.io.job_overrides import JobOverrides
-    from armcontour.jobs import Job
-    from armcontour.placement import Case, Placement
+    from armcontour.placement import Placement
 
 # The job in its best place.
 JOB = "job.yaml"
@@ -39,15 +37,14 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
     from armcontour._pool import open_executor
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import share_progress
-    from armcontour.errors import InvalidInput, locate_errors
+    from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder, placement_csv, placement_json
-    from armcontour.placement import best_case, place
+    from armcontour.placement import place
 
-    asked, home = _asked(file, job_options)
+    asked = _asked(file, job_options)
     over = _axes(x.over or [], asked)
     off = dict(_read_uncertainty(text) for text in x.uncertainty or ())
     about = _read_about(x.about)
-    variants = _variants(job_options, x, asked, home)
     # By default places decide by their number.
     own = x.workers is None and x.cluster is None
     with (
@@ -57,45 +54,31 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
         from armcontour.report import render_placement
 
         with share_progress() as progress:
-
-            def find(name: str, overrides: JobOverrides) -> Placement:
-                tell = under(progress, name) if name else progress
-                # What is wrong with an arm or a tool to compare is said with its name.
-                with locate_errors(name) if name else nullcontext():
-                    job = open_job(file, job_options, under(tell, "reading"), overrides)
-                return place(
-                    _alone(job),
-                    x.run_name,
-                    over=over,
-                    objective=x.objective,
-                    uncertainty=off,
-                    what=x.move,
-                    absolute=x.absolute,
-                    about=about,
-                    every=x.every,
-                    refined=x.refined,
-                    executor=executor,
-                    progress=tell,
-                )
-
-            cases = _each(variants, find)
-        found = best_case(cases)
-        assert found is not None
-        overrides = next(
-            y for y, case in zip(variants.values(), cases, strict=True) if case.placement is found
-        )
-        compared = cases if len(cases) > 1 else []
-        folder.write("report.html", render_placement(found, compared))
+            job = open_job(file, job_options, under(progress, "reading"))
+            found = place(
+                job,
+                x.run_name,
+                over=over,
+                objective=x.objective,
+                uncertainty=off,
+                what=x.move,
+                absolute=x.absolute,
+                about=about,
+                every=x.every,
+                refined=x.refined,
+                executor=executor,
+                progress=progress,
+            )
+        folder.write("report.html", render_placement(found))
         folder.write("placement.csv", placement_csv(found))
         unwritten = ""
         try:
-            folder.write(JOB, _job_text(found, file, out, job_options, overrides))
+            folder.write(JOB, _job_text(found, file, out, job_options))
         except InvalidInput as error:
             unwritten = str(error)
         files = [*folder.files, "summary.json"]
-        folder.write("summary.json", placement_json(found, files, compared))
+        folder.write("summary.json", placement_json(found, files))
     report = (out / "report.html").resolve()
-    _print_cases(compared)
     _print(found, report, None if unwritten else out / JOB, unwritten)
     if x.open_report:
         open_page(report)
@@ -121,26 +104,19 @@ def _axes(given: Sequence[str], asked: PlacementModel) -> dict[str, tuple[float,
     return over
 
 
-def _asked(file: FilePath, options: JobOptions) -> tuple[PlacementModel, FilePath]:
-    """What the job or the cell has under `placement`, and the folder of its files.
+def _asked(file: FilePath, options: JobOptions) -> PlacementModel:
+    """What the job or the cell has under `placement`.
 
     Raises:
         InvalidInput: No such file, or invalid keys.
     """
-    from armcontour.errors import locate_errors
     from armcontour.io.cell import open_keys
-    from armcontour.io.job_arm import tools_of
     from armcontour.io.job_model import PlacementModel
 
     named = _text_of(file, options)
-    if named is None:
-        # Opening the drawing says that it needs a cell.
-        return PlacementModel(), FilePath()
-    model, home = open_keys(named)
-    asked = model.placement or PlacementModel()
-    with locate_errors(FilePath(named).name):
-        tools_of(asked)
-    return asked, home
+    # Opening a drawing without a cell says that it needs one.
+    model = None if named is None else open_keys(named)[0].placement
+    return model or PlacementModel()
 
 
 def _text_of(file: FilePath, options: JobOptions) -> str | None:
@@ -148,73 +124,6 @@ def _text_of(file: FilePath, options: JobOptions) -> str | None:
     from armcontour.cli.opening import is_job
 
     return str(file) if is_job(file) else options.cell
-
-
-def _alone(job: Job) -> Job:
-    """The job without the arms and tools that it is compared with."""
-    from dataclasses import replace
-
-    asked = job.placement
-    if asked is None or not (asked.arms or asked.tools):
-        return job
-    return replace(job, placement=replace(asked, arms=(), tools=()))
-
-
-def _variants(
-    job_options: JobOptions, x: PlaceOptions, asked: PlacementModel, home: FilePath
-) -> dict[str, JobOverrides]:
-    """The values that replace those of the job, for every arm and tool to compare, by names.
-
-    Raises:
-        InvalidInput: A file of tools that holds none.
-    """
-    from dataclasses import replace
-
-    from armcontour.cli.opening import read_overrides
-    from armcontour.io.job_arm import ARM_FILES, tools_of
-    from armcontour.io.placement import read_tools
-
-    found = {"": read_overrides(job_options)}
-    arms = asked.arms or []
-    if x.arms is not None:
-        arms, home = [y.strip() for y in x.arms.split(",") if y.strip()], FilePath()
-    if arms:
-        files = {y: str((home / y).absolute()) for y in arms if y.lower().endswith(ARM_FILES)}
-        found = {y: replace(found[""], arm=files.get(y, y)) for y in arms}
-    tools = tools_of(asked) if x.tools is None else read_tools(x.tools)
-    if tools:
-        found = {
-            ", ".join(filter(None, (name, tool))): replace(of, arm_tool=frame)
-            for name, of in found.items()
-            for tool, frame in tools.items()
-        }
-    return found
-
-
-def _each(
-    variants: dict[str, JobOverrides], find: Callable[[str, JobOverrides], Placement]
-) -> list[Case]:
-    """The placement of every variant; a variant without a feasible place has a reason.
-
-    Raises:
-        ArmContourError: No variant has one.
-    """
-    from armcontour.errors import NotRealizable, Unreachable
-    from armcontour.placement import Case
-
-    cases, refusals = [], []
-    for name, overrides in variants.items():
-        try:
-            cases.append(Case(name=name, placement=find(name, overrides)))
-        except (Unreachable, NotRealizable) as error:
-            if len(variants) == 1:
-                raise
-            refusals.append(error)
-            cases.append(Case(name=name, refusal=str(error)))
-    if len(refusals) == len(cases):
-        reasons = " ".join(f"{x.name}: {x.refusal}" for x in cases)
-        raise Unreachable(f"None of {', '.join(variants)} has a feasible place. {reasons}")
-    return cases
 
 
 def read_axis(text: str) -> tuple[str, tuple[float, float, int]]:
@@ -298,14 +207,13 @@ def _read_about(text: str | None) -> str | tuple[float, ...] | None:
     return found
 
 
-def _job_text(
-    found: Placement, file: FilePath, out: FilePath, options: JobOptions, overrides: JobOverrides
-) -> str:
+def _job_text(found: Placement, file: FilePath, out: FilePath, options: JobOptions) -> str:
     """The text of the job in its best place.
 
     Raises:
         InvalidInput: It cannot be written with keys of a job.
     """
+    from armcontour.cli.opening import read_overrides
     from armcontour.io import placed_job_text
     from armcontour.io.cell import open_text
 
@@ -317,25 +225,8 @@ def _job_text(
         folder=folder,
         to=out,
         drawing=None if named == str(file) else file,
-        overrides=overrides,
+        overrides=read_overrides(options),
     )
-
-
-def _print_cases(cases: Sequence[Case]) -> None:
-    """Print what each arm or tool comes to, if several are compared."""
-    from armcontour.placement import shown
-
-    if not cases:
-        return
-    console, rows = Console(), []
-    for x in cases:
-        if x.placement is None:
-            rows.append([x.name, "refused", ""])
-            console.say(f"{x.name}: {x.refusal}")
-            continue
-        objective, best = x.placement.objective, x.placement.refined
-        rows.append([x.name, shown(best.verdict.score(objective), objective), str(best)])
-    console.show_table(["", "best", "place"], rows, title="Which is enough")
 
 
 def _print(found: Placement, report: FilePath, job: FilePath | None, unwritten: str) -> None:

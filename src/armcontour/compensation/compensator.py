@@ -54,9 +54,9 @@ def compensate(
             trajectory over a command interval about each set-point; where accelerations jump, the
             servo demands are about 1 % larger than that. The first set-point, one interval before
             time 0, is the start of the plan. "inverse_dynamics" is the inverse of drives that move
-            the bodies of `arm`, best for plans that are smoothed over a command interval; its first
-            and last set-points hold the arm at both ends of the plan. "pole_placement" is the
-            paper's compensator (26). "none" is the trajectory itself, without time advance.
+            the bodies of `arm`, best for plans with limits of jerk; its first and last set-points
+            hold the arm at both ends of the plan. "pole_placement" is the paper's compensator
+            (26). "none" is the trajectory itself, without time advance.
         period: Command interval [s].
         arm: The nominal arm whose bodies the drives move, for "inverse_dynamics"; other methods do
             not use it.

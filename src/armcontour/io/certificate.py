@@ -23,7 +23,6 @@ from armcontour.robustness.monte_carlo import Spread
 
 CERTIFICATE_UNITS = {
     "cost": "s",
-    "windows": "s",
     "t": "s",
     "work": "s",
     "t_max": "s",
@@ -121,7 +120,7 @@ def _certificate(c: Certificate) -> dict[str, Any]:
         "repeat": {
             "timing": "optimal",
             "derating": "derating.csv",
-            "rapids": [{"windows": x.windows, "left": x.factors} for x in c.rapids],
+            "rapids": [x.factors for x in c.rapids],
             "compensation": c.run.compensation,
             "compensation_options": dict(c.run.compensation_options),
             "period": c.run.period,
@@ -148,7 +147,6 @@ def _contour(x: ContourCertificate) -> dict[str, Any]:
         "missed": asdict(x.missed),
         "speed_ratio": x.speed_ratio,
         "budget": _budget(x.budget),
-        "windows": x.windows,
         "headroom": {"mean": x.headroom, "largest": x.largest_headroom, "others": x.factors},
         "corners": None if x.corners is None else _spread(x.corners),
         "spread": None if x.spread is None else _spread(x.spread),

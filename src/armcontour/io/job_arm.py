@@ -19,7 +19,6 @@ from armcontour.io.job_model import (
     ArmModel,
     FrameModel,
     JobModel,
-    PlacementModel,
     TableToolModel,
     ToolModel,
 )
@@ -171,21 +170,3 @@ def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
 def named_arm(arm: str) -> ArmModel:
     """An arm by its name, or by its file."""
     return ArmModel(file=arm) if arm.lower().endswith(ARM_FILES) else ArmModel(name=arm)
-
-
-def tools_of(model: PlacementModel) -> dict[str, ToolModel]:
-    """Tool frames of a job file by their names.
-
-    Args:
-        model: The keys under `placement`.
-
-    Raises:
-        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
-    """
-    tools = {
-        name: x if isinstance(x, ToolModel) else ToolModel(position=x)
-        for name, x in (model.tools or {}).items()
-    }
-    for name, x in tools.items():
-        frame_of(f"placement.tools.{name}", x)
-    return tools

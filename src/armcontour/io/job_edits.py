@@ -150,9 +150,7 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
         for x in values:
             if not isinstance(x, yaml.ScalarNode):
                 yield from _file_names(x)
-            elif key.value in FILES or (
-                key.value in ("arm", "arms") and x.value.lower().endswith(ARM_FILES)
-            ):
+            elif key.value in FILES or (key.value == "arm" and x.value.lower().endswith(ARM_FILES)):
                 yield x
 
 

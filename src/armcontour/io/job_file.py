@@ -19,7 +19,7 @@ from armcontour._yaml import load
 from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
-from armcontour.io.job_arm import arm_of, equipped, tools_of
+from armcontour.io.job_arm import arm_of, equipped
 from armcontour.io.job_model import (
     CompensationModel,
     ExperimentModel,
@@ -305,17 +305,9 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
             command_limits=check_command_limits(Limits(**commands), arm.dof) if commands else None,
             until=model.until,
             duration=model.duration,
-            smoothing=_windows(model.smoothing),
             reserve=timing.reserve,
             experiment=experiment,
         )
-
-
-def _windows(given: float | list[float] | None) -> tuple[float, ...]:
-    """Windows of a smoothing: none, one or two [s]."""
-    if given is None:
-        return ()
-    return tuple(given) if isinstance(given, list) else (given,)
 
 
 def _compensation_options(
@@ -362,7 +354,6 @@ def _place_search(model: PlacementModel) -> PlaceSearch:
     """Where a placement looks."""
     axes = {name: getattr(model.over, name) for name in AXES}
     off = {name: getattr(model.uncertainty, name) for name in AXES}
-    tools = tools_of(model)
     with locate_errors("placement"):
         return PlaceSearch(
             over={name: (x.start, x.end, x.places) for name, x in axes.items() if x is not None},
@@ -374,8 +365,6 @@ def _place_search(model: PlacementModel) -> PlaceSearch:
             every=model.every,
             refined=model.refine,
             run=model.run,
-            arms=tuple(model.arms or ()),
-            tools=tuple(tools),
         )
 
 

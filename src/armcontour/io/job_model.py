@@ -412,9 +412,6 @@ class RunModel:
             only.
         until: End of the time over which errors are evaluated [s]; by default when all joints rest.
         duration: Time of the motion from start to end [s]; by default the shortest.
-        smoothing: Window of a moving average of the plan's s(t), or two windows [s]: one makes
-            accelerations along the path continuous, a second bounds their rate. For the timing
-            optimal without a given duration.
     """
 
     timing: TimingModel = TimingModel()
@@ -427,7 +424,6 @@ class RunModel:
     command_interval: Interval | None = None
     until: Interval | None = None
     duration: Interval | None = None
-    smoothing: Interval | Annotated[list[Interval], Field(min_length=1, max_length=2)] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -446,9 +442,6 @@ class PlacementModel:
             are added to it.
         about: The point that is placed and turned about: the middle of the path, the origin of its
             coordinates, or a point [m].
-        arms: Arms to compare, in the place of the job's own: names, and files relative to the job
-            file.
-        tools: Tools to compare, by names of your own: frames as of `arm.tool`, or positions.
         every: Whether every place is planned, for a map without bounds.
         refine: Whether a better place is looked for between those of the grid.
         run: Name of the run; by default the only one, or the only one with the timing optimal.
@@ -460,8 +453,6 @@ class PlacementModel:
     move: Annotated[str, Choice(WHAT)] = WHAT[0]
     absolute: bool = False
     about: Annotated[str, Choice(POINTS)] | Place = POINTS[0]
-    arms: Annotated[list[str], Field(min_length=1)] | None = None
-    tools: Annotated[dict[str, ToolModel | Place], Field(min_length=1)] | None = None
     every: bool = False
     refine: bool = True
     run: str | None = None

@@ -17,7 +17,6 @@ from armcontour.io.job_model import (
     PathModel,
     RunModel,
     SkipModel,
-    ToolModel,
 )
 from armcontour.jobs import Rounding
 from armcontour.jobs.job import ARC, OF_FREE, SHAPES
@@ -59,7 +58,6 @@ class JobOverrides:
         from_s: Position at which to resume, as arc length over all contours [m].
         arm: Name of a built-in arm, or an arm file, in the place of the job's arm; tool, work frame
             and payload stay.
-        arm_tool: The tool of the arm.
         ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.
     """
 
@@ -86,7 +84,6 @@ class JobOverrides:
     continuity: str | None = None
     from_s: float | None = None
     arm: str | None = None
-    arm_tool: ToolModel | None = None
     ignore_collisions: bool = False
 
 
@@ -117,19 +114,12 @@ def override(model: JobModel, x: JobOverrides | None) -> JobModel:
         changes["process"] = replace(model.process or Process(), from_s=x.from_s)
     if x.ignore_collisions:
         changes["ignore_collisions"] = True
-    if x.arm is not None or x.arm_tool is not None:
-        changes["arm"] = _arm(model.arm, x)
-    if x.arm_tool is not None:
-        changes["tools"] = None
-    return replace(model, **changes)
-
-
-def _arm(arm: str | ArmModel, x: JobOverrides) -> ArmModel:
-    """Replace the arm or its tool; an arm is a file if it has an ending."""
-    own = arm if isinstance(arm, ArmModel) else named_arm(arm)
     if x.arm is not None:
-        own = replace(named_arm(x.arm), tool=own.tool, work=own.work, payload=own.payload)
-    return own if x.arm_tool is None else replace(own, tool=x.arm_tool)
+        before = model.arm if isinstance(model.arm, ArmModel) else named_arm(model.arm)
+        changes["arm"] = replace(
+            named_arm(x.arm), tool=before.tool, work=before.work, payload=before.payload
+        )
+    return replace(model, **changes)
 
 
 def _run(run: RunModel, x: JobOverrides) -> RunModel:

@@ -10,22 +10,18 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour._checks import refuse_if
-from armcontour._files import read_text
 from armcontour._version import __version__
-from armcontour._yaml import load
 from armcontour.arms import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, quaternions
 from armcontour.io.job_arm import ARM_FILES, frame_of
 from armcontour.io.job_edits import REMOVE, Keys, move_files, set_keys
 from armcontour.io.job_file import read_model
-from armcontour.io.job_model import ArmModel, CellModel, ToolModel
+from armcontour.io.job_model import ArmModel, CellModel
 from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.json_text import plain, to_json
-from armcontour.io.keys import Keys as Known
-from armcontour.io.keys import read_keys
 from armcontour.jobs import Rounding
-from armcontour.placement import UNITS, Case, Place, Placement, Verdict
+from armcontour.placement import UNITS, Place, Placement, Verdict
 from armcontour.scene.scene import BASE, PART
 
 # Columns of verdicts in CSV, by their attributes.
@@ -49,39 +45,12 @@ VALUE_UNITS = {
 OF_RUNS = ("corner_shape", "line_tolerance", "zone", "iterations", "continuity")
 
 
-def read_tools(file: FilePath) -> dict[str, ToolModel]:
-    """Read tool frames by their names.
-
-    Args:
-        file: A YAML file: a mapping from names to position and rpy or quaternion.
-
-    Raises:
-        InvalidInput: No such file, or another content.
-    """
-    data = load(read_text(file, "file of tools"), file.name)
-    if not isinstance(data, dict) or not data:
-        raise InvalidInput(
-            f"{file.name} must hold tool frames by their names, such as torch: {{position: "
-            "[0 mm, 0 mm, 120 mm]}."
-        )
-    keys = Known(ToolModel)
-    return {
-        str(name): read_keys(
-            keys, x if isinstance(x, dict) else {"position": x}, f"{file.name}: {name}"
-        )
-        for name, x in data.items()
-    }
-
-
-def placement_json(
-    placement: Placement, files: Sequence[str] = (), compared: Sequence[Case] = ()
-) -> str:
+def placement_json(placement: Placement, files: Sequence[str] = ()) -> str:
     """What was found, as JSON; the map itself is in the CSV.
 
     Args:
         placement: The placement.
         files: The files of the result, relative to its folder.
-        compared: Arms or tools that were compared, if there were several.
     """
     frame = placement.frame()
     data = {
@@ -114,14 +83,6 @@ def placement_json(
             "position": frame.position.tolist(),
             "quaternion": quaternions(frame.rotation).tolist(),
         },
-        "compared": [
-            {
-                "name": x.name,
-                "best": None if x.placement is None else _place(x.placement.refined),
-                "refusal": x.refusal or None,
-            }
-            for x in compared
-        ],
         "notes": list(placement.notes),
         "files": list(files),
     }
@@ -204,8 +165,7 @@ def _placed_keys(
     found = placement.placed().arm.chain
     assert found is not None
     work = _frame(found.base.inverse)
-    replaced = overrides is not None and (overrides.arm or overrides.arm_tool)
-    if isinstance(model.arm, str) or replaced:
+    if isinstance(model.arm, str):
         return {("arm",): {**_arm_keys(model.arm), "work": work}}
     return {("arm", "work"): work}
 

@@ -406,8 +406,8 @@ class SceneFileModel(PlacedModel):
     """A file of obstacles.
 
     Args:
-        file: A description (.urdf) whose `<collision>` elements stand still, or a scene of MoveIt
-            (.scene); its name is relative to the job file.
+        file: A description (.urdf) whose `<collision>` elements stand still; its name is relative
+            to the job file.
         unit: Unit of the lengths of meshes that the file names without a scale; metres by default.
     """
 

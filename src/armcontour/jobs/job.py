@@ -238,8 +238,6 @@ class Run:
         until: End of the time over which errors are evaluated [s]; None is when all joints rest.
         reserve: Share of joint acceleration and torque that the plan leaves to the servo.
         duration: Time of the motion from start to end [s]; None is the shortest.
-        smoothing: Windows of a moving average of s(t), none, one or two [s]; for the timing
-            "optimal" without a given duration.
         experiment: Options of a simulation on rigid bodies; None simulates none.
 
     Raises:
@@ -259,7 +257,6 @@ class Run:
     until: float | None = None
     reserve: float = 0.0
     duration: float | None = None
-    smoothing: tuple[float, ...] = ()
     experiment: Experiment | None = None
 
     def __post_init__(self) -> None:
@@ -271,8 +268,6 @@ class Run:
             _checks.positive("duration", self.duration, "s")
         if self.until is not None:
             _checks.positive("until", self.until, "s")
-        for x in _checks.listed("smoothing", self.smoothing, object, "windows"):
-            _checks.positive("smoothing", x, "s")
 
     def refuse_until(self, program: Program) -> None:
         """Refuse an end of the evaluation for a program of several moves.
@@ -313,7 +308,6 @@ class Run:
             "method": self.timing,
             "reserve": self.reserve,
             "duration": self.duration,
-            "smoothing": self.smoothing,
             **self.timing_options,
         }
 

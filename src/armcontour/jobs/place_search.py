@@ -42,8 +42,6 @@ class PlaceSearch:
         every: Whether to plan every place.
         refined: Whether to look for a better place between those of the grid.
         run: Name of the run; None is the only one, or the only one with the timing optimal.
-        arms: Names of arms that `armcontour place` compares in the place of the job's own.
-        tools: Names of tools that it compares.
 
     Raises:
         InvalidInput: No such axis, objective or point, an empty range, or too many places.
@@ -58,8 +56,6 @@ class PlaceSearch:
     every: bool = False
     refined: bool = True
     run: str | None = None
-    arms: tuple[str, ...] = ()
-    tools: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _checks.check_fields(self)

@@ -140,13 +140,12 @@ class RunResult:
             corners.
         trajectory: The realizable trajectory.
         traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
-        exceeded: Sentences on limits above those of the arm, and that the smoothed plan exceeds.
+        exceeded: Sentences on limits above those of the arm.
         clearance: How far the arm stays from itself and from its cell, as planned; None for an arm
             whose shapes are not known.
         avoided: Sentences on other ways that were taken to keep clear; without a clearance, on why
             there is none.
-        explanation: Which limit binds where, for a plan of the method "optimal" that is not
-            smoothed.
+        explanation: Which limit binds where, for a plan of the method "optimal".
         taught: The taught data; None in a plan of the Studio.
         servo: The servo for which it was made.
         execution: The executed motion; None without a simulation.

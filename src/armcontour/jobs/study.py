@@ -26,7 +26,7 @@ from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.programs import programs_of, trace_run
 from armcontour.jobs.results import ExperimentResult, RunResult, Study
-from armcontour.jobs.warnings import NONE, smoothed_beyond
+from armcontour.jobs.warnings import NONE
 from armcontour.jobs.ways import (
     clearance_of,
     reach_told,
@@ -200,25 +200,21 @@ def plan_clear(
             break
     else:
         refuse_collision(job, path, trajectory)
-    beyond = list(filter(None, [compare_limits(this.limits, job.arm)]))
-    beyond += smoothed_beyond(trajectory, job.arm, this) if this.smoothing else []
+    above = compare_limits(this.limits, job.arm)
     return RunResult(
         run=this,
         objective=objective,
         path=path,
         trajectory=trajectory,
         traced=traced,
-        exceeded=tuple(beyond),
+        exceeded=(above,) if above else (),
         clearance=clearance,
         avoided=notes,
     )
 
 
 def explain_run(job: Job, this: Run, trajectory: Trajectory) -> Explanation | None:
-    """Which limit binds where on the plan of a run; None for methods that have no such limits.
-
-    A smoothed plan has none, as it is moved away from the limits.
-    """
+    """Which limit binds where on the plan of a run; None for methods that have no such limits."""
     if trajectory.method is not Method.OPTIMAL:
         return None
     return explain(trajectory, job.arm)

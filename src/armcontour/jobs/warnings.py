@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
-import numpy.typing as npt
 
 from armcontour._checks import FloatArray
 from armcontour._text import list_some
-from armcontour.arms import Arm, Limits
-from armcontour.arms.limits import UNITS
-from armcontour.evaluation import Evaluation, LimitUse, check
+from armcontour.arms import Limits
+from armcontour.evaluation import Evaluation
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.jobs.job import TANGENT, Run
@@ -22,7 +20,7 @@ from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.motion.trajectory import Span
 from armcontour.program import Contour, Program, contour_called
 from armcontour.servo import ServoModel
-from armcontour.timing import RESERVED, Tracing, find_jerk_stops
+from armcontour.timing import Tracing, find_jerk_stops
 
 # So many contours or segments are named in one sentence.
 MOST_NAMES = 4
@@ -30,10 +28,6 @@ MOST_NAMES = 4
 SAME = 1e-9
 # A joint that is asked for this multiple of its acceleration limit is far above it.
 FAR_ABOVE = 1.5
-# Limits of a smoothed plan are looked at this often [s], and once between; an excess below this
-# share is not said.
-LOOK = 1e-3
-UNSEEN = 1e-3
 # Number of times at which a plan is compared with the motion of logs, and its breaks.
 LOOKS = 1000
 # Errors of joints below this are not said [rad].
@@ -403,68 +397,6 @@ def _mend(this: Run) -> str:
         f"a larger corners.transition_tolerance than {this.transition_tolerance * 1e6:.3g} um, "
         "longer lines and arcs, or a tool orientation that does not turn leaves fewer"
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Thinned:
-    """A motion as a law with breaks every LOOK, and where its path bends anew.
-
-    A smoothed plan has a hundred thousand breaks in a few seconds, but jumps there only.
-    """
-
-    motion: Trajectory
-    breaks: FloatArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        motion, end = self.motion, self.motion.duration
-        bends = np.zeros(0) if motion.path is None else motion.time_at(motion.path.breaks)
-        t = np.unique(np.concatenate([np.arange(0.0, end, LOOK), bends]).clip(0.0, end))
-        object.__setattr__(self, "breaks", np.append(t[t < end], end))
-
-    @property
-    def duration(self) -> float:
-        """Time from start to end [s]."""
-        return self.motion.duration
-
-    def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Joint positions, velocities or accelerations, (n, dof)."""
-        return self.motion(t, order, side=side)
-
-
-def smoothed_beyond(trajectory: Trajectory, arm: Arm, this: Run) -> list[str]:
-    """A warning for the limit that a smoothed plan exceeds most, or none.
-
-    Args:
-        trajectory: The smoothed plan.
-        arm: The arm.
-        this: The run.
-    """
-    beyond: list[LimitUse] = []
-    for span in trajectory.spans or trajectory.contour_spans:
-        if span.trajectory is None:
-            continue
-        on, limits = span.trajectory.path, this.limits
-        if span.kind != "contour":
-            on, limits = None, limits.of_joints
-        for x in check(_Thinned(span.trajectory), arm, limits, on, points=1).uses:
-            if x.name in UNITS and x.certain > 1 + UNSEEN:
-                beyond.append(replace(x, t=x.t + span.t[0]))
-    if not beyond:
-        return []
-    worst = max(beyond, key=lambda x: x.certain)
-    who = "the tool" if worst.joint is None else arm.joint_names[worst.joint]
-    mend = "take shorter windows"
-    if worst.name in RESERVED:
-        # With a reserve the motion gets slower, too: this one is enough.
-        reserve = this.reserve + (1 - this.reserve) * (1 - 1 / worst.certain)
-        mend += f", or a reserve, such as timing: {{reserve: {math.ceil(reserve * 100)} %}}"
-    others = [x for x in dict.fromkeys(y.name for y in beyond) if x != worst.name]
-    more = f" (and exceeds {list_some(others, MOST_NAMES)}, too)" if others else ""
-    return [
-        f"smoothing takes {who} to {worst.certain:.4g} times its {worst.name} of "
-        f"{worst.limit:.4g} {UNITS[worst.name]} at {worst.t:.4g} s{more}, where the path bends: "
-        f"{mend}; armcontour certify smooths plans within the limits."
-    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,6 @@ from armcontour.motion.execution import (
     TaughtData,
     check_interval,
 )
-from armcontour.motion.joint_average import JointAverage
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.laws import (
     LapLaw,
@@ -23,8 +22,6 @@ from armcontour.motion.laws import (
     stand_still,
 )
 from armcontour.motion.log import Log
-from armcontour.motion.path_average import SmoothedLaw
-from armcontour.motion.smoothing import smooth
 from armcontour.motion.trajectory import (
     PERIOD,
     Method,
@@ -40,7 +37,6 @@ __all__ = [
     "PERIOD",
     "Execution",
     "FineMotion",
-    "JointAverage",
     "JointPath",
     "LapLaw",
     "Law",
@@ -52,7 +48,6 @@ __all__ = [
     "PathLaw",
     "Rates",
     "Samples",
-    "SmoothedLaw",
     "Span",
     "Stretch",
     "TaughtData",
@@ -62,6 +57,5 @@ __all__ = [
     "interval_times",
     "largest_shares",
     "quintic",
-    "smooth",
     "stand_still",
 ]

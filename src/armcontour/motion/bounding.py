@@ -9,7 +9,6 @@ from numpy.polynomial.polynomial import polyval
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.motion.laws import PathLaw
-from armcontour.motion.path_average import SmoothedLaw
 
 # Intervals are halved so often at most. What is not below its limit then counts with its bound.
 HALVINGS = 40
@@ -19,7 +18,7 @@ Derivatives: TypeAlias = list[FloatArray]
 
 
 def largest_shares(
-    law: PathLaw | SmoothedLaw, limits: FloatArray, speeds: FloatArray, allowed: float
+    law: PathLaw, limits: FloatArray, speeds: FloatArray, allowed: float
 ) -> FloatArray:
     """The largest shares of limits that a law takes: of joints' limits, and of path speeds.
 
@@ -58,7 +57,7 @@ def largest_shares(
 
 
 def _shares(
-    law: PathLaw | SmoothedLaw,
+    law: PathLaw,
     i: IntArray,
     t: tuple[FloatArray, FloatArray, FloatArray],
     limits: FloatArray,
@@ -82,7 +81,7 @@ def _shares(
     """
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
-    v = [*law.path_motion(i, middle)[:3], *path_rates(law, middle, half)]
+    v = [*law.path_motion(i, middle)[:3], *path_rates(law, i, middle, half)]
     most = _bound(v, half)
     # No break of the joint path lies within an interval of a law.
     first = path.locate(law.s[i], side="right")
@@ -111,40 +110,23 @@ def _shares(
     return np.concatenate([here, v[1] / highest, bounds, along / highest]).T
 
 
-def path_rates(law: PathLaw | SmoothedLaw, t: FloatArray, half: FloatArray) -> Derivatives:
+def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> Derivatives:
     """The third and the fourth derivative of a law's arc length, and a bound of the fifth one.
-
-    A window turns the n-th derivative into the difference of the (n - 1)-th at the window's ends,
-    divided by the window's length.
 
     Args:
         law: The law.
-        t: Times [s], (n,).
+        i: Intervals, (n,).
+        t: Times in them [s], (n,).
         half: The bound is valid so long before and after each of the times [s], (n,).
     """
-    base, windows = (law.law, law.windows) if isinstance(law, SmoothedLaw) else (law, ())
-    lengths = [x for x in windows if x > 0]
-    edges = [(0.0, 1.0)]
-    for x in lengths:
-        edges = [(a + b, c / x) for a, sign in edges for b, c in ((0.0, sign), (x, -sign))]
-    found, order = np.zeros((3, len(t))), 3 - len(lengths)
-    for lag, sign in edges:
-        at = np.clip(t - lag, base.breaks[0], base.breaks[-1])
-        inside = (at > base.breaks[0]) & (at < base.breaks[-1])
-        i = np.clip(np.searchsorted(base.breaks, at, side="right") - 1, 0, len(base.breaks) - 2)
-        ds, dds, ddds = base.path_motion(i, at)[1:]
-        slope, jerk = base.rates.slope[i], base.rates.jerk[i]
-        # ds and dds are sums of cosh and sinh, or of cos and sin, which are less.
-        root = np.sqrt(np.abs(slope))
-        c, h = np.cosh(root * half), np.sinh(root * half)
-        with np.errstate(invalid="ignore"):
-            most = np.abs(ds) * c + np.abs(dds) * np.where(root > 0, h / root, half)
-        most_dds = np.abs(dds) * c + np.abs(ds) * root * h
-        bounds = np.abs(slope) * most + np.abs(jerk), np.abs(slope) * most_dds, slope**2 * most
-        rates = ds, dds, ddds, slope * dds
-        own = [sign * rates[order - 1], sign * rates[order], abs(sign) * bounds[order - 1]]
-        found += np.where(inside, own, 0.0)
-    return list(found)
+    ds, dds, ddds = law.path_motion(i, t)[1:]
+    slope = law.rates.slope[i]
+    # ds is a sum of cosh and sinh, or of cos and sin, which are less.
+    root = np.sqrt(np.abs(slope))
+    with np.errstate(invalid="ignore"):
+        growth = np.where(root > 0, np.sinh(root * half) / root, half)
+    highest_speed = np.abs(ds) * np.cosh(root * half) + np.abs(dds) * growth
+    return [ddds, slope * dds, slope**2 * highest_speed]
 
 
 def _bound(values: Derivatives, reach: FloatArray) -> Derivatives:

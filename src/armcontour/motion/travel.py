@@ -11,10 +11,8 @@ from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
 from armcontour.motion import _travel
 from armcontour.motion.execution import Execution
-from armcontour.motion.joint_average import JointAverage
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.laws import LapLaw, Law, PathLaw
-from armcontour.motion.path_average import SmoothedLaw
 from armcontour.motion.trajectory import Trajectory
 
 # Bounds are larger than their formulas by this share, as numbers are rounded.
@@ -97,19 +95,6 @@ def _(law: PathLaw) -> FloatArray:
     return _along(law.joint_path, law.s, _fastest_along(law))
 
 
-@fastest_joints.register
-def _(law: SmoothedLaw) -> FloatArray:
-    """The averaged path speed is never above the largest original one in the window."""
-    speeds = _largest_since(_fastest_along(law.law)[:, None], law.law, law, sum(law.windows))
-    return _along(law.joint_path, law.s, speeds.ravel())
-
-
-@fastest_joints.register
-def _(law: JointAverage) -> FloatArray:
-    """Averaged velocities are never above the largest original ones in the window."""
-    return _largest_since(fastest_joints(law.law), law.law, law, law.window)
-
-
 def _fastest_along(law: PathLaw) -> FloatArray:
     """Bounds of the path speed within every interval [m/s], (n,)."""
     (ds, dds, slope, jerk), speeds = law.rates, law.speeds
@@ -129,25 +114,6 @@ def _along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArr
         speeds: Bounds of the path speed between them [m/s], (n,).
     """
     return np.asarray(_travel.fastest_joints(joint_path.breaks, joint_path.coefficients, s, speeds))
-
-
-def _largest_since(values: FloatArray, original: Law, law: Law, window: float) -> FloatArray:
-    """Largest values of an original law's intervals, from a window before each interval of a law.
-
-    Args:
-        values: One row for each interval of the original law, (m, k).
-        original: The original law; it rests before its start and after its end.
-        law: The averaged law.
-        window: Length of the window [s].
-    """
-    breaks = original.breaks
-    # One interval more at both sides: times are rounded.
-    first = np.searchsorted(breaks, law.breaks[:-1] - window, side="right") - 2
-    last = np.searchsorted(breaks, law.breaks[1:], side="left") + 1
-    n = len(values)
-    ends = np.stack([np.clip(first, 0, n - 1), np.clip(last, 1, n)], axis=1)
-    padded = np.concatenate([values, values[-1:]])
-    return np.asarray(np.maximum.reduceat(padded, ends.ravel(), axis=0)[::2])
 
 
 def _fastest_executed(motion: Execution) -> FloatArray:

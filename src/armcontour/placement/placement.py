@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -153,31 +153,6 @@ class Placement:
             f"Placement({self.job.name!r}, {self.refined}, {self.refined.verdict.duration:.6g} s, "
             f"{len(self.verdicts)} places, {self.planned} planned)"
         )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Case:
-    """A job with one of several arms or tools.
-
-    Args:
-        name: What it is called.
-        placement: Its placement; None if it has no feasible place.
-        refusal: Why it has none.
-    """
-
-    name: str
-    placement: Placement | None = None
-    refusal: str = ""
-
-
-def best_case(cases: Sequence[Case]) -> Placement | None:
-    """The placement of the least score; None if no case has one.
-
-    Args:
-        cases: Placements for the same objective.
-    """
-    known = [x.placement for x in cases if x.placement is not None]
-    return min(known, key=lambda x: x.refined.verdict.score(x.objective), default=None)
 
 
 def all_places(axes: tuple[Axis, ...]) -> list[dict[str, float]]:

@@ -119,12 +119,6 @@ def place(
     _refuse_objective(judge)
     if job.process.automatic:
         notes.append("Leads of automatic length are those of the job's own place.")
-    compared = [x for x in ("arms", "tools") if getattr(asked, x)]
-    if compared:
-        notes.append(
-            f"The {' and '.join(compared)} of the key placement are compared by the command "
-            "`armcontour place` only: this is the job's own arm with its own tool."
-        )
     tell = under(progress, "placing")
     places = all_places(axes)
     verdicts = search(

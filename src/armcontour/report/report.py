@@ -20,7 +20,7 @@ from armcontour.report.sections.batch import BatchView
 if TYPE_CHECKING:
     from armcontour.certification import Certificate
     from armcontour.jobs.learning import LearningStudy
-    from armcontour.placement import Case, Placement
+    from armcontour.placement import Placement
 
 # Where the figures of a page come from.
 OF_SIMULATION = "Everything on this page was computed from the job; the servo is simulated."
@@ -85,15 +85,14 @@ def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
     return [x for x in found if x is not None]
 
 
-def render_placement(placement: Placement, compared: Sequence[Case] = ()) -> str:
+def render_placement(placement: Placement) -> str:
     """Render the report of a placement as one HTML page without other files.
 
     Args:
         placement: The placement.
-        compared: Arms or tools that were compared, if there were several.
     """
     source = "Everything on this page was computed from the job."
-    return _page(placement.job, [sections.placement(placement, compared)], source=source)
+    return _page(placement.job, [sections.placement(placement)], source=source)
 
 
 def render_batch(view: BatchView) -> str:

@@ -276,7 +276,7 @@ def _notes(planned: Planned) -> list[str]:
     if planned.explanation is None:
         found.append(
             f"plans of the method {planned.trajectory.method} have no explanation: which limit "
-            "binds is known for the method optimal, without smoothing."
+            "binds is known for the method optimal."
         )
     return found
 

@@ -20,17 +20,15 @@ from armcontour.geometry import Path
 from armcontour.geometry.shaped import doubt_search
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Dwell, Program
-from armcontour.timing.common import RESERVED, with_reserve
+from armcontour.timing.common import with_reserve
 from armcontour.timing.constraints import Constraint
 from armcontour.timing.explanation import find_jerk_stops
 from armcontour.timing.given_duration import slow_down
 from armcontour.timing.grid import DEFAULT_INTERVALS
-from armcontour.timing.limit_use import QUANTITIES, States, ratio
 from armcontour.timing.program_timing import (
     PLANNING_METHODS,
     Timing,
     refuse_unkept_jerk,
-    smooth_if,
     time_contour,
     time_program,
 )
@@ -49,10 +47,6 @@ OF_ONE_PATH = ("grid", "start_speed", "end_speed")
 # With many contours each contour gets fewer grid intervals: it is shorter, and each costs time.
 MOST_BY_DEFAULT = 40_000
 FEWEST_INTERVALS = 500
-# Smoothed plans exceed no limit by a larger share; samples in an interval between two breaks, and
-# intervals that are sampled at once.
-EXCESS = 0.01
-AT_A_BREAK, AT_ONCE = 6, 20_000
 # A motion of more than eleven days is a mistake in a number [s]; its times round to a nanosecond.
 LONGEST_MOTION = 1e6
 
@@ -69,7 +63,6 @@ def plan(
     fits: Callable[[JointPath], bool] | None = None,
     reserve: float = 0.0,
     duration: float | None = None,
-    smoothing: npt.ArrayLike = (),
     intervals: int | None = None,
     iterations: int | None = None,
     grid: npt.ArrayLike | None = None,
@@ -106,12 +99,6 @@ def plan(
         reserve: Share of the limits of joint acceleration and torque that is left to the servo.
         duration: Time from start to end [s], for the method "optimal": contours are slowed down by
             one factor, rapids and dwells are not. By default the motion is the fastest.
-        smoothing: Window of a moving average of s(t), or two as in `smooth` [s], for the
-            methods "optimal" and "shaped" without a given duration. Every motion between two rests
-            takes longer by the sum of the windows. Where the path bends, that may exceed limits:
-            by up to 1 %, as more is refused. Along shaped curves joint positions are averaged,
-            which keeps limits of the joints. Where arcs or stops are the fastest shape, there is no
-            such curve.
         progress: Called after every contour with the step "timing" and the share that is done.
         intervals: For "optimal" and "shaped": approximate number of grid intervals of each contour;
             by default 4000, fewer for a program of many contours.
@@ -134,8 +121,7 @@ def plan(
             long.
         Unreachable: A point of the path is out of reach, out of a joint range or singular.
         NotRealizable: The method cannot keep the limits on this path, or not in so short a
-            duration, or it keeps no limits of jerk and there are some, or a smoothed plan exceeds
-            a limit by more than 1 %.
+            duration, or it keeps no limits of jerk and there are some.
 
     Warns:
         UserWarning: A given limit is above the arm's own, or limits of jerk add full stops, as
@@ -170,10 +156,10 @@ def plan(
         # Jobs plan tracings, and have warnings of their own.
         warnings.warn(capitalise(above), stacklevel=3)
     refuse_unkept_jerk(method, bounds)
-    kept, windows = with_reserve(bounds, reserve), _windows(smoothing)
+    kept = with_reserve(bounds, reserve)
     if duration is not None:
         duration = _checks.positive("duration", duration, "s")
-        _refuse_duration(duration, method, options, smoothed=bool(windows))
+        _refuse_duration(duration, method, options)
 
     if method == Method.SHAPED:
         from armcontour.timing.shaping import Shaping, Wishes
@@ -195,80 +181,19 @@ def plan(
 
     if isinstance(traced, JointPath):
         timing = Timing(arm, kept, method, options)
-        found = smooth_if(time_contour(traced, timing), windows)
+        found = time_contour(traced, timing)
     else:
         options = _fit_options(traced.program, method, options)
-        timing = Timing(arm, kept, method, options, windows)
+        timing = Timing(arm, kept, method, options)
         found = time_program(traced, timing, progress)
     if duration is not None:
         found = slow_down(found, duration, traced, timing)
     _refuse_endless_motion(found)
     found = found.limited(bounds, reserve, arm if isinstance(arm, Arm) else None)
 
-    if not isinstance(path, Tracing):
-        if bounds.jerk_limits:
-            _warn_of_stops(traced, found)
-        if windows:
-            _refuse_excess(found, arm, bounds, reserve)
+    if not isinstance(path, Tracing) and bounds.jerk_limits:
+        _warn_of_stops(traced, found)
     return found
-
-
-def _windows(smoothing: npt.ArrayLike) -> tuple[float, ...]:
-    """Windows of moving averages as numbers [s].
-
-    Raises:
-        InvalidInput: They are no numbers.
-    """
-    if isinstance(smoothing, tuple) and not smoothing:
-        return ()
-    return tuple(np.atleast_1d(_checks.numbers("smoothing", smoothing, "s")).tolist())
-
-
-def _refuse_excess(trajectory: Trajectory, arm: Arm, limits: Limits, reserve: float) -> None:
-    """Refuse a smoothed plan that exceeds a limit by more than EXCESS.
-
-    Args:
-        trajectory: The plan.
-        arm: The arm.
-        limits: The limits without reserve, with one value per joint.
-        reserve: The reserve with which it was planned.
-
-    Raises:
-        NotRealizable: It exceeds one; the message names a reserve that is enough.
-    """
-    names = [x for x in QUANTITIES if getattr(limits, x) is not None]
-    order = 3 if {"joint_jerk", "tool_jerk"} & set(names) else 2
-    worst, at, of = 1.0 + EXCESS, 0.0, ""
-    for span in trajectory.contour_spans:
-        if span.trajectory is None:
-            continue
-        breaks = span.trajectory.breaks
-        inside = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, AT_A_BREAK)
-        for t in np.array_split(inside, len(inside) // AT_ONCE + 1):
-            # Both sides of every break.
-            sides = ((t[:, :-1].ravel(), "right"), (t[:, -1], "left"))
-            for times, side in sides:
-                states = States(arm, *span.trajectory.motion(times, order, side=side))
-                for name in names:
-                    share = ratio(name, limits, states)
-                    most = share.reshape(len(times), -1).max(axis=1)
-                    k = int(most.argmax())
-                    if most[k] > worst:
-                        worst, at, of = float(most[k]), span.t[0] + float(times[k]), name
-    if not of:
-        return
-    enough = reserve + (1 - reserve) * (1 - 1 / worst)
-    less = f"a reserve, such as {np.ceil(enough * 100) / 100:g}"
-    if of not in RESERVED:
-        less = f"a lower limit, such as {np.floor(100 / worst):g} % of it"
-    raise NotRealizable(
-        f"Smoothing takes the motion to {worst:.4g} times the limit {of} at {at:.4g} s, where the "
-        f"path bends: take shorter windows, or plan with {less}.",
-        limit=of,
-        t=at,
-        needed=worst,
-        allowed=1.0,
-    )
 
 
 def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
@@ -362,22 +287,16 @@ def _refuse_options(method: str, options: Mapping[str, Any]) -> None:
         raise InvalidInput(f"The method {method} takes {takes}, not {unknown[0]}.")
 
 
-def _refuse_duration(
-    duration: float, method: str, options: Mapping[str, Any], *, smoothed: bool
-) -> None:
+def _refuse_duration(duration: float, method: str, options: Mapping[str, Any]) -> None:
     """Refuse a duration that cannot be planned for, whatever the path.
 
     Raises:
-        InvalidInput: It is no time, the method is not "optimal", the path is entered or left at a
-            speed, or the motion is smoothed.
+        InvalidInput: It is no time, the method is not "optimal", or the path is entered or left at
+            a speed.
     """
     _checks.between("duration", duration, 0, LONGEST_MOTION, "s")
     if method != Method.OPTIMAL:
         raise InvalidInput(f"A duration is planned by the method optimal only, not by {method}.")
-    if smoothed:
-        raise InvalidInput(
-            "Smoothing takes time of its own: leave out smoothing, or the given duration."
-        )
     for name in ("start_speed", "end_speed"):
         if options.get(name):
             raise InvalidInput(

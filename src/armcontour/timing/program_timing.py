@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -24,7 +24,6 @@ from armcontour.motion import (
     Span,
     TimedEvent,
     Trajectory,
-    smooth,
     stand_still,
 )
 from armcontour.program import Contour, Dwell, Event
@@ -52,14 +51,12 @@ class Timing:
         limits: The limits that plans keep, less the reserve for the servo.
         method: One of PLANNING_METHODS.
         options: Options of the method.
-        windows: Windows of moving averages of s(t), as in `smooth` [s].
     """
 
     arm: Arm
     limits: Limits
     method: str
     options: Mapping[str, Any]
-    windows: tuple[float, ...] = ()
 
 
 def time_program(traced: Tracing, timing: Timing, progress: Progress | None = None) -> Trajectory:
@@ -85,7 +82,7 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
             found = None
             if step.joint_path is not None:
                 with step.named():
-                    found = smooth_if(_along(next(plans), step.joint_path), timing.windows)
+                    found = _along(next(plans), step.joint_path)
             joined.add(step, found)
             if traced.is_contour(step) and progress is not None:
                 number += 1
@@ -104,7 +101,7 @@ def _time_move(
 
 
 def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
-    """Plan the motion along a contour, without the moving averages of the timing."""
+    """Plan the motion along a contour."""
     how = joint_path, timing.arm, timing.limits
     if timing.method == Method.CONVENTIONAL:
         return plan_conventional(*how)
@@ -133,11 +130,6 @@ def time_rapid(
     return plan_optimal(
         joint_path, arm, limits.of_joints, intervals=RAPID_INTERVALS, constraints=more
     )
-
-
-def smooth_if(found: Trajectory, windows: Sequence[float]) -> Trajectory:
-    """A motion with moving averages of its s(t), if there are windows [s]."""
-    return smooth(found, *windows) if windows else found
 
 
 def _along(found: Trajectory, joint_path: JointPath) -> Trajectory:

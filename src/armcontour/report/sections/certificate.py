@@ -96,7 +96,7 @@ def _tiles(found: Certificate) -> tuple[Tile, ...]:
         ),
         _demand(found),
         _derated(found),
-        _certified_contours(found) if _several(found) else _smoothing(found),
+        *([_certified_contours(found)] if _several(found) else []),
     )
 
 
@@ -129,16 +129,6 @@ def _demand(found: Certificate) -> Tile:
         label="torque / limit, of the box",
         value="-" if most is None else f"{most:.4f}",
         note="nominal robot " + note,
-    )
-
-
-def _smoothing(found: Certificate) -> Tile:
-    """Tile with the smoothing windows of a single contour."""
-    windows = " + ".join(f"{x * 1e3:.3g}" for x in found.windows)
-    return Tile(
-        label="smoothing",
-        value=f"{windows} ms" if windows else "none",
-        note=f"moving averages of s(t); {found.trials} plans tried",
     )
 
 
@@ -227,7 +217,6 @@ def _contours(found: Certificate) -> Table:
             _mm(x.budget.executed),
             _mm(x.error.rms),
             _mm(x.budget.left),
-            " + ".join(f"{w * 1e3:.3g}" for w in x.windows) + " ms" if x.windows else "none",
             f"{x.headroom.max():.2%}",
         )
         for x in contours
@@ -242,13 +231,12 @@ def _contours(found: Certificate) -> Table:
             _mm(found.budget.executed),
             _mm(error.rms),
             _mm(found.budget.left),
-            "",
             f"{found.headroom.max():.2%}",
         )
     )
     header = (
         *("contour", "start", "motion", "to the optimum", "largest error", "RMS error", "left"),
-        *("smoothing", "derated, mean"),
+        "derated, mean",
     )
     return Table(header=header, rows=tuple(rows), caption=caption)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +13,7 @@ from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import EXECUTED_COLOUR, PLANNED_COLOUR, finish
 
 if TYPE_CHECKING:
-    from armcontour.placement import Axis, Case, Placement, Verdict
+    from armcontour.placement import Axis, Placement, Verdict
 
 # Grey tones of refused places, by the kinds of refusals.
 GREYS = {
@@ -53,12 +52,11 @@ MAPS = (
 )
 
 
-def placement(found: Placement, compared: Sequence[Case] = ()) -> Section:
+def placement(found: Placement) -> Section:
     """Maps over two axes, the best place, and how the others were refused.
 
     Args:
         found: The placement.
-        compared: Arms or tools that were compared, if there were several.
     """
     choices = []
     for x in MAPS:
@@ -71,7 +69,7 @@ def placement(found: Placement, compared: Sequence[Case] = ()) -> Section:
         text=_text(found),
         tiles=(("", _tiles(found)),),
         choices=tuple(choices),
-        tables=(*_compared(compared), _table(found), *_refusals(found)),
+        tables=(_table(found), *_refusals(found)),
         notes=found.notes,
     )
 
@@ -107,23 +105,6 @@ def _tiles(found: Placement) -> tuple[Tile, ...]:
         Tile(label="in the job's own place", value=before),
         Tile(label="best place", value=str(found.refined)),
     )
-
-
-def _compared(cases: Sequence[Case]) -> tuple[Table, ...]:
-    """What each arm or tool comes to; nothing without several."""
-    from armcontour.placement import shown
-
-    if not cases:
-        return ()
-    rows = []
-    for x in cases:
-        if x.placement is None:
-            rows.append((x.name, "refused", x.refusal))
-        else:
-            objective, best = x.placement.objective, x.placement.refined
-            rows.append((x.name, shown(best.verdict.score(objective), objective), str(best)))
-    caption = "Which is enough; the maps are those of the best"
-    return (Table(header=("arm, tool", "best", "place"), rows=tuple(rows), caption=caption),)
 
 
 def _table(found: Placement) -> Table:

@@ -25,7 +25,7 @@ SHARP = "sharp"
 FIRST_TOLERANCE = "1 mm"
 # Keys that a run has in the place of the job's; all others of a run are its own alone.
 OF_BOTH = ("limits", "command_limits", "corners", "command_interval")
-OF_RUN = ("timing", "compensation", "until", "duration", "smoothing")
+OF_RUN = ("timing", "compensation", "until", "duration")
 
 
 def place_of(key: str | Sequence[Key], data: Mapping[str, Any], run: str) -> Keys:
