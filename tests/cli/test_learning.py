@@ -58,7 +58,7 @@ def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
     log, out, third = written(tmp_path, shop.table), tmp_path / "second", tmp_path / "third"
     learn = ("learn", shop.file, "--log")
     shown = done(*learn, log, "--taught", shop.first, "--out", out)
-    assert "1: run.csv" in shown and "Go on: the next run should have" in shown
+    assert "1: run.csv" in shown and "Go on" in shown and "next run should have" in shown
     data = summary(out)
     present = {x.relative_to(out).as_posix() for x in out.rglob("*") if x.is_file()}
     assert set(data["files"]) == present - {".armcontour.json"}

@@ -272,6 +272,7 @@ NEVER: set[Place] = {
         for key in ("at", "rpy", "quaternion", "normal")
     ),
 }
+_COMMANDS = {"joint_velocity": 2.0, "joint_acceleration": 10.0, "joint_jerk": 1e4}
 _AXIS = {"from": 0.0, "to": 0.01, "places": 2}
 _ASKED: dict[str, Any] = {"over": {"x": _AXIS}, "refine": False}
 # Keys that hold tools by their names.
@@ -298,6 +299,8 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, servo=_REAL, plant={**SERVO, **_REAL}),
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED),
     _with(PLANE, limits={"joint_torque": 50.0}, certificate=_ON_BODIES, runs=_INVERSE),
+    _with(PLANE, command_limits=_COMMANDS),
+    _with(PLANE, command_limits={key: [x, x] for key, x in _COMMANDS.items()}),
     _with(PLANE, certificate=_ON_BODIES | {"box": {"viscous": 0.1, "friction": 0.0}}),
     _with(PLANE, runs={"one": {"timing": {"method": "mac", "knots": 50, "intervals": None}}}),
     _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [-100.0, -100.0, -150.0]}}}),
