@@ -19,6 +19,8 @@ UNTESTED = 0.3
 # Errors of set-points between or beyond those of runs are off by this fraction, as friction is not
 # linear.
 LINEAR = 0.3
+# Each setback forbids changes that are ten times as slow.
+SLOWER = 100.0
 # Another run is worth while if it can reduce the error by more than this factor.
 WORTH = 1.05
 
@@ -33,16 +35,23 @@ def unexplained(noise: FloatArray, error: FloatArray) -> FloatArray:
     return np.asarray(noise**2 + MODEL**2 * (error**2).mean(axis=0))
 
 
-def smooth_error(lifted: Lifted, error: FloatArray, noise: FloatArray) -> FloatArray:
+def smooth_error(
+    lifted: Lifted, error: FloatArray, noise: FloatArray, moved: FloatArray | float = 0.0
+) -> FloatArray:
     """The part of an error that a disturbance of the drives explains [rad], (n, dof).
+
+    A random walk describes the disturbance, but not what learned set-points leave of it: these are
+    peaks, as at reversals and corners.
 
     Args:
         lifted: The model.
         error: Errors of the joints [rad], (n, dof).
         noise: Standard deviation of the white noise in the error [rad], (dof,).
+        moved: Response to the change of the set-points since the first run [rad], (n, dof).
     """
-    variance = float(np.mean(unexplained(noise, error)))
-    return lifted.smooth(error, lifted.choose_penalty(error, variance))
+    rest = error - moved
+    variance = float(np.mean(unexplained(noise, rest)))
+    return np.asarray(lifted.smooth(rest, lifted.choose_penalty(rest, variance)) + moved)
 
 
 class Estimate:
@@ -60,7 +69,7 @@ class Estimate:
         repeats: RMS error of the best run that repeats [m].
         differs: RMS error that differs between runs [m].
         noise: RMS error that does not repeat, with noise of the measurement and of the loops [m].
-        penalty: As `Lifted.choose_penalty` gives it, for the error that repeats.
+        removed: The part of `error` that a change of the set-points removes [rad], (n, dof).
         off: Relative error of the model's response, by the last run that was predicted.
         independent: Number of independent values of the noise in a run.
         step: The share of a change that leaves least error if its response is off by `off`.
@@ -77,11 +86,11 @@ class Estimate:
         self.independent = max(duration * float(lifted.nominal.servo.kp.min()), 1.0)
         self.spread = self._find_spread()
         self.differs = self._judge_spread()
-        alone = [x.rms for x in runs]
-        if self.differs > 0:
-            white = runs[-1].noise / np.sqrt(len(runs))
-            means = [smooth_error(lifted, self._mean_at(x), white) for x in self._moves]
-            alone = [lifted.judge(x).rms for x in means]
+        alone = []
+        for moved in self._moves:
+            mean, weights = self._mean_at(moved)
+            white = np.sqrt((weights**2 * self._white).sum(axis=0))
+            alone.append(lifted.judge(smooth_error(lifted, mean, white, moved)).rms)
         self.best = int(np.argmin(alone))
         self.repeats = alone[self.best]
         # Noise of a position measurement moves the joint as noise of the command does.
@@ -89,9 +98,11 @@ class Estimate:
         self._in_loops = lifted.judge(lifted.respond_to(loops))
         self.off = self._compare()
         self.q, self.error, variance = self._combine()
-        self.penalty = lifted.choose_penalty(self.error, variance)
-        white = np.random.default_rng(0).normal(size=self.error.shape) * runs[-1].noise
-        measured = lifted.judge(lifted.smooth(white, self.penalty)).rms
+        moved = lifted.respond(self.q - runs[0].q)
+        self._penalty = lifted.choose_penalty(self.error - moved, variance)
+        self._change, response = lifted.correct(self.error - moved, self._penalty)
+        self.removed = moved - response
+        measured = lifted.judge(self._unknown(np.sqrt(variance))).rms
         self.noise = float(np.hypot(measured, max(self._in_loops.rms, self.differs)))
         self.step = 1 / (1 + self.off**2)
         self.expected = float(np.hypot(self.repeats, self.noise if self.differs > 0 else 0.0))
@@ -136,15 +147,40 @@ class Estimate:
             self.independent = min(self.independent, max(free, 1.0))
         return float(np.sqrt(np.mean(squares)))
 
-    def _mean_at(self, moved: FloatArray) -> FloatArray:
+    def _unknown(self, deviation: float) -> FloatArray:
+        """An error as probable as the one that noise leaves unknown [rad], (n, dof).
+
+        Args:
+            deviation: Standard deviation of the noise [rad].
+        """
+        random, shape = np.random.default_rng(0), self.runs[0].q.shape
+        walk = random.normal(size=shape).cumsum(axis=0) * deviation / np.sqrt(self._penalty)
+        error = self.lifted.respond(walk)
+        white = random.normal(size=error.shape) * deviation
+        return self.lifted.smooth(error + white, self._penalty) - error
+
+    def correct(self, setbacks: int) -> FloatArray:
+        """Set-points without the error that repeats [rad], (count, dof).
+
+        Args:
+            setbacks: Number of setbacks; each forbids changes that are ten times as slow.
+        """
+        if not setbacks:
+            return np.asarray(self.runs[0].q + self._change)
+        slow = self.lifted.correct(self.removed, self._penalty * SLOWER**setbacks)[0]
+        return np.asarray(self.q + slow)
+
+    def _mean_at(self, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The error that repeats for set-points with a response, by all runs [rad], (n, dof).
 
-        Runs count by the inverse variance of their noise and of the error of the model.
+        Runs count by the inverse variance of their noise and of the error of the model; these
+        weights are returned, too, (runs, dof).
         """
         off = UNTESTED**2 * ((moved - self._moves) ** 2).mean(axis=1)
         weights = 1 / np.maximum(self.spread**2 + self._white + off, 1e-300)
+        weights /= weights.sum(axis=0)
         found = np.einsum("kj,knj->nj", weights, self._errors - self._moves + moved)
-        return np.asarray(found / weights.sum(axis=0))
+        return found, weights
 
     def _compare(self) -> float:
         """How far the model's response is off, relatively, by the last run but the best one.
@@ -196,17 +232,16 @@ class Estimate:
         q = np.einsum("kj,knj->nj", weights, [x.q for x in self.runs])
         change = self.lifted.respond(q - self.runs[best].q)
         error = errors[best] + np.einsum("kj,knj->nj", weights, apart - moved) + change
-        variance = (weights**2 * noise).sum(axis=0)
-        if self.differs > 0:
-            own = variance + (weights**2 * (spread + LINEAR**2 * squares / count)).sum(axis=0)
-            mean = self._mean_at(change + self._moves[best])
-            error += spread / (spread + own) * (mean - error)
-        return q, error, float(np.mean(variance))
+        # The mean of all runs has less noise; it counts by its share of the variance.
+        own = (weights**2 * (noise + spread + LINEAR**2 * squares / count)).sum(axis=0)
+        mean, each = self._mean_at(change + self._moves[best])
+        share = own / np.maximum(own + (each**2 * (noise + spread)).sum(axis=0), 1e-300)
+        error += share * (mean - error)
+        weights += share * (each - weights)
+        return q, error, float(np.mean((weights**2 * noise).sum(axis=0)))
 
     @property
     def is_noise(self) -> bool:
-        """Whether the error that repeats is not known from noise, or one more run hardly helps."""
-        if self.differs == 0:
-            return self.repeats - self.noise < self.resolution
+        """Whether the error that repeats is so small that one more run hardly helps."""
         after = np.sqrt(1 + 1 / len(self.runs))
-        return bool(np.hypot(self.repeats, self.differs) < WORTH * after * self.differs)
+        return bool(np.hypot(self.repeats, self.noise) <= WORTH * after * self.noise)

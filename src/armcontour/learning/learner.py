@@ -35,10 +35,9 @@ Tool: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike] | None
 CYCLE = 2.5e-4
 # Position loop gain of a joint whose servo has none [1/s]: that of many industrial drives.
 TYPICAL_GAIN = 25.0
-# Learning ends after this many setbacks; each halves the step and forbids changes that are ten
-# times as slow.
+# Learning ends after this many setbacks; each halves the step.
 MOST_SETBACKS = 3
-HALF, SLOWER = 0.5, 100.0
+HALF = 0.5
 # Set-points may accelerate so many times as much as before learning, where this is above the limit
 # of the joint. Joints that hardly move count as accelerating by RESTING times the fastest one.
 ROUGHER, RESTING = 2.0, 0.25
@@ -220,8 +219,9 @@ def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: T
     expected = None
     if isinstance(taught, Lesson) and not recording.exact:
         before = taught.runs[taught.best]
-        error = smooth_error(lifted, before.error, before.noise)
-        expected = lifted.planned + error + lifted.respond(taught.q - before.q)
+        moved, more = (lifted.respond(x - taught.runs[0].q) for x in (before.q, taught.q))
+        error = smooth_error(lifted, before.error, before.noise, moved)
+        expected = lifted.planned + error + more - moved
     aligned = aligning.align(recording, lifted, taught, expected)
     offset, rate, expected, measured, noise, shift, outliers = aligned
     error = measured - lifted.planned
@@ -237,7 +237,8 @@ def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: T
         clock = (offset, rate) if recording.in_plan_time else None
         error, more = aligning.add_tool(tool, lifted, error, clock)
         noise = np.hypot(noise, more)
-    smooth, at = smooth_error(lifted, error, noise), offset + rate * recording.t
+    moved = lifted.respond(taught.q - taught.runs[0].q) if isinstance(taught, Lesson) else 0.0
+    smooth, at = smooth_error(lifted, error, noise, moved), offset + rate * recording.t
     return LearnedRun(
         q=taught.q, error=error, noise=noise, loop_noise=in_loop,
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
@@ -270,13 +271,12 @@ def _next_lesson(
     if own.joint_acceleration is not None:
         slowest = np.minimum(*np.abs(own.acceleration_bounds(lifted.dof)))
         fastest = np.maximum(slowest, fastest)
-    change, response = lifted.correct(known.error, known.penalty * SLOWER**setbacks)
-    wanted = best.q + step * (known.q - best.q + change)
+    wanted = best.q + step * (known.correct(setbacks) - best.q)
     q, reason = _keep_limits(seen, wanted, best.q, own, fastest)
     # Learning slows down from run to run, as noise and friction take a larger share.
     rest = FITTED if any(seen.misfits) else UNTESTED
     rest = max(known.off, float(np.sqrt(min(now / before, 1.0)))) if earlier else rest
-    left = lifted.judge(rest * response).rms
+    left = lifted.judge(rest * known.removed).rms
     lost = lifted.respond(wanted - q)
     left += lifted.judge(lost).rms + (1 - step) * known.repeats
     predicted = float(np.linalg.norm([left, known.differs / np.sqrt(len(runs)), known.noise]))
