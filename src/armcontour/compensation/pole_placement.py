@@ -51,10 +51,7 @@ def default_poles(servo: ServoModel) -> ComplexArray:
 
 
 def pole_placement(
-    trajectory: Trajectory,
-    servo: ServoModel,
-    period: float,
-    poles: npt.ArrayLike | None = None,
+    trajectory: Trajectory, servo: ServoModel, period: float, poles: npt.ArrayLike | None = None
 ) -> tuple[float, FloatArray]:
     """Set-points by pole placement, (26).
 

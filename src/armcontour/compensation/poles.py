@@ -89,10 +89,7 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
 
 @_checks.checked
 def fastest_poles(
-    servo: ServoModel,
-    trajectory: Trajectory,
-    limits: Limits | None = None,
-    period: float = PERIOD,
+    servo: ServoModel, trajectory: Trajectory, limits: Limits | None = None, period: float = PERIOD
 ) -> FloatArray:
     """The fastest poles whose taught data does not saturate the servo.
 

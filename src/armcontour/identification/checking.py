@@ -38,8 +38,7 @@ def refuse_misread(log: Log, longest: float, j: int) -> None:
         found = find_misreading(log.t, *one, names=log.joint_names[j : j + 1], late=longest)
     if found:
         raise InvalidInput(
-            f"{log.source}: {log.joint_names[j]} does not follow its commands: {found}.",
-            joint=j,
+            f"{log.source}: {log.joint_names[j]} does not follow its commands: {found}.", joint=j
         )
 
 

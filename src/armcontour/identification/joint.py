@@ -9,21 +9,10 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.identification.checking import refuse_misread
-from armcontour.identification.fitting import (
-    MRAD,
-    Search,
-    Stretch,
-    noise_of,
-    predict,
-    split_logs,
-)
+from armcontour.identification.fitting import MRAD, Search, Stretch, noise_of, predict, split_logs
 from armcontour.identification.intervals import estimate_parameters, is_white, resolution
 from armcontour.identification.judgement import WEAK
-from armcontour.identification.residuals import (
-    describe_residuals,
-    find_residuals,
-    scale_residuals,
-)
+from armcontour.identification.residuals import describe_residuals, find_residuals, scale_residuals
 from armcontour.identification.results import DIGITS, JointIdentification
 from armcontour.identification.saturation import Saturation, find_saturation, select_between
 from armcontour.identification.selection import find_lag, select

@@ -100,9 +100,7 @@ def identified(model: Model, values: FloatArray) -> tuple[Arm, ServoModel]:
         payload=None if unloaded else chain.payload, viscous=viscous - lower
     )
     servo = drives.servo.replace(
-        kv=kv,
-        kp=drives.stiffness / (model.inertia * kv),
-        dead_time=max(float(values[-1]), 0.0),
+        kv=kv, kp=drives.stiffness / (model.inertia * kv), dead_time=max(float(values[-1]), 0.0)
     )
     return arm, servo
 

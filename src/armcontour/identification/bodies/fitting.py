@@ -118,11 +118,7 @@ def derivatives(model: Model, grids: list[Gridded], trial: Trial) -> FloatArray:
 
 
 def fit(
-    model: Model,
-    grids: list[Gridded],
-    values: FloatArray,
-    free: BoolArray,
-    near: float = NEAR,
+    model: Model, grids: list[Gridded], values: FloatArray, free: BoolArray, near: float = NEAR
 ) -> BodyFit:
     """Fit the unknowns by bounded least squares, each joint weighted by its scatter.
 
