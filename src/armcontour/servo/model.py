@@ -213,9 +213,9 @@ class ServoModel(Value):
                 else f"A servo of order {orders[0]} has no velocity loop: leave its gain kv out."
             )
         if inertia is not None and not second.all():
+            lagging = orders[int(np.argmin(second))]
             raise InvalidInput(
-                f"A servo of order {orders[int(np.argmin(second))]} has no velocity loop: leave its "
-                "inertia out."
+                f"A servo of order {lagging} has no velocity loop: leave its inertia out."
             )
         given: dict[str, Any] = {name: _check_range(name, every[name]) for name in RANGES}
         feed = given["acceleration_feedforward"]
