@@ -50,6 +50,8 @@ LEAST_SHARE, FEWEST_FREE = 2e-3, 50
 REFINED = (0.98, 1.06, 9)
 # Samples between clipped ones that are fitted: fewer show only their own begin.
 FEWEST_BETWEEN = 20
+# With more times between, their free beginnings would explain most of the motion.
+MOST_BETWEEN = 40
 # Margin about clipped samples [s]: drives with a cycle react up to one cycle later.
 MARGIN = 1e-3
 
@@ -124,7 +126,8 @@ def select_between(
     """Select the model of a joint from the samples that its limit does not affect.
 
     Position and velocity are free after each time at the limit. A fit of all samples with the limit
-    is preferred if its error between these times is no larger, and its K_p is more certain.
+    is preferred if its error between these times is no larger, and its K_p is more certain. None
+    if the limit affects too much of the motion, or too many parts of it.
     """
     between = [
         s.cut(i, j)
@@ -132,7 +135,7 @@ def select_between(
         for i, j in _spans(~clipped)
         if np.sum(s.use[i:j]) >= FEWEST_BETWEEN
     ]
-    if not any((s.weight * s.use).any() for s in between):
+    if len(between) > MOST_BETWEEN or not any((s.weight * s.use).any() for s in between):
         return None
     free = select(between, search, orders, limited=False)
     if free is None:
