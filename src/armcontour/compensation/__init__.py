@@ -1,11 +1,5 @@
 """Compensation of the servos' delay: taught data that makes joints follow a trajectory."""
 
-from armcontour.compensation.compensator import (
-    METHODS,
-    compensate,
-)
+from armcontour.compensation.compensator import METHODS, compensate
 
-__all__ = [
-    "METHODS",
-    "compensate",
-]
+__all__ = ["METHODS", "compensate"]

@@ -89,7 +89,6 @@ def compensate(
         UserWarning: No limits are given, and set-points exceed those of the plan; or compensation
             with this servo may be worse than none (`ServoModel.doubt`).
     """
-    given = {"poles": poles, "gravity_feedforward": gravity_feedforward, "known": known}
     taught = teach(
         trajectory,
         servo,
@@ -97,7 +96,9 @@ def compensate(
         period=period,
         arm=arm,
         command_limits=command_limits,
-        **given,
+        poles=poles,
+        gravity_feedforward=gravity_feedforward,
+        known=known,
     )
     if limits is not None:
         refuse_commands(taught, limits)
@@ -135,11 +136,21 @@ def teach(
     _checks.choice("method", method, METHODS)
     interval = check_interval(period)
     options = {name: x for name, x in given.items() if x is not None}
-    _refuse_options(method, options)
-    model = servo.for_joints(trajectory.dof)
-    _refuse_long_interval(interval, trajectory.duration)
+    takes = OPTIONS.get(method, ())
+    if unknown := sorted(set(options) - set(takes)):
+        words = f"the option {' or '.join(takes)}" if takes else "no options"
+        raise InvalidInput(f"The method {method} takes {words}, not {unknown[0]}.")
+    model, duration = servo.for_joints(trajectory.dof), trajectory.duration
+    if interval > max(duration * (1 + SAME), LONGEST_CLOCK):
+        raise InvalidInput(
+            f"The command interval of {interval:g} s is longer than the motion of {duration:.6g} "
+            f"s, so that no set-point lies within it; it is in seconds: for {interval:g} ms give "
+            f"{interval / 1e3:g}, in a job `command_interval: {interval:g} ms`.",
+            needed=interval,
+            allowed=max(duration, LONGEST_CLOCK),
+        )
     model.refuse_too_fast(interval)
-    count = set_point_count(trajectory.duration, model, interval, method, options.get("poles"))
+    count = set_point_count(duration, model, interval, method, options.get("poles"))
     _checks.refuse_too_many(
         f"{count * interval:.4g} s of motion at a command interval of {interval:g} s",
         count * trajectory.dof,
@@ -161,26 +172,6 @@ def teach(
     return within_limits(taught, model, command_limits, arm)
 
 
-def _refuse_long_interval(period: float, duration: float) -> None:
-    """Refuse a command interval that leaves no set-point within the motion."""
-    if period > max(duration * (1 + SAME), LONGEST_CLOCK):
-        raise InvalidInput(
-            f"The command interval of {period:g} s is longer than the motion of {duration:.6g} s, "
-            f"so that no set-point lies within it; it is in seconds: for {period:g} ms give "
-            f"{period / 1e3:g}, in a job `command_interval: {period:g} ms`.",
-            needed=period,
-            allowed=max(duration, LONGEST_CLOCK),
-        )
-
-
-def _refuse_options(method: str, options: dict[str, Any]) -> None:
-    known = OPTIONS.get(method, ())
-    unknown = sorted(set(options) - set(known))
-    if unknown:
-        takes = f"the option {' or '.join(known)}" if known else "no options"
-        raise InvalidInput(f"The method {method} takes {takes}, not {unknown[0]}.")
-
-
 def _set_points(
     trajectory: Trajectory,
     servo: ServoModel,
@@ -191,35 +182,26 @@ def _set_points(
 ) -> tuple[float, FloatArray, FloatArray | None]:
     """Time of the first set-point [s], set-points, (n, dof) [rad], and `TaughtData.cut_off`."""
     if method == "none":
-        return 0.0, _as_planned(trajectory, period), None
-    start, q = _without_feedforward(trajectory, servo, period, method, arm, options)
+        t = set_point_times(trajectory, period).inside
+        end = trajectory([trajectory.duration], side="left")
+        return 0.0, np.concatenate([trajectory(t), end]), None
+    if method == "pole_placement":
+        from armcontour.compensation.pole_placement import pole_placement
+
+        start, q = pole_placement(trajectory, servo, period, **options)
+    elif method == "inverse_dynamics":
+        from armcontour.compensation.inverse_dynamics import inverse_dynamics
+
+        start, q = inverse_dynamics(trajectory, servo, period, arm, **options)
+    else:
+        from armcontour.compensation.set_points import inverse
+
+        start, q = inverse(trajectory, servo, period)
     if not servo.has_feedforward and not servo.ki.any():
         return start, q, None
     from armcontour.compensation.feedforward import for_feedforward
 
     return start, *for_feedforward(q, period, servo, trajectory.duration)
-
-
-def _without_feedforward(
-    trajectory: Trajectory,
-    servo: ServoModel,
-    period: float,
-    method: str,
-    arm: Arm | None,
-    options: dict[str, Any],
-) -> tuple[float, FloatArray]:
-    """As `_set_points`, for the servo without feed-forward."""
-    if method == "pole_placement":
-        from armcontour.compensation.pole_placement import pole_placement
-
-        return pole_placement(trajectory, servo, period, **options)
-    if method == "inverse_dynamics":
-        from armcontour.compensation.inverse_dynamics import inverse_dynamics
-
-        return inverse_dynamics(trajectory, servo, period, arm, **options)
-    from armcontour.compensation.set_points import inverse
-
-    return inverse(trajectory, servo, period)
 
 
 def set_point_count(
@@ -253,9 +235,3 @@ def set_point_count(
             slowest = float(np.abs(check_poles(poles, len(servo.kv)).real).min())
         total += SETTLING / slowest
     return total / period + 1
-
-
-def _as_planned(trajectory: Trajectory, period: float) -> FloatArray:
-    """Set-points of the trajectory without compensation [rad], (n, dof)."""
-    t = set_point_times(trajectory, period).inside
-    return np.concatenate([trajectory(t), trajectory([trajectory.duration], side="left")])

@@ -8,11 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.compensation.set_points import (
-    SETTLING,
-    integrator_tail,
-    longest_tail,
-)
+from armcontour.compensation.set_points import SETTLING, integrator_tail, longest_tail
 from armcontour.servo import ServoModel
 from armcontour.servo.model import integrator_filter
 from armcontour.servo.simulation import Simulation, polynomials

@@ -12,11 +12,7 @@ import numpy as np
 from armcontour._banded import solve_banded
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
-from armcontour.compensation.set_points import (
-    SetPointTimes,
-    advance_set_points,
-    time_advances,
-)
+from armcontour.compensation.set_points import SetPointTimes, advance_set_points, time_advances
 from armcontour.drives import Drives
 from armcontour.errors import InvalidInput
 from armcontour.motion import Trajectory

@@ -55,7 +55,11 @@ def within_limits(
     if excess(taught.q, period, bounds) is None:
         return replace(taught, command_limits=limits)
     _refuse_plan(taught, bounds[:3], SMOOTHED)
-    for more in _extensions(servo, bounds, period):
+    jerky = np.isfinite(bounds[2, 1])
+    ramp = float((bounds[2, 1, jerky] / bounds[3, 1, jerky]).max(initial=0.0))
+    usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
+    for longer_by in (usual, LONGEST_TAIL):
+        more = int(np.ceil(longer_by / period))
         q = np.pad(taught.q, ((more, more), (0, 0)), mode="edge")
         found, joint = nearest_commands(q, period, bounds)
         if joint is None:
@@ -73,14 +77,6 @@ def within_limits(
         taught, q=found, start_time=taught.start_time - more * period, command_limits=limits
     )
     return replace(longer, limit_cost=_cost(longer, found - q, servo, arm))
-
-
-def _extensions(servo: ServoModel, bounds: FloatArray, period: float) -> tuple[int, int]:
-    """Numbers of set-points to add at both ends: the usual one, and the largest one."""
-    jerky = np.isfinite(bounds[2, 1])
-    ramp = float((bounds[2, 1, jerky] / bounds[3, 1, jerky]).max(initial=0.0))
-    usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
-    return int(np.ceil(usual / period)), int(np.ceil(LONGEST_TAIL / period))
 
 
 def _refuse_plan(taught: TaughtData, bounds: FloatArray, share: float = 0.0) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.compensation._filter import run_filter
 from armcontour.compensation.set_points import (
@@ -44,17 +45,18 @@ def default_poles(servo: ServoModel) -> ComplexArray:
         m1, m2 and g of each joint [1/s], (dof, 3).
     """
     assert servo.kv is not None
-    poles = np.empty((len(servo.kv), 3), dtype=np.complex128)
-    poles[:, :2] = -servo.kv.min()
-    poles[:, 2] = -servo.kv
+    return pole_family(servo.kv, float(servo.kv.min()))
+
+
+def pole_family(kv: FloatArray, p: float) -> ComplexArray:
+    """Poles -p, -p and -K_v of each joint [1/s], (dof, 3)."""
+    poles = np.full((len(kv), 3), -p, dtype=np.complex128)
+    poles[:, 2] = -kv
     return poles
 
 
 def pole_placement(
-    trajectory: Trajectory,
-    servo: ServoModel,
-    period: float,
-    poles: npt.ArrayLike | None = None,
+    trajectory: Trajectory, servo: ServoModel, period: float, poles: npt.ArrayLike | None = None
 ) -> tuple[float, FloatArray]:
     """Set-points by pole placement, (26).
 
@@ -75,7 +77,13 @@ def pole_placement(
     """
     servo.refuse_mixed("Pole placement, (26),")
     placed = default_poles(servo) if poles is None else check_poles(poles, trajectory.dof)
-    _refuse_too_fast(placed, period)
+    fastest = float(np.abs(placed).max())
+    _checks.refuse_if(
+        fastest * period > MOST_TIME_CONSTANTS,
+        f"A pole of {fastest:g} 1/s is {fastest * period:.3g} time constants in a command "
+        f"interval of {period:g} s, but at most {MOST_TIME_CONSTANTS:g} are computed: take poles "
+        f"up to {MOST_TIME_CONSTANTS / period:g} 1/s, or a shorter command interval.",
+    )
     return advance_set_points(
         trajectory,
         time_advances(servo, period),
@@ -97,40 +105,45 @@ def _set_points(
     tail = int(np.ceil(SETTLING / float(np.abs(placed.real).min()) / period))
     # From the end of the motion to the next set-point, then from set-point to set-point.
     after = np.append(times.after_end, np.full(tail, period))
-    motion = _polynomials(trajectory, knots, len(after))
-
-    x, (c0, c1, c2) = transfer(servo.kv, placed)
-    rate = np.cbrt(c0)
-    states = run_filter(
-        np.concatenate([np.diff(knots), after]),
-        motion,
-        np.stack([c1 / rate**2, c2 / rate], axis=1),
-        rate,
-        np.abs(placed).max(axis=1),
-        motion[0, 0],
-    )
+    q, dq, ddq = trajectory.motion(knots[:-1])
+    end, dend, ddend = trajectory.motion(knots[1:], side="left")
+    moving = quintic(np.diff(knots), (q, dq, ddq), (end, dend, ddend))
+    rest = np.zeros((len(after), *moving.shape[1:]))
+    rest[:, 0] = end[-1]
+    motion, width = np.concatenate([moving, rest]), np.concatenate([np.diff(knots), after])
+    states, lead, rate, damping = run_poles(servo.kv, placed, width, motion, motion[0, 0])
     at = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
     x1, x2, x3 = np.moveaxis(states[at], 2, 0)
     # Each quintic begins at its knot; the last rest has no further one.
     source = motion[np.minimum(at, len(motion) - 1), 0]
-    x4 = source - x1 - c1 / rate**2 * x2 - c2 / rate * x3
-    lead = x / rate**2
-    y = x1 + lead * x2
-    dy = rate * (x2 + lead * x3)
-    ddy = rate**2 * (x3 + lead * x4)
+    x4 = source - x1 - damping[:, 0] * x2 - damping[:, 1] * x3
+    y, dy, ddy = x1 + lead * x2, rate * (x2 + lead * x3), rate**2 * (x3 + lead * x4)
     set_points = servo.command(y, dy, ddy)
     set_points[-1] = motion[-1, 0]
     return set_points
 
 
-def _polynomials(trajectory: Trajectory, knots: FloatArray, after: int) -> FloatArray:
-    """Quintics between knots, and rest for so many intervals after them, (n, 6, dof)."""
-    q, dq, ddq = trajectory.motion(knots[:-1])
-    end, dend, ddend = trajectory.motion(knots[1:], side="left")
-    motion = quintic(np.diff(knots), (q, dq, ddq), (end, dend, ddend))
-    rest = np.zeros((after, *motion.shape[1:]))
-    rest[:, 0] = end[-1]
-    return np.concatenate([motion, rest])
+def run_poles(
+    kv: FloatArray,
+    placed: ComplexArray,
+    width: FloatArray,
+    coefficients: FloatArray,
+    start: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """States of the filter of F G as in `run_filter`, factor of their rates in F G, p and damping.
+
+    Args:
+        kv: Velocity loop gains [1/s], (dof,).
+        placed: Poles m1, m2 and g of each joint [1/s], (dof, 3).
+        width: As in `run_filter`, as are the others.
+        coefficients: See above.
+        start: See above.
+    """
+    x, (c0, c1, c2) = transfer(kv, placed)
+    rate = np.cbrt(c0)
+    damping = np.stack([c1 / rate**2, c2 / rate], axis=1)
+    states = run_filter(width, coefficients, damping, rate, np.abs(placed).max(axis=1), start)
+    return states, x / rate**2, rate, damping
 
 
 def transfer(
@@ -175,40 +188,13 @@ def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
             f"poles must be three finite numbers [1/s], or {dof} rows of three: two regulator "
             "poles and the observer pole."
         )
-    _refuse_unpaired(placed)
-    _refuse_range(placed)
-    return placed
-
-
-def _refuse_unpaired(placed: ComplexArray) -> None:
-    """Refuse poles that no real compensator has.
-
-    Raises:
-        InvalidInput: Such poles.
-    """
-    total, product, observer = (
-        placed[:, 0] + placed[:, 1],
-        placed[:, 0] * placed[:, 1],
-        placed[:, 2],
+    m1, m2, g = placed.T
+    size = float(np.abs(placed).max())
+    pairs = ((m1 + m2, size), (g, size), (m1 * m2, size * size))
+    _checks.refuse_if(
+        any((np.abs(x.imag) > 1e-9 * y).any() for x, y in pairs),
+        "The regulator poles must be real or complex conjugates, and the observer pole real.",
     )
-    small = 1e-9 * np.abs(placed).max()
-    if (
-        (np.abs(total.imag) > small).any()
-        or (np.abs(observer.imag) > small).any()
-        or (np.abs(product.imag) > small * np.abs(placed).max()).any()
-    ):
-        raise InvalidInput(
-            "The regulator poles must be real or complex conjugates, and the observer pole real."
-        )
-
-
-def _refuse_range(placed: ComplexArray) -> None:
-    """Refuse poles that are not stable, or smaller or larger than gains of servos.
-
-    Raises:
-        CompensationError: Poles that are not stable.
-        InvalidInput: Poles outside GAINS.
-    """
     if (placed.real >= 0).any():
         j = int(np.flatnonzero((placed.real >= 0).any(axis=1))[0])
         shown = placed[j] if placed[j].imag.any() else placed[j].real
@@ -218,24 +204,11 @@ def _refuse_range(placed: ComplexArray) -> None:
             joint=j,
         )
     low, high = GAINS
-    if (-placed.real < low).any() or (np.abs(placed) > high).any():
-        j = int(np.flatnonzero(((-placed.real < low) | (np.abs(placed) > high)).any(axis=1))[0])
+    outside = ((-placed.real < low) | (np.abs(placed) > high)).any(axis=1)
+    if outside.any():
+        j = int(np.argmax(outside))
         raise InvalidInput(
             f"The poles of joint {j + 1} must lie between -{high:g} and -{low:g} 1/s, as gains of "
             f"servos do, but are {placed[j].tolist()} 1/s."
         )
-
-
-def _refuse_too_fast(placed: ComplexArray, period: float) -> None:
-    """Refuse poles that are too fast for the command interval.
-
-    Raises:
-        InvalidInput: The interval is longer than MOST_TIME_CONSTANTS time constants of a pole.
-    """
-    fastest = float(np.abs(placed).max())
-    if fastest * period > MOST_TIME_CONSTANTS:
-        raise InvalidInput(
-            f"A pole of {fastest:g} 1/s is {fastest * period:.3g} time constants in a command "
-            f"interval of {period:g} s, but at most {MOST_TIME_CONSTANTS:g} are computed: take "
-            f"poles up to {MOST_TIME_CONSTANTS / period:g} 1/s, or a shorter command interval."
-        )
+    return placed

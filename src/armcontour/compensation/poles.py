@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +10,13 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Limits
-from armcontour.compensation._filter import run_filter
-from armcontour.compensation.pole_placement import check_poles, pole_placement, transfer
+from armcontour.compensation.pole_placement import (
+    check_poles,
+    pole_family,
+    pole_placement,
+    run_poles,
+    transfer,
+)
 from armcontour.errors import CompensationError, InvalidInput
 from armcontour.motion import PERIOD, Trajectory, check_interval
 from armcontour.servo import ServoModel
@@ -66,20 +70,12 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
     # F G = (x s + c0) / (s³ + c2 s² + c1 s + c0).
     at = 1j * np.geomspace(1e-3, 1e3, TIMES)[:, None] * np.abs(placed).max(axis=1)
     size = np.abs((x * at + c[0]) / (at**3 + c[2] * at**2 + c[1] * at + c[0]))
-    rate = np.cbrt(c[0])
     slowest, fastest = np.abs(placed.real).min(), np.abs(placed).max()
     times = np.append(0.0, np.geomspace(1e-4 / fastest, FOLLOWED / slowest, TIMES))
     ones = np.zeros((TIMES, 6, len(placed)))
     ones[:, 0] = 1.0
-    moved = run_filter(
-        np.diff(times),
-        ones,
-        np.stack([c[1] / rate**2, c[2] / rate], axis=1),
-        rate,
-        np.abs(placed).max(axis=1),
-        np.zeros(len(placed)),
-    )
-    step = moved[:, :, 0] + x / rate**2 * moved[:, :, 1]
+    moved, lead, *_ = run_poles(kv, placed, np.diff(times), ones, np.zeros(len(placed)))
+    step = moved[:, :, 0] + lead * moved[:, :, 1]
     return PoleBehaviour(
         lag=(c[1] - x) / c[0],
         peaking=np.maximum(size.max(axis=0), 1.0),
@@ -89,10 +85,7 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
 
 @_checks.checked
 def fastest_poles(
-    servo: ServoModel,
-    trajectory: Trajectory,
-    limits: Limits | None = None,
-    period: float = PERIOD,
+    servo: ServoModel, trajectory: Trajectory, limits: Limits | None = None, period: float = PERIOD
 ) -> FloatArray:
     """The fastest poles whose taught data does not saturate the servo.
 
@@ -118,56 +111,44 @@ def fastest_poles(
             "second".
     """
     interval = check_interval(period)
-    bounds = _needed_bounds(trajectory.limits_for(limits), trajectory.dof)
-    model = servo.for_joints(trajectory.dof)
-    kv = _second_order(model)
-
-    def use(p: float) -> FloatArray:
-        return _demand_share(model, trajectory, _family(kv, p), bounds, interval)
-
-    low = 2 * float(model.kp.min())
-    high = max(FASTEST / interval, low)
-    if use(high).max() <= 1:
-        return _family(kv, high)
-    worst = use(low)
-    if worst.max() > 1:
-        _refuse(worst, *bounds, low)
-    return _family(kv, _largest_within(use, low, high))
-
-
-def _needed_bounds(limits: Limits, dof: int) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper bounds of joint accelerations, (dof,) each.
-
-    Raises:
-        InvalidInput: There are none.
-    """
+    limits = trajectory.limits_for(limits)
     if limits.joint_acceleration is None:
         raise InvalidInput(
             "The fastest poles are those that do not saturate: give joint_acceleration.",
             limit="joint_acceleration",
         )
-    return limits.acceleration_bounds(dof)
+    lower, upper = limits.acceleration_bounds(trajectory.dof)
+    model = servo.for_joints(trajectory.dof)
+    kv = _second_order(model)
 
+    def use(p: float) -> FloatArray:
+        """Largest share of each joint's acceleration limit that set-points ask for, (dof,)."""
+        _, q = pole_placement(trajectory, model, interval, pole_family(kv, p))
+        least, most = extreme_demands(model, q, interval)
+        return np.maximum(least / lower, most / upper)
 
-def _demand_share(
-    servo: ServoModel,
-    trajectory: Trajectory,
-    poles: FloatArray,
-    bounds: tuple[FloatArray, FloatArray],
-    period: float,
-) -> FloatArray:
-    """Largest share of each joint's acceleration limit that set-points ask for, (dof,)."""
-    _, q = pole_placement(trajectory, servo, period, poles)
-    least, most = extreme_demands(servo, q, period)
-    return np.maximum(least / bounds[0], most / bounds[1])
-
-
-def _largest_within(use: Callable[[float], FloatArray], low: float, high: float) -> float:
-    """The largest p whose use is at most 1, by bisection; that of `low` is."""
+    low = 2 * float(model.kp.min())
+    high = max(FASTEST / interval, low)
+    if use(high).max() <= 1:
+        low = high
+    elif (worst := use(low)).max() > 1:
+        j = int(np.argmax(worst))
+        allowed = float(min(-lower[j], upper[j]))
+        needed = float(worst[j]) * allowed
+        raise CompensationError(
+            f"Joint {j + 1} saturates with any poles: even with the regulator poles at -{low:.4g} "
+            f"1/s, which lag as the servo does by itself, its demand is {needed:.6g} rad/s², above "
+            f"its limit of {allowed:.6g} rad/s²; plan with a joint_acceleration lower by at least "
+            f"{needed - allowed:.1g} rad/s², or take a shorter command interval.",
+            joint=j,
+            limit="joint_acceleration",
+            needed=needed,
+            allowed=allowed,
+        )
     while high > low * (1 + PRECISION):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if use(middle).max() <= 1 else (low, middle)
-    return low
+    return pole_family(kv, low).real
 
 
 def extreme_demands(
@@ -198,25 +179,3 @@ def _second_order(servo: ServoModel) -> FloatArray:
     servo.refuse_mixed("Pole placement, (26),")
     assert servo.kv is not None
     return servo.kv
-
-
-def _family(kv: FloatArray, p: float) -> FloatArray:
-    """Poles -p, -p and -K_v of each joint [1/s], (dof, 3)."""
-    return np.stack([np.full(len(kv), -p), np.full(len(kv), -p), -kv], axis=1)
-
-
-def _refuse(worst: FloatArray, lower: FloatArray, upper: FloatArray, p: float) -> None:
-    """Raise CompensationError for the joint whose demand exceeds its limit most."""
-    j = int(np.argmax(worst))
-    allowed = float(min(-lower[j], upper[j]))
-    needed = float(worst[j]) * allowed
-    raise CompensationError(
-        f"Joint {j + 1} saturates with any poles: even with the regulator poles at -{p:.4g} 1/s, "
-        f"which lag as the servo does by itself, its demand is {needed:.6g} rad/s², above its "
-        f"limit of {allowed:.6g} rad/s²; plan with a joint_acceleration lower by at least "
-        f"{needed - allowed:.1g} rad/s², or take a shorter command interval.",
-        joint=j,
-        limit="joint_acceleration",
-        needed=needed,
-        allowed=allowed,
-    )

@@ -20,26 +20,26 @@ NOISY = 0.05
 FEWEST = 5
 
 
-def refuse_misread(log: Log, longest: float, j: int) -> None:
+def refuse_misread(log: Log, longest: float, j: int, *, alone: bool = True) -> None:
     """Refuse a log whose joint j does not follow its command, if another reading explains it.
 
     Args:
         log: The log.
         longest: Largest dead time [s].
         j: The joint, from 0.
+        alone: Whether to consider other units and directions of this joint alone, too.
 
     Raises:
         InvalidInput: Its columns are in another order, unit or direction.
     """
     every = log.t, log.measured, log.command
     found = find_misreading(*every, names=log.joint_names, late=longest)
-    if not found:
+    if alone and not found:
         one = (x[:, j : j + 1] for x in every[1:])
         found = find_misreading(log.t, *one, names=log.joint_names[j : j + 1], late=longest)
     if found:
         raise InvalidInput(
-            f"{log.source}: {log.joint_names[j]} does not follow its commands: {found}.",
-            joint=j,
+            f"{log.source}: {log.joint_names[j]} does not follow its commands: {found}.", joint=j
         )
 
 

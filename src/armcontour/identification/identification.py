@@ -120,13 +120,10 @@ def identify(
         for name, value in (("servo", servo), ("gravity", gravity)):
             if value is not None:
                 raise InvalidInput(f"{name} goes with an arm with masses: give arm= too.")
-        between_points = _choose_interpolation(join(logs), interpolation)
-        sampled = 0.0
+        kind, cycle = _choose_interpolation(join(logs), interpolation), 0.0
         if drive_cycle is not None:
-            sampled = _checks.between("cycle of the drives", drive_cycle, *CYCLES, "s")
-        return _identify_servo(
-            logs, MODELS[model], between_points, longest, sampled, kinematics, progress
-        )
+            cycle = _checks.between("cycle of the drives", drive_cycle, *CYCLES, "s")
+        return _identify_servo(logs, MODELS[model], kind, longest, cycle, kinematics, progress)
     for name, given in (("model", model != "auto"), ("kinematics", kinematics is not None)):
         joints = f"{name} is for joints without an arm: leave it out, or leave arm out."
         _checks.refuse_if(given, joints)
@@ -137,24 +134,19 @@ def identify(
     cycle = DRIVE_CYCLE
     if drive_cycle is not None:
         cycle = _checks.between("cycle of the drives", drive_cycle, 0.0, LONGEST_CYCLE, "s")
-    between = {_choose_interpolation(x, interpolation) for x in every}
+    kinds = {_choose_interpolation(x, interpolation) for x in every}
     differ = "The logs are of different interpolation: identify them one by one."
-    _checks.refuse_if(len(between) > 1, differ)
+    _checks.refuse_if(len(kinds) > 1, differ)
     for x in every:
         _refuse_interval(x)
+    delays = _delays(min(every, key=lambda x: x.t[-1] - x.t[0]), longest)
     try:
-        return identify_robot(
-            every,
-            arm,
-            servo,
-            gravity=gravity,
-            interpolation=between.pop(),
-            delays=_delays(min(every, key=lambda x: x.t[-1] - x.t[0]), longest),
-            drive_cycle=cycle,
-            progress=progress,
-        )
+        return identify_robot(every, arm, servo, gravity, kinds.pop(), delays, cycle, progress)
     except InvalidInput:
-        if any(_changes_velocity(x) for x in every):
+        changes = (
+            changes_velocity(x.t - x.t[0], y) for x in every for y in (*x.command.T, *x.measured.T)
+        )
+        if any(changes):
             raise
         names = ", ".join(dict.fromkeys(x.source for x in every))
         raise InvalidInput(
@@ -193,12 +185,6 @@ def _identify_servo(
     )
 
 
-def _changes_velocity(log: Log) -> bool:
-    """Whether a joint is told to change its velocity in a log, or does."""
-    columns = (*log.command.T, *log.measured.T)
-    return any(changes_velocity(log.t - log.t[0], x) for x in columns)
-
-
 def _delays(log: Log, longest: float) -> tuple[float, float]:
     """Smallest and largest dead time of the search [s]."""
     duration = float(log.t[-1] - log.t[0])
@@ -213,11 +199,11 @@ def _choose_interpolation(log: Log, interpolation: str | None) -> str:
     """
     if interpolation is not None:
         _checks.choice("interpolation", interpolation, INTERPOLATIONS)
-        if log.interpolation not in (None, interpolation):
-            raise InvalidInput(
-                f"{log.source} says that its interpolation is {log.interpolation}, but "
-                f"{interpolation} is required: leave one of them out."
-            )
+        _checks.refuse_if(
+            log.interpolation not in (None, interpolation),
+            f"{log.source} says that its interpolation is {log.interpolation}, but "
+            f"{interpolation} is required: leave one of them out.",
+        )
     return interpolation or log.interpolation or "linear"
 
 

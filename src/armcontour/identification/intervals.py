@@ -58,25 +58,18 @@ def estimate_parameters(
     cycled = cycled_servo(servo, longest_cycle)._asdict()
     estimates = {}
     for k, x in enumerate(names):
-        value = getattr(servo, x)
-        every, others = (
-            np.array([getattr(y, x) for y in servos]) for servos in (without, (servo, *rivals))
-        )
+        value, every = getattr(servo, x), np.array([getattr(y, x) for y in without])
+        others = np.array([getattr(y, x) for y in (servo, *rivals)])
         others, other = others[np.isfinite(others)], cycled[x] - value
         if x in LOGARITHMIC:
             every, others = (np.log(np.maximum(y, 1e-9)) for y in (every, others))
             other = math.log(cycled[x] / value)
-        deviation = math.nan
-        if math.isfinite(sd[k]):
-            deviation = max(float(sd[k]), scatter(every), float(np.std(others)))
+        deviation = float(sd[k])
+        if math.isfinite(deviation):
+            jackknife = float(np.std(every) * math.sqrt(len(every) - 1)) if len(every) else 0.0
+            deviation = max(deviation, jackknife, float(np.std(others)))
         estimates[x] = _estimate(x, value, deviation, other, p.model.order)
     return estimates
-
-
-def scatter(values: FloatArray) -> float:
-    """Standard deviation of an estimate by those without one part each (jackknife)."""
-    n = len(values)
-    return float(np.std(values) * math.sqrt(n - 1)) if n else 0.0
 
 
 def cycled_servo(servo: JointServo, cycle: float) -> JointServo:
@@ -110,15 +103,10 @@ def _estimate(name: str, value: float, sd: float, shift: float, order: str) -> E
     else:
         ends = [max(value + below, 0.0), value + above]
     lead = name == "acceleration_feedforward" and order == "first"
-    return Estimate(
-        name=name,
-        unit="s" if lead else UNITS[name],
-        value=value,
-        sd=sd,
-        low=ends[0],
-        high=ends[1],
-        determined=bool(sd <= max(DETERMINED * value, 0.0 if lead else ALSO.get(name, 0.0))),
-    )
+    small = max(DETERMINED * value, 0.0 if lead else ALSO.get(name, 0.0))
+    unit, low, high = "s" if lead else UNITS[name], ends[0], ends[1]
+    sure = bool(sd <= small)
+    return Estimate(name=name, unit=unit, value=value, sd=sd, low=low, high=high, determined=sure)
 
 
 def is_white(residuals: FloatArray, step: float) -> bool:

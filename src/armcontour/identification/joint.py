@@ -9,23 +9,12 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.identification.checking import refuse_misread
-from armcontour.identification.fitting import (
-    MRAD,
-    Search,
-    Stretch,
-    noise_of,
-    predict,
-    split_logs,
-)
+from armcontour.identification.fitting import MRAD, Search, Stretch, noise_of, predict, split_logs
 from armcontour.identification.intervals import estimate_parameters, is_white, resolution
 from armcontour.identification.judgement import WEAK
-from armcontour.identification.residuals import (
-    describe_residuals,
-    find_residuals,
-    scale_residuals,
-)
+from armcontour.identification.residuals import describe_residuals, find_residuals, scale_residuals
 from armcontour.identification.results import DIGITS, JointIdentification
-from armcontour.identification.saturation import Saturation, find_saturation, select_between
+from armcontour.identification.saturation import find_saturation, select_between
 from armcontour.identification.selection import find_lag, select
 from armcontour.motion.log import FEWEST, Log
 from armcontour.servo.simulation import JointServo
@@ -76,28 +65,32 @@ def identify_joint(
             f"bounds of their ranges. {describe_residuals(logs, j, left)}"
         )
         return _without_model(name, note, stretches)
-    tracking = _rms(_lags(stretches), stretches)[0]
     servo = JointServo(*(float(f"{x:.{DIGITS}g}") for x in found.servo))
     order, noise = found.fit.problem.model.order, found.fit.noise
     file = [s.y - predict(s, servo, order, search.cycle) for s in stretches]
     unseen = [s.y - q for s, q in zip(found.stretches, found.unseen, strict=True)]
     error, of = _judge(unseen, found.stretches)
     worst = max((error, of), _judge(file, stretches), key=lambda x: x[0] / x[1])
-    unknown_cycle = _unknown_cycle(stretches, search)
+    interval = max(float(np.median(np.diff(s.command.t))) for s in stretches)
+    unknown_cycle = 0.0 if search.cycle else max(interval, USUAL_CYCLE)
     limit = {} if found.limit is None else {found.limit.name: found.limit}
     step = max(resolution(s.y) for s in stretches)
     effective = not is_white(found.fit.problem.residuals(found.fit.x) / MRAD, step)
     rivals = found.rivals if effective else ()
     parameters = estimate_parameters(found.fit, found.without, unknown_cycle, rivals)
-    rests = _rests(logs, found.stretches, unseen)
+    rests = [np.full(len(x.t), np.nan) for x in logs]
+    for s, off in zip(found.stretches, unseen, strict=True):
+        t = logs[s.log].t - logs[s.log].t[s.start]
+        some = (t >= s.command.t[s.use][0]) & (t <= s.command.t[-1])
+        rests[s.log][some] = np.interp(t[some], s.command.t, off)
     judged: dict[str, Any] = {
         "parameters": parameters | limit,
         "effective": effective,
-        "saturation": _describe(name, saturation, stretches),
+        "saturation": saturation.describe(name, stretches) if saturation else "",
         "unseen_rms": error,
         "share": error / of,
         "noise": noise,
-        "rests": rests,
+        "rests": tuple(rests),
         "scaling": scale_residuals(logs, j, rests),
     }
     note, more, share = "", "", worst[0] / worst[1]
@@ -115,30 +108,12 @@ def identify_joint(
         name=name,
         order=order,
         servo=servo,
-        tracking_rms=tracking,
+        tracking_rms=_rms(_lags(stretches), stretches)[0],
         rms=_rms(file, stretches, centred=False)[0],
         largest=_largest(file, stretches),
         unexplained=max(_largest(unseen, found.stretches), _largest(file, stretches)),
         note=f"The model of {name} is weak: {note}, more than {SHARE:.0%}.{more}" if note else "",
         **judged,
-    )
-
-
-def _unknown_cycle(stretches: Sequence[Stretch], search: Search) -> float:
-    """Longest cycle that the drive may have, 0 if the cycle is given [s]."""
-    interval = max(float(np.median(np.diff(s.command.t))) for s in stretches)
-    return 0.0 if search.cycle else max(interval, USUAL_CYCLE)
-
-
-def _describe(name: str, found: Saturation | None, stretches: Sequence[Stretch]) -> str:
-    """A sentence about saturation in the logs."""
-    if found is None:
-        return ""
-    time = sum(float(s.command.t[-1] - s.command.t[0]) for s in stretches)
-    unit = "rad/s²" if found.kind == "acceleration" else "rad/s"
-    return (
-        f"{name} saturates at {found.limit:.3g} {unit} for {found.time:.2g} s of {time:.3g} s, "
-        "which the fit allows for."
     )
 
 
@@ -188,18 +163,6 @@ def _rms(
         weight = s.weight * s.use
         sums += [square @ s.use, s.use.sum(), square @ weight, weight.sum()]
     return float(np.sqrt(sums[0] / sums[1])), float(np.sqrt(sums[2] / max(sums[3], 1e-300)))
-
-
-def _rests(
-    logs: Sequence[Log], stretches: Sequence[Stretch], off: Sequence[FloatArray]
-) -> tuple[FloatArray, ...]:
-    """Residuals at the samples of the logs, nan where they do not count [rad]."""
-    found = [np.full(len(x.t), np.nan) for x in logs]
-    for s, x in zip(stretches, off, strict=True):
-        t = logs[s.log].t - logs[s.log].t[s.start]
-        some = (t >= s.command.t[s.use][0]) & (t <= s.command.t[-1])
-        found[s.log][some] = np.interp(t[some], s.command.t, x)
-    return tuple(found)
 
 
 def _why_none(stretches: Sequence[Stretch]) -> str:

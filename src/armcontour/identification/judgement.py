@@ -153,12 +153,11 @@ def _interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArra
 
 def _joint_delays(logs: Sequence[Log], longest: float) -> FloatArray:
     """Delay of each joint with the smallest tracking error [s], (dof,)."""
-    return np.array(
-        [
-            find_delay([(x.t, x.command[:, [j]], x.measured[:, [j]]) for x in logs], 0.0, longest)
-            for j in range(logs[0].dof)
-        ]
-    )
+    found = []
+    for j in range(logs[0].dof):
+        motions = [(x.t, x.command[:, [j]], x.measured[:, [j]]) for x in logs]
+        found.append(find_delay(motions, 0.0, longest))
+    return np.array(found)
 
 
 def find_delay(
@@ -200,18 +199,16 @@ def _write_delay(
 
 def count_programs(logs: Sequence[Log]) -> int:
     """Number of logs whose commands differ from those of all earlier logs."""
+
+    def is_same(one: Log, other: Log) -> bool:
+        off = one.command - _interpolate(one.t - one.t[0], other.t - other.t[0], other.command)
+        most = np.maximum(np.ptp(one.command, axis=0), np.ptp(other.command, axis=0))
+        return bool((np.ptp(off, axis=0) <= SAME * most).all())
+
     found: list[Log] = []
     for x in logs:
-        if not any(_is_same(x, y) for y in found):
-            found.append(x)
+        found += [] if any(is_same(x, y) for y in found) else [x]
     return len(found)
-
-
-def _is_same(one: Log, other: Log) -> bool:
-    """Whether two logs have the same commands."""
-    off = one.command - _interpolate(one.t - one.t[0], other.t - other.t[0], other.command)
-    most = np.maximum(np.ptp(one.command, axis=0), np.ptp(other.command, axis=0))
-    return bool((np.ptp(off, axis=0) <= SAME * most).all())
 
 
 def find_nearest(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -56,10 +55,10 @@ class Estimate:
     name: str
     unit: str
     value: float
-    sd: float
-    low: float
-    high: float
-    determined: bool
+    sd: float = math.nan
+    low: float = -math.inf
+    high: float = math.inf
+    determined: bool = False
 
     @property
     def shown(self) -> tuple[float, str]:
@@ -152,9 +151,8 @@ class JointIdentification:
         """The estimate of a parameter, such as `kp`; its value is nan if the model has none."""
         if name not in UNITS:
             raise AttributeError(f"A joint has no {name}.")
-        none = dict.fromkeys(("value", "sd", "low", "high"), math.nan)
-        missing = Estimate(name=name, unit=UNITS[name], **none, determined=False)
-        return self.parameters.get(name, missing)
+        none = Estimate(name=name, unit=UNITS[name], value=math.nan, low=math.nan, high=math.nan)
+        return self.parameters.get(name, none)
 
     @property
     def growth(self) -> str:
@@ -218,7 +216,7 @@ class Judgement:
         return self.ratio <= TRUSTED
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Identification:
     """The identified servos of all joints.
 
@@ -282,10 +280,6 @@ class Identification:
         Raises:
             InvalidInput: No joint has a model.
         """
-        return self._servo
-
-    @cached_property
-    def _servo(self) -> ServoModel:
         if not any(x.written for x in self.joints):
             notes = " ".join(x.note for x in self.joints[:2])
             raise InvalidInput(f"{self.source} determines the servo of no joint. {notes}")

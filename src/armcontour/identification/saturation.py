@@ -73,6 +73,13 @@ class Saturation:
     time: float
     clipped: tuple[BoolArray, ...]
 
+    def describe(self, name: str, stretches: Sequence[Stretch]) -> str:
+        """A sentence about the joint of that name."""
+        time = sum(float(s.command.t[-1] - s.command.t[0]) for s in stretches)
+        limit = f"{self.limit:.3g} {'rad/s²' if self.kind == 'acceleration' else 'rad/s'}"
+        share = f"{self.time:.2g} s of {time:.3g} s, which the fit allows for."
+        return f"{name} saturates at {limit} for {share}"
+
 
 def find_saturation(stretches: Sequence[Stretch]) -> Saturation | None:
     """Find plateaus of acceleration or velocity at which the loop demands more.
@@ -92,10 +99,10 @@ def find_saturation(stretches: Sequence[Stretch]) -> Saturation | None:
         demand = motion.demand(k, ~_widen(plateaus, 2 * k))
         if demand is None:
             continue
-        acceleration = motion.derive(2, k)
-        excess = np.sign(values) * (demand.values - acceleration)
+        acceleration, (demanded, error) = motion.derive(2, k), demand
+        excess = np.sign(values) * (demanded - acceleration)
         most = float(np.percentile(np.abs(acceleration), TOP))
-        least = max(EXCESS * most, ERRORS * demand.error)
+        least = max(EXCESS * most, ERRORS * error)
         clipped = np.full(len(values), False)
         for i, j in _spans(plateaus):
             clipped[i:j] = np.median(excess[i:j]) > least
@@ -105,8 +112,8 @@ def find_saturation(stretches: Sequence[Stretch]) -> Saturation | None:
         sizes = np.abs(values[clipped])
         sd = float(np.std(sizes) * np.sqrt((2 * k + 1) / len(sizes)))
         if order == 2:
-            slack = max(ERRORS * demand.error, EXCESS * EQUAL * limit)
-            clipped |= np.abs(demand.values) > limit + slack
+            slack = max(ERRORS * error, EXCESS * EQUAL * limit)
+            clipped |= np.abs(demanded) > limit + slack
         margin = k + max(round(MARGIN / motion.interval), 1)
         every = motion.at_samples(_widen(clipped, margin), k)
         return Saturation(kind=kind, limit=limit, sd=sd, time=time, clipped=every)
@@ -139,46 +146,29 @@ def select_between(
     problem = Problem(Model(order, (*names, LIMIT)), stretches, search)
     start = {**free.fit.servo._asdict(), LIMIT: saturation.limit}
     whole = fit(problem, [problem.guess(start, free.fit.servo.dead_time)])
-    unlimited = whole.servo._replace(acceleration_limit=np.inf)
-    off = [s.y - predict(s, unlimited, order, search.cycle) for s in between]
-    squares = sum(float(s.weight @ x**2) for s, x in zip(between, off, strict=True))
+    squares = _error(between, whole.servo._replace(acceleration_limit=np.inf), search.cycle)
     rms = (squares / sum(float(np.sum(s.weight)) for s in between)) ** 0.5
     certain = [estimate_parameters(x)[KP].sd for x in (whole, free.fit)]
     if not is_implausible(whole) and rms * GAIN < free.rms and certain[0] < certain[1]:
         return replace(predict_parts(whole, search), rivals=free.rivals)
-    limit = _refine_limit(stretches, saturation, free.fit.servo, search.cycle)
+    # The plateaus that are measured are too low where they are short, as those of smoothed motion.
+    measured, servo = saturation.limit, free.fit.servo
+    value = min(
+        (measured, *measured * np.linspace(*REFINED)),
+        key=lambda x: _error(stretches, servo._replace(acceleration_limit=x), search.cycle),
+    )
+    sd = max(saturation.sd, abs(value - measured) / 2)
+    limit = Estimate(
+        name=LIMIT, unit=UNITS[LIMIT], value=float(value), sd=sd, low=value - REACH * sd,
+        high=value + REACH * sd, determined=sd <= DETERMINED * value,
+    )  # fmt: skip
     return replace(predict_parts(free.fit, search, stretches, limit), rivals=free.rivals)
 
 
-def _refine_limit(
-    stretches: Sequence[Stretch], saturation: Saturation, servo: JointServo, cycle: float
-) -> Estimate:
-    """The acceleration limit with which a servo predicts all samples best.
-
-    The plateaus that are measured are too low where they are short, as those of smoothed motion.
-    """
-
-    def error(limit: float) -> float:
-        limited = servo._replace(acceleration_limit=limit)
-        off = [s.y - predict(s, limited, "second", cycle) for s in stretches]
-        return sum(float(s.weight @ x**2) for s, x in zip(stretches, off, strict=True))
-
-    measured, sd = saturation.limit, saturation.sd
-    value = min((measured, *measured * np.linspace(*REFINED)), key=error)
-    sd = max(sd, abs(value - measured) / 2)
-    ends = value - REACH * sd, value + REACH * sd
-    return Estimate(
-        name=LIMIT, unit=UNITS[LIMIT], value=float(value), sd=sd, low=ends[0], high=ends[1],
-        determined=sd <= DETERMINED * value,
-    )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class _Demand:
-    """Acceleration that the loop demands [rad/s²], (n,), and its RMS error where it is fitted."""
-
-    values: FloatArray
-    error: float
+def _error(stretches: Sequence[Stretch], servo: JointServo, cycle: float) -> float:
+    """Sum of the squared errors of a servo of second order, weighted by motion [rad²]."""
+    off = [s.y - predict(s, servo, "second", cycle) for s in stretches]
+    return sum(float(s.weight @ x**2) for s, x in zip(stretches, off, strict=True))
 
 
 class _Motion:
@@ -215,8 +205,11 @@ class _Motion:
                 return k
         return 0
 
-    def demand(self, k: int, free: BoolArray) -> _Demand | None:
-        """Fit the demand of the loop to some samples, None if these are too few."""
+    def demand(self, k: int, free: BoolArray) -> tuple[FloatArray, float] | None:
+        """Acceleration that the loop demands [rad/s²], (n,), and its RMS error at some samples.
+
+        None if these samples are too few to fit the demand to them.
+        """
         if np.sum(free) < FEWEST_FREE:
             return None
         acceleration, found = self.derive(2, k), None
@@ -230,8 +223,8 @@ class _Motion:
             gains = np.linalg.lstsq(columns[free], acceleration[free], rcond=1e-10)[0]
             values = columns @ gains
             error = float(np.sqrt(np.mean((values - acceleration)[free] ** 2)))
-            if found is None or error < found.error:
-                found = _Demand(values, error)
+            if found is None or error < found[1]:
+                found = values, error
         return found
 
     def at_samples(self, mask: BoolArray, k: int) -> tuple[BoolArray, ...]:

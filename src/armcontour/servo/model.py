@@ -43,7 +43,6 @@ LONGEST_CYCLE = 0.02
 # its size [rad/s].
 MOST_FRICTION = 0.1
 SLIDING = 5e-3
-FEEDS = (0.0, MOST_FEEDFORWARD)
 # Largest dead time; set-points have a time advance of the dead time, so the robot waits for it [s].
 LONGEST_DEAD_TIME = 60.0
 # Most time constants in a command interval. With more, the joint comes to rest long before the next
@@ -56,11 +55,21 @@ TRUSTED = 0.5
 MOST_LOGGED, EXCEEDED = 1e6, 1.02
 # Names in messages.
 NAMES = {"kp": "servo gain kp", "kv": "servo gain kv", "inertia": "servo inertia"}
-# Parameters with one value for all joints, or one per joint.
-PER_JOINT = (
-    *("kp", "kv", "ki", "dead_time", "inertia", "velocity_feedforward", "acceleration_feedforward"),
-    *("friction", "acceleration_limit", "unexplained", "logged_velocity", "logged_acceleration"),
-)
+# Unit, smallest and largest value of parameters with one value for all joints, or one per joint;
+# and those that may be None.
+RANGES = {
+    "ki": ("1/s", 0.0, GAINS[1]),
+    "dead_time": ("s", 0.0, LONGEST_DEAD_TIME),
+    "inertia": ("kg m²", *INERTIAS),
+    "velocity_feedforward": ("", 0.0, MOST_FEEDFORWARD),
+    "acceleration_feedforward": ("", 0.0, MOST_FEEDFORWARD),
+    "friction": ("rad", 0.0, MOST_FRICTION),
+    "unexplained": ("rad", 0.0, np.pi),
+    "logged_velocity": ("rad/s", 0.0, MOST_LOGGED),
+    "logged_acceleration": ("rad/s²", 0.0, MOST_LOGGED),
+}
+OPTIONAL = ("inertia", "unexplained", "logged_velocity", "logged_acceleration")
+PER_JOINT = ("kp", "kv", "acceleration_limit", *RANGES)
 
 
 @_checks.explain_calls
@@ -187,59 +196,57 @@ class ServoModel(Value):
         contour_ratio: float | None = None,
         programs: int | None = None,
     ) -> None:
+        every = locals()
         _checks.choice("interpolation", interpolation, INTERPOLATIONS)
         orders = (order,) if isinstance(order, str) else _checks.check_names("order", order)
         _checks.refuse_if(not orders, "A servo needs an order, such as second.")
         for x in orders:
             _checks.choice("order", x, ORDERS)
         same = len(set(orders)) == 1
-        given: dict[str, Any] = {"interpolation": interpolation}
-        given["order"] = orders[0] if same else orders
         second = np.array([x == "second" for x in orders])
         lagged = second | np.array([x == "first" for x in orders])
-        given["kp"] = _check_gain("kp", kp, lagged, same)
+        gain = _check_gain("kp", kp, lagged, same)
         if (kv is None) == bool(second.any()):
             raise InvalidInput(
                 "A servo of order second needs the velocity loop gain kv [1/s] beside kp."
                 if kv is None
                 else f"A servo of order {orders[0]} has no velocity loop: leave its gain kv out."
             )
-        given["kv"] = None if kv is None else _check_gain("kv", kv, second, same)
-        given["ki"] = _check_range("ki", ki, "1/s", 0.0, GAINS[1])
-        _refuse_integrator(given["ki"], second, interpolation, acceleration_feedforward)
-        given["dead_time"] = _check_range("dead_time", dead_time, "s", 0.0, LONGEST_DEAD_TIME)
-        given["inertia"] = _check_inertia(inertia, orders)
-        velocity = _check_range("velocity_feedforward", velocity_feedforward, "", *FEEDS)
-        feed = _check_range("acceleration_feedforward", acceleration_feedforward, "", *FEEDS)
+        if inertia is not None and not second.all():
+            lagging = orders[int(np.argmin(second))]
+            raise InvalidInput(
+                f"A servo of order {lagging} has no velocity loop: leave its inertia out."
+            )
+        given: dict[str, Any] = {name: _check_range(name, every[name]) for name in RANGES}
+        feed = given["acceleration_feedforward"]
+        _refuse_integrator(given["ki"], second, interpolation, feed)
         if feed.any() and interpolation == "step":
             raise InvalidInput(
                 "A servo with held set-points has no acceleration of the command: leave "
                 "acceleration_feedforward out."
             )
-        if ((feed > 0) & (velocity == 0)).any():
+        if ((feed > 0) & (given["velocity_feedforward"] == 0)).any():
             raise InvalidInput(
                 "acceleration_feedforward without velocity_feedforward would swing for a long "
                 "time: give velocity_feedforward, too, such as 1."
             )
-        given["velocity_feedforward"], given["acceleration_feedforward"] = velocity, feed
-        given["friction"] = _check_range("friction", friction, "rad", 0.0, MOST_FRICTION)
-        given["acceleration_limit"] = _check_acceleration(acceleration_limit)
-        given["cycle"] = _checks.between("cycle of the drives", cycle, 0.0, LONGEST_CYCLE, "s")
-        if unexplained is not None:
-            unexplained = _check_range("unexplained", unexplained, "rad", 0.0, np.pi)
-        given["unexplained"] = unexplained
-        for name, values, unit in (
-            ("logged_velocity", logged_velocity, "rad/s"),
-            ("logged_acceleration", logged_acceleration, "rad/s²"),
-        ):
-            given[name] = values
-            if values is not None:
-                given[name] = _check_range(name, values, unit, 0.0, MOST_LOGGED)
+        if acceleration_limit is not None:
+            limit = _finite_ones("acceleration_limit", acceleration_limit, "rad/s²")
+            shown = f"acceleration_limit must be above zero, but is {limit.tolist()} rad/s²."
+            _checks.refuse_if((limit <= 0).any(), shown)
+            acceleration_limit = _checks.lock_floats(limit)
         if contour_ratio is not None:
             contour_ratio = _checks.between("contour_ratio", contour_ratio, 0.0, 1e9, "")
-        if programs is not None:
-            programs = _checks.whole("programs", programs, 1, 10**9)
-        given["contour_ratio"], given["programs"] = contour_ratio, programs
+        given |= {
+            "kp": gain,
+            "kv": None if kv is None else _check_gain("kv", kv, second, same),
+            "interpolation": interpolation,
+            "order": orders[0] if same else orders,
+            "acceleration_limit": acceleration_limit,
+            "cycle": _checks.between("cycle of the drives", cycle, 0.0, LONGEST_CYCLE, "s"),
+            "contour_ratio": contour_ratio,
+            "programs": None if programs is None else _checks.whole("programs", programs, 1, 10**9),
+        }
         for name, value in given.items():
             object.__setattr__(self, name, value)
 
@@ -360,7 +367,7 @@ class ServoModel(Value):
         The servo responds to u as one without feed-forward to `u + a du + b ddu`.
         """
         feed = self.velocity_feedforward, self.acceleration_feedforward
-        return lead_of(self.kp, np.inf if self.kv is None else self.kv, *feed)
+        return lead_of(self.kp, self._loops, *feed)
 
     @property
     def _loops(self) -> FloatArray:
@@ -432,12 +439,8 @@ class ServoModel(Value):
         Raises:
             InvalidInput: The interval is longer than MOST_TIME_CONSTANTS time constants.
         """
-        for name, values in (("kp", self.kp), ("kv", self.kv), ("ki", self.ki)):
-            largest = (
-                0.0
-                if values is None
-                else float(np.max(values, initial=0.0, where=np.isfinite(values)))
-            )
+        for name, values in (("kp", self.kp), ("kv", self._loops), ("ki", self.ki)):
+            largest = float(np.max(values, initial=0.0, where=np.isfinite(values)))
             if largest * period > MOST_TIME_CONSTANTS:
                 more = ", or take a servo of order first" if name == "kv" else ""
                 raise InvalidInput(
@@ -501,9 +504,7 @@ class ServoModel(Value):
         ki = np.atleast_1d(self.ki)
         bend = at**2 * np.where(ki > 0, at / np.where(ki > 0, at + ki, 1.0), 1.0)
         found = np.exp(-at * np.atleast_1d(self.dead_time)) * (1 + at * a + bend * b)
-        slow = 1 + at / np.atleast_1d(self.kp)
-        if self.kv is not None:
-            slow = slow + bend / np.atleast_1d(self.kp * self.kv)
+        slow = 1 + at / np.atleast_1d(self.kp) + bend / np.atleast_1d(self.kp * self._loops)
         return np.asarray(found / slow)
 
 
@@ -586,7 +587,7 @@ def _check_gain(name: str, values: npt.ArrayLike, needed: BoolArray, same: bool)
     Raises:
         InvalidInput: A gain is not a number, missing, not above zero, or outside GAINS.
     """
-    full = f"servo gain {name}"
+    full = NAMES[name]
     array = _finite_ones(full, values, "1/s")
     if (array <= 0).any():
         raise InvalidInput(
@@ -609,19 +610,20 @@ def _check_gain(name: str, values: npt.ArrayLike, needed: BoolArray, same: bool)
     return _checks.lock_floats(array)
 
 
-def _check_range(
-    name: str, values: npt.ArrayLike, unit: str, low: float, high: float
-) -> FloatArray:
-    """Values in a range as a locked array, one for all joints or one per joint.
+def _check_range(name: str, values: npt.ArrayLike | None) -> FloatArray | None:
+    """Values within RANGES as a locked array, one for all joints or one per joint.
 
     Raises:
         InvalidInput: One is not a number, or outside the range.
     """
-    array = _checks.numbers(name, values, unit)
+    if values is None and name in OPTIONAL:
+        return None
+    unit, low, high = RANGES[name]
+    full, more = NAMES.get(name, name), _checks.suffix(unit)
+    array = _checks.numbers(full, values, unit)  # type: ignore[arg-type]
     if array.ndim > 1 or array.size == 0 or not ((array >= low) & (array <= high)).all():
-        more = f" {unit}" if unit else ""
         raise InvalidInput(
-            f"{name} must be from {low:g} to {high:g}{more}, one for all joints or one per joint, "
+            f"{full} must be from {low:g} to {high:g}{more}, one for all joints or one per joint, "
             f"but is {array.tolist()}{more}."
         )
     return _checks.lock_floats(array)
@@ -649,36 +651,3 @@ def _refuse_integrator(
             "acceleration_feedforward with ki is for linear set-points only: leave one of them out "
             "or take the interpolation linear."
         )
-
-
-def _check_acceleration(values: npt.ArrayLike | None) -> FloatArray | None:
-    """Acceleration limits as a locked array; None stays None.
-
-    Raises:
-        InvalidInput: A limit is not a number, or not above zero.
-    """
-    if values is None:
-        return None
-    limit = _finite_ones("acceleration_limit", values, "rad/s²")
-    if (limit <= 0).any():
-        raise InvalidInput(
-            f"acceleration_limit must be above zero, but is {limit.tolist()} rad/s²."
-        )
-    return _checks.lock_floats(limit)
-
-
-def _check_inertia(values: npt.ArrayLike | None, orders: tuple[str, ...]) -> FloatArray | None:
-    """Inertias as a locked array, one for all joints or one per joint; None stays None.
-
-    Raises:
-        InvalidInput: An inertia is not a number or outside INERTIAS, or a joint has no velocity
-            loop.
-    """
-    if values is None:
-        return None
-    for order in orders:
-        if order != "second":
-            raise InvalidInput(
-                f"A servo of order {order} has no velocity loop: leave its inertia out."
-            )
-    return _check_range("servo inertia", values, "kg m²", *INERTIAS)

@@ -99,7 +99,14 @@ class Simulation:
             commands, starts = self.commands, self.starts
         run = run_joints(joints, self.kind, commands, starts, times, states)
         if run.stuck.any():
-            self._refuse_stuck(int(np.argmax(run.stuck)))
+            j, kv = int(np.argmax(run.stuck)), self.servo.kv
+            gains = f"kp = {self.servo.kp[j]:g}" + ("" if kv is None else f" and kv = {kv[j]:g}")
+            raise ExecutionError(
+                f"Joint {j + 1} cannot be simulated with {gains} 1/s and a command interval of "
+                f"{self.period:g} s: time steps as short as the servo needs make no progress, so "
+                "lower the gains.",
+                joint=j,
+            )
         return run
 
     def velocities_after(self, t: FloatArray, q: FloatArray) -> FloatArray:
@@ -132,21 +139,12 @@ class Simulation:
         starts = (first + np.arange(max(count, 2), dtype=np.float64)) * cycle
 
         def commands(servo: ServoModel) -> FloatArray:
-            held = cycle_commands(pieces, period, servo, first, len(starts))
-            return hold(held, starts, self.joints.kp)
+            # Feed-forward needs two cycles more.
+            times = np.asarray((first + np.arange(-2, len(starts))) * cycle, np.float64)
+            u = sample_command(pieces, period, servo.dead_time, times).T
+            return hold(cycle_feedforward(u, cycle, servo), starts, self.joints.kp)
 
         return with_integrated(self.servo, commands), np.tile(starts, (len(pieces), 1))
-
-    def _refuse_stuck(self, j: int) -> None:
-        """Raise ExecutionError for joint j."""
-        kp, kv = self.servo.kp[j], self.servo.kv
-        gains = f"kp = {kp:g}" + ("" if kv is None else f" and kv = {kv[j]:g}")
-        raise ExecutionError(
-            f"Joint {j + 1} cannot be simulated with {gains} 1/s and a command interval of "
-            f"{self.period:g} s: time steps as short as the servo needs make no progress, so lower "
-            "the gains.",
-            joint=j,
-        )
 
 
 def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
@@ -299,26 +297,6 @@ def polynomials(q: FloatArray, period: float, servo: ServoModel) -> FloatArray:
         rate = first[:, 1:-1, 0] if held else np.diff(q, axis=0).T / period
         command[:, 1:-1, 0] -= np.broadcast_to(servo.friction, q.shape[1:])[:, None] * sliding(rate)
     return command
-
-
-def cycle_commands(
-    pieces: FloatArray, period: float, servo: ServoModel, first: int, count: int
-) -> FloatArray:
-    """The commands that drives with a cycle hold [rad], with feed-forward and friction.
-
-    Args:
-        pieces: Coefficients of the command from `command_and_rates`, (dof, n + 1, 4).
-        period: Command interval [s].
-        servo: Servo model with values per joint and a cycle.
-        first: The first cycle; cycle 0 begins at the first set-point.
-        count: Number of cycles.
-
-    Returns:
-        Commands, (dof, count).
-    """
-    times = np.asarray((first + np.arange(-2, count)) * servo.cycle, np.float64)
-    u = sample_command(pieces, period, servo.dead_time, times).T
-    return cycle_feedforward(u, servo.cycle, servo)
 
 
 def cycle_feedforward(u: FloatArray, cycle: float, servo: ServoModel | JointServo) -> FloatArray:

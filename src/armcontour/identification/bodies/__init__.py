@@ -4,9 +4,4 @@ from armcontour.identification.bodies.identifying import identify_robot
 from armcontour.identification.bodies.model import GRAVITIES
 from armcontour.identification.bodies.results import RobotIdentification, RobotJoint
 
-__all__ = [
-    "GRAVITIES",
-    "RobotIdentification",
-    "RobotJoint",
-    "identify_robot",
-]
+__all__ = ["GRAVITIES", "RobotIdentification", "RobotJoint", "identify_robot"]

@@ -11,8 +11,8 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
+from armcontour.identification.checking import refuse_misread
 from armcontour.motion import Log
-from armcontour.motion.misreading import find_misreading
 
 # Shortest log [s], and longest sample interval [s]: between samples farther apart the
 # command is not known well enough.
@@ -137,8 +137,4 @@ def _refuse_misread(log: Log) -> None:
         moves = max(np.ptp(command), np.ptp(measured)) >= MOVES
         if not moves or np.sum(left**2) < (1 - FOLLOWS) * np.sum((measured - measured.mean()) ** 2):
             continue
-        every, names = (log.t, log.measured, log.command), log.joint_names
-        if found := find_misreading(*every, names=names, late=LONGEST_DEAD_TIME):
-            raise InvalidInput(
-                f"{log.source}: {names[j]} does not follow its commands: {found}.", joint=j
-            )
+        refuse_misread(log, LONGEST_DEAD_TIME, j, alone=False)

@@ -51,7 +51,7 @@ def describe(
     viscous = np.asarray(model.arm.dynamics.chain.viscous)
     for name, values in (("kv", np.asarray(model.servo.kv)), ("viscous", viscous)):
         for j, value in enumerate(values.tolist()):
-            of.setdefault((name, j), _nominal(name, value, UNITS[name]))
+            of.setdefault((name, j), Estimate(name=name, unit=UNITS[name], value=value))
     joints = [
         RobotJoint(
             name=name,
@@ -100,9 +100,7 @@ def identified(model: Model, values: FloatArray) -> tuple[Arm, ServoModel]:
         payload=None if unloaded else chain.payload, viscous=viscous - lower
     )
     servo = drives.servo.replace(
-        kv=kv,
-        kp=drives.stiffness / (model.inertia * kv),
-        dead_time=max(float(values[-1]), 0.0),
+        kv=kv, kp=drives.stiffness / (model.inertia * kv), dead_time=max(float(values[-1]), 0.0)
     )
     return arm, servo
 
@@ -160,7 +158,7 @@ def _list_estimates(
                 row, bias = row / mass, bias / mass
         if not free:
             value = math.exp(value) if name in LOGARITHMIC else value
-            estimates[x.name, x.index] = _nominal(name, value, unit)
+            estimates[x.name, x.index] = Estimate(name=name, unit=unit, value=value)
             continue
         sd = math.sqrt(max(float(row @ covariance @ row), 0.0))
         reach, sd = known.quantile * sd + bias, math.hypot(sd, bias)
@@ -174,14 +172,6 @@ def _list_estimates(
             name=name, unit=unit, value=value, sd=sd, low=low, high=high, determined=True
         )
     return estimates
-
-
-def _nominal(name: str, value: float, unit: str) -> Estimate:
-    """The estimate of an unknown that keeps its nominal value."""
-    return Estimate(
-        name=name, unit=unit, value=value, sd=math.nan, low=-math.inf,
-        high=math.inf, determined=False,
-    )  # fmt: skip
 
 
 def _list_notes(

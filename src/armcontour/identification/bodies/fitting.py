@@ -118,11 +118,7 @@ def derivatives(model: Model, grids: list[Gridded], trial: Trial) -> FloatArray:
 
 
 def fit(
-    model: Model,
-    grids: list[Gridded],
-    values: FloatArray,
-    free: BoolArray,
-    near: float = NEAR,
+    model: Model, grids: list[Gridded], values: FloatArray, free: BoolArray, near: float = NEAR
 ) -> BodyFit:
     """Fit the unknowns by bounded least squares, each joint weighted by its scatter.
 
@@ -143,18 +139,38 @@ def fit(
     low[gains] = values[gains] - np.log(LARGEST_FACTOR)
     high = np.where(gains, values + np.log(LARGEST_FACTOR), np.inf)
     trial, ends = attempt(model, grids, values), ~free
+    scatter = trial.scatter
+
+    def move(x: FloatArray) -> Trial:
+        nonlocal trial
+        if (x != trial.values[free]).any():
+            values = trial.values.copy()
+            values[free] = x
+            trial = attempt(model, grids, values, trial)
+        return trial
+
+    def scaled_residuals(x: FloatArray) -> FloatArray:
+        """Nan where the robot cannot be simulated."""
+        try:
+            left = move(x).residuals
+        except (ExecutionError, InvalidInput):
+            return np.full(sum(y.size for y in trial.residuals), np.nan)
+        return np.asarray(-(np.concatenate(left) / scatter).ravel())
+
+    def scaled_slopes(x: FloatArray) -> FloatArray:
+        slopes = derivatives(model, grids, move(x)) / scatter[:, None]
+        return slopes[:, :, free].reshape(-1, len(x))
+
     for _ in range(SEARCHES if free.any() else 0):
-        search = _Search(model, grids, trial, free)
         found = least_squares(
-            search.residuals, trial.values[free], search.jacobian,
+            scaled_residuals, trial.values[free], scaled_slopes,
             bounds=(low[free], high[free]), method="trf", x_scale="jac",
             ftol=near, xtol=None, gtol=None, max_nfev=MOST_SIMULATIONS,
         )  # fmt: skip
-        trial, ends = search.trial(found.x), ~free
+        before, scatter, ends = scatter, move(found.x).scatter, ~free
         ends[free] = found.active_mask != 0
-        if (np.abs(trial.scatter / search.scatter - 1) < SAME_SCATTER).all():
+        if (np.abs(scatter / before - 1) < SAME_SCATTER).all():
             break
-    scatter = trial.scatter
     jacobian = derivatives(model, grids, trial) / scatter[:, None]
     residuals, left = np.concatenate(trial.residuals) / scatter, np.zeros(len(free))
     a = jacobian[:, :, ~ends].reshape(residuals.size, -1)
@@ -163,32 +179,3 @@ def fit(
     return BodyFit(
         trial=trial, free=free, jacobian=jacobian, residuals=residuals, scatter=scatter, left=left
     )
-
-
-class _Search:
-    """Residuals and derivatives of a search, with fixed weights of the joints."""
-
-    def __init__(self, model: Model, grids: list[Gridded], start: Trial, free: BoolArray) -> None:
-        self.model, self.grids, self.last, self.free = model, grids, start, free
-        self.scatter = start.scatter
-
-    def trial(self, x: FloatArray) -> Trial:
-        """The trial with values of the sought unknowns."""
-        if (x != self.last.values[self.free]).any():
-            values = self.last.values.copy()
-            values[self.free] = x
-            self.last = attempt(self.model, self.grids, values, self.last)
-        return self.last
-
-    def residuals(self, x: FloatArray) -> FloatArray:
-        """Scaled residuals; nan where the robot cannot be simulated."""
-        try:
-            found = self.trial(x)
-        except (ExecutionError, InvalidInput):
-            return np.full(sum(y.size for y in self.last.residuals), np.nan)
-        return np.asarray(-(np.concatenate(found.residuals) / self.scatter).ravel())
-
-    def jacobian(self, x: FloatArray) -> FloatArray:
-        """Derivatives of the scaled residuals, (residuals, sought unknowns)."""
-        found = derivatives(self.model, self.grids, self.trial(x)) / self.scatter[:, None]
-        return found[:, :, self.free].reshape(-1, len(x))

@@ -54,19 +54,33 @@ class Gridded:
             settled: Time after which nothing is left of where the joints started [s].
             step: Longest time between two times of the grid [s].
         """
+        from scipy.interpolate import CubicSpline
+
         t = regular_times(float(log.t[0]), float(log.t[-1]), step)
         first = int(np.searchsorted(log.t, log.t[0] + settled))
         rows = slice(first, None, max(int(step / log.interval + 1e-6), 1))
         place = (log.t[rows] - t[0]) / (t[-1] - t[0]) * (len(t) - 1)
-        index, weight = _around(place, len(t))
+        near = np.round(place)
+        # Times of a regular log fall on the grid, but for rounding.
+        place = np.where(np.abs(place - near) < 1e-4, near, place)
+        k = np.clip(np.floor(place).astype(np.intp) - 1, 0, len(t) - 4)
+        x = place - k
+        # Cubic interpolation.
+        weight = [
+            -(x - 1) * (x - 2) * (x - 3) / 6,
+            x * (x - 2) * (x - 3) / 2,
+            -x * (x - 1) * (x - 3) / 2,
+            x * (x - 1) * (x - 2) / 6,
+        ]
+        smooth = CubicSpline(log.t, filtered(log.measured, log.interval))
         return cls(
             log=log,
             held=interpolation == "step",
             t=t,
-            near=_smoothed(log, t),
+            near=_checks.lock_floats(smooth(t)),
             rows=rows,
-            index=index,
-            weight=weight,
+            index=k[:, None] + np.arange(4),
+            weight=np.stack(weight, axis=1),
         )
 
     @property
@@ -129,26 +143,6 @@ def noise_of(grids: list[Gridded]) -> FloatArray:
     return np.asarray(np.max([x.noise for x in grids], axis=0))
 
 
-def _around(place: FloatArray, n: int) -> tuple[IntArray, FloatArray]:
-    """Four indices around places between 0 and n - 1, and the weights of cubic interpolation."""
-    near = np.round(place)
-    # Times of a regular log fall on the grid, but for rounding.
-    place = np.where(np.abs(place - near) < 1e-4, near, place)
-    k = np.clip(np.floor(place).astype(np.intp) - 1, 0, n - 4)
-    x = place - k
-    index = k[:, None] + np.arange(4)
-    weight = np.stack(
-        [
-            -(x - 1) * (x - 2) * (x - 3) / 6,
-            x * (x - 2) * (x - 3) / 2,
-            -x * (x - 1) * (x - 3) / 2,
-            x * (x - 1) * (x - 2) / 6,
-        ],
-        axis=1,
-    )
-    return index, weight
-
-
 def filtered(values: FloatArray, interval: float) -> FloatArray:
     """Values without what is faster than CUT, without delay, (n, ...)."""
     from scipy.signal import butter, sosfiltfilt
@@ -159,10 +153,3 @@ def filtered(values: FloatArray, interval: float) -> FloatArray:
     sos = butter(2, CUT / nyquist, output="sos")
     lead = min(len(values) - 1, int(3 / (CUT * interval)))
     return np.asarray(sosfiltfilt(sos, values, axis=0, padlen=lead))
-
-
-def _smoothed(log: Log, t: FloatArray) -> FloatArray:
-    """Measured positions without noise on a grid [rad], (n, dof)."""
-    from scipy.interpolate import CubicSpline
-
-    return _checks.lock_floats(CubicSpline(log.t, filtered(log.measured, log.interval))(t))

@@ -50,7 +50,6 @@ def identify_robot(
     logs: Sequence[Log],
     arm: Arm,
     servo: ServoModel | None,
-    *,
     gravity: str | None,
     interpolation: str,
     delays: tuple[float, float],

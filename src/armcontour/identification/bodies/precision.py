@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,8 +32,7 @@ OF_JOINTS = ("kp", "kv", "viscous", "coulomb", "armature")
 MOVES = 1e-3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Precision:
+class Precision(NamedTuple):
     """Information of the logs about the unknowns, in units in which each has the information 1.
 
     Args:
@@ -64,16 +63,14 @@ class Precision:
         flat = unit.reshape(-1, len(size))
         information = flat.T @ flat
         if residuals is None:
-            return cls(information=information, scores=information, size=size)
+            return cls(information, information, size)
         # Samples without information take no time.
         weights = np.sum(unit**2, axis=(1, 2))
         clock = (np.cumsum(weights) - weights / 2) / max(float(np.sum(weights)), 1e-300)
         lines = max(min(LINES, len(clock) // PER_LINE), 2)
         waves = np.sqrt(2) * np.cos(np.pi * np.outer(clock, np.arange(1, lines + 1)))
         found = np.einsum("sjp,sj->ps", unit, residuals) @ waves
-        return cls(
-            information=information, scores=found @ found.T / lines, size=size, freedom=lines
-        )
+        return cls(information, found @ found.T / lines, size, lines)
 
     @property
     def quantile(self) -> float:
@@ -107,9 +104,9 @@ def allowed(model: Model, values: FloatArray) -> FloatArray:
     for x, value in zip(model.unknowns, values.tolist(), strict=True):
         j, share = x.index, SHARE * abs(value)
         if x.name in LOGARITHMIC or (x.name == "armature" and j < 0):
-            found.append(SHARE)
+            share = SHARE
         elif x.name == "payload_center":
-            found.append(CENTER * mass)
+            share = CENTER * mass
         else:
             least = {
                 "armature": OF_DAMPING * float(drives.inertia[j]),
@@ -118,7 +115,8 @@ def allowed(model: Model, values: FloatArray) -> FloatArray:
                 "payload_mass": MASS,
                 "dead_time": DELAY,
             }
-            found.append(max(share, least[x.name]))
+            share = max(share, least[x.name])
+        found.append(share)
     return np.array(found)
 
 
