@@ -272,7 +272,13 @@ NEVER: set[Place] = {
         for key in ("at", "rpy", "quaternion", "normal")
     ),
 }
-_COMMANDS = {"joint_velocity": 2.0, "joint_acceleration": 10.0, "joint_jerk": 1e4}
+_COMMANDS = {
+    "joint_velocity": 2.0,
+    "joint_acceleration": 10.0,
+    "joint_jerk": 1e4,
+    "joint_lower": -3.0,
+    "joint_upper": 3.0,
+}
 _AXIS = {"from": 0.0, "to": 0.01, "places": 2}
 _ASKED: dict[str, Any] = {"over": {"x": _AXIS}, "refine": False}
 # Keys that hold tools by their names.
@@ -462,7 +468,7 @@ def _made_up(place: Place) -> dict[str, Any]:
     if (
         place[:2] == ("runs", ANY)
         and len(place) > 2
-        and place[2] in ("limits", "corners", "command_interval")
+        and place[2] in ("limits", "command_limits", "corners", "command_interval")
     ):
         outer = base_of(place[2:])
         value = outer[str(place[2])]

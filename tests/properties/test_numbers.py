@@ -29,7 +29,7 @@ FIELDS = fields()
 DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 # Half a million arcs are made before that is refused.
 SLOW = [("path.spline.points.0.0", "1e9")]
-MAY_BE_ENDLESS = {"limits", "kp", "kv", "acceleration_limit"}
+MAY_BE_ENDLESS = {"limits", "command_limits", "kp", "kv", "acceleration_limit"}
 
 
 # Refusals that need not say the key: they name the file, the run, or the option that is a key too.

@@ -219,9 +219,9 @@ def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: T
     expected = None
     if isinstance(taught, Lesson) and not recording.exact:
         before = taught.runs[taught.best]
-        moved, more = (lifted.respond(x - taught.runs[0].q) for x in (before.q, taught.q))
-        error = smooth_error(lifted, before.error, before.noise, moved)
-        expected = lifted.planned + error + more - moved
+        before_moved, more = (lifted.respond(x - taught.runs[0].q) for x in (before.q, taught.q))
+        error = smooth_error(lifted, before.error, before.noise, before_moved)
+        expected = lifted.planned + error + more - before_moved
     aligned = aligning.align(recording, lifted, taught, expected)
     offset, rate, expected, measured, noise, shift, outliers = aligned
     error = measured - lifted.planned
@@ -237,7 +237,9 @@ def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: T
         clock = (offset, rate) if recording.in_plan_time else None
         error, more = aligning.add_tool(tool, lifted, error, clock)
         noise = np.hypot(noise, more)
-    moved = lifted.respond(taught.q - taught.runs[0].q) if isinstance(taught, Lesson) else 0.0
+    moved: FloatArray | float = 0.0
+    if isinstance(taught, Lesson):
+        moved = lifted.respond(taught.q - taught.runs[0].q)
     smooth, at = smooth_error(lifted, error, noise, moved), offset + rate * recording.t
     return LearnedRun(
         q=taught.q, error=error, noise=noise, loop_noise=in_loop,

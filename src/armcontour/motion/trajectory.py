@@ -302,7 +302,11 @@ class Trajectory(Value):
 
         Args:
             t: Times [s], (n,).
+
+        Raises:
+            InvalidInput: The times are no numbers.
         """
+        t = np.atleast_1d(_checks.numbers("t", t, "s"))
         if not self.spans:
             return [] if self.path is None else [(self.path, np.arange(len(t)))]
         found: list[tuple[Path, IntArray]] = []
