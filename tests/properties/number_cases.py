@@ -62,14 +62,15 @@ ROBOT = b"""<robot name="three"><link name="base"/>
 POINTS = b"x,y,z,ax,ay,az\n0.45,0,0.2,0,0,-1\n0.5,0,0.2,0.01,0,-1\n0.55,0,0.2,0,0,-1\n"
 # A tetrahedron, and a scene with a ball.
 MESH = b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-BALL = b"(cell)+\n* ball\n1\nsphere\n0.1\n0 0 -2\n0 0 0 1\n0 0 0 0\n.\n"
+BALL = b"""<robot name="cell"><link name="ball"><collision><origin xyz="0 0 -2"/>
+<geometry><sphere radius="0.1"/></geometry></collision></link></robot>"""
 FILES = {
     "part.svg": DRAWING,
     "points.csv": POINTS,
     "robot.urdf": ROBOT,
     "plan.yaml": b"{job: job.yaml, do: teach}",
     "body.obj": MESH,
-    "cell.scene": BALL,
+    "cell.urdf": BALL,
 }
 
 SERVO = {"kp": 25.0, "kv": 150.0}
@@ -314,7 +315,12 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, corners={"continuity": "curvature", "transition_tolerance": 1e-5}),
     _with(PLANE, corners={"at": {2: 1e-3}}),
     _with(PLANE, corners={"tolerance": None, "speed": 0.03, "acceleration": 0.05}),
-    _with(PLANE, limits={"joint_velocity": [[-2.0, 1.0]], "joint_acceleration": [[-0.7, 0.7]]}),
+    *(
+        _with(PLANE, **{
+            key: {"joint_velocity": [[-2.0, 1.0]], "joint_acceleration": [[-0.7, 0.7]]}
+        })
+        for key in ("limits", "command_limits")
+    ),
     _with(PLANE, limits={"joint_jerk": 100.0, "tool_jerk": 10.0, "path_jerk": 10.0}),
     _with(SPACE, start=None) | {"start": _BY_NAME},
     _path(start=[0.30, 0.20], segments=[_LINE]),
@@ -381,7 +387,7 @@ BASES: list[dict[str, Any]] = [
     _with(SPACE, scene={"floor": -0.4}),
     *(
         _with(SPACE, scene={"files": [
-            {"file": "cell.scene", "at": [0.0, 0.0, 0.0], "margin": 0.01, **x}
+            {"file": "cell.urdf", "at": [0.0, 0.0, 0.0], "margin": 0.01, **x}
         ]})
         for x in _BODY_TURNS
     ),

@@ -273,6 +273,9 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         # In case I this acceleration sets the corner radius; it limits the corner speed, too.
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
     commands = {**job.command_limits, **model.command_limits}
+    key = f"runs.{name}.command_limits" if model.command_limits else "command_limits"
+    with locate_errors(key):
+        command_limits = check_command_limits(Limits(**commands), arm.dof) if commands else None
     experiment = _experiment(name, job.experiment, arm)
     compensation = model.compensation
     _refuse_options(f"runs.{name}.timing", model.timing, TIMING_OPTIONS)
@@ -302,7 +305,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
             period=period,
             timing_options={key: value for key, value in options.items() if value is not None},
             compensation_options=_compensation_options(compensation, experiment),
-            command_limits=check_command_limits(Limits(**commands), arm.dof) if commands else None,
+            command_limits=command_limits,
             until=model.until,
             duration=model.duration,
             reserve=timing.reserve,
