@@ -164,6 +164,33 @@ def test_the_arm_stands_at_both_ends_although_it_sags(heavy):
     np.testing.assert_array_equal(fed.q[[0, -1]], [START, SWING([DURATION], side="left")[0]])
 
 
+@pytest.mark.parametrize("interpolation", ["linear", "step", "cubic"])
+@pytest.mark.parametrize("feed", [0.0, 0.8])
+@pytest.mark.parametrize("gravity", [True, False])
+@pytest.mark.parametrize(("friction", "share"), [(0.0, 1.1), (3.0, 1.6)])
+def test_integrators_are_compensated_as_exactly_as_drives_without(
+    heavy, interpolation, feed, gravity, friction, share
+):
+    """There is no sag either, and what is cut off of the transient is bounded.
+
+    The drives' cycle is left, of which viscous friction damps more where there is no integrator.
+    """
+    rough = with_chain(heavy, coulomb=np.full(6, friction), viscous=np.full(6, 2 * friction))
+    found = []
+    for ki in (0.0, [8.0, 20.0, 8.0, 3.0, 8.0, 30.0]):
+        servo = SERVO.replace(
+            ki=ki, interpolation=interpolation, velocity_feedforward=feed, dead_time=2.5e-3
+        )
+        taught = compensate(SWING, rough, servo, gravity_feedforward=gravity)
+        done = ac.execute(taught, strong(rough, servo, gravity_feedforward=gravity))
+        error = np.abs(done.q - SWING(done.t.clip(0, DURATION)))
+        found.append(error[done.t < DURATION].max())
+    assert found[1] < share * found[0]
+    np.testing.assert_allclose(taught.q[[0, -1]], [START, START + SIZE], atol=1e-12)
+    assert 1e-4 < taught.cut_off.max()
+    assert (error[done.t >= DURATION].max(axis=0) < taught.cut_off + 2 * found[0]).all()
+
+
 def test_every_joint_stands_still_first(heavy):
     """Also where the dead time is a whole number of intervals: the plan starts with a jump."""
     plan = ac.plan(ac.JointPath.spline([START, START + 0.1]), heavy)

@@ -16,7 +16,7 @@ from armcontour.motion import LapLaw
 
 pytest.importorskip("mujoco")
 
-KP, KV = 25.0, 150.0
+KP, KV, PERIOD = 25.0, 150.0, 4e-3
 MASS, LENGTH, ARMATURE, G = 2.0, 0.5, 0.1, 9.81
 INERTIA = MASS * LENGTH**2 + ARMATURE
 WEIGHT = MASS * G * LENGTH  # torque against gravity where the pendulum lies
@@ -128,6 +128,55 @@ def test_it_starts_and_stays_in_equilibrium_and_sags_as_predicted():
     end = done.q[-1, 0]
     assert end - 0.8 == pytest.approx(-WEIGHT * np.cos(end) / (INERTIA * KV * KP), rel=1e-5)
     assert run(pendulum(), swing(0.8)).q[-1, 0] == pytest.approx(0.8, abs=1e-7)
+
+
+def test_an_integrator_holds_the_weight_and_leaves_no_sag():
+    servo = ac.ServoModel(kp=KP, kv=KV, ki=8.0)
+    for spring in (None, SPRING):
+        sagging = {"gravity_feedforward": False, "joint_stiffness": spring}
+        taught = taught_data(swing(1.2))
+        done = ac.execute(taught, ac.RigidBodyPlant(pendulum(), servo, **sagging))
+        motor = done.q if spring is None else done.motor_q
+        assert motor[0, 0] == 0.0 and motor[-1, 0] == pytest.approx(1.2, abs=1e-6)
+        assert run(pendulum(), swing(1.2), **sagging).q[-1, 0] < 1.2 - 1e-3
+        still = ac.execute(taught_data([[0.3]]), ac.RigidBodyPlant(pendulum(), servo, **sagging))
+        assert np.ptp(still.q) < 1e-12
+        np.testing.assert_allclose(still.torque, WEIGHT * np.cos(still.q), rtol=1e-9)
+
+
+@pytest.mark.parametrize("limit", [1e5, 1.0])
+@pytest.mark.parametrize("interpolation", ["linear", "step"])
+def test_heavy_drives_with_integrators_are_those_of_the_servo_plant(limit, interpolation):
+    """With and without saturation: bodies that are light against their drives do not couple."""
+    heavy = 1e6
+    arm = two_link(gravity=WEIGHTLESS, armature=[heavy, heavy])
+    servo = ac.ServoModel(
+        kp=12.0, kv=80.0, ki=[8.0, 0.0], dead_time=2.5e-3, interpolation=interpolation
+    )
+    bodies = ac.RigidBodyPlant(arm, servo, ac.Limits(joint_torque=limit * heavy), step=1e-3)
+    joints = ac.ServoPlant(arm, servo.replace(cycle=1e-3, acceleration_limit=limit))
+    taught = taught_data(np.hstack([swing(0.5), swing(-0.3)]))
+    done, ideal = (ac.execute(taught, x, resolution=PERIOD) for x in (bodies, joints))
+    n = min(len(done.t), len(ideal.t))
+    np.testing.assert_allclose(done.q[:n], ideal.q[:n], atol=5e-6 if limit == 1.0 else 2e-9)
+    assert ((done.saturated_time > 0.5) == (limit == 1.0)).all()
+
+
+@pytest.mark.parametrize("feed", [0.0, 0.4])
+def test_integrators_do_not_see_acceleration_feedforward(feed):
+    """The drives' cycle is left, of first order."""
+    arm = two_link(gravity=WEIGHTLESS, armature=[1e6, 1e6])
+    servo = ac.ServoModel(
+        kp=12.0, kv=80.0, ki=[8.0, 3.0], velocity_feedforward=0.6, acceleration_feedforward=feed
+    )
+    taught, errors = taught_data(np.hstack([swing(0.5), swing(-0.3)])), []
+    ideal = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits()), resolution=PERIOD)
+    for step in (1e-3, 2.5e-4):
+        plant = ac.RigidBodyPlant(arm, servo, ac.Limits(joint_torque=1e12), step=step)
+        done = ac.execute(taught, plant, resolution=PERIOD)
+        n = min(len(done.t), len(ideal.t))
+        errors.append(np.abs(done.q[:n] - ideal.q[:n]).max())
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05) and errors[1] < 2e-5
 
 
 def test_coulomb_friction_leaves_its_dead_band():

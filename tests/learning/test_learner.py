@@ -142,8 +142,10 @@ def test_limits_of_commands_are_kept(arm, taught, late, refuses):
     refuses(slow, ac.CompensationError, "joint_velocity")
 
 
-def test_one_joint_at_its_limit_does_not_end_learning():
+@pytest.mark.parametrize(("ki", "bars"), [(0.0, (1.3e-4, 6e-5)), (8.0, (1.2e-4, 7e-5))])
+def test_one_joint_at_its_limit_does_not_end_learning(ki, bars):
     """A UR5e with an unknown load: one joint's acceleration was what all others waited for."""
+    servo = SERVO.replace(ki=ki)
     nominal = ac.load_arm("ur5e").with_dynamics(armature=np.full(6, 0.1))
     true = nominal.with_dynamics(
         payload=ac.Payload(mass=3.0, center=(0.02, 0.0, 0.06)),
@@ -155,17 +157,17 @@ def test_one_joint_at_its_limit_does_not_end_learning():
     path = ac.round_corners(line.oriented(np.diag([1.0, -1.0, -1.0])), tolerance=3e-4)
     plan = smooth(ac.plan(path, nominal, limits), 0.02)
     robot = ac.RigidBodyPlant(
-        true, SERVO.replace(kp=[26.0, 24.0, 25.0, 24.0, 26.0, 25.0]), nominal.limits, noise=1e-5,
+        true, servo.replace(kp=[26.0, 24.0, 25.0, 24.0, 26.0, 25.0]), nominal.limits, noise=1e-5,
         seed=3,
     )  # fmt: skip
-    taught = ac.compensate(plan, SERVO, method="inverse_dynamics", arm=nominal, period=4e-3)
+    taught = ac.compensate(plan, servo, method="inverse_dynamics", arm=nominal, period=4e-3)
     errors = []
     for _ in range(3):
         done = ac.execute(taught, robot)
         errors.append(ac.evaluate(done, path).contour_error.rms)
-        taught = ac.learn(taught, done, arm=nominal, servo=SERVO)
-    # Measured: 0.40, 0.08 and 0.03 mm.
-    assert errors[0] > 3.5e-4 and errors[1] <= 1.3e-4 and errors[2] <= 6e-5
+        taught = ac.learn(taught, done, arm=nominal, servo=servo)
+    # Measured: 0.40, 0.08 and 0.03 mm; with integrators, 0.40, 0.11 and 0.06 mm.
+    assert errors[0] > 3.5e-4 and errors[1] <= bars[0] and errors[2] <= bars[1]
 
 
 def test_a_lesson_that_learned_nothing_says_so():

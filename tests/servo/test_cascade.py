@@ -202,7 +202,7 @@ def test_response_is_that_of_a_sine():
     assert servo.slowest == pytest.approx(-poles.real.max(), rel=1e-9)
 
 
-def test_integrators_that_no_model_has_are_refused(refuses):
+def test_integrators_that_no_model_has_are_refused(plan, refuses):
     for given, words in (
         ({"kp": 5.0, "order": "first", "ki": 1.0}, "integral gain of a velocity loop"),
         ({"kp": 5.0, "kv": 50.0, "ki": -1.0}, "ki must be from 0"),
@@ -215,7 +215,7 @@ def test_integrators_that_no_model_has_are_refused(refuses):
         ),
     ):  # fmt: skip
         refuses(lambda given=given: ac.ServoModel(**given), InvalidInput, words)
-    servo, bodies = ac.ServoModel(kp=5.0, kv=50.0, ki=1.0), ac.load_arm("ur5e")
-    words = "and without integrator"
-    refuses(lambda: ac.RigidBodyPlant(bodies, servo), InvalidInput, words)
+    servo, words = ac.ServoModel(kp=5.0, kv=50.0, ki=1.0), "and without integrator"
+    poles = lambda: ac.compensate(plan, servo, method="pole_placement")  # noqa: E731
+    refuses(poles, InvalidInput, words)
     assert "ki 1 1/s" in str(servo)

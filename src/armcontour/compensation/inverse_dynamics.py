@@ -12,7 +12,12 @@ import numpy as np
 from armcontour._banded import solve_banded
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
-from armcontour.compensation.set_points import SetPointTimes, advance_set_points, time_advances
+from armcontour.compensation.set_points import (
+    SetPointTimes,
+    advance_set_points,
+    integrator_tail,
+    time_advances,
+)
 from armcontour.drives import Drives
 from armcontour.errors import InvalidInput
 from armcontour.motion import Trajectory
@@ -61,22 +66,24 @@ def inverse_dynamics(
     still = np.zeros((1, arm.dof))
     # At rest friction is not known, and none is assumed: the drives hold the arm against gravity.
     hold, final = (drives.command(x, still, still) for x in ends)
+    tail = np.arange(integrator_tail(servo, trajectory.duration, period)) * period
 
     def at(t: FloatArray) -> FloatArray:
-        """The command that the drives should get, also before and after the motion."""
+        """The command that the drives should get, every half interval from rest on."""
         moving = (t >= 0) & (t < trajectory.duration)
-        found = np.where((t < 0)[:, None], hold, final)
-        now = t[moving]
-        found[moving] = drives.command(trajectory(now), trajectory(now, 1), trajectory(now, 2))
-        return found
+        q = np.where((t < 0)[:, None], *ends)
+        dq, ddq = np.zeros((2, *q.shape))
+        q[moving], dq[moving], ddq[moving] = trajectory.motion(t[moving])
+        return drives.command(q, dq, ddq, period / 2)
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
-        t = times.inside
-        found = at(t)
+        t = np.append(times.inside, trajectory.duration + times.after_end + tail)
+        found = final
         if len(t):
-            halves = at(np.append(t[0] - period / 2, t + period / 2))
-            found = _nearest(found, halves, hold, final, servo.interpolation)
-        return np.concatenate([found, final])[:, joints]
+            exact = at(np.append(t[0] - [period, period / 2], np.stack([t, t + period / 2], 1)))
+            set_points = _nearest(exact[2::2], exact[1::2], hold, final, servo.interpolation)
+            found = np.concatenate([set_points, final])
+        return found[:, joints]
 
     return advance_set_points(
         trajectory, time_advances(servo, period), period, command, hold=hold[0], from_rest=True

@@ -11,6 +11,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.servo import ServoModel
+from armcontour.servo.model import integrator_filter
 
 # Below this speed the torque of Coulomb friction shrinks to 0 in proportion [rad/s]: a joint that a
 # plan leaves at rest has rounding errors of either sign. A joint reverses through this range in
@@ -22,7 +23,8 @@ CREEP = 1e-3
 class Drives:
     """The drives of an arm with masses: `tau = J K_v (K_p (u - q) - dq) + g(q)`.
 
-    u is the command after dead time and interpolation. g is the gravity torque that the controller
+    With an integrator, K_v is `K_v (1 + k_i / s)`. u is the command after dead time and
+    interpolation. g is the gravity torque that the controller
     feeds forward: that of the arm as the controller knows it.
 
     Args:
@@ -52,7 +54,7 @@ class Drives:
 
     def __post_init__(self) -> None:
         servo = self.servo.for_joints(self.arm.dof)
-        servo.refuse_mixed("The inverse dynamics of rigid bodies")
+        servo.refuse_mixed("The inverse dynamics of rigid bodies", integrator=True)
         assert servo.kv is not None
         if self.known is not None and self.known.dof != self.arm.dof:
             raise InvalidInput(
@@ -70,17 +72,28 @@ class Drives:
         """The arm as its controller knows it."""
         return self.arm if self.known is None else self.known
 
-    def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+    def command(
+        self, q: FloatArray, dq: FloatArray, ddq: FloatArray, step: float = np.inf
+    ) -> FloatArray:
         """The command u with which the drives make a motion [rad], (n, dof).
 
-        `u = q + dq / K_p + tau / (J K_v K_p)`, tau being the torque without gravity feed-forward.
+        `u = q + dq / K_p + tau / (J K_v K_p)`, tau being the torque without gravity feed-forward
+        and without what an integrator gives, which holds the arm at the first time.
 
         Args:
             q: Joint positions [rad], (n, dof).
             dq: Joint velocities [rad/s], (n, dof).
             ddq: Joint accelerations [rad/s²], (n, dof).
+            step: Time between two rows, which only integrators need [s]; by default they are
+                states of rest that last.
         """
         torque = self.moving_torque(q, dq, ddq)
+        if self.servo.ki.any():
+            from scipy.signal import lfilter
+
+        for j in np.flatnonzero(self.servo.ki):
+            share = integrator_filter(self.servo.ki[j], step, 0.0)
+            torque[:, j] = lfilter(*share, torque[:, j] - torque[0, j])
         return np.asarray(q + dq / self.servo.kp + torque / self.stiffness)
 
     def moving_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:

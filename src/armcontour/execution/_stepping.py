@@ -47,7 +47,9 @@ class Loops(NamedTuple):
     """The loops of the drives, as in `RigidBodyPlant`.
 
     Attributes:
-        kp, kv: Gains [1/s], (dof,).
+        kp, kv, ki: Gains [1/s], (dof,).
+        integral: Integrals of the velocity errors [rad], which the loop writes, (dof,).
+        step: Time between two computations of the loops [s].
         inertia: J [kg m²], (dof,).
         limit: Torque limits [N m], (dof,).
         holds: Whether the torque against gravity is added.
@@ -56,6 +58,9 @@ class Loops(NamedTuple):
 
     kp: FloatArray
     kv: FloatArray
+    ki: FloatArray
+    integral: FloatArray
+    step: float
     inertia: FloatArray
     limit: FloatArray
     holds: bool
@@ -123,6 +128,7 @@ def advance(
     loops: Loops,
     parts: int,
     commands: FloatArray,
+    integrated: FloatArray,
     noise: FloatArray,
     first: int,
     end: int,
@@ -138,6 +144,8 @@ def advance(
         loops: The drives.
         parts: Number of integration steps in a step of the drives.
         commands: Commands in the steps [rad], (steps, dof).
+        integrated: Commands that the integrators see, without acceleration feed-forward [rad],
+            (steps, dof).
         noise: Noise of measured positions in the steps [rad], (steps, dof); (0, dof) without.
         first: The first step.
         end: The step before which the loop ends.
@@ -160,12 +168,17 @@ def advance(
             _call(functions.com_pos, known.model, known.data)
             _call_rne(functions.rne, known.model, known.data, known.torque.ctypes.data)
         for j in range(dof):
+            error = (integrated[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
+            loops.integral[j] += loops.step * error
             ask = (commands[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
-            ask *= loops.kv[j]
+            ask = (ask + loops.ki[j] * loops.integral[j]) * loops.kv[j]
             beside = 0.0 if loops.on_top else known.torque[j]
             above = known.torque[j] if loops.on_top else 0.0
             want = ask * loops.inertia[j] + beside
             get = max(min(want, loops.limit[j]), -loops.limit[j]) + above
+            # In saturation the integrator does not wind up, as in `ServoModel`.
+            excess = (want + above - get) / loops.inertia[j]
+            loops.integral[j] -= loops.step * excess / loops.kv[j]
             bodies.torque[n - dof + j] = get
             rows.demand[k, j], rows.wanted[k, j], rows.torque[k, j] = ask, want + above, get
         for _ in range(parts):

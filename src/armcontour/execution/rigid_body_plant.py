@@ -66,8 +66,10 @@ class RigidBodyPlant(LimitedPlant):
     """The arm's rigid bodies with a sampled position and velocity loop on every joint.
 
     In every step each drive sets its torque to `J K_v (K_p (u - q) - dq)` and keeps it constant for
-    the step. The controller may add the torque that holds the arm against gravity. u is the command
-    at the time of the step minus the servo's dead time. J is the servo's inertia, if it has one. By
+    the step. An integrator in the velocity loop adds `J K_v k_i` times the sum of the velocity
+    errors of all steps. It does not wind up at torque limits, as in `ServoModel`. The controller
+    may add the torque that holds the arm against gravity. u is the command at the time of the step
+    minus the servo's dead time. J is the servo's inertia, if it has one. By
     default J is the nominal inertia of the joint with its drive, without payload, with all joints
     in the middle of the arm's joint ranges (at 0 for a joint without a range). This J is known when
     the arm is built and does not depend on the job.
@@ -145,7 +147,7 @@ class RigidBodyPlant(LimitedPlant):
                 f"has {len(self.known_chain)}."
             )
         self.servo = servo.for_joints(arm.dof)
-        self.servo.refuse_mixed("A rigid-body plant")
+        self.servo.refuse_mixed("A rigid-body plant", integrator=True)
         if self.servo.acceleration_limit is not None:
             least = float(self.servo.acceleration_limit.min())
             raise InvalidInput(
@@ -192,9 +194,9 @@ class RigidBodyPlant(LimitedPlant):
     def run(self, taught: TaughtData, resolution: float) -> Execution:
         """Execute taught data from the equilibrium at the first set-point.
 
-        With rigid joints and gravity feed-forward of all weight, or without gravity, the
-        equilibrium is the set-point itself; otherwise it is the position to which the arm sags
-        without friction.
+        With an integrator, with gravity feed-forward of all weight, or without gravity, the
+        equilibrium of a drive is the set-point itself; otherwise it is the position to which the
+        arm sags without friction.
 
         Raises:
             InvalidInput: The taught data is for another number of joints, or the resolution is
@@ -215,17 +217,24 @@ class RigidBodyPlant(LimitedPlant):
         robot.refine(parts)
         rows = max(1, round(BLOCK / taught.period))
         logs = []
-        command = self._command(taught, steps)
+        command = self._command(taught, steps, self.servo)
+        integrated = command
+        if self.servo.ki.any() and self.servo.acceleration_feedforward.any():
+            integrated = self._command(
+                taught, steps, self.servo.replace(acceleration_feedforward=0.0)
+            )
         count = count_intervals(taught, self.servo)
         for k in range(0, count, rows):
-            commands = command(k, min(rows, count - k))
-            logs.append(robot.advance(commands).thinned(every))
+            both = (x(k, min(rows, count - k)) for x in (command, integrated))
+            logs.append(robot.advance(*both).thinned(every))
         logs += self._come_to_rest(robot, taught, steps, every)
         return self._execution(taught, logs, span * every)
 
-    def _command(self, taught: TaughtData, steps: int) -> Callable[[int, int], FloatArray]:
+    def _command(
+        self, taught: TaughtData, steps: int, servo: ServoModel
+    ) -> Callable[[int, int], FloatArray]:
         """A function of k and count: commands in every step of `count` intervals from k on."""
-        q, period, servo = taught.q, taught.period, self.servo
+        q, period = taught.q, taught.period
         plain = servo.interpolation != "cubic" and not servo.has_feedforward
         if plain and not servo.dead_time.any():
             return lambda k, count: _straight(q[k : k + count + 1], steps, servo.interpolation)
@@ -257,7 +266,7 @@ class RigidBodyPlant(LimitedPlant):
         longest = patience(begin - taught.start_time)
         logs = []
         while robot.now - begin <= longest:
-            log = robot.advance(commands)
+            log = robot.advance(commands, commands)
             logs.append(log.thinned(every))
             moved = log.moved(robot.step)
             if (moved <= REST_RANGE + REST_NOISE * self.noise).all():
@@ -428,16 +437,21 @@ class _Robot:
         )
         self.still = self.mujoco.MjData(self.known_model)
         self.rng = np.random.default_rng(plant.seed)
-        motors, links = self._equilibrium(np.array(taught.q[0]))
+        motors, links, torque = self._equilibrium(np.array(taught.q[0]))
         # Without springs both are the same.
         self.data.qpos[-len(motors) :] = motors
         self.data.qpos[: len(links)] = links
         self.functions = _mujoco.functions()
         self.bodies = Bodies.of(self.model, self.data)
         self.known = Bodies.of(self.known_model, self.still)
+        ki = np.array(plant.servo.ki)
+        integral = torque / (plant.nominal_inertia * plant.kv * np.where(ki > 0, ki, np.inf))
         self.loops = Loops(
             kp=np.array(plant.servo.kp),
             kv=np.array(plant.kv),
+            ki=ki,
+            integral=integral,
+            step=step,
             inertia=np.array(plant.nominal_inertia),
             limit=np.array(plant.torque_limit),
             holds=plant.gravity_feedforward,
@@ -457,8 +471,12 @@ class _Robot:
         # A step from Python shows whether there are any, as all steps do the same.
         self.mujoco.mj_step(self.model, self.mujoco.MjData(self.model))
 
-    def advance(self, commands: FloatArray) -> _Log:
-        """Simulate one step per row of the commands, (n, dof) [rad].
+    def advance(self, commands: FloatArray, integrated: FloatArray) -> _Log:
+        """Simulate one step per row of the commands.
+
+        Args:
+            commands: Commands [rad], (n, dof).
+            integrated: Commands that the integrators see [rad], (n, dof).
 
         Raises:
             ExecutionError: A joint runs away.
@@ -469,33 +487,36 @@ class _Robot:
         noise = np.empty((0, dof))
         if self.plant.noise:
             noise = self.rng.normal(0.0, self.plant.noise, (n, dof))
-        commands = np.ascontiguousarray(commands)
+        commands, integrated = (np.ascontiguousarray(x) for x in (commands, integrated))
         # Python answers signals between calls.
         at_once = max(1, STEPS_AT_ONCE // self.parts)
         for first in range(0, n, at_once):
             end = min(first + at_once, n)
             reached = _stepping.advance(
                 self.functions, self.bodies, self.known, self.loops, self.parts,
-                commands, noise, first, end, RUNAWAY, rows,
+                commands, integrated, noise, first, end, RUNAWAY, rows,
             )  # fmt: skip
             if reached != end:
                 self._refuse_runaway(reached)
         self.steps += n
         return _Log.of(*rows, self.step)
 
-    def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Positions at which the arm is at rest with the first set-point as command [rad].
 
-        The position loop holds the weight that is not fed forward, and a spring all of the weight.
+        The integrator, or else the position loop, holds the weight that is not fed forward, and a
+        spring all of the weight.
 
         Returns:
-            Positions of the motors and of the links, (dof,) each; without springs the same.
+            Positions of the motors and of the links, without springs the same [rad], and torques
+            of the loops [N m], (dof,) each.
 
         Raises:
             ExecutionError: There is no equilibrium, or the drives are too weak.
         """
         plant, springs = self.plant, self.plant._springs
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
+        gain = np.where(plant.servo.ki > 0, np.inf, gain)
         motors = links = first
         weight, fed = _mujoco.weight(self.model, self.data, links), self._fed_forward(motors)
         for _ in range(ITERATIONS):
@@ -515,11 +536,11 @@ class _Robot:
                 t=self.start,
                 joint=j,
             )
-        where = "the first set-point"
+        where, torque = "the first set-point", weight - fed
         if plant._on_top and plant.gravity_feedforward:
-            weight, where = weight - fed, f"{where}, beside gravity feed-forward"
+            weight, where = torque, f"{where}, beside gravity feed-forward"
         refuse_too_heavy(np.abs(weight), plant.torque_limit, where, self.start)
-        return motors, links
+        return motors, links, torque
 
     def _fed_forward(self, q: FloatArray) -> FloatArray:
         """Torques that the controller adds against gravity at q [N m], (dof,)."""
@@ -561,7 +582,9 @@ def refuse_without_mujoco() -> None:
 
 def rest_window(servo: ServoModel) -> float:
     """Time for which the joints must stay within `REST_RANGE` to be at rest [s]."""
-    return min(max(REST_TIME, 1 / float(servo.kp.min())), PATIENCE)
+    # Of a cascade, the slowest time constant is at most the sum.
+    slowest = 1 / servo.kp + np.where(servo.ki > 0, 1 / np.where(servo.ki > 0, servo.ki, 1.0), 0.0)
+    return min(max(REST_TIME, float(slowest.max())), PATIENCE)
 
 
 def check_drive_cycle(step: float) -> float:

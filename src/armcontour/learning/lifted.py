@@ -142,8 +142,11 @@ class Lifted:
             self._motion = q[::every], dq[::every], ddq[::every]
         self.planned, dq, ddq = self._motion
         self._prompt = nominal.servo.without_feedforward().for_joints(self.dof)
-        left = ddq if self.drives else without_integral(dq, ddq, self._prompt, self.step)
-        self._needed = (self.drives or self._prompt).command(self.planned, dq, left)
+        if self.drives:
+            self._needed = self.drives.command(self.planned, dq, ddq, self.step)
+        else:
+            ddq = without_integral(dq, ddq, self._prompt, self.step)
+            self._needed = self._prompt.command(self.planned, dq, ddq)
         # The equations of x by the command.
         if near is None or self.drives is None or near.drives is None:
             self._response = respond_along(self.plan.with_rests, t, **nominal._asdict())

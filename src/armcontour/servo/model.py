@@ -123,9 +123,9 @@ class ServoModel(Value):
             joints or one per joint; need not be a multiple of the command interval.
         order: "second", "first", "delay" or "unknown", one for all joints or one per joint.
         inertia: Inertia J by which the controller scales the velocity loop [kg m²], one for all
-            joints or one per joint: its torque is `J (K_v (K_p (u - q) + f du - dq) + g ddu)`. Only
-            for rigid bodies and for servos of order "second". None is the arm's own nominal
-            inertia.
+            joints or one per joint: its torque is J times the acceleration that the model of order
+            "second" demands. Only for rigid bodies and for servos of order "second". None is the
+            arm's own nominal inertia.
         ki: Integral gain k_i of the velocity loop [1/s], one for all joints or one per joint; 0
             without an integrator. Only for order "second".
         velocity_feedforward: Share f of the velocity of the command that is added to the velocity
@@ -406,28 +406,28 @@ class ServoModel(Value):
         return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
 
     def is_plain(self, *orders: str) -> bool:
-        """Whether all joints are of the same order, without integrator, friction and cycle.
+        """Whether all joints are of the same order, without friction and cycle.
 
         Args:
             orders: Orders that count.
         """
-        extra = self.friction.any() or self.ki.any()
-        return self.order in orders and not extra and not self.cycle
+        return self.order in orders and not self.friction.any() and not self.cycle
 
-    def refuse_mixed(self, who: str) -> None:
+    def refuse_mixed(self, who: str, integrator: bool = False) -> None:
         """Refuse joints of another order than "second", integrators, friction and a drive's cycle.
 
         Args:
             who: What cannot use them, which begins the message.
+            integrator: Whether integrators are valid.
 
         Raises:
             InvalidInput: The servo has them.
         """
-        if not self.is_plain("second"):
+        if not self.is_plain("second") or (self.ki.any() and not integrator):
+            more = "" if integrator else ", and without integrator"
             raise InvalidInput(
-                f"{who} needs joint servos of order second without friction and cycle, and "
-                f"without integrator, but the servo has {self}: take the compensation inverse and "
-                "independent joints."
+                f"{who} needs joint servos of order second without friction and cycle{more}, but "
+                f"the servo has {self}: take the compensation inverse and independent joints."
             )
 
     def refuse_too_fast(self, period: float) -> None:

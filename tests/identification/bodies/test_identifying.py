@@ -178,6 +178,9 @@ def test_logs_that_do_not_fit_the_arm_are_refused(log, nominal):
     ):
         with pytest.raises(InvalidInput, match=message):
             identify(wrong, arm=arm, servo=nominal_servo(), gravity="nominal")
+    cascade = nominal_servo().replace(ki=5.0)
+    with pytest.raises(InvalidInput, match="without integrator"):
+        identify(log, arm=nominal, servo=cascade, gravity="nominal")
     for name, value in (("servo", nominal_servo()), ("gravity", "none")):
         with pytest.raises(InvalidInput, match=f"{name} goes with an arm"):
             identify(log, **{name: value})

@@ -80,6 +80,7 @@ class Model:
     nominal: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
+        self.servo.refuse_mixed("The identification of rigid bodies")
         object.__setattr__(self, "inertia", Drives(arm=self.arm, servo=self.servo).inertia)
         chain, load = self.arm.dynamics.chain, self.load
         kv = np.asarray(self.servo.kv)
