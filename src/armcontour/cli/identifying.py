@@ -224,13 +224,12 @@ def _print(
     console = Console()
     _print_verdict(console, found, predictions, arm)
     shown = [x for x in SHOWN if any(x in y.parameters for y in found.joints)]
-    errors = [joint_cells(*x) for x in zip(found.joints, found.judgement.joints, strict=True)]
-    console.show_table(JOINT_HEADINGS, errors, title="Errors where not fitted")
-    if shown:
-        values = [[x.name, *(_value(getattr(x, y)) for y in shown)] for x in found.joints]
-        headings = ["joint", *(SHOWN[x] for x in shown)]
-        title = "Parameters; those in parentheses are not determined"
-        console.show_table(headings, values, title=title)
+    rows = [
+        [*joint_cells(x, ratio), *(_value(getattr(x, y)) for y in shown)]
+        for x, ratio in zip(found.joints, found.judgement.joints, strict=True)
+    ]
+    title = "Errors where not fitted; parameters in parentheses are not determined"
+    console.show_table([*JOINT_HEADINGS, *(SHOWN[x] for x in shown)], rows, title=title)
     for y in predictions:
         every = zip(y.log.joint_names, y.tracking_rms, y.rms, y.largest, strict=True)
         console.show_table(
