@@ -52,9 +52,14 @@ def task(name):
     """The paper's job on its arm, and a square on the others."""
     arm = ac.load_arm(name)
     if name == "pmk3s":
-        path = ac.round_corners(ac.Path.polyline(POINTS), tolerance=5e-3, acceleration=0.09)
+        path = ac.round_corners(
+            ac.Path.polyline(POINTS), tolerance=5e-3, acceleration=0.09, continuity="curvature"
+        )
         limits = arm.limits.replace(
-            speed=0.15, joint_acceleration=SLOW, centripetal_acceleration=0.09
+            speed=0.15,
+            joint_acceleration=SLOW,
+            joint_jerk=SLOW / 4e-3,
+            centripetal_acceleration=0.09,
         )
     else:
         arm = arm._copy(chain=arm.chain.replace(armature=np.full(arm.dof, ARMATURE)))

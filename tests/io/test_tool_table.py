@@ -5,8 +5,6 @@ import pytest
 from tests.io.tables import refusals
 
 import armcontour as ac
-from armcontour.io.job_model import ToolModel
-from armcontour.io.job_overrides import JobOverrides
 
 PART = """G21 G90
 T1 M6
@@ -73,10 +71,6 @@ def test_a_job_follows_the_contours_of_one_tool_with_its_frame_and_payload(read)
         assert last["tool"] == float(tool[1]) and last["spindle speed"] == speed
     # The coolant is on with the second tool, and what came before it is off.
     assert last["coolant"] is False and last["spindle"] is False
-    job = read(
-        table, ", tool: T2", overrides=JobOverrides(arm_tool=ToolModel(position=[0, 0, 0.2]))
-    )
-    assert length(job.arm) == pytest.approx(0.2, abs=1e-12)
 
 
 def test_tools_that_are_alike_run_in_one_job_with_a_rest_between_them(read):

@@ -15,7 +15,14 @@ def with_inertias():
 
 
 def rounded(points=POINTS, tolerance=2e-3):
-    return ac.round_corners(ac.Path.polyline(points), tolerance=tolerance)
+    path = ac.Path.polyline(points)
+    return ac.round_corners(path, tolerance=tolerance, continuity="curvature")
+
+
+def gentle_plan(path, arm, limits, rise=0.005):
+    """The fastest plan whose accelerations take a time to rise to their limits [s]."""
+    jerk = np.min(limits.joint_acceleration) / rise
+    return ac.plan(path, arm, limits.replace(joint_jerk=jerk))
 
 
 def loaded(arm, *, seed=0, dead_time=0.0, noise=0.0):

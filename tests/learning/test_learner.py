@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import TaughtData, smooth
+from armcontour.motion import TaughtData
 
-from .robots import SERVO, loaded, rods, rounded, with_inertias
+from .robots import SERVO, gentle_plan, loaded, rods, rounded, with_inertias
 
 pytest.importorskip("mujoco")
 
@@ -27,7 +27,7 @@ def path():
 @pytest.fixture(scope="module")
 def taught(arm, path):
     limits = ac.Limits.only(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0)
-    plan = smooth(ac.plan(path, arm, limits.for_joints(2)), 0.02)
+    plan = gentle_plan(path, arm, limits.for_joints(2))
     return ac.compensate(plan, SERVO, method="inverse")
 
 
@@ -154,8 +154,10 @@ def test_one_joint_at_its_limit_does_not_end_learning(ki, bars):
     )
     limits = ac.Limits(joint_velocity=3.14, joint_acceleration=6.4, speed=0.2)
     line = ac.Path.polyline([(0.42, 0.0, 0.2), (0.52, 0.0, 0.2), (0.52, 0.08, 0.25)])
-    path = ac.round_corners(line.oriented(np.diag([1.0, -1.0, -1.0])), tolerance=3e-4)
-    plan = smooth(ac.plan(path, nominal, limits), 0.02)
+    path = ac.round_corners(
+        line.oriented(np.diag([1.0, -1.0, -1.0])), tolerance=3e-4, continuity="curvature"
+    )
+    plan = gentle_plan(path, nominal, limits)
     robot = ac.RigidBodyPlant(
         true, servo.replace(kp=[26.0, 24.0, 25.0, 24.0, 26.0, 25.0]), nominal.limits, noise=1e-5,
         seed=3,
@@ -173,7 +175,7 @@ def test_one_joint_at_its_limit_does_not_end_learning(ki, bars):
 def test_a_lesson_that_learned_nothing_says_so():
     """Set-points that always move at the limit of velocity: no others have the same ends."""
     arm, servo = rods(), ac.ServoModel(kp=25.0, order="first")
-    plan = smooth(ac.plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm), 0.02)
+    plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits)
     q = np.linspace(*plan([0.0, plan.duration]), int(plan.duration / 4e-3) + 2)
     taught = TaughtData(period=4e-3, q=q, trajectory=plan, method="none")
     done = ac.execute(taught, ac.ServoPlant(arm, servo.replace(kp=22.0), saturation="none"))
@@ -188,7 +190,7 @@ def test_the_first_order_servo_learns_without_masses():
     """One run takes all of a wrong gain's error away that the model explains."""
     arm = rods()
     servo = ac.ServoModel(kp=25.0, order="first")
-    plan = smooth(ac.plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm), 0.02)
+    plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits)
     taught = ac.compensate(plan, servo, method="inverse")
     robot = ac.ServoPlant(arm, servo.replace(kp=[23.0, 27.0]))
     first = ac.execute(taught, robot)

@@ -5,9 +5,8 @@ import pytest
 
 import armcontour as ac
 from armcontour.learning import judge_run
-from armcontour.motion import smooth
 
-from .robots import GAINS, SERVO, rods, rounded
+from .robots import GAINS, SERVO, gentle_plan, rods, rounded
 
 # RMS error per joint that differs between runs [rad]: 8 millidegrees.
 SIZE = np.radians(8e-3)
@@ -22,7 +21,7 @@ class Robot:
         limits = ac.Limits.only(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(
             2
         )
-        self.plan = smooth(ac.plan(rounded(), self.arm, limits), 0.02)
+        self.plan = gentle_plan(rounded(), self.arm, limits)
         self.taught = ac.compensate(self.plan, SERVO, method="inverse")
         self.plant = ac.ServoPlant(self.arm, SERVO.replace(kp=GAINS), saturation="none")
 

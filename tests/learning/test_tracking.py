@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import smooth
 
-from .robots import SERVO, rods
+from .robots import SERVO, gentle_plan, rods
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +17,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def taught(arm):
-    plan = smooth(ac.plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm), 0.1)
+    plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits, 0.1)
     return ac.compensate(plan, SERVO, method="inverse")
 
 
