@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,11 +56,25 @@ ERROR_GOAL = 0.995
 # Robots drawn from the box may be worse than its corners: a search is made again, and aims lower,
 # so often at most. Each of them aims at least by a ratio of ERROR_GOAL lower.
 MOST_DRAWS = 10
+
+
+class Steps(NamedTuple):
+    """How much a trial is derated after the last one.
+
+    Args:
+        power: Power of the excess by which an error is derated.
+        share: What is left of speed and acceleration after one step, at least.
+        together: Whether what all cells need for acceleration is derated at once.
+    """
+
+    power: float
+    share: float
+    together: bool
+
+
 # Errors go at least with the third power of speed and acceleration. Which steps lead to the fastest
-# plan is not known: each search takes all of these, and its best plan. They are the power of the
-# excess by which an error is derated, the share that is left in one step at least, and whether what
-# all cells need for acceleration is derated at once.
-STEPS = ((1 / 3, 0.7, True), (1 / 3, 0.85, True), (1 / 4, 0.85, False))
+# plan is not known: each search takes all of these, and its best plan.
+STEPS = (Steps(1 / 3, 0.7, True), Steps(1 / 3, 0.85, True), Steps(1 / 4, 0.85, False))
 # A tool that is too fast for its place still has what it had this many time constants before.
 LASTING = 8.0
 # A body that is off has what its plan did this many time constants of its position loops before.
@@ -188,7 +203,7 @@ class Search:
     torque_goal: float = 1.0
     shares: dict[str, float] | None = None
     known_derating: Derating | None = None
-    steps: tuple[float, float, bool] = STEPS[0]
+    steps: Steps = STEPS[0]
     tightness: dict[str, float] = field(default_factory=dict)
 
     def fastest(self) -> Kept | None:
@@ -322,7 +337,7 @@ class Search:
                 if not isinstance(found, Trial):
                     return found
                 trial, factors = found, found.factors
-            first = number == 0 and not self.setting.saturated and self.steps[2]
+            first = number == 0 and not self.setting.saturated and self.steps.together
             derating = self._tighten(trial, first=first, power=1 + number // PATIENCE)
         return None
 
@@ -465,7 +480,7 @@ class Search:
             trial: The last trial.
             first: Whether it was the first.
             power: With which power of their excess accelerations are derated; speeds, because of
-                errors, with ERROR_POWER of it.
+                errors, with a power of it (`Steps`).
         """
         derating, uses, tight = trial.derating, trial.uses, self.tightness
         moment = _Moments(trial, trial.taught.period + self._memory())
@@ -496,14 +511,16 @@ class Search:
         derating = slower(use, np.maximum(use, 1.0) ** -power, "tool")
         if not self.setting.saturated:
             use = np.maximum(moment.largest(uses.error, before=late), uses.rms) / tight["error"]
-            slow = np.clip(np.maximum(use, 1.0) ** (-self.steps[0] * power), self.steps[1], 1.0)
+            slow = np.clip(
+                np.maximum(use, 1.0) ** (-self.steps.power * power), self.steps.share, 1.0
+            )
             derating = slower(use, slow**2, "error").with_share(slow[:, None], "error")
         if uses.box is not None:
             # Bodies are late by the time constant of their position loops.
             late = LAGGING / float(self.setting.servo.kp.min()) if self.setting.bodies else 0.0
             use = moment.largest(uses.box, before=late) / tight["box"]
             slow = 1 / np.maximum(use, 1.0)
-            derating = slower(use, np.maximum(slow, self.steps[1]) ** 2, "box")
+            derating = slower(use, np.maximum(slow, self.steps.share) ** 2, "box")
             if self.setting.bodies:
                 derating = derating.with_share(slow[:, None], "box")
         return derating

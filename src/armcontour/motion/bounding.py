@@ -121,7 +121,7 @@ def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> De
     """
     ds, dds, ddds = law.path_motion(i, t)[1:]
     slope = law.rates.slope[i]
-    # ds is a sum of cosh and sinh, or of cos and sin, which are less.
+    # ds is a sum of cosh and sinh, or of cos and sin, whose bounds are smaller.
     root = np.sqrt(np.abs(slope))
     with np.errstate(invalid="ignore"):
         growth = np.where(root > 0, np.sinh(root * half) / root, half)
