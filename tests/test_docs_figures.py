@@ -74,7 +74,7 @@ def test_the_table_of_the_readme_is_what_is_computed(plans):
 
 
 def test_the_figures_of_learning_are_those_of_the_example():
-    printed = yaml.safe_load(page("tests/golden/examples.yaml"))["07_learning"]
+    printed = yaml.safe_load(page("docs/gallery/printed.yaml"))["07_learning"]
     runs = [x for x in printed.splitlines() if x.startswith("run ")]
     (line,) = (x for x in page("README.md").splitlines() if "in the first run" in x)
     first, third = (numbers(runs[k])[1] for k in (0, 2))

@@ -1,19 +1,14 @@
-"""Examples print what golden/examples.yaml says; the longer ones are in tests/slow."""
+"""Examples print what docs/gallery/printed.yaml says; the longer ones are in tests/slow."""
 
 import contextlib
 import io
 import re
 import runpy
-from pathlib import Path
 
 import pytest
-import yaml
 from docs.gallery import pages
 
 QUICK = ("01_paper_job", "02_your_own_job", "06_drawing", "12_clearance")
-PRINTED = yaml.safe_load(
-    (Path(__file__).parent / "golden" / "examples.yaml").read_text(encoding="utf-8")
-)
 # A length, a time, or a number with decimals on the edge between two printed ones may come out as
 # either, by the rounding of another version of a library: one unit of its last digit. Counts and
 # names are exact.
@@ -36,7 +31,7 @@ def check_example(name):
     with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(errors):
         runpy.run_path(str(pages.EXAMPLES / f"{name}.py"), run_name="__main__")
     assert errors.getvalue() == ""
-    expected, found = PRINTED[name].splitlines(), printed.getvalue().splitlines()
+    expected, found = pages.PRINTED[name].splitlines(), printed.getvalue().splitlines()
     words, known = ([NUMBER.sub("#", x).split() for x in y] for y in (found, expected))
     assert words == known
     for want, got in zip(expected, found, strict=True):
@@ -46,10 +41,10 @@ def check_example(name):
 
 def test_the_gallery_shows_every_example_and_its_code():
     assert sorted(x.stem for x in pages.EXAMPLES.glob("*.py")) == list(pages.SHOWN)
-    assert list(PRINTED) == list(pages.SHOWN)
+    assert list(pages.PRINTED) == list(pages.SHOWN)
     for name in pages.SHOWN:
-        page = pages.page_of(name, PRINTED[name])
-        assert pages.code_of(name).rstrip() in page and PRINTED[name].rstrip() in page
+        page = pages.page_of(name)
+        assert pages.code_of(name).rstrip() in page and pages.PRINTED[name].rstrip() in page
         assert f"({name}.md)" in pages.index()
 
 

@@ -6,8 +6,12 @@ import ast
 from dataclasses import dataclass
 from pathlib import Path
 
+import yaml
+
 FOLDER = Path(__file__).parent
 EXAMPLES = FOLDER.parents[1] / "examples"
+# What the examples print, to the last digits that every processor agrees on; tests compare.
+PRINTED = yaml.safe_load((FOLDER / "printed.yaml").read_text(encoding="utf-8"))
 COLUMNS = 3
 
 
@@ -86,7 +90,7 @@ INTRODUCTION = """\
 # Gallery
 
 Every example of [examples/](../../examples) with its picture, its code and what it prints.
-`make docs` runs the examples and writes these pages from their results.
+`make docs` runs the examples and draws their pictures; tests compare what they print.
 """
 
 
@@ -102,8 +106,8 @@ def code_of(name: str) -> str:
     return (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
 
 
-def page_of(name: str, printed: str) -> str:
-    """The page of an example that has printed this."""
+def page_of(name: str) -> str:
+    """The page of an example."""
     title, sentence = title_of(name)
     shown = SHOWN[name]
     more = ", ".join(f"[{words}]({file})" for words, file in shown.more.items())
@@ -122,7 +126,7 @@ def page_of(name: str, printed: str) -> str:
 It prints:
 
 ```text
-{printed.rstrip()}
+{PRINTED[name].rstrip()}
 ```
 
 File: [examples/{name}.py](../../examples/{name}.py). More: {more}.
