@@ -90,7 +90,8 @@ INTRODUCTION = """\
 # Gallery
 
 Every example of [examples/](../../examples) with its picture, its code and what it prints.
-`make docs` runs the examples and draws their pictures; tests compare what they print.
+`make docs` runs the examples and draws their pictures; tests compare what they print with
+[this list](printed.yaml).
 """
 
 
