@@ -9,10 +9,22 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.core import render
+from armcontour.core.result import Data
+
 
 def to_json(data: Any) -> str:
     """The text of a file with data, which people read as well as programs."""
     return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"
+
+
+def data_json(data: Data) -> str:
+    """A result as the text of a file, in SI units.
+
+    Args:
+        data: What the result says.
+    """
+    return to_json(render.plain(data))
 
 
 def plain(value: Any) -> Any:

@@ -1,0 +1,1 @@
+"""What all parts share: how a result is described, and how its figures look."""
