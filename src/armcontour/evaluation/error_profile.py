@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray, Value
+from armcontour._checks import FloatArray, IntArray
 from armcontour._describing import brief, degrees, mm, place_and_time, to_html
+from armcontour.core.fields import Checked
 from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.nearest import pack
 from armcontour.geometry.orientation import turns_between
@@ -53,7 +53,7 @@ class Missed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ErrorProfile(Value):
+class ErrorProfile(Checked):
     """An error over time: a distance [m], or an angle [rad].
 
     Between the contours of a program nothing is judged: there, all columns except `t` are NaN.
@@ -80,12 +80,6 @@ class ErrorProfile(Value):
     t_max: float
     s_max: float
     angular: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("t", "values", "s"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
-        if self.signed is not None:
-            object.__setattr__(self, "signed", _checks.lock_floats(self.signed))
 
     def __str__(self) -> str:
         """RMS and largest value, with time and place."""

@@ -27,6 +27,7 @@ from armcontour._describing import (
 )
 from armcontour.arms import Limits, resolve_limits
 from armcontour.arms.limits import or_unlimited
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.pieces import (
@@ -47,7 +48,7 @@ NEAR = 0.99
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evaluation(Value):
+class Evaluation(Checked):
     """Errors, speeds and use of limits of an execution.
 
     Args:
@@ -125,10 +126,6 @@ class Evaluation(Value):
     saturated: FloatArray
     contours: tuple[ErrorProfile, ...] = ()
     judged: Judged | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        for name in ("demand", "demand_ratio", "jerk", "jerk_ratio", "command_jerk", "saturated"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     def __str__(self) -> str:
         """The figures that matter most, errors first."""
