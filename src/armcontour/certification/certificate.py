@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, line_up, mm
 from armcontour.certification._bodies import LinearFigures
@@ -15,6 +14,7 @@ from armcontour.certification._derating import Derating
 from armcontour.certification._rapids import Derated
 from armcontour.certification.lowering import Lowered
 from armcontour.clearance import Clearance
+from armcontour.core.fields import Checked
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.evaluation import Check, Evaluation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
@@ -86,7 +86,7 @@ class Budget:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Uncertified:
+class Uncertified(Checked):
     """The fastest plan of the same limits, with nothing derated and the same compensation.
 
     Args:
@@ -103,9 +103,6 @@ class Uncertified:
     contour_error: tuple[float, float]
     saturated: FloatArray
     box: float | None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "saturated", _checks.lock_floats(self.saturated))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
