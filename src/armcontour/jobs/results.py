@@ -26,8 +26,8 @@ from armcontour.evaluation import Evaluation
 from armcontour.execution import RigidBodyPlant
 from armcontour.geometry import ShapedPath, count_full_stops
 from armcontour.geometry.shaped import SHAPED, doubt_search
-from armcontour.jobs.job import Job, Run
-from armcontour.jobs.warnings import CURVATURE_JUMPS, INVERSE_DYNAMICS, JerkStop, jerk_stops
+from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops
+from armcontour.jobs.job import INVERSE_DYNAMICS, Job, Run
 from armcontour.jobs.weaves import Weaving, weavings
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
 from armcontour.program import Program

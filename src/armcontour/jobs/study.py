@@ -23,10 +23,10 @@ from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import ServoPlant, execute
 from armcontour.execution.rigid_body_plant import refuse_without_mujoco
 from armcontour.jobs.experiment import build_plant
-from armcontour.jobs.job import Job, Run
+from armcontour.jobs.job import NONE, Job, Run
 from armcontour.jobs.programs import programs_of, trace_run
 from armcontour.jobs.results import ExperimentResult, RunResult, Study
-from armcontour.jobs.warnings import NONE, collect_warnings
+from armcontour.jobs.warnings import collect_warnings
 from armcontour.jobs.ways import (
     clearance_of,
     reach_told,

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,16 +11,14 @@ from armcontour._describing import several
 from armcontour._text import list_some
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
-from armcontour.jobs.job import Run
+from armcontour.jobs.jerk_stops import JerkStop
+from armcontour.jobs.job import INVERSE_DYNAMICS, NONE, Run
+from armcontour.jobs.results import ExperimentResult, RunResult
 from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.motion.command_limits import describe_excess
 from armcontour.program import Contour, Program, contour_called
 from armcontour.program.rounding import doubt_tolerance
 from armcontour.servo import ServoModel
-from armcontour.timing import Tracing, find_jerk_stops
-
-if TYPE_CHECKING:
-    from armcontour.jobs.results import ExperimentResult, RunResult
 
 # Number of contours that one sentence names.
 MOST_NAMES = 4
@@ -36,11 +32,6 @@ COARSE = 0.1
 LOOKS = 1000
 # Errors of joints below this are not reported [rad].
 UNFELT = 1e-6
-# The compensation whose set-points are for rigid bodies, and set-points that are the plan's.
-INVERSE_DYNAMICS = "inverse_dynamics"
-NONE = "none"
-# The reason of full stops that limits of jerk force.
-CURVATURE_JUMPS = "curvature jumps"
 # A contour is slow if it takes this multiple of the time of a straight line of its length, with the
 # largest mean acceleration that its ends show beyond this share of its length.
 SLOW, ENDS = 2.0, 1e-3
@@ -186,47 +177,6 @@ def _missed_speed(
             f"at most in place of {assigned * 1e3:.3g} mm/s",
             "",
         )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JerkStop:
-    """A full stop inside a contour, at a place where the curvature jumps.
-
-    Args:
-        contour: What messages call the contour; empty for a single path.
-        s: Arc length from the start of the contour [m].
-        point: The place [m], 2 or 3 coordinates.
-    """
-
-    contour: str
-    s: float
-    point: tuple[float, ...]
-
-
-def jerk_stops(
-    program: Program, traced: Tracing | None, trajectory: Trajectory, run: Run
-) -> tuple[JerkStop, ...]:
-    """Full stops inside contours that limits of jerk force, in order.
-
-    Args:
-        program: The program that was planned.
-        traced: Its joint paths, if they are known.
-        trajectory: Its plan.
-        run: The run.
-    """
-    if traced is None or not run.limits.jerk_limits:
-        return ()
-    paths = {x.move: x.joint_path for x in traced.steps}
-    found = []
-    for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
-        joint_path = paths.get(span.move)
-        if joint_path is not None and span.trajectory is not None:
-            name = "" if program.single_path is not None else contour_called(x, i)
-            found += [
-                JerkStop(contour=name, s=s, point=tuple(x.path(s).tolist()))
-                for s in find_jerk_stops(joint_path, span.trajectory).tolist()
-            ]
-    return tuple(found)
 
 
 def _stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
