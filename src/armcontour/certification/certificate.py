@@ -23,7 +23,7 @@ from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
 from armcontour.jobs.results import ExperimentResult, RunResult, Study
-from armcontour.jobs.warnings import beyond_logs
+from armcontour.jobs.warnings import beyond_logs, collect_warnings
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.robustness.monte_carlo import Spread
@@ -400,7 +400,7 @@ class Certificate:
     def result(self) -> RunResult:
         """The certified plan as the result of its run."""
         single = self.path.single_path
-        return RunResult(
+        found = RunResult(
             run=self.run,
             objective=self.objective,
             path=self.path,
@@ -415,6 +415,7 @@ class Certificate:
             failure=self.failure,
             clearance=self.clearance,
         )
+        return replace(found, warnings=collect_warnings(found))
 
     @property
     def study(self) -> Study:
