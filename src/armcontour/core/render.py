@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._describing import digits, line_up, to_html
-from armcontour.core.result import FIRST, TABLE, Data, Row, Table
+from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 
 # Units in which people read quantities, and their sizes in SI units.
 SHOWN = {
@@ -98,8 +98,12 @@ def verdict(data: Data) -> str:
     Args:
         data: The result.
     """
-    rows = [x for x in data.shown(FIRST) if x.name != "worst_warning"]
-    said = [f"{x.label} {figure(x)}" + (f" ({x.note})" if x.note else "") for x in rows]
+    said = []
+    for x in data.shown(VERDICT):
+        words = f"{x.label} {figure(x)}"
+        if isinstance(x.value, bool):
+            words = x.label if x.value else f"not {x.label}"
+        said.append(f"{words} ({x.note})" if x.note else words)
     return f"{data.title}: {'; '.join(said)}."
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-# Levels of a row: on the first screen, in tables and in print, or only in files.
-FIRST, TABLE, FILE = range(3)
+# Levels of a row: a verdict, on the first screen, in tables and in print, or only in files.
+VERDICT, FIRST, TABLE, FILE = range(4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Row:
         unit: Its SI unit, "1" for a share, "" for a count.
         label: What it is called; "" for a figure of files only.
         note: What else is said of it, such as the time or the joint.
-        level: `FIRST`, `TABLE` or `FILE`.
+        level: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Table:
         name: Its key in JSON, and its caption.
         columns: Name, unit and label of each column, as rows without values.
         rows: The values, in the order of the columns.
-        level: `FIRST`, `TABLE` or `FILE`.
+        level: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
     """
 
     name: str

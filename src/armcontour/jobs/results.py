@@ -14,7 +14,7 @@ from armcontour._version import __version__
 from armcontour.arms import Arm
 from armcontour.clearance import Clearance
 from armcontour.core.render import Result, compare, lay_out, number, units
-from armcontour.core.result import FILE, FIRST, TABLE, Data, Row, Table
+from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.errors import ExecutionError
 from armcontour.evaluation import Evaluation
 from armcontour.execution import RigidBodyPlant
@@ -214,7 +214,7 @@ class RunResult(Result):
         if allowed is None or e is None:
             return ""
         why = "" if self.run.accuracy is not None else ", a tenth of the smallest tolerance"
-        return f"contour error {mm(e.contour_error.max)} of {mm(allowed)}{why}"
+        return f"contour error {number(e.contour_error.max, 'm')} of {number(allowed, 'm')}{why}"
 
     @property
     def arm(self) -> Arm:
@@ -490,17 +490,17 @@ def _verdict(result: RunResult) -> Iterator[Row]:
             parts.append(f"rounding {number(rounding, 'm')}{of}")
         parts.append(f"servo {number(e.contour_error.max, 'm')}")
         off = (rounding or 0.0) + e.contour_error.max
-        yield Row("off_drawing", off, "m", "off the drawing", ", ".join(parts), FIRST)
+        yield Row("off_drawing", off, "m", "off the drawing", ", ".join(parts), VERDICT)
     yield Row("accuracy", result.accuracy, "m")
-    yield Row("kept", result.kept, "", "kept", result.kept_note, FIRST)
+    yield Row("kept", result.kept, "", "kept", result.kept_note, VERDICT)
     if result.explanation is not None and result.explanation.longest is not None:
         limit, share = result.explanation.longest
         note = f"{number(share, '1')} of the motion"
-        yield Row("time_limit", limit, "", "limits the time", note, FIRST)
+        yield Row("time_limit", limit, "", "limits the time", note, VERDICT)
     if result.warnings:
         more = len(result.warnings) - 1
         note = f"and {several(more, 'more warning')}" if more else ""
-        yield Row("worst_warning", result.warnings[0], "", "warning", note, FIRST)
+        yield Row("worst_warning", result.warnings[0], "", "warning", note, VERDICT)
     yield Row("warnings", result.warnings)
 
 
