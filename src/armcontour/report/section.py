@@ -73,8 +73,8 @@ def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str =
     columns = zip(header, *rows, strict=True)
     _, *figures = columns
     if len(rows) == 1:
-        notes = [x.note for x in next(iter(results.values())).shown(level)]
-        figures = [(*x, note) for x, note in zip(figures, notes, strict=True)]
+        notes = {x.label: x.note for data in results.values() for x in data.shown(level)}
+        figures = [(*x, notes[x[0]]) for x in figures]
         return Table(header=("figure", "value", ""), rows=tuple(figures), caption=caption)
     return Table(header=("figure", *results), rows=tuple(figures), caption=caption)
 
