@@ -203,7 +203,7 @@ def test_defaults_of_compensation_are_those_of_its_page():
 
 # Facts that are printed, by the class of the result.
 FACTS = {
-    "Certificate": ("contour error at most 0.00419", "of 0.1 mm"),
+    "Certificate": ("servo 0.004192 mm", "2.004 mm", "of 0.1 mm"),
     "CheckReport": ("joint acceleration", "rad/s²", "kept"),
     "Evaluation": ("2.1855 s of motion", "mm RMS"),
     "Explanation": ("joint 2 acceleration", "%"),

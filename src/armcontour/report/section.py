@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from armcontour.core.render import compare, figure
+from armcontour.core import result
+from armcontour.core.render import cells, compare, figure
 from armcontour.core.result import FIRST, TABLE, Data
 from armcontour.jobs import RunResult, Study
 
@@ -77,6 +78,17 @@ def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str =
         figures = [(*x, notes[x[0]]) for x in figures]
         return Table(header=("figure", "value", ""), rows=tuple(figures), caption=caption)
     return Table(header=("figure", *results), rows=tuple(figures), caption=caption)
+
+
+def table_of(table: result.Table, caption: str = "") -> Table:
+    """A table of a result, of the columns with a label.
+
+    Args:
+        table: The table.
+        caption: Its caption.
+    """
+    header, *rows = cells(table)
+    return Table(header=header, rows=tuple(rows), caption=caption)
 
 
 def marked_run(study: Study) -> RunResult | None:
