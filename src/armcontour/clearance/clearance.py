@@ -76,11 +76,15 @@ class PairClearance:
     def __str__(self) -> str:
         """The pair, its distance and when, as a sentence."""
         near = "touch" if self.high <= 0 else f"come as near as {self.high * 1e3:.4g} mm"
+        return f"{self.second} and {self.first} {near}, {self.place}"
+
+    @property
+    def place(self) -> str:
+        """When and where they are so near, or first too near, as a phrase."""
         t = self.t if self.first_time is None else self.first_time
         when = f"{'' if self.first_time is None else 'first '}at t = {clock(t)} s"
         x, y, z = self.points[1] * 1e3
-        place = f"({x:.4g}, {y:.4g}, {z:.4g}) mm in the work frame"
-        return f"{self.second} and {self.first} {near}, {when} near {place}"
+        return f"{when} near ({x:.4g}, {y:.4g}, {z:.4g}) mm in the work frame"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,6 +118,11 @@ class Clearance:
     def least(self) -> PairClearance | None:
         """The pair of the least distance; None if there is no pair."""
         return min(self.pairs, key=lambda x: x.high, default=None)
+
+    @property
+    def low(self) -> float | None:
+        """What no pair comes below at any time, proven [m]; None if there is no pair."""
+        return min((x.low for x in self.pairs), default=None)
 
     @property
     def nearest(self) -> tuple[PairClearance, ...]:
@@ -159,10 +168,10 @@ class Clearance:
     def __str__(self) -> str:
         """The verdict, and the nearest pairs."""
         near = self.nearest if self.kept else self.too_near
-        rows = [("pair", "distance", "at", "margin")]
+        rows = [("pair", "clearance" if self.kept else "distance", "at", "margin")]
         for x in near:
             t = x.t if x.first_time is None else x.first_time
-            shown = "touch" if x.high <= 0 else mm(x.high)
+            shown = "touch" if x.high <= 0 else mm(self._lowest(x.kind) if self.kept else x.high)
             rows.append((f"{x.second} and {x.first}", shown, f"{t:.3f} s", mm(x.margin)))
         verdict = "kept" if self.kept else f"{several(len(near), 'pair')} too near"
         looked = f"{several(len(self.pairs), 'pair')}, {len(self.left_out)} not looked at"
@@ -178,10 +187,20 @@ class Clearance:
         first, *others = self.nearest or (None,)
         if first is None:
             return "Clear: there is no pair of bodies that could touch."
+        assert self.low is not None
         clear = "Clear of the cell, but below the base" if self.below else "Clear"
-        more = "; ".join(f"{x.second} and {x.first} {x.high * 1e3:.4g} mm" for x in others)
-        found = f"{clear}: {first}; no nearer than {first.low * 1e3:.4g} mm at any time."
-        return f"{found} Nearest of other kinds: {more}." if more else found
+        more = "; ".join(
+            f"{x.second} and {x.first} {self._lowest(x.kind) * 1e3:.4g} mm" for x in others
+        )
+        found = (
+            f"{clear}: nothing comes nearer than {mm(self.low)} at any time; "
+            f"{first.second} and {first.first} are nearest, {first.place}."
+        )
+        return f"{found} Bounds of other kinds: {more}." if more else found
+
+    def _lowest(self, kind: str) -> float:
+        """What no pair of a kind comes below at any time, proven [m]."""
+        return min(x.low for x in self.pairs if x.kind == kind)
 
     @property
     def below_base(self) -> str | None:

@@ -216,6 +216,8 @@ class Rounding:
 
 # Largest distance of transitions from the objective, by default [m].
 TRANSITION_TOLERANCE = 1e-5
+# The compensation whose set-points are for rigid bodies.
+INVERSE_DYNAMICS = "inverse_dynamics"
 # Keys of `Rounding` that only the shape free has.
 OF_FREE = ("line_tolerance", "zone", "iterations")
 
@@ -283,6 +285,16 @@ class Run:
                 "until is for a job with a single path: errors of a program are evaluated while "
                 "the process is on."
             )
+
+    @property
+    def for_bodies(self) -> bool:
+        """Whether the set-points are for the arm's bodies, which the servo model does not have."""
+        return self.compensation == INVERSE_DYNAMICS
+
+    @property
+    def judge(self) -> Experiment | None:
+        """The experiment that judges the run; None where the servo model does."""
+        return self.experiment if self.for_bodies else None
 
     @property
     def continuity(self) -> Continuity | None:

@@ -29,7 +29,6 @@ from armcontour.geometry.shaped import SHAPED, doubt_search
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.warnings import (
     CURVATURE_JUMPS,
-    INVERSE_DYNAMICS,
     NONE,
     JerkStop,
     Weaving,
@@ -323,16 +322,20 @@ class RunResult:
         return None if found is None else f"Run {self.run.name}: {found}."
 
     @property
+    def judge(self) -> RunResult | ExperimentResult:
+        """The result whose execution judges the run: that on rigid bodies, or that of the servo."""
+        on_bodies = self.run.judge is not None and self.experiment is not None
+        return self.experiment if on_bodies else self  # type: ignore[return-value]
+
+    @property
     def judged(self) -> Evaluation:
-        """What judges the run: its experiment, if its set-points are for the arm's bodies."""
-        if self.for_bodies and self.experiment is not None:
-            return self.experiment.evaluation
-        return self.evaluation
+        """The evaluation that judges the run."""
+        return self.judge.evaluation
 
     @property
     def for_bodies(self) -> bool:
         """Whether the set-points are for the arm's bodies, which the servo model does not have."""
-        return self.run.compensation == INVERSE_DYNAMICS
+        return self.run.for_bodies
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -32,8 +32,7 @@ FAR_ABOVE = 1.5
 LOOKS = 1000
 # Errors of joints below this are not said [rad].
 UNFELT = 1e-6
-# The compensation whose set-points are for rigid bodies, and set-points that are the plan's.
-INVERSE_DYNAMICS = "inverse_dynamics"
+# The compensation whose set-points are the plan's.
 NONE = "none"
 # The reason of full stops that limits of jerk force.
 CURVATURE_JUMPS = "curvature jumps"
@@ -290,7 +289,7 @@ def worse_than_none(
     with_it, without = on_bodies.contour_error, uncompensated.contour_error
     if with_it.rms <= without.rms and with_it.max <= without.max:
         return []
-    if this.compensation == INVERSE_DYNAMICS:
+    if this.for_bodies:
         why = (
             "the simulated robot has other gains, dead time, masses or gravity feed-forward than "
             "the compensation knows, or its drives saturate"

@@ -92,6 +92,27 @@ class Shortfall:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LimitShare:
+    """Length and time for which one limit binds, over all contours.
+
+    Args:
+        name: The limit with its joint, or `BETWEEN`.
+        length: Length [m].
+        time: Time [s].
+        of_length: Share of the length of all contours.
+        of_time: Share of the time of all contours, without the ways between them.
+        count: Number of parts of the path.
+    """
+
+    name: str
+    length: float
+    time: float
+    of_length: float
+    of_time: float
+    count: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
     """Which limits determine the duration of a plan.
 
@@ -116,23 +137,22 @@ class Explanation:
 
     def __repr__(self) -> str:
         """The limits that bind, with their shares of the time."""
-        times, total = self._times, sum(self._times.values()) or 1.0
-        shares = ", ".join(f"{name} {x / total:.0%}" for name, x in times.items())
+        shares = ", ".join(f"{x.name} {x.of_time:.0%}" for x in self.shares)
         stops = f"; {len(self.jerk_stops)} stops by jerk" if self.jerk_stops else ""
         return f"Explanation({shares}; {len(self.shortfalls)} shortfalls{stops})"
 
     def __str__(self) -> str:
         """The limits that bind, longest first, and the slowest place."""
-        times, total = self._times, sum(self._times.values()) or 1.0
+        total = sum(x.time for x in self.shares)
         assigned = self.assigned_length
         said = "" if assigned is None else f", {assigned:.1%} of the length as assigned"
-        longest = [(BETWEEN if name == "nothing" else name, x) for name, x in times.items()]
+        longest = [(x.name, x.time, x.of_time) for x in self.shares]
         if len(longest) > MOST_LISTED:
-            rest = sum(x for _, x in longest[MOST_LISTED - 1 :])
-            others = len(longest) - MOST_LISTED + 1
-            longest[MOST_LISTED - 1 :] = [(f"{others} other limits", rest)]
+            others = self.shares[MOST_LISTED - 1 :]
+            rest = sum(x.time for x in others), sum(x.of_time for x in others)
+            longest[MOST_LISTED - 1 :] = [(f"{len(others)} other limits", *rest)]
         rows = [("limit", "time", "share")]
-        rows += [(name, f"{x:.4f} s", f"{x / total:.1%}") for name, x in longest]
+        rows += [(name, f"{time:.4f} s", f"{share:.1%}") for name, time, share in longest]
         text = line_up(f"Explanation: {total:.4f} s{said}", rows, columns=">")
         worst = min(self.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
         if worst is not None:
@@ -142,12 +162,25 @@ class Explanation:
         return text
 
     @property
-    def _times(self) -> dict[str, float]:
-        """For how long each limit binds [s], the longest first."""
-        times: dict[str, float] = {}
+    def shares(self) -> tuple[LimitShare, ...]:
+        """Length and time for which each limit binds, the longest time first."""
+        sums: dict[str, FloatArray] = {}
         for x in self.bindings:
-            times[x.name] = times.get(x.name, 0.0) + x.t[1] - x.t[0]
-        return dict(sorted(times.items(), key=lambda x: -x[1]))
+            part = np.array([x.s[1] - x.s[0], x.t[1] - x.t[0], 1.0])
+            sums[x.name] = sums.get(x.name, np.zeros(3)) + part
+        length, time, _ = np.sum([np.zeros(3), *sums.values()], axis=0).tolist()
+        found = (
+            LimitShare(
+                name=BETWEEN if name == "nothing" else name,
+                length=x[0],
+                time=x[1],
+                of_length=x[0] / (length or 1.0),
+                of_time=x[1] / (time or 1.0),
+                count=int(x[2]),
+            )
+            for name, x in ((name, x.tolist()) for name, x in sums.items())
+        )
+        return tuple(sorted(found, key=lambda x: -x.time))
 
 
 @_checks.checked

@@ -199,24 +199,12 @@ def _names(why: Explanation) -> list[str]:
 
 def _table(title: str, result: RunResult, why: Explanation) -> Table:
     """Share of length and time per limit, over all contours of a program."""
-    sums: dict[str, list[float]] = {}
-    for x in why.bindings:
-        of = sums.setdefault(x.name, [0.0, 0.0, 0])
-        of[0] += x.s[1] - x.s[0]
-        of[1] += x.t[1] - x.t[0]
-        of[2] += 1
-    length, time = (sum(x[i] for x in sums.values()) for i in (0, 1))
-    rows = [
-        (
-            _label(name),
-            f"{sums[name][0] / length:.1%}",
-            f"{sums[name][1] / time:.1%}",
-            f"{sums[name][2]}",
-        )
-        for name in _names(why)
-    ]
+    shares = {x.name: x for x in why.shares}
+    ordered = (shares[_label(name)] for name in _names(why))
     return Table(
         header=("limit", "of the length", "of the time", "stretches"),
-        rows=tuple(rows),
+        rows=tuple(
+            (x.name, f"{x.of_length:.1%}", f"{x.of_time:.1%}", f"{x.count}") for x in ordered
+        ),
         caption=title,
     )
