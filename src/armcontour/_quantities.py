@@ -7,6 +7,7 @@ keys of files.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import EllipsisType
 from typing import Annotated, Literal
 
 from armcontour._checks import LARGEST, LONGEST_NAME, SMALLEST, FloatArray
@@ -57,7 +58,7 @@ class Quantity:
     @property
     def words(self) -> str:
         """The unit for messages; empty for plain numbers."""
-        return "" if self.unit == "1" else self.unit
+        return "" if self.unit == "1" else self.unit.replace("^2", "²").replace("^3", "³")
 
     def needed(self, value: float) -> str:
         """What a finite value outside the range must do, after the word "must"."""
@@ -80,12 +81,12 @@ class Axes:
 
     Args:
         axes: Length of each axis, or its name. Axes with the same name have the same length in all
-            fields of a dataclass.
+            fields of a dataclass. `...` alone is any shape.
     """
 
-    axes: tuple[str | int, ...]
+    axes: tuple[str | int | EllipsisType, ...]
 
-    def __init__(self, *axes: str | int) -> None:
+    def __init__(self, *axes: str | int | EllipsisType) -> None:
         object.__setattr__(self, "axes", axes)
 
     def __str__(self) -> str:
@@ -143,7 +144,7 @@ Duration = Annotated[float, Quantity("s", "4 ms", "not negative")]
 Interval = Annotated[float, Quantity("s", "4 ms", "positive")]
 Frequency = Annotated[float, Quantity("1/s", "2 Hz", "positive")]
 Pole = Annotated[float, Quantity("1/s", "-100 1/s", "negative")]
-Mass = Annotated[float, Quantity("kg", "2 kg")]
+Mass = Annotated[float, Quantity("kg", "2 kg", "not negative")]
 Inertia = Annotated[float, Quantity("kg m^2", "0.002 kg m^2")]
 Ratio = Annotated[float, Quantity("1", "10 %")]
 LargestRatio = Annotated[float, Quantity("1", "40 %", "not negative")]

@@ -23,9 +23,9 @@ from armcontour.errors import InvalidInput
 
 # Reads a value: the checked one, or the value itself if nothing had to be converted.
 Reader = Callable[[Any], Any]
-# Axes of arrays with one value for all joints or one per joint; and with a pair of bounds for each.
-PER_JOINT: tuple[tuple[str | int, ...], ...] = ((), ("joints",))
-BOUNDS = ("joints", 2)
+# Shapes of arrays with one value for all joints or one per joint, or with a pair of bounds for each.
+PER_JOINT = (Axes(), Axes("joints"))
+BOUNDS = Axes("joints", 2)
 
 
 class Checked(Value):
@@ -98,7 +98,7 @@ def _readers(
         read = _reader(hints[x.name] if _checks.kinds_of(hint) else hint, field)
         if read is not None:
             found.append((x.name, read, optional))
-        shape = next((y for y in getattr(hint, "__metadata__", ()) if isinstance(y, Axes)), None)
+        shape = _axes(getattr(hint, "__metadata__", ()))
         if shape is not None and any(isinstance(y, str) for y in shape.axes):
             shapes.append((x.name, shape))
     return tuple(found), tuple(shapes)
@@ -145,19 +145,39 @@ def _read_annotated(of: Any, marks: tuple[Any, ...], field: _Field) -> Reader | 
     """The reader of values with metadata."""
     who = field.who
     quantity = next((x for x in marks if isinstance(x, Quantity)), None)
-    shape = next((x for x in marks if isinstance(x, Axes)), None)
+    shape = _axes(marks)
     if quantity is not None:
-        return _read_number(quantity, who) if of is float else _read_numbers(quantity, shape, who)
-    if shape is not None:
+        return (
+            _read_number(quantity, field) if of is float else _read_numbers(quantity, shape, field)
+        )
+    if shape is not None and get_origin(of) is np.ndarray:
         return _read_shaped(_reader(of, field), shape, who)
     for mark in marks:
-        if isinstance(mark, Choice) and of is str:
-            return lambda value: _checks.choice(who, value, mark.known)
+        if isinstance(mark, Choice):
+            return _read_choice(mark.known, of is str, who)
         if isinstance(mark, AtLeast):
             return _read_whole(who, mark.least, mark.most)
         if isinstance(mark, Named):
             return lambda value: _read_name(value, mark, who)
     return _reader(of, field)
+
+
+def _axes(marks: tuple[Any, ...]) -> Axes | None:
+    """The shape in the metadata of a field."""
+    return next((x for x in marks if isinstance(x, Axes)), None)
+
+
+def _read_choice(known: tuple[str, ...], single: bool, who: str) -> Reader:
+    """The reader of one of several texts, or of a list of them."""
+
+    def read(value: Any) -> Any:
+        if single or isinstance(value, str):
+            return _checks.choice(who, value, known)
+        values = _checks.listed(who, value, str, "texts")
+        _checks.refuse_if(not values, f"{who} must not be empty.")
+        return tuple(_checks.choice(who, x, known) for x in values)
+
+    return read
 
 
 def _read_name(value: Any, mark: Named, who: str) -> str:
@@ -286,9 +306,9 @@ def _read_float(field: _Field) -> Reader:
     return read
 
 
-def _read_number(quantity: Quantity, who: str) -> Reader:
+def _read_number(quantity: Quantity, field: _Field) -> Reader:
     """The reader of one number within the range of its quantity."""
-    low, high = quantity.range
+    (low, high), who = quantity.range, field.who
 
     def read(value: Any) -> float:
         # NaN fails the comparison.
@@ -300,25 +320,29 @@ def _read_number(quantity: Quantity, who: str) -> Reader:
                 f"{who} must be one number{_checks.in_unit(quantity.words)}, not an array of "
                 f"{array.size}."
             )
-        _refuse_outside(array, quantity, who)
+        _refuse_outside(array, quantity, field)
         return float(array)
 
     return read
 
 
-def _read_numbers(quantity: Quantity, shape: Axes | None, who: str) -> Reader:
+def _read_numbers(quantity: Quantity, shape: Axes | None, field: _Field) -> Reader:
     """The reader of an array within the range of its quantity, which is locked."""
-    unit, axes = quantity.words, PER_JOINT
-    if shape is not None:
-        axes = (shape.axes,)
-    elif quantity.bounds:
-        axes = (*PER_JOINT, BOUNDS)
+    unit, allowed = quantity.words, (*PER_JOINT, BOUNDS) if quantity.bounds else PER_JOINT
+    allowed = allowed if shape is None else (shape,)
 
     def read(value: Any) -> FloatArray:
-        array = _checks.lock_floats(value, who, unit)
-        if not any(_fits(array, x) for x in axes) or (shape is None and not array.size):
-            _refuse_shape(array, shape, unit, who)
-        _refuse_outside(array, quantity, who)
+        array = _checks.lock_floats(value, field.who, unit)
+        if not any(_fits(array, x) for x in allowed) or (shape is None and not array.size):
+            needed = "be one value for all joints or one per joint"
+            needed += " or a lower and an upper bound per joint" if quantity.bounds else ""
+            raise InvalidInput(
+                f"{field.who} must {needed if shape is None else f'have shape {shape}'}"
+                f"{_checks.in_unit(unit)}, but has shape {array.shape}.",
+                limit=field.role if quantity.endless else None,
+            )
+        paired = quantity.bounds and array.ndim == 2
+        _refuse_outside(array * (-1.0, 1.0) if paired else array, quantity, field)
         return array
 
     return read
@@ -330,31 +354,22 @@ def _read_shaped(read: Reader | None, shape: Axes, who: str) -> Reader:
 
     def read_shaped(value: Any) -> Any:
         array = read(value)
-        if not _fits(array, shape.axes):
-            _refuse_shape(array, shape, "", who)
+        if not _fits(array, shape):
+            raise InvalidInput(f"{who} must have shape {shape}, but has shape {array.shape}.")
         return array
 
     return read_shaped
 
 
-def _fits(array: FloatArray, axes: tuple[str | int, ...]) -> bool:
-    """Whether the shape of an array is that of some axes; an axis with a name has any length."""
-    return array.ndim == len(axes) and all(
-        isinstance(x, str) or x == n for x, n in zip(axes, array.shape, strict=True)
+def _fits(array: FloatArray, shape: Axes) -> bool:
+    """Whether the shape of an array is a required one; an axis with a name has any length."""
+    return shape.axes == (...,) or (
+        array.ndim == len(shape.axes)
+        and all(isinstance(x, str) or x == n for x, n in zip(shape.axes, array.shape, strict=True))
     )
 
 
-def _refuse_shape(array: FloatArray, shape: Axes | None, unit: str, who: str) -> None:
-    """Refuse an array of another shape.
-
-    Raises:
-        InvalidInput: Always.
-    """
-    needed = f"of shape {shape}" if shape else "one number for all joints or one per joint"
-    raise InvalidInput(f"{who} must be {needed}{_checks.in_unit(unit)}, not of {array.shape}.")
-
-
-def _refuse_outside(array: FloatArray, quantity: Quantity, who: str) -> None:
+def _refuse_outside(array: FloatArray, quantity: Quantity, field: _Field) -> None:
     """Refuse numbers outside the range of their quantity.
 
     Raises:
@@ -372,8 +387,13 @@ def _refuse_outside(array: FloatArray, quantity: Quantity, who: str) -> None:
     value, more = float(array[where]), _checks.suffix(quantity.words)
     place = f" at index {', '.join(str(x) for x in where)}" if where else ""
     needed = quantity.needed(value) if np.isfinite(value) else "be finite"
+    if quantity.bounds and array.ndim == 2:
+        needed = "be a lower bound below zero and an upper bound above zero"
+        value = -value if where[1] == 0 else value
     raise InvalidInput(
-        f"{who} must {needed}, but is {value:g}{more}{place}.", index=where[0] if where else None
+        f"{field.who} must {needed}, but is {value:g}{more}{place}.",
+        index=where[0] if where else None,
+        limit=field.role if quantity.endless else None,
     )
 
 
@@ -388,12 +408,13 @@ def _refuse_misfits(value: Any, shapes: tuple[tuple[str, Axes], ...]) -> None:
         array = getattr(value, name)
         if array is None:
             continue
-        for axis, n in zip(shape.axes, array.shape, strict=True):
-            if isinstance(axis, int):
+        lengths_of = (len(array),) if isinstance(array, tuple) else array.shape
+        for axis, n in zip(shape.axes, lengths_of, strict=True):
+            if not isinstance(axis, str):
                 continue
             known, first = lengths.setdefault(axis, (n, name))
             if n != known:
                 raise InvalidInput(
-                    f"{name} of {_noun(type(value))} has shape {array.shape}, but must have "
+                    f"{name} of {_noun(type(value))} has shape {lengths_of}, but must have "
                     f"shape {shape} with {axis} = {known}, as {first} has."
                 )
