@@ -680,7 +680,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **keywords)
         except TypeError:
-            _refuse_call(function, args, keywords)
+            refuse_call(function, args, keywords)
             raise
 
     return call
@@ -704,13 +704,13 @@ def explained(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **keywords)
         except TypeError:
-            _refuse_call(function, args, keywords)
+            refuse_call(function, args, keywords)
             raise
 
     return call
 
 
-def _refuse_call(
+def refuse_call(
     function: Callable[..., Any], args: tuple[Any, ...], keywords: Mapping[str, Any]
 ) -> None:
     """Refuse arguments that a function does not have, and the lack of those that it needs.

@@ -147,15 +147,16 @@ Pole = Annotated[float, Quantity("1/s", "-100 1/s", "negative")]
 Mass = Annotated[float, Quantity("kg", "2 kg", "not negative")]
 Inertia = Annotated[float, Quantity("kg m^2", "0.002 kg m^2")]
 Ratio = Annotated[float, Quantity("1", "10 %")]
-LargestRatio = Annotated[float, Quantity("1", "40 %", "not negative")]
 Reserve = Annotated[float, Quantity("1", "10 %", "share")]
 
 DEAD_TIME = Quantity("s", "4 ms", "not negative")
 VISCOUS = Quantity("N m s/rad", "8 N m s/rad", "not negative")
 COULOMB = Quantity("N m", "6 N m", "not negative")
+STIFFNESS = Quantity("N m/rad", "2e4 N m/rad", "positive")
+DAMPING = Quantity("N m s/rad", "2 N m s/rad", "not negative")
 MORE_PAYLOAD = Quantity("kg", "2 kg")
 SHARE = Quantity("1", "50 %")
-LARGEST_SHARE = Quantity("1", "10 %", "not negative")
+GAIN_ERROR = Quantity("1", "10 %", "share")
 # One value for all joints, or one per joint.
 # Limits, which infinity lifts.
 JointRanges = Annotated[FloatArray, Quantity("rad", "90 deg", endless=True)]
@@ -174,19 +175,11 @@ AngularAccelerationLimit = Annotated[
     float, Quantity("rad/s^2", "720 deg/s^2", "positive", endless=True)
 ]
 JerkLimit = Annotated[float, Quantity("m/s^3", "40 m/s^3", "positive", endless=True)]
-JointInertias = Annotated[FloatArray, Quantity("kg m^2", "1.2 kg m^2", "positive")]
 JointArmatures = Annotated[FloatArray, Quantity("kg m^2", "0.1 kg m^2", "not negative")]
 ViscousFrictions = Annotated[FloatArray, VISCOUS]
 CoulombFrictions = Annotated[FloatArray, COULOMB]
-JointStiffnesses = Annotated[FloatArray, Quantity("N m/rad", "2e4 N m/rad", "positive")]
-JointDampings = Annotated[FloatArray, Quantity("N m s/rad", "2 N m s/rad", "not negative")]
-Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive", endless=True)]
-IntegralGains = Annotated[FloatArray, Quantity("1/s", "5 1/s", "not negative")]
+JointStiffnesses = Annotated[FloatArray, STIFFNESS]
+JointDampings = Annotated[FloatArray, DAMPING]
 OwnAccelerations = Annotated[
     FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", endless=True)
 ]
-AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", "not negative")]
-LoggedVelocities = Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", "not negative")]
-LoggedAccelerations = Annotated[FloatArray, Quantity("rad/s^2", "8 rad/s^2", "not negative")]
-FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", "not negative")]
-DeadTimes = Annotated[FloatArray, DEAD_TIME]

@@ -9,9 +9,19 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from functools import cache
-from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from functools import cache, wraps
+from types import CodeType, UnionType
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 
@@ -21,9 +31,11 @@ from armcontour._quantities import AtLeast, Axes, Choice, Named, Quantity
 from armcontour._text import capitalise, shorten, show
 from armcontour.errors import InvalidInput
 
+P = ParamSpec("P")
+R = TypeVar("R")
 # Reads a value: the checked one, or the value itself if nothing had to be converted.
 Reader = Callable[[Any], Any]
-# Shapes of arrays with one value for all joints or one per joint, or with a pair of bounds for each.
+# Shapes of one value for all joints, of one per joint, and of a pair of bounds per joint.
 PER_JOINT = (Axes(), Axes("joints"))
 BOUNDS = Axes("joints", 2)
 
@@ -64,6 +76,49 @@ def check(value: Any) -> None:
         if not isinstance(where, str) or not where or name in ("source", "name"):
             raise
         raise error.at(shorten(where, _checks.LONGEST_NAME)) from None
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a public function: it checks its arguments by their annotations, as fields."""
+    code: CodeType = function.__code__
+    names = code.co_varnames[: code.co_argcount]
+
+    @wraps(function)
+    def call(*args: Any, **keywords: Any) -> R:
+        readers = _readers_of_arguments(function)
+        given = [
+            readers[name](x) if name in readers else x for name, x in zip(names, args, strict=False)
+        ]
+        named = {name: readers[name](x) if name in readers else x for name, x in keywords.items()}
+        # No second wrapper: warnings name the line so many calls above.
+        try:
+            return function(*given, *args[len(names) :], **named)
+        except TypeError:
+            _checks.refuse_call(function, args, keywords)
+            raise
+
+    return call
+
+
+@cache
+def _readers_of_arguments(function: Callable[..., Any]) -> dict[str, Reader]:
+    """Readers of the arguments of a function by their names; arrays are left to the function."""
+    user = function.__qualname__.removesuffix(".__init__")
+    found = {}
+    for name, hint in get_type_hints(function, include_extras=True).items():
+        plain, optional = _without_none(hint)
+        if name == "return" or get_origin(plain) is np.ndarray:
+            continue
+        field = _Field(user, name, name)
+        read = _reader(hint if _checks.kinds_of(hint) else plain, field)
+        if read is not None:
+            found[name] = _or_none(read) if optional else read
+    return found
+
+
+def _or_none(read: Reader) -> Reader:
+    """A reader that lets None pass."""
+    return lambda value: None if value is None else read(value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -328,8 +383,8 @@ def _read_number(quantity: Quantity, field: _Field) -> Reader:
 
 def _read_numbers(quantity: Quantity, shape: Axes | None, field: _Field) -> Reader:
     """The reader of an array within the range of its quantity, which is locked."""
-    unit, allowed = quantity.words, (*PER_JOINT, BOUNDS) if quantity.bounds else PER_JOINT
-    allowed = allowed if shape is None else (shape,)
+    unit, allowed = quantity.words, [*PER_JOINT, BOUNDS] if quantity.bounds else list(PER_JOINT)
+    allowed = allowed if shape is None else [shape]
 
     def read(value: Any) -> FloatArray:
         array = _checks.lock_floats(value, field.who, unit)

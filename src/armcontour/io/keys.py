@@ -260,9 +260,10 @@ def _annotated(of: Any, *marks: Any) -> Any:
             return number if mark.unit else Number
         each: Any = number | list[number]  # type: ignore[valid-type]
         lengths = next((x.axes for x in marks[1:] if isinstance(x, Axes)), ())
-        if len(lengths) == 1 and isinstance(lengths[0], int):
-            (n,) = lengths
-            return Annotated[list[number], Field(min_length=n, max_length=n)]  # type: ignore[valid-type]
+        match lengths:
+            case (int(n),):
+                exact: Any = Annotated[list[number], Field(min_length=n, max_length=n)]  # type: ignore[valid-type]
+                return exact
         bound: Any = _number(dataclasses.replace(mark, sign="any"))
         pair = Annotated[list[bound], Field(min_length=2, max_length=2)]
         return each | list[pair] if mark.bounds else each
