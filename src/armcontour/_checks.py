@@ -464,8 +464,10 @@ def whole(name: str, value: Any, low: int | None = None, high: int | None = None
     Raises:
         InvalidInput: The value is not a whole number, or outside this range.
     """
-    checked = number(name, value)
     least, most = (-LARGEST if low is None else low), (MOST_WHOLE if high is None else high)
+    if type(value) is int and least <= value <= most:
+        return value
+    checked = number(name, value)
     if checked != int(checked) or not least <= checked <= most:
         range_ = "" if low is None else f" of at least {low}"
         range_ = range_ if high is None else f" from {low} to {high}"

@@ -103,9 +103,9 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class AtLeast:
-    """The smallest and the largest allowed whole number: annotates an int."""
+    """The smallest and the largest allowed whole number, None for any: annotates an int."""
 
-    least: int
+    least: int | None
     most: int | None = None
 
 

@@ -13,7 +13,7 @@ import pytest
 import yaml
 from tests.io.tables import refusals
 
-from armcontour._quantities import AtLeast, Choice, Gains, Ratio, Speed
+from armcontour._quantities import AtLeast, Choice, Ratio, Speed
 from armcontour._yaml import load
 from armcontour.errors import InvalidInput
 from armcontour.io.cell import cell_names, cell_text
@@ -21,6 +21,7 @@ from armcontour.io.job_model import CellModel
 from armcontour.io.json_text import plain, to_json
 from armcontour.io.keys import Given, Keys, read_keys
 from armcontour.io.si_data import in_si
+from armcontour.servo.model import Gains
 
 
 @dataclass(frozen=True, kw_only=True)

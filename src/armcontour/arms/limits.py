@@ -26,7 +26,7 @@ from armcontour._quantities import (
     JointVelocities,
     SpeedLimit,
 )
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 
 JOINT_LIMITS = {
@@ -181,7 +181,7 @@ class Limits(Checked):
         given = cls().replace(**values)
         return given._without(x for x in UNITS if getattr(given, x) is None)
 
-    @_checks.checked
+    @checked
     def over(self, others: Limits) -> Limits:
         """These limits, and where they have neither a value nor lift one, the others.
 

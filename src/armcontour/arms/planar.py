@@ -16,7 +16,7 @@ from armcontour.arms.arm import hint_at_unit
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import Limits
 from armcontour.arms.serial import ChainArm
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.frames import Frame
 from armcontour.scene import ArmShapes, Capsule, LinkShape
@@ -93,7 +93,7 @@ class PlanarTwoLink(ChainArm):
     # Named after the sign of theta2. The paper prints (4) for the first solution only.
     branches = ("positive", "negative")
 
-    @_checks.checked
+    @checked
     def __init__(
         self,
         *,

@@ -15,6 +15,7 @@ from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.clearance.distances import UNCERTAINTY, Distances
 from armcontour.clearance.pairs import Pair, mounting_pairs, pairs_of
+from armcontour.core.fields import checked
 from armcontour.errors import Collision
 from armcontour.motion import Execution, JointPath, Trajectory
 from armcontour.motion.travel import joint_travel, largest_accelerations
@@ -201,7 +202,7 @@ class Clearance:
 Motion: TypeAlias = Trajectory | Execution | JointPath
 
 
-@_checks.checked
+@checked
 def check_clearance(
     motion: Motion,
     arm: Arm,
@@ -243,7 +244,7 @@ class Cell:
         InvalidInput: As `check_clearance`.
     """
 
-    @_checks.checked
+    @checked
     def __init__(self, arm: Arm, scene: Scene) -> None:
         self.pairs, self.left_out = pairs_of(arm, scene)
         self._mounting = mounting_pairs(arm, scene)
@@ -251,7 +252,7 @@ class Cell:
         self._distances = Distances(arm.chain, self.pairs) if self.pairs else None
         self._heights = Distances(arm.chain, self._mounting) if self._mounting else None
 
-    @_checks.checked
+    @checked
     def check(self, motion: Motion, *, resolution: float = 1e-3) -> Clearance:
         """As `check_clearance`.
 
@@ -287,7 +288,7 @@ class Cell:
         found = (x for x in search.results() if x.high < x.margin)
         return tuple(sorted(found, key=lambda x: x.high))
 
-    @_checks.checked
+    @checked
     def stays_above(self, motion: Motion) -> bool:
         """Whether all links stay above the plane in which the base is mounted; True without one.
 

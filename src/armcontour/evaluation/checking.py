@@ -28,6 +28,7 @@ from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits, SerialArm, resolve_limits
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking_samples import judge_samples
 from armcontour.evaluation.contour_windows import find_windows
@@ -163,7 +164,7 @@ class Check:
         raise KeyError(name)
 
 
-@_checks.checked
+@checked
 def check(
     samples: TimeSamples | Law,
     arm: Arm,

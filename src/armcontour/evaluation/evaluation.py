@@ -27,7 +27,7 @@ from armcontour._describing import (
 )
 from armcontour.arms import Limits, resolve_limits
 from armcontour.arms.limits import or_unlimited
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.pieces import (
@@ -237,7 +237,7 @@ class Judged(Value):
     limits: Limits
 
 
-@_checks.checked
+@checked
 def evaluate(
     executed: Execution,
     path: Path | Program,

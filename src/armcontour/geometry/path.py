@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray, Value
+from armcontour._checks import FloatArray, IntArray
 from armcontour._describing import brief, digits, line_up, several
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose, angle_between
 from armcontour.geometry import orienting
@@ -32,7 +33,7 @@ SAME_BREAK = 1e-12
 # No slots: with slots, Python's frozen classes give no clear error for setting a property.
 @_checks.explain_calls
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Path(Value):
+class Path(Checked):
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
 
     Rounding and smoothing put transitions between them, along which the curvature changes. Splines
@@ -60,8 +61,7 @@ class Path(Value):
     orientation: Orientation | None = None
     breaks: FloatArray = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        _checks.check_fields(self)
+    def _check_together(self) -> None:
         object.__setattr__(self, "segments", self.segments.check())
         n = len(self.segments)
         if self.waypoints is EVERY_VERTEX:
@@ -75,7 +75,7 @@ class Path(Value):
             object.__setattr__(self, "orientation", self._fitting(self.orientation))
 
     @classmethod
-    @_checks.checked
+    @checked
     def polyline(cls, points: npt.ArrayLike, *, demand: Demand = NO_DEMAND) -> Path:
         """The path of straight lines through `points`.
 
@@ -112,7 +112,7 @@ class Path(Value):
         return Path(segments=tabulate(segments))
 
     @classmethod
-    @_checks.checked
+    @checked
     def spline(
         cls,
         points: npt.ArrayLike,

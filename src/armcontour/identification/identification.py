@@ -8,6 +8,7 @@ from typing import overload
 from armcontour import _checks
 from armcontour._progress import Progress, Step, under
 from armcontour.arms import Arm
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.identification.bodies import GRAVITIES, RobotIdentification, identify_robot
 from armcontour.identification.bodies.checking import arranged
@@ -62,7 +63,7 @@ def identify(
 ) -> RobotIdentification: ...
 
 
-@_checks.checked
+@checked
 def identify(
     log: Log | Sequence[Log],
     *,

@@ -12,6 +12,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import line_up
+from armcontour.core.fields import checked
 from armcontour.frames import Frame
 from armcontour.jobs.axes import Axis
 from armcontour.jobs.job import Job, Run
@@ -109,7 +110,7 @@ class Placement:
         at = np.unravel_index(_checks.whole("index", index, 0, len(self.verdicts) - 1), self.shape)
         return {x.name: float(x.values[k]) for x, k in zip(self.axes, at, strict=True)}
 
-    @_checks.checked
+    @checked
     def frame(self, place: Place | None = None) -> Frame:
         """Where the part, or the base, is taken, in the coordinates of the job's path.
 
@@ -118,7 +119,7 @@ class Placement:
         """
         return self.moves.frame((place or self.refined).values)
 
-    @_checks.checked
+    @checked
     def placed(self, place: Place | None = None) -> Job:
         """The job with its part or base in a place.
 

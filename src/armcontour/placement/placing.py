@@ -15,6 +15,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, under
 from armcontour.arms import SerialArm
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_errors
 from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
 from armcontour.jobs.job import Job, Run, choose_run
@@ -36,7 +37,7 @@ SAMPLES = 200
 MOST_EXPLAINED = 40
 
 
-@_checks.checked
+@checked
 def place(
     job: Job,
     run: str | None = None,

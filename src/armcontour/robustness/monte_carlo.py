@@ -14,7 +14,7 @@ from armcontour._checks import BoolArray, FloatArray
 from armcontour._describing import brief, line_up, mm
 from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.serial import ChainArm
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
 from armcontour.geometry.biarcs import draw_arcs
@@ -147,7 +147,7 @@ class Spread(Checked):
         return float(np.mean(self.max <= budget))
 
 
-@_checks.checked
+@checked
 def spread(
     taught: TaughtData,
     path: Path,
@@ -197,7 +197,7 @@ def spread(
     return model.executed(unit, started, _threads(threads))
 
 
-@_checks.checked
+@checked
 def worst_corner(
     taught: TaughtData,
     path: Path,

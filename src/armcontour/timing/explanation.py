@@ -12,6 +12,7 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import line_up, several, to_html
 from armcontour.arms import Arm, Limits, resolve_limits
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.timing.common import with_reserve
@@ -150,7 +151,7 @@ class Explanation:
         return dict(sorted(times.items(), key=lambda x: -x[1]))
 
 
-@_checks.checked
+@checked
 def explain(
     trajectory: Trajectory,
     arm: Arm | Any,
