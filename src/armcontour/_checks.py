@@ -475,26 +475,6 @@ def whole(name: str, value: Any, low: int | None = None, high: int | None = None
     return int(checked)
 
 
-def each_not_negative(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
-    """Numbers that are not negative, one for all joints or one per joint, as a locked array.
-
-    Args:
-        name: Name of the quantity, for messages.
-        values: The numbers.
-        unit: Their unit, for messages.
-
-    Raises:
-        InvalidInput: A value is not a number, or is negative.
-    """
-    found = lock_floats(numbers(name, values, unit))
-    if found.ndim > 1 or found.size == 0 or (found < 0).any():
-        raise InvalidInput(
-            f"{name} must not be negative, one for all joints or one per joint, but is "
-            f"{found.tolist()}{' ' * bool(unit)}{unit}."
-        )
-    return found
-
-
 def per_vertex(
     name: str, values: npt.ArrayLike | None, vertices: int, unit: str = ""
 ) -> FloatArray:
@@ -744,21 +724,6 @@ def refuse_call(
         x.name for x in slots.values() if x.default is Parameter.empty and x.name not in done
     ]
     refuse_if(bool(lacking), f"{user} needs {' and '.join(lacking)}; {takes}")
-
-
-def check_fields(value: Any) -> None:
-    """Refuse fields of a dataclass that are of other classes than its annotations name.
-
-    Args:
-        value: The dataclass.
-
-    Raises:
-        InvalidInput: A field is of another class.
-    """
-    own: Any = type(value)
-    for name, kinds in _kinds_by_name(own).items():
-        if not isinstance(getattr(value, name), kinds):
-            refuse_other(own.__name__, getattr(value, name), *kinds, role=name)
 
 
 @cache

@@ -126,7 +126,11 @@ class Some:
 
 Name = Annotated[str, Named()]
 NeededName = Annotated[str, Named(needed=True)]
+Seed = Annotated[int, AtLeast(0)]
+Workers = Annotated[int, AtLeast(1, 1024)]
 PlainNumber = Annotated[float, Quantity("")]
+Factor = Annotated[float, Quantity("", sign="positive")]
+NotNegative = Annotated[float, Quantity("", sign="not negative")]
 Direction = Annotated[FloatArray, Quantity(""), Axes(3)]
 Length = Annotated[float, Quantity("m", "5 mm")]
 Distance = Annotated[float, Quantity("m", "5 mm", "not negative")]

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._quantities import Quantity, Size
+from armcontour._quantities import Length, Name, Quantity, Size
 from armcontour.arms.arm import hint_at_unit
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import Limits
@@ -98,24 +98,19 @@ class PlanarTwoLink(ChainArm):
         self,
         *,
         name: str,
-        base: float,
-        links: tuple[float, float],
+        base: Length,
+        links: tuple[Size, Size],
         limits: Limits,
         source: str = "",
-        joint_names: tuple[str, str] = ("joint 1", "joint 2"),
+        joint_names: tuple[Name, Name] = ("joint 1", "joint 2"),
         tubes: tuple[Tube, Tube] | None = None,
         payload: Payload | None = None,
         assumed: str = "",
         limits_hint: str = "",
     ) -> None:
-        lengths = _checks.listed("links", links, object, "two lengths in m", 2)
-        self.base = _checks.number("base", base, "m")
-        self.link1 = _checks.positive("first link length", lengths[0], "m")
-        self.link2 = _checks.positive("second link length", lengths[1], "m")
-        joints = _checks.check_names("joint_names", joint_names, 2)
-        if tubes is not None:
-            tubes = _checks.listed("tubes", tubes, Tube, "two Tubes", 2)
-        chain = self._chain(joints, tubes, payload, assumed)
+        self.base = base
+        self.link1, self.link2 = links
+        chain = self._chain(joint_names, tubes, payload, assumed)
         self._describe(name, chain, limits, source, limits_hint)
         if tubes is not None:
             self.shapes = _capsules(tubes, (self.link1, self.link2))

@@ -10,6 +10,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import brief, clock, line_up, mm, several
+from armcontour._quantities import Tolerance
 from armcontour._sampling import interpolate
 from armcontour._text import list_some
 from armcontour.arms import Arm
@@ -253,14 +254,13 @@ class Cell:
         self._heights = Distances(arm.chain, self._mounting) if self._mounting else None
 
     @checked
-    def check(self, motion: Motion, *, resolution: float = 1e-3) -> Clearance:
+    def check(self, motion: Motion, *, resolution: Tolerance = 1e-3) -> Clearance:
         """As `check_clearance`.
 
         Args:
             motion: The motion.
             resolution: How well the least distance of every kind of pairs is known [m].
         """
-        _checks.positive("resolution", resolution, "m")
         below = self.below(motion, resolution)
         if self._distances is None:
             return Clearance(pairs=(), left_out=self.left_out, below=below)

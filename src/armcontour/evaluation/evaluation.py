@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray, Value
 from armcontour._describing import (
     brief,
@@ -25,6 +24,7 @@ from armcontour._describing import (
     several,
     to_html,
 )
+from armcontour._quantities import Interval
 from armcontour.arms import Limits, resolve_limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.core.fields import Checked, checked
@@ -244,7 +244,7 @@ def evaluate(
     *,
     objective: Path | Program | None = None,
     limits: Limits | None = None,
-    until: float | None = None,
+    until: Interval | None = None,
     limit_use: bool = False,
 ) -> Evaluation:
     """Evaluate an execution against the path that it was to follow.
@@ -282,8 +282,6 @@ def evaluate(
     t, speed, duration = executed.t, executed.tool_speed, trajectory.duration
     moved = (t >= 0) & (t <= duration)
     settled = settling_time(executed, speed)
-    if until is not None:
-        until = _checks.positive("until", until, "s")
     _, end = evaluated_times(executed, until)
     pieces = pieces_of(executed, program, before, until)
     contours = tuple(x.contour_error for x in pieces)

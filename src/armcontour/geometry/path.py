@@ -13,6 +13,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour._describing import brief, digits, line_up, several
+from armcontour._quantities import Factor, Tolerance
 from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose, angle_between
@@ -117,7 +118,7 @@ class Path(Checked):
         cls,
         points: npt.ArrayLike,
         *,
-        tolerance: float = 1e-6,
+        tolerance: Tolerance = 1e-6,
         closed: bool = False,
         demand: Demand = NO_DEMAND,
     ) -> Path:
@@ -138,7 +139,7 @@ class Path(Checked):
         kept = _without_repeats(given)
         if len(kept) < 2:
             raise InvalidInput("A spline needs at least two different points.")
-        if _checks.positive("spline tolerance", tolerance, "m") < REPEATED_POINT:
+        if tolerance < REPEATED_POINT:
             raise InvalidInput(
                 f"The spline tolerance must be at least {REPEATED_POINT:g} m, but is "
                 f"{tolerance:g} m."
@@ -204,7 +205,8 @@ class Path(Checked):
         found = orienting.follow(self.segments, up, tool, axis_only=axis_only)
         return dataclasses.replace(self, orientation=found)
 
-    def placed(self, frame: Pose, *, scale: float = 1.0) -> Path:
+    @checked
+    def placed(self, frame: Pose, *, scale: Factor = 1.0) -> Path:
         """The path moved from the coordinates of a frame to those of the frame's parent.
 
         Speeds, tolerances and tool orientation move with it. A path in the plane becomes one in
@@ -219,7 +221,7 @@ class Path(Checked):
         Raises:
             InvalidInput: It is no frame, or the scale is not above zero.
         """
-        frame, factor = Frame.of(frame), _checks.positive("scale", scale)
+        frame, factor = Frame.of(frame), scale
         path = self if frame.keeps_plane else self.lifted()
         d, orientation = path.dimension, path.orientation
         if orientation is not None:

@@ -54,7 +54,7 @@ TANGENT, CURVATURE = CONTINUITIES
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rounding:
+class Rounding(Checked):
     """How corners are rounded: by `tolerance`, or by `speed` and `acceleration`.
 
     Args:
@@ -135,7 +135,6 @@ class Rounding:
         Raises:
             InvalidInput: Such values.
         """
-        _checks.choice(f"{key}.shape", self.shape, SHAPES)
         self._check_continuity(timing, key)
         self._check_single(key)
         if not self.free:
@@ -205,7 +204,6 @@ class Rounding:
             )
         if self.continuity is None:
             return
-        _checks.choice(f"{key}.continuity", self.continuity, CONTINUITIES)
         if self.free:
             raise InvalidInput(
                 f"{key}.continuity is for the shape arc, but the shape is free: leave continuity "

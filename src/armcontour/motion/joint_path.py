@@ -11,9 +11,9 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import brief, digits, joint_rows, line_up, several
-from armcontour._quantities import Axes
+from armcontour._quantities import Axes, Choice
 from armcontour._quintics import evaluate, quintic
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._joint_path import examine
@@ -143,8 +143,13 @@ class JointPath(Checked):
         )
 
     @classmethod
+    @checked
     def spline(
-        cls, points: npt.ArrayLike, s: npt.ArrayLike | None = None, *, ends: str = "natural"
+        cls,
+        points: npt.ArrayLike,
+        s: npt.ArrayLike | None = None,
+        *,
+        ends: Annotated[str, Choice(("natural", "clamped"))] = "natural",
     ) -> JointPath:
         """The cubic spline through joint positions.
 
@@ -158,7 +163,7 @@ class JointPath(Checked):
             InvalidInput: There are fewer than two points, the parameters do not increase, or `ends`
                 is none of these.
         """
-        clamped = _checks.choice("ends", ends, ("natural", "clamped")) == "clamped"
+        clamped = ends == "clamped"
         knots = _checks.numbers("joint positions", points, "rad")
         if knots.ndim != 2 or len(knots) < 2:
             raise InvalidInput("A spline needs at least two rows of joint positions.")

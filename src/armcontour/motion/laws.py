@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._quantities import Interval
 from armcontour.arms import Arm
 from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
@@ -123,7 +124,7 @@ class LapLaw(Law):
 
 
 @checked
-def stand_still(q: FloatArray, duration: float) -> LapLaw:
+def stand_still(q: FloatArray, duration: Interval) -> LapLaw:
     """The law of joints that stand still.
 
     Args:
@@ -134,8 +135,8 @@ def stand_still(q: FloatArray, duration: float) -> LapLaw:
         InvalidInput: No row of joint positions, or no duration above zero.
     """
     at = _checks.shaped("joint positions", _checks.numbers("joint positions", q, "rad"), (None,))
-    rest, end = np.zeros((1, len(at))), _checks.positive("duration", duration, "s")
-    return LapLaw(breaks=np.array([0.0, end]), q=np.tile(at, (2, 1)), dq=rest, ddq=rest)
+    rest = np.zeros((1, len(at)))
+    return LapLaw(breaks=np.array([0.0, duration]), q=np.tile(at, (2, 1)), dq=rest, ddq=rest)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

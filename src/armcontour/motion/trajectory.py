@@ -15,6 +15,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour._describing import brief, count_kinds, digits, draw, line_up, several, to_html
+from armcontour._quantities import Interval
 from armcontour.arms import Arm, Limits
 from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
@@ -531,14 +532,14 @@ class Trajectory(Checked):
                 found[of] = law.path_position(i, local, 1)
         return found.reshape(at.shape)
 
-    def sample(self, period: float) -> Samples:
+    @checked
+    def sample(self, period: Interval) -> Samples:
         """The trajectory sampled every `period` [s], and at its end.
 
         Args:
             period: Time between two samples [s]; the last interval may be shorter.
         """
-        step = _checks.positive("sampling period", period, "s")
-        t = np.append(np.arange(0, self.duration - 1e-9 * step, step), self.duration)
+        t = np.append(np.arange(0, self.duration - 1e-9 * period, period), self.duration)
         orders = self.motion(t)
         for values in orders:
             # No copies: a long motion has gigabytes of samples.
