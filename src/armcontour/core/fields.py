@@ -298,14 +298,23 @@ def _read_numbers(
         pair = " or a lower and an upper bound per joint" if shapes is BOUNDED else ""
         needed = f"be one value for all joints or one per joint{pair}"
 
+    # Numbers of axes, and the axes with a fixed length.
+    lengths = [
+        (len(x.axes), [(i, n) for i, n in enumerate(x.axes) if isinstance(n, int)]) for x in shapes
+    ]
+
+    def lock(value: Any) -> Any:
+        return _lock(value, kind, field.who, unit)
+
     def read(value: Any) -> Any:
         # NaN fails the comparison.
         if shapes is SINGLE and type(value) is float and low <= value <= high:
             return value
-        array = _lock(value, kind, field.who, unit)
-        if not any(_fits(array, x) for x in shapes) or (
-            shapes[-1] is PER_JOINT[1] and not array.size
-        ):
+        array = lock(value)
+        fits = shapes[0].axes == (...,) or any(
+            array.ndim == n and all(array.shape[i] == x for i, x in fixed) for n, fixed in lengths
+        )
+        if not fits or (shapes[-1] is PER_JOINT[1] and not array.size):
             raise InvalidInput(
                 f"{field.who} must {needed}{_checks.in_unit(unit)}, but has shape {array.shape}.",
                 limit=limit,
@@ -315,7 +324,7 @@ def _read_numbers(
             _refuse_outside(array * (-1.0, 1.0) if paired else array, quantity, field, limit)
         return float(array) if shapes is SINGLE else array
 
-    return read
+    return lock if quantity is None and shapes is ANY_SHAPE else read
 
 
 def _lock(value: Any, kind: Any, who: str, unit: str) -> Any:
@@ -325,14 +334,6 @@ def _lock(value: Any, kind: Any, who: str, unit: str) -> Any:
     array = _checks.indices(who, value) if kind is np.intp else value
     _checks.refuse_if(not isinstance(array, np.ndarray), f"{who} must be an array.")
     return array if array.flags.owndata and not array.flags.writeable else _checks.lock_copy(array)
-
-
-def _fits(array: Any, shape: Axes) -> bool:
-    """Whether the shape of an array is a required one; an axis with a name has any length."""
-    pairs = zip(shape.axes, array.shape, strict=False)
-    return shape.axes == (...,) or (
-        array.ndim == len(shape.axes) and all(isinstance(x, str) or x == n for x, n in pairs)
-    )
 
 
 def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | None) -> None:
