@@ -124,6 +124,11 @@ class RoundedPath(Path):
     objective: Path
     corners: Corners
 
+    @property
+    def deviation(self) -> float:
+        """Largest corner error [m]; 0 without corners."""
+        return float(self.corners.error.max(initial=0.0))
+
     def __str__(self) -> str:
         """As of any path, and how the corners were rounded."""
         c = self.corners

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from functools import partial
+from functools import cached_property, partial
 from types import MappingProxyType
 
 import numpy as np
@@ -20,6 +20,8 @@ from armcontour.geometry.path import Path, check_arc_length
 
 # Name of the duration of the shaped path itself, beside those of its starts.
 SHAPED = "shaped"
+# Evenly spaced places at which the largest distance from the objective is looked for.
+PLACES = 15_000
 # and those of known shapes, from which a search starts.
 ARCS, PARABOLAS, STOPS = "arcs", "parabolas", "stops"
 
@@ -123,6 +125,13 @@ class ShapedPath(Path):
         object.__setattr__(self, "_piece", piece)
         places = check_places(self.places, self.objective, self)
         object.__setattr__(self, "places", places)
+
+    @cached_property
+    def deviation(self) -> float:
+        """Largest distance of its points from their places on the objective [m], of 15,000."""
+        s = np.union1d(np.linspace(0.0, self.length, PLACES), self.places[:, 1])
+        points = self.objective(np.interp(s, self.places[:, 1], self.places[:, 0]))
+        return float(np.linalg.norm(self(s) - points, axis=1).max())
 
     def __str__(self) -> str:
         """As of any path, and what the shape gained."""

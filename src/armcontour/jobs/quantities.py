@@ -9,7 +9,6 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, SerialArm
 from armcontour.core.fields import Checked
-from armcontour.jobs.results import ExperimentResult, RunResult, Study
 from armcontour.motion import Execution, Trajectory
 
 # Number of times at which torques are computed, in addition to the breaks of the plan.
@@ -39,25 +38,11 @@ def assumed_numbers(arm: Arm) -> str:
     return "" if arm.chain is None else arm.chain.assumed
 
 
-def unknown_notes(study: Study) -> tuple[str, ...]:
-    """Sentences on what simulated robots have that their controllers do not know."""
-    found: dict[str, list[str]] = {}
-    for name, result in study.runs.items():
-        if result.run.experiment is not None and (unknown := result.run.experiment.unknown):
-            found.setdefault(unknown, []).append(name)
-    return tuple(
-        f"The simulated robot of {', '.join(names)} has what neither plan nor controller knows: "
-        f"{unknown}."
-        for unknown, names in found.items()
-    )
-
-
-def planned_torques(result: RunResult) -> Torques | None:
+def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
     """Torques of a plan over time; None if the arm has no bodies.
 
     Every time appears twice, with the torques before and after a jump.
     """
-    arm, plan = result.arm, result.trajectory
     if not arm.has_bodies:
         return None
     t = np.union1d(np.linspace(0, plan.duration, SAMPLES), plan.breaks)
@@ -69,9 +54,8 @@ def planned_torques(result: RunResult) -> Torques | None:
     return Torques(t=np.repeat(t, 2)[1:-1], values=values)
 
 
-def applied_torques(experiment: ExperimentResult) -> Torques | None:
+def applied_torques(executed: Execution) -> Torques | None:
     """Torques of the drives in an experiment; None if it has none."""
-    executed = experiment.execution
     return None if executed.torque is None else Torques(t=executed.t, values=executed.torque)
 
 
