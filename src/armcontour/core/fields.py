@@ -159,7 +159,7 @@ def _reader(hint: Any, field: _Field) -> Reader | None:
     kinds, origin, parts = _checks.kinds_of(hint), get_origin(hint), get_args(hint)
     if origin in (dict, Mapping):
         return _read_mapping(parts[1], field)
-    if kinds:
+    if kinds and (Mapping not in kinds or hint is Mapping):
         return lambda value: (
             value
             if isinstance(value, kinds)
@@ -294,7 +294,8 @@ def _read_numbers(
     # The type of other arrays than those of floats.
     kind = get_args(get_args(of)[1])[0] if get_origin(of) is np.ndarray else np.float64
     needed = "be one number" if shapes is SINGLE else f"have shape {shapes[0]}"
-    if shapes in (PER_JOINT, BOUNDED):
+    per_joint = shapes in (PER_JOINT, BOUNDED)
+    if per_joint:
         pair = " or a lower and an upper bound per joint" if shapes is BOUNDED else ""
         needed = f"be one value for all joints or one per joint{pair}"
 
@@ -314,7 +315,7 @@ def _read_numbers(
         fits = shapes[0].axes == (...,) or any(
             array.ndim == n and all(array.shape[i] == x for i, x in fixed) for n, fixed in lengths
         )
-        if not fits or (shapes[-1] is PER_JOINT[1] and not array.size):
+        if not fits or (per_joint and not array.size):
             raise InvalidInput(
                 f"{field.who} must {needed}{_checks.in_unit(unit)}, but has shape {array.shape}.",
                 limit=limit,
