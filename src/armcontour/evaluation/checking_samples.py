@@ -124,11 +124,14 @@ def judge_samples(log: Log, tally: Tally) -> None:
         k *= 2
     tally.narrow = True
     if tally.path is not None:
+        from scipy.interpolate import CubicHermiteSpline
+
         tally.pose(log.t, log.q, log.errors[0])
         if log.dq is not None:
             # The weights of dq sum to at most a quarter of the interval.
             off = log.errors[0] + np.diff(log.t).max() / 4 * log.errors[1]
-            tally.pose(*_interpolate(log.t, log.q, log.dq), off)
+            between = (log.t[:-1, None] + np.diff(log.t)[:, None] * BETWEEN).ravel()
+            tally.pose(between, CubicHermiteSpline(log.t, log.q, log.dq)(between), off)
 
 
 def _mean_rows(log: Log, tally: Tally) -> tuple[list[tuple[str, Column, int]], list[Column]]:
@@ -240,16 +243,3 @@ def _offer_both(log: Log, dq: FloatArray, tally: Tally, k: int) -> None:
     narrow, tally.narrow = tally.narrow, False
     tally.rates("joint_jerk", t, mean, q, mean - 6 * least / (span + late) ** 3)
     tally.narrow = narrow
-
-
-def _interpolate(t: FloatArray, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Times [s] and joint positions [rad] between samples, on cubics through q and dq."""
-    u, h = BETWEEN[None, :, None], np.diff(t)[:, None, None]
-    at = (t[:-1, None] + np.diff(t)[:, None] * BETWEEN).ravel()
-    found = (
-        (1 + 2 * u) * (1 - u) ** 2 * q[:-1, None]
-        + u**2 * (3 - 2 * u) * q[1:, None]
-        + h * u * (1 - u) ** 2 * dq[:-1, None]
-        - h * u**2 * (1 - u) * dq[1:, None]
-    )
-    return at, found.reshape(-1, q.shape[1])
