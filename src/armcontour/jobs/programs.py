@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -160,7 +161,7 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
 
     Full speed is the assigned velocity. If no lead within the arm's reach gives the assigned
     velocity, full speed is the largest speed that a lead gives. Corners of the shape free count as
-    arcs here: some leads are tried, and shaping takes long.
+    arcs here, because several leads are tried, and shaping takes long.
 
     Returns:
         The lengths of lead-in and lead-out per contour [m]; 0 where the length is not automatic.
@@ -168,20 +169,14 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
     rounding = None if this.rounding is None else this.rounding.with_arcs
     this = dataclasses.replace(this, rounding=rounding, duration=None)
     process = job.process
-    layers = {
-        layer: {key: x for key, x in given.items() if key not in UNLED}
-        for layer, given in process.by_layer.items()
-    }
+    unled: dict[str, Any] = dict.fromkeys(UNLED)
     plain = dataclasses.replace(
         process,
-        lead_in=None,
-        lead_out=None,
-        pierce=None,
+        **unled,
         approach=0.0,
         retract=0.0,
         order="drawn",
-        kerf=None,
-        by_layer=layers,
+        by_layer={layer: {**given, **unled} for layer, given in process.by_layer.items()},
     )
     gain = LEAST_GAIN if this.limits.jerk_limits else SAME_SPEED
     found = []
