@@ -15,7 +15,6 @@ from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, digits, line_up, several
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose, angle_between
-from armcontour.geometry import orienting
 from armcontour.geometry.nearest import Projection, find_nearest
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_DEMAND, Arc, Demand, Line, tabulate
@@ -165,6 +164,8 @@ class Path(Value):
             InvalidInput: The path lies in the plane, the rotations are not valid or not as many
                 as the waypoints, or neighbours differ by half a turn.
         """
+        from armcontour.geometry import orienting
+
         found = orienting.orient(
             self.segments, self.waypoints, self.merged, rotations, axis_only=axis_only
         )
@@ -181,6 +182,8 @@ class Path(Value):
         Raises:
             InvalidInput: The path lies in the plane, or a direction is not a vector with a length.
         """
+        from armcontour.geometry import orienting
+
         found = orienting.point(self.segments, self.waypoints, self.merged, directions)
         return dataclasses.replace(self, orientation=found)
 
@@ -199,6 +202,8 @@ class Path(Value):
             InvalidInput: The path lies in the plane, `up` lies along the first tangent, or the
                 path turns back by 180°.
         """
+        from armcontour.geometry import orienting
+
         if self.dimension != 3:
             raise InvalidInput(PLANE)
         found = orienting.follow(self.segments, up, tool, axis_only=axis_only)

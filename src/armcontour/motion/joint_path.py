@@ -14,9 +14,8 @@ from armcontour._describing import brief, digits, joint_rows, line_up, several
 from armcontour._quintics import evaluate, quintic
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.motion._joint_path import examine
+from armcontour.motion._joint_path import examine, spline_pieces
 from armcontour.motion._laws import Motion, joint_motions
-from armcontour.motion._spline import spline_pieces
 
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)
