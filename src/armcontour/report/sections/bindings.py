@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour.jobs import RunResult, Study
 from armcontour.report.figure import make_subplots, make_trace
-from armcontour.report.section import Section, Table, Tile
+from armcontour.report.section import Section, table_of
 from armcontour.report.sections.motion import assigned_speeds, planned_speeds
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line, thin
 from armcontour.timing import Explanation
@@ -24,21 +24,6 @@ MOST_BARS = 1200
 SAME_SPEED = 1e-9
 
 
-def assigned_share(why: Explanation | None, length: str, time: str) -> list[Tile]:
-    """Tile of the share that is run at the assigned velocity; empty where it is not known.
-
-    Args:
-        why: The explanation of a plan.
-        length: What the share of the length is of, in words.
-        time: What the share of the time is of.
-    """
-    if why is None or why.assigned_length is None:
-        return []
-    note = f"{length}; {why.assigned_time or 0.0:.0%} {time}"
-    share = f"{why.assigned_length:.0%}"
-    return [Tile(label="at the assigned velocity", value=share, note=note)]
-
-
 def bindings(study: Study) -> Section | None:
     """A coloured strip along the path for every optimal run; None without such a run."""
     plans = _plans(study)
@@ -52,7 +37,7 @@ def bindings(study: Study) -> Section | None:
             f"faster. {BETWEEN.capitalize()}, an optimal plan passes from one to the next."
         ),
         figures=tuple(_strip(*x) for x in plans),
-        tables=tuple(_table(*x) for x in plans),
+        tables=tuple(table_of(why.to_data().tables[0], name) for name, _, why in plans),
         notes=(
             *(note for x in plans for note in _notes(*x)),
             *(
@@ -195,16 +180,3 @@ def _names(why: Explanation) -> list[str]:
     """Names of all binding limits in order of appearance, "nothing" last."""
     names = list(dict.fromkeys(x.name for x in why.bindings))
     return sorted(names, key=lambda name: name == "nothing")
-
-
-def _table(title: str, result: RunResult, why: Explanation) -> Table:
-    """Share of length and time per limit, over all contours of a program."""
-    shares = {x.name: x for x in why.shares}
-    ordered = (shares[_label(name)] for name in _names(why))
-    return Table(
-        header=("limit", "of the length", "of the time", "stretches"),
-        rows=tuple(
-            (x.name, f"{x.of_length:.1%}", f"{x.of_time:.1%}", f"{x.count}") for x in ordered
-        ),
-        caption=title,
-    )
