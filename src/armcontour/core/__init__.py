@@ -1,1 +1,1 @@
-"""What all parts share: how a result is described, and how its figures look."""
+"""What all parts share: checks of fields, how a result is described, how its figures look."""

@@ -7,8 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from armcontour._describing import digits, line_up, to_html
-from armcontour.core.result import FIRST, TABLE, Data, Row, Table, nest
+from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table, nest
 
 # Units in which people read quantities, and their sizes in SI units.
 SHOWN = {
@@ -100,8 +102,12 @@ def verdict(data: Data) -> str:
     Args:
         data: The result.
     """
-    rows = [x for x in data.shown(FIRST) if x.name != "worst_warning"]
-    said = [f"{x.label} {figure(x)}" + (f" ({x.note})" if x.note else "") for x in rows]
+    said = []
+    for x in data.shown(VERDICT):
+        words = f"{x.label} {figure(x)}"
+        if isinstance(x.value, bool):
+            words = x.label if x.value else f"not {x.label}"
+        said.append(f"{words} ({x.note})" if x.note else words)
     return f"{data.title}: {'; '.join(said)}."
 
 
@@ -144,7 +150,21 @@ def plain(data: Data) -> dict[str, Any]:
     cut = {x.name: len(x.rows) - MOST_LISTED for x in data.tables if len(x.rows) > MOST_LISTED}
     if cut:
         found["left_out"] = cut
-    return found | {key: plain(part) for key, part in data.parts.items()}
+    page = found | {key: plain(part) for key, part in data.parts.items()}
+    return {key: jsonable(value) for key, value in page.items()}
+
+
+def jsonable(value: Any) -> Any:
+    """A value as JSON has it: lists for arrays, null for numbers that are not finite."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(x) for key, x in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return jsonable(value.tolist())
+    return [jsonable(x) for x in value]
 
 
 def units(results: Iterable[Data]) -> dict[str, str]:

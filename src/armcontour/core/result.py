@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-# Levels of a row: on the first screen, in tables and in print, or only in files.
-FIRST, TABLE, FILE = range(3)
+# Levels of a row: a verdict, on the first screen, in tables and in print, or only in files.
+VERDICT, FIRST, TABLE, FILE = range(4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Row:
         unit: Its SI unit, "1" for a share, "" for a count.
         label: What it is called; "" for a figure of files only.
         note: What else is said of it, such as the time or the joint.
-        level: `FIRST`, `TABLE` or `FILE`.
+        level: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Table:
         name: Its key in JSON, and its caption.
         columns: Name, unit and label of each column, as rows without values; names as in `Row`.
         rows: The values, in the order of the columns.
-        level: `FIRST`, `TABLE` or `FILE`.
+        level: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
     """
 
     name: str
@@ -84,7 +84,7 @@ class Table:
 
     @staticmethod
     def of(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
-        """Results with the same figures, one a row; those of the first level are shown.
+        """Results with the same figures, one a row; those of the first screen are shown.
 
         Args:
             name: As in `Table`.
@@ -92,7 +92,7 @@ class Table:
             level: As in `Table`.
         """
         columns = tuple(
-            replace(x, value=None, label=x.label if x.level == FIRST else "")
+            replace(x, value=None, label=x.label if x.level <= FIRST else "")
             for x in (results[0].rows if results else ())
         )
         return Table(name, columns, [[x.value for x in data.rows] for data in results], level)

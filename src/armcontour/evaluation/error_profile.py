@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray, Value
+from armcontour._checks import FloatArray, IntArray
 from armcontour._describing import brief, place_and_time
+from armcontour.core.fields import Checked
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
 from armcontour.geometry import Orientation, Path, Projection
@@ -82,7 +82,7 @@ def error_rows(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ErrorProfile(Result, Value):
+class ErrorProfile(Result, Checked):
     """An error over time: a distance [m], or an angle [rad].
 
     Between the contours of a program nothing is judged: there, all columns except `t` are NaN.
@@ -109,12 +109,6 @@ class ErrorProfile(Result, Value):
     t_max: float
     s_max: float
     angular: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("t", "values", "s"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
-        if self.signed is not None:
-            object.__setattr__(self, "signed", _checks.lock_floats(self.signed))
 
     def to_data(self) -> Data:
         """RMS and largest value, with time and place."""

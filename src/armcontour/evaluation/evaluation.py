@@ -16,6 +16,7 @@ from armcontour._checks import FloatArray, Value
 from armcontour._describing import brief, draw
 from armcontour.arms import Limits, resolve_limits
 from armcontour.arms.limits import or_unlimited
+from armcontour.core.fields import Checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, FIRST, Data, Row, Table
 from armcontour.errors import InvalidInput
@@ -38,7 +39,7 @@ NEAR = 0.99
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evaluation(Result, Value):
+class Evaluation(Result, Checked):
     """Errors, speeds and use of limits of an execution.
 
     Args:
@@ -116,10 +117,6 @@ class Evaluation(Result, Value):
     saturated: FloatArray
     contours: tuple[ErrorProfile, ...] = ()
     judged: Judged | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        for name in ("demand", "demand_ratio", "jerk", "jerk_ratio", "command_jerk", "saturated"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     def to_data(self) -> Data:
         """The figures, errors first."""

@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray, Value
+from armcontour._checks import FloatArray, IntArray
 from armcontour._describing import brief, line_up, mm, several
 from armcontour._quintics import evaluate
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry.path import Path, check_arc_length
 
@@ -62,7 +63,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SmoothCurve(Value):
+class SmoothCurve(Checked):
     """A curve of quintics over arc length, which a chain of arcs follows closely.
 
     Its curvature varies along each quintic, and jumps between quintics only where the shape wants
@@ -77,10 +78,6 @@ class SmoothCurve(Value):
     breaks: FloatArray
     coefficients: FloatArray
     spreads: FloatArray
-
-    def __post_init__(self) -> None:
-        for name in ("breaks", "coefficients", "spreads"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     def on_piece(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:
         """Points or derivatives on quintics `i` at arc lengths `s` [m], (n, dimension)."""

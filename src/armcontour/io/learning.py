@@ -46,12 +46,11 @@ def learning_json(study: LearningStudy, files: Sequence[str] = ()) -> str:
     lesson, run = study.lesson, study.plan.run
     learned = {
         "run": run.name,
-        "simulated_robot": study.robot or None,
         **{name: getattr(lesson, name) for name in OF_LESSON},
         "repeats": lesson.repeats,
         "does_not_repeat": lesson.noise,
         "best": lesson.best + 1,
-        "runs": [_of_run(study, k, x) for k, x in enumerate(lesson.runs)],
+        "runs": [_fields(x) for x in lesson.runs],
         "notes": study.notes,
     }
     data = {**_summary(study, files), "learning": learned}
@@ -99,12 +98,3 @@ def _of_profile(x: ErrorProfile) -> dict[str, float]:
 def _fields(run: LearnedRun) -> dict[str, Any]:
     """Errors and clock of a run."""
     return {x.name: getattr(run, x.name) for x in fields(run) if x.name not in LEFT_OUT}
-
-
-def _of_run(study: LearningStudy, k: int, run: LearnedRun) -> dict[str, Any]:
-    """Data of one run."""
-    found = _fields(run)
-    if study.simulated:
-        profile = study.simulated[k].contour_error
-        found["executed"] = {"rms": profile.rms, "max": profile.max, "t_max": profile.t_max}
-    return found

@@ -11,6 +11,7 @@ from typing import Any
 
 from armcontour._checks import refuse_if
 from armcontour.arms import SerialArm
+from armcontour.core.render import jsonable
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, quaternions
 from armcontour.io.job_arm import ARM_FILES, frame_of
@@ -18,7 +19,7 @@ from armcontour.io.job_edits import REMOVE, Keys, move_files, set_keys
 from armcontour.io.job_file import read_model
 from armcontour.io.job_model import ArmModel, CellModel
 from armcontour.io.job_overrides import JobOverrides, override
-from armcontour.io.json_text import data_json, plain
+from armcontour.io.json_text import data_json
 from armcontour.jobs import Rounding
 from armcontour.placement import Placement
 from armcontour.scene.scene import BASE, PART
@@ -58,7 +59,7 @@ def placement_csv(placement: Placement) -> str:
     for k, verdict in enumerate(placement.verdicts):
         values = [getattr(verdict, name) for name in COLUMNS]
         table.writerow(
-            [*placement.place(k).values(), *("" if x is None else x for x in plain(values))]
+            [*placement.place(k).values(), *("" if x is None else x for x in jsonable(values))]
         )
     return text.getvalue()
 
@@ -139,7 +140,7 @@ def _keys(value: Any) -> Any:
     """A value as a job file has it; keys without a value are left out."""
     if is_dataclass(value) and not isinstance(value, type):
         value = {name: _keys(x) for name, x in asdict(value).items() if x is not None}
-    return plain(value)
+    return jsonable(value)
 
 
 def _override_keys(model: CellModel, x: JobOverrides) -> dict[Keys, Any]:

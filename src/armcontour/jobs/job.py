@@ -46,6 +46,8 @@ LONGEST_TITLE = 200
 ARC, FREE = "arc", "free"
 SHAPES = (ARC, FREE)
 TANGENT, CURVATURE = CONTINUITIES
+# The compensation whose set-points are for rigid bodies, and the one whose set-points are the plan.
+INVERSE_DYNAMICS, NONE = "inverse_dynamics", "none"
 
 
 @_checks.explain_calls

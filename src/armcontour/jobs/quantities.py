@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, SerialArm
+from armcontour.core.fields import Checked
 from armcontour.motion import Execution, Trajectory
 
 # Number of times at which torques are computed, in addition to the breaks of the plan.
@@ -16,7 +16,7 @@ SAMPLES = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Torques:
+class Torques(Checked):
     """Torques of the drives over time.
 
     Args:
@@ -26,10 +26,6 @@ class Torques:
 
     t: FloatArray
     values: FloatArray
-
-    def __post_init__(self) -> None:
-        for name in ("t", "values"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     @property
     def peak(self) -> FloatArray:

@@ -14,13 +14,14 @@ from armcontour._version import __version__
 from armcontour.arms import Arm
 from armcontour.clearance import Clearance
 from armcontour.core.render import Result, compare, lay_out, number, units
-from armcontour.core.result import FILE, FIRST, TABLE, Data, Row, Table
+from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.errors import ExecutionError
 from armcontour.evaluation import Evaluation
 from armcontour.execution import RigidBodyPlant
 from armcontour.geometry import RoundedPath, ShapedPath, count_full_stops
 from armcontour.geometry.shaped import SHAPED, doubt_search
-from armcontour.jobs.job import Job, Run
+from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops
+from armcontour.jobs.job import INVERSE_DYNAMICS, Job, Run
 from armcontour.jobs.quantities import applied_torques, planned_torques
 from armcontour.jobs.run_data import (
     angular_rows,
@@ -34,38 +35,14 @@ from armcontour.jobs.run_data import (
     torque_rows,
     warning_rows,
 )
-from armcontour.jobs.warnings import (
-    CURVATURE_JUMPS,
-    INVERSE_DYNAMICS,
-    NONE,
-    JerkStop,
-    Weaving,
-    beyond_logs,
-    capped,
-    cut_off,
-    jerk_stops,
-    limited_commands,
-    missed_speeds,
-    not_judged,
-    oscillating,
-    overloaded,
-    slow_ends,
-    stopping,
-    unsettled,
-    weavings,
-    worse_than_none,
-)
+from armcontour.jobs.weaves import Weaving, weavings
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
-from armcontour.motion.command_limits import describe_excess
 from armcontour.program import Program
-from armcontour.program.rounding import doubt_tolerance
 from armcontour.servo import ServoModel
 from armcontour.timing import Explanation, Tracing
 
 # The clearance of the arm from itself is reported where it is below this [m].
 NEAR = 10e-3
-# Share of the motion above which a command interval is reported as coarse.
-COARSE = 0.1
 # Begin of the labels of what the simulated rigid bodies give.
 ON_BODIES = "on rigid bodies: "
 # Figures of rigid bodies that do not judge, which are shown.
@@ -74,8 +51,6 @@ SHOWN_OF_BODIES = ("experiment.contour_error", "experiment.torque")
 DEFAULT_ACCURACY = 0.1
 # Share by which rounding of numbers may exceed a tolerance.
 ROUNDING = 1e-9
-# An assigned velocity above this probably lacks its unit [m/s].
-FAST = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -168,6 +143,7 @@ class RunResult(Result):
         executed_clearance: How far the arm stays from itself and from its cell, as executed.
         experiment: Result on rigid bodies, if the run has an experiment that did not fail.
         failure: The error of a failed experiment.
+        warnings: Sentences on what makes the result worse than requested.
     """
 
     run: Run
@@ -187,6 +163,7 @@ class RunResult(Result):
     executed_clearance: Clearance | None = None
     experiment: ExperimentResult | None = None
     failure: ExecutionError | None = None
+    warnings: tuple[str, ...] = ()
 
     def to_data(self) -> Data:
         """The verdict on the run and its figures."""
@@ -239,7 +216,7 @@ class RunResult(Result):
         if allowed is None or e is None:
             return ""
         why = "" if self.run.accuracy is not None else ", a tenth of the smallest tolerance"
-        return f"contour error {mm(e.contour_error.max)} of {mm(allowed)}{why}"
+        return f"contour error {number(e.contour_error.max, 'm')} of {number(allowed, 'm')}{why}"
 
     @property
     def arm(self) -> Arm:
@@ -260,10 +237,10 @@ class RunResult(Result):
             return None
         return self.traced.joint_paths[0]
 
-    @property
+    @cached_property
     def jerk_stops(self) -> tuple[JerkStop, ...]:
         """Where limits of jerk make the tool stop inside contours, because the curvature jumps."""
-        return tuple(jerk_stops(self.path, self.traced, self.trajectory, self.run))
+        return jerk_stops(self.path, self.traced, self.trajectory, self.run)
 
     @property
     def full_stops(self) -> dict[str, int]:
@@ -300,7 +277,7 @@ class RunResult(Result):
     def remarks(self) -> tuple[str, ...]:
         """Sentences on plan and execution, with the name of the run, which are no warnings."""
         found = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
-        found += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves]
+        found += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves if not x.differs]
         if self.taught is not None and (used := self.taught.command_note):
             found.append(f"Run {self.run.name}: set-points / command limits: {used}.")
         clear = None if self._far_from_itself else self.clearance_note
@@ -318,7 +295,7 @@ class RunResult(Result):
     @cached_property
     def weaves(self) -> tuple[Weaving, ...]:
         """Width and frequency of each weave in the plan."""
-        return tuple(weavings(self.path, self.trajectory, self.run.limits))
+        return tuple(weavings(self.path, self.trajectory))
 
     @property
     def clearance_note(self) -> str | None:
@@ -347,7 +324,12 @@ class RunResult(Result):
     def shape_note(self) -> str | None:
         """A sentence on what shaping gained; None if the run shapes no contour."""
         found = self.shaped
-        return None if found is None else f"Run {self.run.name}: {found}."
+        if found is None:
+            return None
+        early = "".join(
+            f" {capitalise(x)}" for x in doubt_search(x.path for x in self.path.contours)
+        )
+        return f"Run {self.run.name}: {found}.{early}"
 
     @property
     def judged(self) -> Evaluation:
@@ -360,86 +342,6 @@ class RunResult(Result):
     def for_bodies(self) -> bool:
         """Whether the set-points are for the arm's bodies, which the servo model does not have."""
         return self.run.compensation == INVERSE_DYNAMICS
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences on weak points of the run, with its name."""
-        return warnings_of([self])
-
-    @cached_property
-    def weak_points(self) -> tuple[str, ...]:
-        """Sentences on weak points of the run, such as a coarse command interval."""
-        found = self._weak_points_of_plan()
-        if self.servo is not None:
-            found += oscillating(self.servo)
-        if self.taught is not None:
-            found += cut_off(self.taught)
-            found += limited_commands(self.taught)
-            found += filter(None, [describe_excess(self.taught)])
-            if self.servo is not None and self.run.compensation != NONE and self.servo.doubt:
-                found.append(self.servo.doubt)
-        if self.servo is not None:
-            found += filter(None, [beyond_logs(self.servo, self.trajectory)])
-        if self.execution is not None:
-            found += self._weak_points_of_execution()
-        return tuple(found)
-
-    def _weak_points_of_plan(self) -> list[str]:
-        """Sentences on weak points of the plan."""
-        found: list[str] = []
-        period, duration = self.run.period, self.trajectory.duration
-        if period > COARSE * duration:
-            found.append(
-                f"the command interval of {period:g} s is more than a tenth of the motion of "
-                f"{duration:.3g} s, so the set-points hardly represent the plan (a number without "
-                "a unit is in seconds: for milliseconds write command_interval: 4 ms)."
-            )
-        speed = self.run.limits.speed
-        if speed is not None and speed > FAST:
-            found.append(
-                f"the assigned velocity of {speed:g} m/s is above {FAST:g} m/s, faster than tools "
-                "of robot arms (a number without a unit is in metres per second: for millimetres "
-                f"per second write speed: {speed:g} mm/s)."
-            )
-        if self.run.rounding is not None:
-            doubts = (
-                doubt_tolerance(x.path, self.run.rounding.tolerance)
-                for x in self.objective.contours
-            )
-            found += next(filter(None, doubts), [])
-            found += doubt_search(x.path for x in self.path.contours)
-        found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
-        found += stopping(self.jerk_stops, self.run)
-        found += [sentence for x in self.weaves for sentence in x.warnings]
-        if self.clearance is None:
-            found += self.avoided
-        elif not self.clearance.kept:
-            found.append(f"collisions are ignored: {self.clearance.too_near[0]}.")
-        if self.clearance is not None and self.clearance.below_base is not None:
-            found.append(self.clearance.below_base)
-        # In a given duration contours are slower than assigned on purpose.
-        if self.run.duration is None:
-            slow = slow_ends(self.path, self.trajectory, self.run)
-            found += slow
-            if not slow and not self.jerk_stops:
-                found += missed_speeds(self.path, self.trajectory, self.run)
-        return found
-
-    def _weak_points_of_execution(self) -> list[str]:
-        """Sentences on what the execution does worse than the plan."""
-        found: list[str] = []
-        planned, near = self.clearance, self.executed_clearance
-        if planned is not None and planned.kept and near is not None and not near.kept:
-            found.append(f"as executed, {near.too_near[0]}, which is within the margin.")
-        found += unsettled(self.execution)
-        if not self.for_bodies:
-            found += overloaded(self.execution, self.evaluation, self.run)
-        elif self.run.experiment is None:
-            found.append(not_judged(self.evaluation))
-        if self.experiment is not None:
-            x = self.experiment
-            found += worse_than_none(x.evaluation, x.uncompensated, self.run)
-        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -528,7 +430,7 @@ def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
     """
     found: dict[str, list[str]] = {}
     for plan in plans:
-        for sentence in plan.weak_points:
+        for sentence in plan.warnings:
             found.setdefault(sentence, []).append(plan.run.name)
     return tuple(
         f"Run{'s' if len(names) > 1 else ''} {', '.join(names)}: {sentence}"
@@ -586,11 +488,11 @@ def _verdict(result: RunResult) -> Iterator[Row]:
     if e is not None:
         yield off_drawing(rounding, allowed, e.contour_error.max)
     yield Row("accuracy", result.accuracy, "m")
-    yield Row("kept", result.kept, "", "kept", result.kept_note, FIRST)
+    yield Row("kept", result.kept, "", "kept", result.kept_note, VERDICT)
     if result.explanation is not None and result.explanation.longest is not None:
         limit, share = result.explanation.longest
         note = f"{number(share, '1')} of the motion"
-        yield Row("time_limit", limit, "", "limits the time", note, FIRST)
+        yield Row("time_limit", limit, "", "limits the time", note, VERDICT)
     yield from warning_rows(result.warnings)
 
 

@@ -15,7 +15,7 @@ from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.arms.chain import Chain
 from armcontour.core.render import number, plain
-from armcontour.core.result import FIRST, Row, Table
+from armcontour.core.result import VERDICT, Row, Table
 from armcontour.evaluation import ErrorProfile
 from armcontour.execution import RigidBodyPlant
 from armcontour.geometry import RoundedPath, ShapedPath
@@ -40,7 +40,7 @@ def off_drawing(
     if rounding is not None:
         limit = "" if allowed is None else f" of {number(allowed, 'm')} allowed"
         parts.insert(0, f"rounding {number(rounding, 'm')}{limit}")
-    return Row("off_drawing", (rounding or 0.0) + error, "m", label, ", ".join(parts), FIRST)
+    return Row("off_drawing", (rounding or 0.0) + error, "m", label, ", ".join(parts), VERDICT)
 
 
 def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
@@ -48,7 +48,7 @@ def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
     if warnings:
         more = len(warnings) - 1
         note = f"and {several(more, 'more warning')}" if more else ""
-        yield Row("worst_warning", warnings[0], "", "warning", note, FIRST)
+        yield Row("worst_warning", warnings[0], "", "warning", note, VERDICT)
     yield Row("warnings", warnings)
 
 

@@ -14,8 +14,9 @@ from armcontour._checks import BoolArray, FloatArray
 from armcontour._describing import brief
 from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.serial import ChainArm
+from armcontour.core.fields import Checked
 from armcontour.core.render import Result
-from armcontour.core.result import FIRST, Data, Row
+from armcontour.core.result import VERDICT, Data, Row
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
 from armcontour.geometry.biarcs import draw_arcs
@@ -59,7 +60,7 @@ MOST_NAMED = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spread(Result):
+class Spread(Result, Checked):
     """Contour errors of many executions of the same taught data.
 
     Args:
@@ -94,28 +95,23 @@ class Spread(Result):
     nominal_max: float
     nominal_rms: float
 
-    def __post_init__(self) -> None:
-        arrays = ("max", "rms", "until", "saturated", "demand_ratio", "kp", "kv", "dead_time")
-        for name in (*arrays, "payload", "deviations"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
-
     def to_data(self) -> Data:
         """Largest contour errors of the robots, and what is behind the worst."""
         drawn = "corners of the box" if self.seed is None else f"drawn robots (seed {self.seed})"
         worst = self.worst_deviations
         most = sorted(worst, key=lambda x: -abs(worst[x]))[:MOST_NAMED]
+        demand = self.demand_ratio.max()
         robot = ", ".join(f"{x} {worst[x]:+.3g}" for x in most)
         return Data(
             f"{len(self)} {drawn}",
             (
                 Row("executions", len(self)),
                 Row("seed", self.seed),
-                Row("max", self.max.max(), "m", "contour error, largest", robot, FIRST),
+                Row("max", self.max.max(), "m", "contour error, largest", robot, VERDICT),
                 Row("quantile_95", self.quantile(0.95), "m", "contour error, in 95 % of them"),
                 Row("rms", self.rms.max(), "m", "contour error, RMS, largest"),
                 Row("saturated", self.saturated.max(), "1", "saturated"),
-                Row("demand_ratio", self.demand_ratio.max(), "1", "demand of the limit", "", FIRST),
+                Row("demand_ratio", demand, "1", "demand of the limit", level=VERDICT),
                 Row("worst", worst),
                 Row("nominal.max", self.nominal_max, "m", "nominal robot, largest"),
                 Row("nominal.rms", self.nominal_rms, "m", "nominal robot, RMS"),
