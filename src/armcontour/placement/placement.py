@@ -18,6 +18,7 @@ from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
 from armcontour.frames import Frame, quaternions
 from armcontour.jobs.axes import UNITS, Axis
 from armcontour.jobs.job import Job, Run
+from armcontour.jobs.place_search import CYCLE
 from armcontour.placement.judging import COMPARED, Verdict
 from armcontour.placement.moving import Moves, place_job
 from armcontour.scene.scene import PART
@@ -152,7 +153,8 @@ class Placement(Result):
         note = ", ".join([f"{self.planned} planned", *refused])
         if self.own.planned:
             gain = 1 - self.refined.verdict.duration / self.own.duration
-            rows.append(Row("gain", gain, "1", "time saved", level=VERDICT))
+            level = VERDICT if self.objective == CYCLE else TABLE
+            rows.append(Row("gain", gain, "1", "time saved", level=level))
         frame = self.frame()
         rows += [
             Row("places", len(self.verdicts), "", "places", note, VERDICT),
