@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
 from armcontour.certification._uses import (
@@ -20,6 +19,8 @@ from armcontour.certification._uses import (
     command_use,
     planned_uses,
 )
+from armcontour.core.fields import Checked
+from armcontour.core.result import FIRST, Data, Row
 from armcontour.execution import RigidBodyPlant, execute
 from armcontour.geometry import Path
 from armcontour.motion import Execution, TaughtData
@@ -31,7 +32,7 @@ from armcontour.robustness.unknowns import Unknowns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LinearFigures:
+class LinearFigures(Checked):
     """What the linear model of rigid bodies says of a plan, against the figures of MuJoCo.
 
     Args:
@@ -52,8 +53,32 @@ class LinearFigures:
     drawn: FloatArray
     seed: int
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "drawn", _checks.lock_floats(self.drawn))
+    def to_data(self, budget: float) -> Data:
+        """The bound, its worst robot and its parts.
+
+        Args:
+            budget: Largest allowed error [m].
+        """
+        label = "contour error of all robots of the box"
+        parts = [
+            Row(f"shares.{kind}", x, "m", f"of it {kind}", level=FIRST)
+            for kind, x in self.shares.items()
+        ]
+        return Data(
+            "Linear model of rigid bodies",
+            (
+                Row("bound", self.bound, "m", label, f"worst robot {self.corner}", FIRST),
+                *(parts or [Row("shares", {})]),
+                Row("nominal", self.nominal, "m"),
+                Row("corner", self.corner),
+                Row("drawn.robots", len(self.drawn)),
+                Row("drawn.seed", self.seed),
+                Row(
+                    "drawn.max", self.drawn.max(), "m", f"{len(self.drawn)} drawn robots", "", FIRST
+                ),
+                Row("drawn.within", self.within(budget), "1"),
+            ),
+        )
 
     def within(self, budget: float) -> float:
         """Fraction of the drawn robots whose largest contour error is at most `budget` [m]."""

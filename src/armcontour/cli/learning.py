@@ -23,49 +23,30 @@ if TYPE_CHECKING:
     from armcontour.learning import Recording
     from armcontour.motion import Log, TaughtData
 
-Found = TypeVar("Found")
-# Options that say what a real robot did, and those of a simulated one.
-OF_LOGS = (
-    *("taught", "log", "tool_positions", "judge_only", "start", "end", "columns", "topic"),
-    "unwrap",
-)
-OF_SIMULATION = ("seed",)
-NAMES = {
-    "start": "--from",
-    "end": "--to",
-    "tool_positions": "--tool-positions",
-    "judge_only": "--judge-only",
-}
-JUDGED_CONTOURS = (
-    *("contour", "RMS [mm]", "largest [mm]", "at t [s]", "at s [m]"),
-    "path missed, largest [mm]",
-)
-JUDGED_JOINTS = ("joint", "RMS [mrad]", "largest [mrad]", "noise [mrad]")
+Found = TypeVar("Found", "JudgedStudy", "LearningStudy")
 
 
 def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None:
-    """Learn a run of a job from a log or on a simulated robot, or judge it; print and write it.
+    """Learn a run of a job from a log, or judge it; print and write it.
 
     Args:
         file: A job file, or a drawing.
         job_options: Options that replace values of the job.
-        x: Options of the command. The folder gets the taught data of the next run, unless the robot
-            is simulated, summary.json and, unless the log is only judged, report.html.
+        x: Options of the command. The folder gets summary.json and, unless the log is only judged,
+            the taught data of the next run and report.html.
 
     Raises:
         ArmContourError: An invalid job, or a log that is not of its taught data; then nothing is
             written.
     """
-    from armcontour.io.learning import judged_json, learning_json
-
-    _refuse_mixed(x)
+    _refuse_missing(x)
     window = read_window(x.start, x.end)
     if x.judge_only:
         judge = partial(_judge, file, job_options, x, window)
-        _do(x, "judging", judge, _write_judged, judged_json, _print_judged)
+        _do(x, "judging", judge, _write_judged, _print_judged)
     else:
         learn = partial(_learn, file, job_options, x, window)
-        _do(x, "learning", learn, _write, learning_json, _print)
+        _do(x, "learning", learn, _write, _print)
 
 
 def _do(
@@ -73,7 +54,6 @@ def _do(
     what: str,
     work: Callable[[Progress], Found],
     write: Callable[[Found, ResultFolder], None],
-    to_json: Callable[[Found], str],
     show: Callable[[Found, FilePath | None], None],
 ) -> None:
     """Do the work of the command, write what it found if there is a folder, and print it.
@@ -83,10 +63,10 @@ def _do(
         what: What is done, for the progress.
         work: Does it.
         write: Writes what was found.
-        to_json: What was found as JSON.
         show: Prints what was found.
     """
     from armcontour.io import ResultFolder
+    from armcontour.io.json_text import data_json
 
     with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
         with search_progress(what) as progress:
@@ -94,30 +74,23 @@ def _do(
         if folder is not None:
             write(found, folder)
     if x.as_json:
-        print(to_json(found), end="")
+        print(data_json(found.to_data()), end="")
     else:
         show(found, x.out)
     if x.out is not None and x.open_report:
         open_page(x.out / "report.html")
 
 
-def _refuse_mixed(x: LearnOptions) -> None:
-    """Refuse options that do not go together.
+def _refuse_missing(x: LearnOptions) -> None:
+    """Refuse options without those that they need.
 
     Raises:
-        InvalidInput: An option is missing, or one is for the other kind of learning.
+        InvalidInput: An option is missing.
     """
     from armcontour.errors import InvalidInput
 
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    real = x.simulate is None
-    for name in OF_SIMULATION if real else OF_LOGS:
-        if getattr(x, name) not in (None, False):
-            option, other = NAMES.get(name, f"--{name}"), "--simulate" if real else "--log"
-            raise InvalidInput(f"{option} goes with {other}: leave it out.")
-    if not real:
-        return
     if x.judge_only:
         if x.log is None:
             raise InvalidInput("--judge-only needs what the robot did, --log.")
@@ -126,8 +99,7 @@ def _refuse_mixed(x: LearnOptions) -> None:
         return
     if x.taught is None or x.log is None:
         raise InvalidInput(
-            "learn needs what the robot executed and what it did, --taught and --log; or "
-            "--simulate with a number of runs."
+            "learn needs what the robot executed and what it did, --taught and --log."
         )
     if x.out is None:
         raise InvalidInput("learn needs --out, the folder for the taught data of the next run.")
@@ -140,24 +112,11 @@ def _learn(
     window: tuple[float, float],
     progress: Progress,
 ) -> LearningStudy:
-    """Read the job, plan its run, and learn."""
-    from armcontour.jobs.learning import plan_run, simulate_learning
-    from armcontour.jobs.unknown_robot import unknown_robot
+    """Read the job, plan its run, and learn from the log of a robot."""
+    from armcontour.jobs.learning import LearningStudy, learn_run, plan_run
 
     job = open_job(file, job_options, under(progress, "reading"))
     plan = plan_run(job, x.run_name, progress=progress)
-    if x.simulate is None:
-        return _learn_from_log(job, plan, x, window, progress)
-    robot, about = unknown_robot(job, plan, x.seed)
-    return simulate_learning(job, plan, robot, about, runs=x.simulate, progress=progress)
-
-
-def _learn_from_log(
-    job: Job, plan: RunResult, x: LearnOptions, window: tuple[float, float], progress: Progress
-) -> LearningStudy:
-    """Learn from the log of a real robot."""
-    from armcontour.jobs.learning import LearningStudy, learn_run
-
     taught, log, tool = _read(job, plan, x, window, progress)
     progress(Step(("learning from the log",)))
     lesson = learn_run(job, plan, taught, log, tool=tool)
@@ -171,7 +130,7 @@ def _judge(
     window: tuple[float, float],
     progress: Progress,
 ) -> JudgedStudy:
-    """Read the job, plan its run, and judge the log of a real robot."""
+    """Read the job, plan its run, and judge the log of a robot."""
     from armcontour.jobs.learning import judge_log, plan_run
 
     job = open_job(file, job_options, under(progress, "reading"))
@@ -184,7 +143,7 @@ def _judge(
 def _read(
     job: Job, plan: RunResult, x: LearnOptions, window: tuple[float, float], progress: Progress
 ) -> tuple[TaughtData, Log | Recording, tuple[FloatArray, FloatArray] | None]:
-    """What a real robot executed, its log, and positions of its tool if there are any."""
+    """What the robot executed, its log, and positions of its tool if there are any."""
     from armcontour.io.log_file import read_run_log
     from armcontour.io.taught_file import read_taught
     from armcontour.io.tool_file import read_tool_positions
@@ -209,91 +168,50 @@ def _read(
 
 
 def _write(found: LearningStudy, folder: ResultFolder) -> None:
-    """Write what was learned: taught data only of a real robot."""
+    """Write what was learned."""
     import dataclasses
 
     from armcontour.cli.running import write_motions
-    from armcontour.io.learning import learning_json
+    from armcontour.io.json_text import data_json
     from armcontour.io.lesson_file import write_lesson
     from armcontour.io.taught_file import LESSON
     from armcontour.report import render_learning
 
-    if not found.robot:
-        name = found.plan.run.name
-        write_motions(
-            folder, found.job, {name: dataclasses.replace(found.plan, taught=found.lesson)}
-        )
-        folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=found.lesson))
+    name = found.plan.run.name
+    write_motions(folder, found.job, {name: dataclasses.replace(found.plan, taught=found.lesson)})
+    folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=found.lesson))
     folder.write("report.html", render_learning(found))
-    folder.write("summary.json", learning_json(found, [*folder.files, "summary.json"]))
+    folder.write("summary.json", data_json(found.to_data([*folder.files, "summary.json"])))
 
 
 def _print(found: LearningStudy, out: FilePath | None) -> None:
     """Print a table of the runs, whether to go on, and what was written."""
-    from armcontour.report.sections.learning import run_header, run_rows
-
     console = Console()
-    title = f"{found.job.title}, run {found.plan.run.name}: error of the tool"
-    console.show_table(run_header(found), run_rows(found), title=title)
-    for note in found.notes:
-        console.say(note)
+    console.say(f"{found.job.title}, run {found.plan.run.name}: error of the tool")
+    console.show(found.to_data().parts["learning"])
     for note in found.job.arm.notes:
         console.say(f"Note: {note}")
     if out is None:
         return
-    if not found.robot:
-        console.say(f"Set-points of the next run: {out / found.plan.run.name / 'taught.csv'}")
-        if not found.lesson.finished:
-            console.say(f"Execute them, and give the log of that run with --taught {out}.")
+    console.say(f"Set-points of the next run: {out / found.plan.run.name / 'taught.csv'}")
+    if not found.lesson.finished:
+        console.say(f"Execute them, and give the log of that run with --taught {out}.")
     console.say(f"Report: {(out / 'report.html').resolve().as_uri()}")
 
 
 def _write_judged(study: JudgedStudy, folder: ResultFolder) -> None:
     """Write the summary of a judged run."""
-    from armcontour.io.learning import judged_json
+    from armcontour.io.json_text import data_json
 
-    folder.write("summary.json", judged_json(study, [*folder.files, "summary.json"]))
+    folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
 
 
 def _print_judged(study: JudgedStudy, out: FilePath | None) -> None:
     """Print what the tool and the joints did by a log, and what was written."""
     console = Console()
-    run = study.judged.runs[0]
-    title = f"{study.job.title}, run {study.plan.run.name}: contour error in {run.source}"
-    console.show_table(JUDGED_CONTOURS, _contour_rows(study), title=title)
-    console.show_table(JUDGED_JOINTS, _joint_rows(study), title="Joints, deviation from the plan")
-    console.say(
-        f"The run begins in the log at {-run.offset / run.rate:.2f} s. At the same time the tool "
-        f"is off the plan by {run.tool_rms * 1e3:.4g} mm RMS, {run.tool_max * 1e3:.4g} mm at most."
-    )
-    for note in (*study.notes, *(f"Note: {x}" for x in study.job.arm.notes)):
-        console.say(note)
+    console.say(f"{study.job.title}, run {study.plan.run.name}: the robot by its log")
+    console.show(study.to_data().parts["judged"])
+    for note in study.job.arm.notes:
+        console.say(f"Note: {note}")
     if out is not None:
         console.say(f"Summary: {out / 'summary.json'}")
-
-
-def _contour_rows(study: JudgedStudy) -> list[list[str]]:
-    """Cells of a row for every contour."""
-    return [
-        [
-            name,
-            f"{error.rms * 1e3:.5f}",
-            f"{error.max * 1e3:.5f}",
-            f"{error.t_max:.3f}",
-            f"{error.s_max:.4f}",
-            f"{missed.max * 1e3:.5f}",
-        ]
-        for name, error, missed in study.contours
-    ]
-
-
-def _joint_rows(study: JudgedStudy) -> list[list[str]]:
-    """Cells of a row for every joint: its distance from the plan at the same time."""
-    import numpy as np
-
-    run = study.judged.runs[0]
-    values = np.column_stack([run.joint_rms, run.joint_max, run.noise]) * 1e3
-    names = study.job.arm.joint_names
-    return [
-        [name, *(f"{x:.4g}" for x in row)] for name, row in zip(names, values.tolist(), strict=True)
-    ]

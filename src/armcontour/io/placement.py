@@ -10,8 +10,8 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour._checks import refuse_if
-from armcontour._version import __version__
 from armcontour.arms import SerialArm
+from armcontour.core.render import jsonable
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, quaternions
 from armcontour.io.job_arm import ARM_FILES, frame_of
@@ -19,9 +19,9 @@ from armcontour.io.job_edits import REMOVE, Keys, move_files, set_keys
 from armcontour.io.job_file import read_model
 from armcontour.io.job_model import ArmModel, CellModel
 from armcontour.io.job_overrides import JobOverrides, override
-from armcontour.io.json_text import plain, to_json
+from armcontour.io.json_text import data_json
 from armcontour.jobs import Rounding
-from armcontour.placement import UNITS, Place, Placement, Verdict
+from armcontour.placement import Placement
 from armcontour.scene.scene import BASE, PART
 
 # Columns of verdicts in CSV, by their attributes.
@@ -32,14 +32,6 @@ COLUMNS = {
     "clearance": "clearance [m]",
     "torque_margin": "torque margin [1]",
     "refusal": "refused by",
-}
-VALUE_UNITS = {
-    "duration": "s",
-    "bound": "s",
-    "singular": "m/rad",
-    "clearance": "m",
-    "torque_margin": "1",
-    "beyond": "m",
 }
 # Options of the command line that no key of a job stands for alone.
 OF_RUNS = ("corner_shape", "line_tolerance", "zone", "iterations", "continuity")
@@ -52,41 +44,7 @@ def placement_json(placement: Placement, files: Sequence[str] = ()) -> str:
         placement: The placement.
         files: The files of the result, relative to its folder.
     """
-    frame = placement.frame()
-    data = {
-        "armcontour": __version__,
-        "job": placement.job.name,
-        "arm": placement.job.arm.name,
-        "run": placement.run.name,
-        "objective": placement.objective,
-        "moved": placement.what,
-        "units": {**UNITS, **VALUE_UNITS, "position": "m"},
-        "axes": [
-            {
-                "name": x.name,
-                "from": float(x.values[0]),
-                "to": float(x.values[-1]),
-                "places": len(x.values),
-            }
-            for x in placement.axes
-        ],
-        "anchor": placement.moves.anchor.tolist(),
-        "absolute": list(placement.moves.absolute),
-        "uncertainty": dict(placement.uncertainty),
-        "places": len(placement.verdicts),
-        "planned": placement.planned,
-        "refused": placement.refusals,
-        "best": _place(placement.refined),
-        "best_of_grid": _place(placement.best),
-        "own_place": _verdict(placement.own),
-        "moved_by": {
-            "position": frame.position.tolist(),
-            "quaternion": quaternions(frame.rotation).tolist(),
-        },
-        "notes": list(placement.notes),
-        "files": list(files),
-    }
-    return to_json(data)
+    return data_json(placement.to_data(files))
 
 
 def placement_csv(placement: Placement) -> str:
@@ -101,7 +59,7 @@ def placement_csv(placement: Placement) -> str:
     for k, verdict in enumerate(placement.verdicts):
         values = [getattr(verdict, name) for name in COLUMNS]
         table.writerow(
-            [*placement.place(k).values(), *("" if x is None else x for x in plain(values))]
+            [*placement.place(k).values(), *("" if x is None else x for x in jsonable(values))]
         )
     return text.getvalue()
 
@@ -182,7 +140,7 @@ def _keys(value: Any) -> Any:
     """A value as a job file has it; keys without a value are left out."""
     if is_dataclass(value) and not isinstance(value, type):
         value = {name: _keys(x) for name, x in asdict(value).items() if x is not None}
-    return plain(value)
+    return jsonable(value)
 
 
 def _override_keys(model: CellModel, x: JobOverrides) -> dict[Keys, Any]:
@@ -240,13 +198,3 @@ def _frame(frame: Frame) -> dict[str, list[float]]:
         "position": (frame.position.round(12) + 0.0).tolist(),
         "quaternion": (quaternions(frame.rotation) + 0.0).tolist(),
     }
-
-
-def _place(place: Place) -> dict[str, Any]:
-    """A place for JSON."""
-    return {"place": dict(place.values), **_verdict(place.verdict)}
-
-
-def _verdict(x: Verdict) -> dict[str, Any]:
-    """A verdict for JSON; what is not known is null."""
-    return {name: value for name, value in asdict(x).items() if value != ""}

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armcontour.core.render import number
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.section import Section, Table, Tile
+from armcontour.report.section import Section, table_of, tiles
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
@@ -35,6 +36,7 @@ def learning(study: LearningStudy) -> Section:
     Args:
         study: The runs, and what was learned from them.
     """
+    data = study.to_data().parts["learning"]
     figures = [_over_runs(study), _of_joints(study)]
     if study.has_path:
         figures.append(_over_time(study))
@@ -42,9 +44,9 @@ def learning(study: LearningStudy) -> Section:
         key="learning",
         title="Learning",
         text=_introduction(study),
-        tiles=((study.plan.run.name, _tiles(study)),),
+        tiles=((study.plan.run.name, tiles(data)),),
         figures=tuple(figures),
-        tables=(_table(study),),
+        tables=(table_of(data.tables[0]),),
         notes=tuple(study.notes[:MOST_SENTENCES]),
     )
 
@@ -52,44 +54,11 @@ def learning(study: LearningStudy) -> Section:
 def _introduction(study: LearningStudy) -> str:
     """What the errors of this section are."""
     what = "contour error" if study.has_path else "distance of the tool from its planned position"
-    if study.robot:
-        return (
-            f"The {what} of a simulated robot of rigid bodies, from run to run: each run has the "
-            "set-points that were learned from the encoders of those before it."
-        )
     return (
         f"The {what} that the robot's logs show, from run to run, without measurement noise: each "
         "run has the set-points that were learned from those before it. What the encoders do not "
         "see, such as links that bend, is not in it."
     )
-
-
-def _tiles(study: LearningStudy) -> tuple[Tile, ...]:
-    """Tiles of the errors before and after, of what is expected, and of the noise."""
-    lesson = study.lesson
-    first, best = study.errors(0), study.errors(lesson.best)
-    found = [
-        Tile(label="before learning, RMS", value=_mm(first[0]), note=f"largest {_mm(first[1])}"),
-        Tile(
-            label=f"best so far, run {lesson.best + 1}, RMS",
-            value=_mm(best[0]),
-            note=f"largest {_mm(best[1])}",
-        ),
-    ]
-    if lesson.finished:
-        found.append(Tile(label="next run", value="not needed", note=lesson.reason))
-    else:
-        found.append(
-            Tile(label="next run, expected RMS", value=_mm(lesson.predicted), note=lesson.reason)
-        )
-    found.append(
-        Tile(
-            label="does not repeat, RMS",
-            value=_mm(lesson.noise),
-            note="noise, which no learning takes away",
-        )
-    )
-    return tuple(found)
 
 
 def _over_runs(study: LearningStudy) -> Any:
@@ -174,48 +143,11 @@ def _over_time(study: LearningStudy) -> Any:
         t, values, s = thin(profile.t, profile.values * 1e3, profile.s)
         name = "before learning" if k == 0 else f"run {k + 1}"
         rms, largest = study.errors(k)
-        label = f"{name}: RMS {_mm(rms)}, largest {_mm(largest)}"
+        label = f"{name}: RMS {number(rms, 'm')}, largest {number(largest, 'm')}"
         curve = line(t, np.maximum(values, SMALLEST_ERROR), label, colour, width=1.5)
         curve.customdata = s.astype(np.float32)
         curve.hovertemplate = "%{y:.4f} mm at %{x:.3f} s, s = %{customdata:.4f} m<extra></extra>"
         figure.add_trace(curve)
     figure.update_xaxes(title="time [s]")
     figure.update_yaxes(title="contour error [mm]", type="log")
-    title = "Contour error over time" if study.robot else "Contour error as measured, over time"
-    return finish(figure, title=title, height=460)
-
-
-def _table(study: LearningStudy) -> Table:
-    """Table of all runs."""
-    rows = [tuple(row) for row in run_rows(study)]
-    return Table(header=run_header(study), rows=tuple(rows))
-
-
-def run_header(study: LearningStudy) -> tuple[str, ...]:
-    """Titles of the columns of `run_rows`."""
-    seen = ("encoders show, RMS [mm]",) if study.robot else ("begins in the log at [s]",)
-    return ("run", "RMS [mm]", "largest [mm]", "predicted RMS [mm]", *seen)
-
-
-def run_rows(study: LearningStudy) -> list[list[str]]:
-    """Cells of a row for every run, and of one for the next."""
-    lesson, rows = study.lesson, []
-    for k, x in enumerate(lesson.runs):
-        name = str(k + 1) if study.robot else f"{k + 1}: {x.source}"
-        seen = f"{x.rms * 1e3:.5f}" if study.robot else f"{-x.offset / x.rate:z.2f}"
-        mark = " (best)" if k == lesson.best and k else ""
-        errors = [f"{1e3 * e:.5f}" for e in study.errors(k)]
-        rows.append([name + mark, *errors, _cell(x.predicted), seen])
-    if not lesson.finished:
-        rows.append(["next", "", "", _cell(lesson.predicted), ""])
-    return rows
-
-
-def _cell(length: float | None) -> str:
-    """A length in mm without its unit."""
-    return "" if length is None else f"{length * 1e3:.5f}"
-
-
-def _mm(length: float) -> str:
-    """A length in mm as text."""
-    return f"{length * 1e3:.3g} mm"
+    return finish(figure, title="Contour error as measured, over time", height=460)

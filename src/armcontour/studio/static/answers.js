@@ -42,14 +42,6 @@ const ANSWERS = {
     }],
   }),
   certify: ({ head }) => ({ sentences: [head.sentence] }),
-  learn: ({ head }) => ({
-    sentences: [head.sentence],
-    tables: [{
-      title: "Contour error, run by run",
-      columns: ["Run", "RMS [mm]", "Largest [mm]"],
-      rows: head.rms.map((/** @type {number} */ x, /** @type {number} */ k) => [k ? String(k) : "before learning", mm(x, 4), mm(head.max[k], 4)]),
-    }],
-  }),
   place: ({ head }) => ({ sentences: [head.sentence] }),
   export: ({ head }) => ({ sentences: [`${head.points} set-points.`] }),
   report: () => ({ sentences: ["The report is ready."] }),
@@ -67,8 +59,7 @@ function clearanceAnswer({ head, arrays }) {
     label: KINDS[kind] ?? kind, colour: RUN_COLOURS[k % RUN_COLOURS.length], dash: [[], [9, 3], [3, 3]][k % 3],
     y: withGaps(arrays[kind], 1000),
   }));
-  const least = nearest[0];
-  const summary = least ? `Least: ${mm(least.least, 1)} mm at ${seconds(least.t)} s, ${least.pair.join(" and ")}.` : "";
+  const summary = head.low === null ? "" : `Clearance ${mm(head.low, 1)} mm.`;
   return {
     sentences: [head.sentence],
     graphs: [{
@@ -78,8 +69,10 @@ function clearanceAnswer({ head, arrays }) {
     }],
     tables: [{
       title: "The nearest pairs",
-      columns: ["Pair", "Least distance [mm]", "Margin [mm]", "At [s]"],
-      rows: nearest.map((/** @type {any} */ x) => [x.pair.join(" and "), mm(x.least, 1), mm(x.margin, 1), seconds(x.t)]),
+      columns: ["Pair", "Clearance [mm]", "Margin [mm]", "Computed [mm]", "At [s]"],
+      rows: nearest.map((/** @type {any} */ x) => [
+        x.pair.join(" and "), mm(x.low, 1), mm(x.margin, 1), mm(x.high, 1), seconds(x.t),
+      ]),
     }],
   };
 }
