@@ -14,6 +14,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms.arm import Arm
 from armcontour.arms.chain import Chain, Payload, link_table
 from armcontour.arms.limits import Limits
+from armcontour.core.fields import checked
 from armcontour.frames import Frame, Pose, transforms
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ class ChainArm(Arm):
         parts = np.concatenate([self.chain.positions, end.position[None]])
         return float(np.linalg.norm(parts, axis=1).sum())
 
-    @_checks.checked
+    @checked
     def forward(self, q: npt.ArrayLike) -> FloatArray:
         """Poses of the tool in the work frame as homogeneous transforms, (..., 4, 4).
 
@@ -85,7 +86,7 @@ class ChainArm(Arm):
         """
         return transforms(self.poses(q))
 
-    @_checks.checked
+    @checked
     def inverse(
         self,
         pose: Pose,
@@ -116,7 +117,7 @@ class ChainArm(Arm):
         solvers: Any = import_module("armcontour.arms.inverse")
         return np.asarray(solvers.solve(self, pose, near, every=all))
 
-    @_checks.checked
+    @checked
     def jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Geometric Jacobian: twist of the tool per joint velocity, (..., 6, dof).
 
@@ -236,7 +237,7 @@ class SerialArm(ChainArm):
     dimension = 3
     branches = ()
 
-    @_checks.checked
+    @checked
     def __init__(
         self,
         *,
@@ -264,7 +265,7 @@ class SerialArm(ChainArm):
         axes = self.jacobian(np.zeros(self.dof))[3:]
         return bool(np.linalg.matrix_rank(axes, tol=PARALLEL) < 2)
 
-    @_checks.checked
+    @checked
     def with_tool(self, tool: Pose, payload: Payload | None = None) -> SerialArm:
         """A copy of the arm with another tool.
 
@@ -276,7 +277,7 @@ class SerialArm(ChainArm):
         carried = self.chain.payload if payload is None else payload
         return self._with(self.chain.replace(tool=Frame.of(tool), payload=carried))
 
-    @_checks.checked
+    @checked
     def with_work(self, work: Pose) -> SerialArm:
         """A copy of the arm with its tool points in another work frame.
 

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import brief, line_up, mm, several
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry.corner_curves import (
     ARC,
@@ -219,7 +219,7 @@ def round_corners(
     return _round_all(path, (tolerance, speed, acceleration), angular_tolerance, curve)
 
 
-@_checks.checked
+@checked
 def round_with_parabolas(
     path: Path, *, tolerance: npt.ArrayLike, angular_tolerance: float | None = None
 ) -> RoundedPath:

@@ -11,9 +11,9 @@ from typing import overload
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._text import capitalise
+from armcontour.core.fields import checked
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
 from armcontour.geometry.rounding import Continuity
@@ -43,7 +43,7 @@ def round_corners(
     angular_tolerance: float | None = None,
     continuity: Continuity = "tangent",
 ) -> Program: ...
-@_checks.checked
+@checked
 def round_corners(
     path: Path | Program,
     *,
@@ -120,7 +120,7 @@ def doubt_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
 def smooth_curvature(path: Path, *, tolerance: float) -> Path: ...
 @overload
 def smooth_curvature(path: Program, *, tolerance: float) -> Program: ...
-@_checks.checked
+@checked
 def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Program:
     """Put transitions where the curvature of a path, or of a program's contours, jumps.
 

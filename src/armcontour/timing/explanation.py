@@ -11,6 +11,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm, Limits, resolve_limits
+from armcontour.core.fields import checked
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.errors import InvalidInput
@@ -215,7 +216,7 @@ class Explanation(Result):
         return tuple(sorted(found, key=lambda x: -x.time))
 
 
-@_checks.checked
+@checked
 def explain(
     trajectory: Trajectory,
     arm: Arm | Any,
