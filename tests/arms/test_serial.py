@@ -286,7 +286,7 @@ ODD_CHAINS = (
     ({"inertias": [np.triu(np.ones((3, 3))), np.eye(3)]}, "link after a", "symmetric"),
 )
 ODD_PAYLOADS = (
-    ({"mass": -1.0}, "payload mass"),
+    ({"mass": -1.0}, "mass of a payload"),
     ({"center": [0, 0]}, "centre of 3 coordinates"),
     ({"inertia": np.diag([1.0, 1.0, 3.0])}, "inertia of the payload", "No body"),
 )
