@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,10 +13,12 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms.arm import Arm
 from armcontour.arms.chain import Chain, Payload, link_table
-from armcontour.arms.closed_form import ClosedForm
 from armcontour.arms.limits import Limits
 from armcontour.core.fields import checked
 from armcontour.frames import Frame, Pose, transforms
+
+if TYPE_CHECKING:
+    from armcontour.arms.closed_form import ClosedForm
 
 # Joint axes are parallel if the sine of their angle is below this, for rounding errors.
 PARALLEL = 1e-9
@@ -252,6 +254,8 @@ class SerialArm(ChainArm):
     @cached_property
     def closed_form(self) -> ClosedForm | None:
         """Closed-form inverse kinematics of the whole pose; None if the arm is of another kind."""
+        from armcontour.arms.closed_form import ClosedForm
+
         return ClosedForm.of(self.chain)
 
     @cached_property

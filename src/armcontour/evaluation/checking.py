@@ -31,10 +31,9 @@ from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
-from armcontour.evaluation.checking_samples import judge_samples
+from armcontour.evaluation.checking_samples import Log, judge_samples
 from armcontour.evaluation.contour_windows import find_windows
 from armcontour.evaluation.following import follow_path
-from armcontour.evaluation.sample_windows import Log
 from armcontour.evaluation.tally import (
     CANNOT_TELL,
     KEPT,

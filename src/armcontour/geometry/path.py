@@ -17,7 +17,6 @@ from armcontour._quantities import Factor, Tolerance
 from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose, angle_between
-from armcontour.geometry import orienting
 from armcontour.geometry.nearest import Projection, find_nearest
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_DEMAND, Arc, Demand, Line, tabulate
@@ -166,6 +165,8 @@ class Path(Checked):
             InvalidInput: The path lies in the plane, the rotations are not valid or not as many
                 as the waypoints, or neighbours differ by half a turn.
         """
+        from armcontour.geometry import orienting
+
         found = orienting.orient(
             self.segments, self.waypoints, self.merged, rotations, axis_only=axis_only
         )
@@ -182,6 +183,8 @@ class Path(Checked):
         Raises:
             InvalidInput: The path lies in the plane, or a direction is not a vector with a length.
         """
+        from armcontour.geometry import orienting
+
         found = orienting.point(self.segments, self.waypoints, self.merged, directions)
         return dataclasses.replace(self, orientation=found)
 
@@ -200,6 +203,8 @@ class Path(Checked):
             InvalidInput: The path lies in the plane, `up` lies along the first tangent, or the
                 path turns back by 180°.
         """
+        from armcontour.geometry import orienting
+
         if self.dimension != 3:
             raise InvalidInput(PLANE)
         found = orienting.follow(self.segments, up, tool, axis_only=axis_only)

@@ -24,12 +24,9 @@ from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import log
 from armcontour.geometry.cutting import cut_path, join_paths
-from armcontour.geometry.fit import fit_through
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.orienting import carry
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
-from armcontour.geometry.spline import fit_spline
 
 SHAPES = ("sine", "zigzag")
 UP = _checks.lock_floats([0.0, 0.0, 1.0])
@@ -221,6 +218,8 @@ def _smooth(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
         The seam without orientation, and arc lengths of the seam and of the path that belong
         together [m], (n, 2).
     """
+    from armcontour.geometry.spline import fit_spline
+
     bare = dataclasses.replace(path, orientation=None)
     ends = np.repeat([[0.0], [path.length]], 2, axis=1)
     if not (path.turns > TANGENT_TOLERANCE).any():
@@ -324,6 +323,8 @@ class _Wave:
 
 def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
     """The woven path of a part, with speeds, tolerances, tags and orientation of the part."""
+    from armcontour.geometry.orienting import carry
+
     part, seam = wave.part, wave.seam
     turning = wave.turning_points()
     if shape == "zigzag":
@@ -370,6 +371,8 @@ def _fit_sine(
         InvalidInput: The tolerance is too small.
     """
     from scipy.interpolate import CubicSpline
+
+    from armcontour.geometry.fit import fit_through
 
     length = wave.seam.length
     ends = wave.seam([0.0, length], 1, side="left")

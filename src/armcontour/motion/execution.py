@@ -24,7 +24,6 @@ from armcontour._quintics import evaluate, quintic
 from armcontour.arms import Arm, Limits
 from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
-from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import Trajectory, to_columns
 
 # A plant's motion ends at a result if it is as near to it as this [rad].
@@ -383,6 +382,8 @@ class TaughtData(Checked):
         Velocities, accelerations and jerks are differences of the set-points over the command
         interval, as controllers check them. Empty without command limits.
         """
+        from armcontour.motion.nearest_commands import command_use
+
         if self.command_limits is None:
             return {}
         return command_use(self.q, self.period, self.command_limits)

@@ -16,9 +16,8 @@ from armcontour._quintics import evaluate, quintic
 from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.motion._joint_path import examine
+from armcontour.motion._joint_path import examine, spline_pieces
 from armcontour.motion._laws import Motion, joint_motions
-from armcontour.motion._spline import spline_pieces
 
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)

@@ -34,6 +34,9 @@ MANY = 4
 KEPT, MORE = 100, 3
 # Arc lengths and times may be outside by this fraction of the whole, due to rounding errors.
 SLACK = 1e-12
+# A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
+# rounding errors.
+COMMAND_SLACK = 1e-9
 # Along one path, the end of a law and the start of the next differ by less than this [m].
 SAME_PLACE = 1e-9
 

@@ -16,8 +16,6 @@ from armcontour._text import capitalise
 from armcontour.core.fields import checked
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
-from armcontour.geometry.curvature import smooth_curvature as smooth_path
-from armcontour.geometry.fit import draw_with_arcs as draw_path
 from armcontour.geometry.rounding import Continuity
 from armcontour.program.moves import Contour, Program
 
@@ -144,6 +142,8 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
         InvalidInput: The tolerance is not above zero; or a path was shaped, or its tool orientation
             was rounded.
     """
+    from armcontour.geometry.curvature import smooth_curvature as smooth_path
+
     program = Program.of(path, "smooth_curvature needs a Path or a Program")
     moves = []
     for x in program.moves:
@@ -157,6 +157,8 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
 
 def draw_with_arcs(contour: Contour) -> Contour:
     """The contour with arcs for the transitions of its path, where there are any."""
+    from armcontour.geometry.fit import draw_with_arcs as draw_path
+
     if not contour.path.segments.bent.any():
         return contour
     path, places = draw_path(contour.path)

@@ -18,7 +18,7 @@ from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.serial import ChainArm
 from armcontour.core.fields import Checked, checked
 from armcontour.core.render import Result
-from armcontour.core.result import FIRST, Data, Row
+from armcontour.core.result import VERDICT, Data, Row
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
 from armcontour.geometry.biarcs import draw_arcs
@@ -102,17 +102,18 @@ class Spread(Result, Checked):
         drawn = "corners of the box" if self.seed is None else f"drawn robots (seed {self.seed})"
         worst = self.worst_deviations
         most = sorted(worst, key=lambda x: -abs(worst[x]))[:MOST_NAMED]
+        demand = self.demand_ratio.max()
         robot = ", ".join(f"{x} {worst[x]:+.3g}" for x in most)
         return Data(
             f"{len(self)} {drawn}",
             (
                 Row("executions", len(self)),
                 Row("seed", self.seed),
-                Row("max", self.max.max(), "m", "contour error, largest", robot, FIRST),
+                Row("max", self.max.max(), "m", "contour error, largest", robot, VERDICT),
                 Row("quantile_95", self.quantile(0.95), "m", "contour error, in 95 % of them"),
                 Row("rms", self.rms.max(), "m", "contour error, RMS, largest"),
                 Row("saturated", self.saturated.max(), "1", "saturated"),
-                Row("demand_ratio", self.demand_ratio.max(), "1", "demand of the limit", "", FIRST),
+                Row("demand_ratio", demand, "1", "demand of the limit", level=VERDICT),
                 Row("worst", worst),
                 Row("nominal.max", self.nominal_max, "m", "nominal robot, largest"),
                 Row("nominal.rms", self.nominal_rms, "m", "nominal robot, RMS"),
