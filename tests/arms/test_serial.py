@@ -260,42 +260,42 @@ TUBE = {"outer_diameter": 0.08, "wall": 0.01, "density": 2700}
 ODD_LIMITS = (
     ({"joint_acceleration": 0.0}, "rad/s²", {"limit": "joint_acceleration"}),
     ({"joint_acceleration": [0.7, -0.1]}, "-0.1 rad", {"limit": "joint_acceleration"}),
-    ({"joint_velocity": [[1.0, 1.0, 1.0]]}, "(dof,)", "(dof, 2)", {"limit": "joint_velocity"}),
+    ({"joint_velocity": [[1.0, 1.0, 1.0]]}, "per joint", "(1, 3)", {"limit": "joint_velocity"}),
     ({"joint_velocity": [[0.5, 1.0]]}, "a lower bound below zero", {"limit": "joint_velocity"}),
-    ({"joint_torque": [[-1.0, 1.0]]}, "joint_torque", "(dof,)", {"limit": "joint_torque"}),
+    ({"joint_torque": [[-1.0, 1.0]]}, "one per joint", "(1, 2)", {"limit": "joint_torque"}),
     ({"joint_velocity": [1.0, np.nan]}, "joint_velocity", "finite", {"index": 1}),
     ({"speed": 0.0}, "speed", "0 m/s"),
     ({"speed": [0.1, 0.2]}, "speed", "one number"),
     ({"speed": -np.inf}, "speed", "finite"),
     ({"centripetal_acceleration": -1.0}, "centripetal_acceleration", "-1 m/s²"),
     ({"joint_lower": "wide"}, "joint_lower", "in rad"),
-    ({"joint_lower": [np.nan, 1.0]}, "joint_lower", "angle"),
-    ({"joint_lower": [[1.0]]}, "joint_lower", "angle"),
+    ({"joint_lower": [np.nan, 1.0]}, "joint_lower", "finite"),
+    ({"joint_lower": [[1.0]]}, "joint_lower", "one per joint"),
 )
 ODD_CHAINS = (
-    ({"joints": ()}, "at least one revolute joint"),
+    ({"joints": ()}, "joints = 0"),
     ({"centers": None}, "needs centres of mass"),
-    ({"positions": [0, 0, 0]}, "positions of a chain", "(2, 3)"),
+    ({"positions": [0, 0, 0]}, "positions of a chain", "(joints, 3)"),
     ({"rotations": np.tile(2 * np.eye(3), (2, 1, 1))}, "rotations of a chain", "no rotation"),
     ({"rotations": np.tile(-np.eye(3), (2, 1, 1))}, "rotations of a chain", "right-handed"),
     ({"gravity": [0, 0, np.inf]}, "gravity", "finite"),
     ({"axes": [[0, 0, 2], [0, 1, 0]]}, "unit vectors"),
     ({"armature": [-1, 0]}, "armature"),
-    ({"masses": [1, -1]}, "link after b", "-1 kg"),
+    ({"masses": [1, -1]}, "masses of a chain", "-1 kg at index 1"),
     ({"inertias": [np.eye(3), np.diag([1, 1, 3])]}, "link after b", "No body", "1, 1, 3"),
     ({"inertias": [np.triu(np.ones((3, 3))), np.eye(3)]}, "link after a", "symmetric"),
 )
 ODD_PAYLOADS = (
     ({"mass": -1.0}, "mass of a payload"),
-    ({"center": [0, 0]}, "centre of 3 coordinates"),
+    ({"center": [0, 0]}, "center of a payload", "(3,)"),
     ({"inertia": np.diag([1.0, 1.0, 3.0])}, "inertia of the payload", "No body"),
 )
 ODD_PLANES = (
     ({"base": np.nan}, "base", "finite"),
     ({"base": (1, 2)}, "base", "one number"),
-    ({"links": (0.0, 0.3)}, "first link length"),
-    ({"links": (0.2, -0.3)}, "second link length", "-0.3 m"),
-    ({"links": ("long", 0.3)}, "first link length", "numbers in m"),
+    ({"links": (0.0, 0.3)}, "links must be above zero"),
+    ({"links": (0.2, -0.3)}, "links", "-0.3 m"),
+    ({"links": ("long", 0.3)}, "links", "numbers in m"),
     ({"limits": ac.Limits(joint_velocity=[1.0, 2.0, 3.0])}, "has 3 values", "2 joints"),
 )
 ODD_TUBES = (
