@@ -13,6 +13,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief
 from armcontour._version import __version__
+from armcontour.core.fields import checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
 from armcontour.frames import Frame, quaternions
@@ -110,7 +111,7 @@ class Placement(Result):
         at = np.unravel_index(_checks.whole("index", index, 0, len(self.verdicts) - 1), self.shape)
         return {x.name: float(x.values[k]) for x, k in zip(self.axes, at, strict=True)}
 
-    @_checks.checked
+    @checked
     def frame(self, place: Place | None = None) -> Frame:
         """Where the part, or the base, is taken, in the coordinates of the job's path.
 
@@ -119,7 +120,7 @@ class Placement(Result):
         """
         return self.moves.frame((place or self.refined).values)
 
-    @_checks.checked
+    @checked
     def placed(self, place: Place | None = None) -> Job:
         """The job with its part or base in a place.
 
