@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     )
     from armcontour.identification import Identification, RobotIdentification, identify
     from armcontour.io import read_job, read_trajectory
+    from armcontour.io.drawings.options import ReadOptions
     from armcontour.io.drawings.read import read_path
     from armcontour.io.exports import export
     from armcontour.io.log_file import read_log
@@ -129,6 +130,7 @@ _HOME = {
     ),
     "identification": ("Identification", "RobotIdentification", "identify"),
     "io": ("read_job", "read_trajectory"),
+    "io.drawings.options": ("ReadOptions",),
     "io.drawings.read": ("read_path",),
     "io.exports": ("export",),
     "io.log_file": ("read_log",),
@@ -219,6 +221,7 @@ __all__ = [
     "Process",
     "Program",
     "Rapid",
+    "ReadOptions",
     "Recording",
     "RigidBodyPlant",
     "RobotIdentification",

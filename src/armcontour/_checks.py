@@ -616,6 +616,7 @@ ORIGINS = {
     "Limits": "such as arm.limits",
     "Payload": "such as Payload(mass=2.0)",
     "Plant": "such as ServoPlant(arm, servo)",
+    "ReadOptions": "such as ReadOptions(units='mm')",
     "ServoModel": "such as ServoModel(kp=25, kv=150)",
     "Study": "as run gives it",
     "TaughtData": "as compensate gives it",

@@ -74,6 +74,7 @@ Pole = Annotated[float, Quantity("1/s", "-100 1/s", "negative")]
 Mass = Annotated[float, Quantity("kg", "2 kg")]
 Inertia = Annotated[float, Quantity("kg m^2", "0.002 kg m^2")]
 Ratio = Annotated[float, Quantity("1", "10 %")]
+Factor = Annotated[float, Quantity("1", "50 %", "positive")]
 LargestRatio = Annotated[float, Quantity("1", "40 %", "not negative")]
 Reserve = Annotated[float, Quantity("1", "10 %", "share")]
 

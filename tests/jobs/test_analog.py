@@ -12,7 +12,7 @@ import armcontour as ac
 from armcontour.geometry import Path
 from armcontour.io import parse_job
 from armcontour.io.drawings.gcode import read_gcode
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.jobs import analog_outputs, programs_of
 from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.program import Analog, Contour, Event, Lead, Process, Program, Switch, prepare
@@ -160,7 +160,7 @@ CUT = b"G1 X310 Y200 F1200\nM8\nM3\nG1 X320\nM9\nM5\nG1 X340\nM3\nG1 X360\n"
 
 @each("text, travels", [(PRINT, [(0, 310), (320, 340)]), (CUT, [(320, 340)])])
 def test_values_are_off_where_the_file_is_off(text, travels):
-    program = read_gcode(b"G21 G90\nG0 X300 Y200\n" + text, source="a", reading=Reading())
+    program = read_gcode(b"G21 G90\nG0 X300 Y200\n" + text, source="a", options=ReadOptions())
     process = Process(analog=(POWER, Analog(name="mist", rest=2.0, full=2.0, follows="coolant")))
     program = prepare(program, process)
     trajectory = ac.plan(program, ARM, LIMITS)

@@ -59,12 +59,11 @@ def _read_drawing(file: FilePath, x: DrawingOptions, progress: Progress) -> Prog
     Raises:
         InvalidInput: The drawing cannot be read.
     """
+    from armcontour.io.drawings.options import ReadOptions
     from armcontour.io.drawings.read import read_path
 
     words = split_words(x.skip)
-    unknown = {"skip": words} if words else "skip" if x.skip_unknown else "refuse"
-    return read_path(
-        file,
+    options = ReadOptions(
         units=x.units,
         columns=x.waypoint_columns,
         scale=1.0 if x.scale is None else x.scale,
@@ -73,10 +72,10 @@ def _read_drawing(file: FilePath, x: DrawingOptions, progress: Progress) -> Prog
         colors=x.color or None,
         flat=x.flat,
         texts=x.texts or "leave_out",
-        unknown=unknown,
+        unknown={"skip": words} if words else "skip" if x.skip_unknown else "refuse",
         tools=read_tools(x.tool),
-        progress=progress,
     )
+    return read_path(file, options, progress=progress)
 
 
 def _describe(program: Program) -> dict[str, Any]:

@@ -9,10 +9,8 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from armcontour._quantities import (
     Angle,
-    AngularDistance,
     AtLeast,
     Choice,
-    Distance,
     Interval,
     JointAccelerations,
     JointJerks,
@@ -28,8 +26,8 @@ from armcontour.arms import Limits
 from armcontour.arms.chain import Payload
 from armcontour.compensation import compensator
 from armcontour.geometry import Demand
-from armcontour.io.drawings.reading import TEXTS, UNKNOWN
-from armcontour.io.forms import Place, Point
+from armcontour.io.drawings.options import ReadOptions
+from armcontour.io.forms import FORMS, Form, Place, Point
 from armcontour.io.keys import Given
 from armcontour.io.place_axes import AxesModel, OffModel
 from armcontour.io.scene import BodiesModel, Direction, RotationModel, SceneModel
@@ -237,17 +235,6 @@ class OrientationModel(RotationModel):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SkipModel:
-    """Words of G-code to leave out.
-
-    Args:
-        skip: Codes and letters of G-code, such as M6 or T.
-    """
-
-    skip: list[str]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RepeatModel:
     """Copies of a drawing in columns along its x and rows along its y.
 
@@ -266,9 +253,9 @@ class RepeatModel:
     serpentine: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PathModel:
-    """One of `points`, `start` and `segments`, `spline`, and `file`; other keys are options.
+@dataclass(frozen=True, kw_only=True)
+class WrittenPath:
+    """The path of a job that has its points, or the name of its file.
 
     Args:
         points: Corner points of a polyline, `[x, y]` or `[x, y, z]` each [m].
@@ -277,35 +264,6 @@ class PathModel:
         spline: A cubic spline.
         file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv);
             its name is relative to the job file.
-        units: Unit of the file's lengths, such as mm, if the file gives none; replaces the unit
-            that a drawing gives.
-        scale: Factor of the file's lengths.
-        frame: Position and rotation of the origin of the file, or of points and segments.
-        layers: Layers to run. Or a mapping from layers to speed and tolerance of their contours,
-            for segments without values of their own; a drawing need not have all these layers.
-        names: Names of contours to run; the report lists all names.
-        colors: Colours of DXF entities, or of strokes in SVG, to run: names, `"#rrggbb"`, and for
-            DXF also AutoCAD's numbers.
-        repeat: Copies of the drawing in columns and rows, after `scale` and before `frame`; their
-            contours have names such as `hole [2,1]` (row, column).
-        flat: Whether to leave out z, and the tool orientation that the file gives.
-        chord_tolerance: Largest distance between a curve and its arcs [m].
-        join_tolerance: Distance below which two ends are one point [m].
-        mend_vertices: Distance by which printing can have moved a point [m]: vertices that it has
-            bent are made tangent again within it. By default what the file's decimals say, up to
-            the chord tolerance; 0 leaves all vertices as they are.
-        smooth_axes: For tables of waypoints with tool axes, the largest angle by which these are
-            turned so that they turn smoothly [rad], as measured ones do not; 0 leaves them.
-        columns: For waypoints in CSV, names of the columns in place of the first line, or of a line
-            that is missing, such as `x [mm],y [mm],-`; `-` leaves a column out.
-        unknown: Whether to refuse elements that the reader does not know, or skip them with a note;
-            for G-code, `{skip: [T, M6]}` leaves out these words.
-        texts: For DXF, `contours` draws the letters of TEXT through a font of this machine.
-        tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
-            `{1: 3 mm}`; a negative one puts the tool on the other side.
-        tool: For G-code, the tool whose contours are run, such as T2; all tools by default.
-        orientation: The required tool orientation in space: one for the whole path, or one per
-            waypoint; for a file, in the coordinates of the drawing.
     """
 
     points: list[Point] | None = None
@@ -313,26 +271,31 @@ class PathModel:
     segments: list[SegmentModel] | None = None
     spline: SplineModel | None = None
     file: str | None = None
-    units: str | None = None
-    scale: Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)] = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathModel(ReadOptions, WrittenPath):
+    """One of `points`, `start` and `segments`, `spline`, and `file`; other keys are options.
+
+    Args:
+        frame: Position and rotation of the origin of the file, or of points and segments.
+        repeat: Copies of the drawing in columns and rows, after `scale` and before `frame`; their
+            contours have names such as `hole [2,1]` (row, column).
+        tool: For G-code, the tool whose contours are run, such as T2; all tools by default.
+        orientation: The required tool orientation in space: one for the whole path, or one per
+            waypoint; for a file, in the coordinates of the drawing.
+    """
+
     frame: FrameModel | None = None
-    layers: list[str] | dict[str, Demand] | None = None
-    names: list[str] | None = None
-    colors: list[str | int] | None = None
     repeat: RepeatModel | None = None
-    flat: bool = False
-    chord_tolerance: Tolerance = 1e-5
-    join_tolerance: Tolerance = 1e-5
-    mend_vertices: Distance | None = None
-    smooth_axes: AngularDistance = 0.0
-    columns: str | None = None
-    unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
-    texts: Annotated[str, Choice(TEXTS)] = "leave_out"
-    tools: dict[int, Length] | None = None
     tool: str | None = None
     orientation: Annotated[
         OrientationModel | list[OrientationModel] | None, BeforeValidator(_orientation)
     ] = None
+
+
+# The corners of a job have it.
+FORMS[PathModel] = Form(omit=frozenset({"continuity"}))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

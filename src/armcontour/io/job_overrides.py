@@ -16,7 +16,6 @@ from armcontour.io.job_model import (
     JobModel,
     PathModel,
     RunModel,
-    SkipModel,
 )
 from armcontour.jobs import Rounding
 from armcontour.jobs.job import ARC, OF_FREE, SHAPES
@@ -201,7 +200,7 @@ def _path(path: PathModel, x: JobOverrides) -> PathModel:
         "texts": x.texts,
         "tools": x.tools,
         "tool": x.tool,
-        "unknown": SkipModel(skip=list(x.skip_words))
+        "unknown": {"skip": list(x.skip_words)}
         if x.skip_words
         else ("skip" if x.skip_unknown else None),
     }

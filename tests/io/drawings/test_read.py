@@ -29,10 +29,11 @@ def read(tmp_path):
     (tmp_path / "part.ngc").write_text(GCODE)
     (tmp_path / "PART.SVG").write_text(SVG)
 
-    def reader(name="w.csv", text=None, **options):
+    def reader(name="w.csv", text=None, *, frame=None, progress=None, **options):
         if text is not None:
             (tmp_path / name).write_text(text)
-        return ac.read_path(tmp_path / name, **options)
+        given = ac.ReadOptions(**options)
+        return ac.read_path(tmp_path / name, given, frame=frame, progress=progress)
 
     return reader
 
