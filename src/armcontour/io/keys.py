@@ -270,12 +270,19 @@ def _annotated(of: Any, *marks: Any) -> Any:
             return known | list[known]
         return Annotated[(known, *marks[1:])] if marks[1:] else known
     if isinstance(mark, AtLeast):
-        return Annotated[StrictInt, Field(ge=mark.least)]
+        return Annotated[StrictInt, Field(ge=mark.least, le=mark.most)]
     if isinstance(mark, Some):
         return Annotated[dict[str, Any], Given(mark.of, null=True)]
     if isinstance(mark, Given):
         return Annotated[of, mark]
     return Annotated[(_type_of(of), *marks)]
+
+
+def _bounds(kind: Quantity) -> dict[str, float]:
+    """The range of a quantity, as JSON Schema has it."""
+    if kind.within is None:
+        return BOUNDS[kind.sign]
+    return dict(zip(("minimum", "maximum"), kind.within, strict=True))
 
 
 def _number(kind: Quantity) -> Any:
@@ -285,7 +292,7 @@ def _number(kind: Quantity) -> Any:
         text = f"A plain number, or text in percent such as '{kind.example}'."
     schema: dict[str, Any] = {
         "description": text,
-        "anyOf": [{"type": "number", **BOUNDS[kind.sign]}, {"type": "string"}],
+        "anyOf": [{"type": "number", **_bounds(kind)}, {"type": "string"}],
         "examples": [kind.example],
     }
     read = BeforeValidator(partial(read_quantity, kind=kind))

@@ -1,0 +1,1 @@
+"""Values that every package has: dataclasses that check their fields."""
