@@ -6,7 +6,7 @@ An annotation such as `speed: Speed | None` is the only declaration: `check` rea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from types import UnionType
@@ -120,6 +120,8 @@ def _reader(hint: Any, field: _Field) -> Reader | None:
         return _read_array(get_args(parts[1])[0], field)
     if origin is tuple:
         return _read_tuple(parts, field)
+    if origin is Sequence:
+        return _read_tuple((*parts, ...), field)
     if origin in (dict, Mapping):
         return _read_mapping(parts[1], field)
     if hint is float:

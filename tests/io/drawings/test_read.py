@@ -108,7 +108,7 @@ def test_what_cannot_be_read_is_refused(read, tmp_path):
         (("part.dwg", {}), "save it as DXF"),
         (("w.csv", {"units": "mm", "layers": ["FOO"]}), "no layer 'FOO' ... 'CUT', 'MARK'"),
         (("w.csv", {"units": "mm", "names": ["c"]}), "no contour 'c' ... 'a', 'b'"),
-        (("w.csv", {"scale": -1.0}), "scale must be above zero"),
+        (("w.csv", {"scale": -1.0}), "scale ... above zero"),
         (("w.csv", {"unknown": "guess"}), "unknown"),
         (("w.csv", {"layers": 5}), "layer ... 5"),
         (("across.ngc", {"flat": True}), "across.ngc: contour line 3: Segment 2"),

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from armcontour import _checks
 from armcontour._quantities import AngularDistance, Choice, Distance, Factor, Length, Tolerance
 from armcontour._text import show
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand
-from armcontour.geometry.rounding import CONTINUITIES, Continuity
+from armcontour.geometry.rounding import Continuity
 from armcontour.io.drawings.reading import color_of
 from armcontour.io.units import parse
 
@@ -28,7 +29,7 @@ WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReadOptions:
+class ReadOptions(Checked):
     """How a drawing, G-code or a table of waypoints is read.
 
     Args:
@@ -81,19 +82,10 @@ class ReadOptions:
     unknown: Annotated[str, Choice(UNKNOWN)] | Mapping[Literal["skip"], Sequence[str]] = "refuse"
     texts: Annotated[str, Choice(TEXTS)] = "leave_out"
     tools: Mapping[int, Length] | None = None
-    continuity: Annotated[Continuity, Choice(CONTINUITIES)] = "tangent"
+    continuity: Continuity = "tangent"
 
-    def __post_init__(self) -> None:
-        _checks.check_fields(self)
-        _checks.positive("scale", self.scale)
-        _checks.positive("chord tolerance", self.chord_tolerance, "m")
-        _checks.positive("join tolerance", self.join_tolerance, "m")
-        if self.mend_vertices is not None:
-            _checks.not_negative("mend_vertices", self.mend_vertices, "m")
-        _checks.not_negative("smooth_axes", self.smooth_axes, "rad")
-        _checks.choice("texts", self.texts, TEXTS)
-        _checks.choice("continuity", self.continuity, CONTINUITIES)
-        # Refuse what has no meaning, before any file is read.
+    def _check_together(self) -> None:
+        # Refuses what has no meaning, before any file is read.
         _ = self.unit, self.layer_set, self.color_set, self.words, self.unscaled_tools
 
     @property
@@ -123,15 +115,14 @@ class ReadOptions:
     def words(self) -> frozenset[str]:
         """Words and codes of G-code to leave out, such as G43 or T."""
         if isinstance(self.unknown, str):
-            _checks.choice("unknown", self.unknown, UNKNOWN)
             return frozenset()
-        words = self.unknown.get("skip") if isinstance(self.unknown, Mapping) else None
-        if not _is_list(words) or len(self.unknown) > 1:
+        if list(self.unknown) != ["skip"]:
             raise InvalidInput(
                 'unknown must be "refuse", "skip", or {"skip": [...]} with the words of G-code to '
-                "leave out, such as M6 or T."
+                f"leave out, such as M6 or T, not {show(self.unknown)}."
             )
-        plain = {str(x).strip().upper() for x in words}
+        words = _checks.listed("unknown: skip", self.unknown["skip"], str, "words of G-code")
+        plain = {x.strip().upper() for x in words}
         wrong = next((x for x in sorted(plain) if WORD.fullmatch(x) is None), None)
         if wrong is not None:
             raise InvalidInput(
@@ -146,7 +137,8 @@ class ReadOptions:
         if self.layers is None:
             return None
         names = [self.layers] if isinstance(self.layers, str) else self.layers
-        return frozenset(_checks.check_names("layers", list(names) if _is_list(names) else names))
+        names = list(names) if isinstance(names, Mapping) else names
+        return frozenset(_checks.check_names("layers", names))
 
     @property
     def layer_tolerances(self) -> dict[str, float]:
@@ -159,28 +151,14 @@ class ReadOptions:
         """The colours as `color_of` names them; None for all colours."""
         if self.colors is None:
             return None
-        if not _is_list(self.colors) or not self.colors:
-            raise InvalidInput(
-                'colors must be a list of colours, such as ["red", "#00ff00"]; for DXF also '
-                "numbers of AutoCAD's colours, such as [1, 3]."
-            )
+        if not self.colors:
+            raise InvalidInput('colors must be one colour or more, such as ["red", "#00ff00"].')
         return frozenset(color_of(str(x)) for x in self.colors)
 
     @property
     def unscaled_tools(self) -> dict[int, float]:
         """Diameters of tools by their numbers, in metres of the file before it is scaled."""
-        if not isinstance(self.tools, Mapping | None):
-            raise InvalidInput(
-                "tools must be diameters in metres by the numbers of tools, such as {1: 0.003}, "
-                f"not {show(self.tools)}."
-            )
-        plain = {}
-        for number, diameter in (self.tools or {}).items():
-            tool = _checks.whole("number of a tool", number, 0, MOST_TOOLS)
-            plain[tool] = _checks.number(f"diameter of tool {tool}", diameter, "m") / self.scale
-        return plain
-
-
-def _is_list(value: object) -> bool:
-    """Whether a value is a list or a set of values, or a mapping of them, but no text."""
-    return isinstance(value, Collection) and not isinstance(value, str)
+        return {
+            _checks.whole("number of a tool", number, 0, MOST_TOOLS): diameter / self.scale
+            for number, diameter in (self.tools or {}).items()
+        }
