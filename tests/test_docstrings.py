@@ -149,7 +149,7 @@ STATED = [
     (
         "docs/guides/gcode.md",
         r"tolerance \((\S+) (um) by default\)",
-        default_of(ac.read_path, "chord_tolerance"),
+        field(ac.ReadOptions, "chord_tolerance"),
     ),
     (
         "docs/guides/export.md",

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from armcontour.io.exports import export
     from armcontour.io.log_file import read_log
     from armcontour.io.robots.loading import arm_names, load_arm
-    from armcontour.jobs import Goal, Job, Rounding, Run, Study, run
+    from armcontour.jobs import Goal, Job, PlaceSearch, Rounding, Run, Study, run
     from armcontour.learning import (
         LearnedRun,
         Lesson,
@@ -135,7 +135,7 @@ _HOME = {
     "io.exports": ("export",),
     "io.log_file": ("read_log",),
     "io.robots.loading": ("arm_names", "load_arm"),
-    "jobs": ("Goal", "Job", "Rounding", "Run", "Study", "run"),
+    "jobs": ("Goal", "Job", "PlaceSearch", "Rounding", "Run", "Study", "run"),
     "learning": (
         "LearnedRun",
         "Lesson",
@@ -215,6 +215,7 @@ __all__ = [
     "Path",
     "Payload",
     "Pierce",
+    "PlaceSearch",
     "Placement",
     "PlanarTwoLink",
     "Plant",

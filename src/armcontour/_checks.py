@@ -618,6 +618,7 @@ ORIGINS = {
     "Job": "as read_job gives it",
     "Limits": "such as arm.limits",
     "Payload": "such as Payload(mass=2.0)",
+    "PlaceSearch": "such as PlaceSearch(over={'x': (-0.1, 0.1, 11)})",
     "Plant": "such as ServoPlant(arm, servo)",
     "ReadOptions": "such as ReadOptions(units='mm')",
     "ServoModel": "such as ServoModel(kp=25, kv=150)",

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from armcontour._progress import under
 from armcontour.cli.console import Console, open_page
@@ -13,7 +14,7 @@ from armcontour.cli.quantities import read_option, read_option_list
 
 if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, PlaceOptions
-    from armcontour.io.job_model import PlacementModel
+    from armcontour.jobs import PlaceSearch
     from armcontour.placement import Placement
 
 # The job in its best place.
@@ -55,20 +56,13 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
 
         with share_progress() as progress:
             job = open_job(file, job_options, under(progress, "reading"))
-            found = place(
-                job,
-                x.run_name,
-                over=over,
-                objective=x.objective,
-                uncertainty=off,
-                what=x.move,
-                absolute=x.absolute,
-                about=about,
-                every=x.every,
-                refined=x.refined,
-                executor=executor,
-                progress=progress,
-            )
+            given: dict[str, Any] = {
+                **{"objective": x.objective, "what": x.move, "absolute": x.absolute},
+                **{"about": about, "every": x.every, "refined": x.refined},
+                **{"over": {**asked.over, **over}, "uncertainty": {**asked.uncertainty, **off}},
+            }
+            search = replace(asked, **{k: value for k, value in given.items() if value is not None})
+            found = place(job, search, run=x.run_name, executor=executor, progress=progress)
         folder.write("report.html", render_placement(found))
         folder.write("placement.csv", placement_csv(found))
         unwritten = ""
@@ -84,17 +78,16 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
         open_page(report)
 
 
-def _axes(given: Sequence[str], asked: PlacementModel) -> dict[str, tuple[float, float, int]]:
+def _axes(given: Sequence[str], asked: PlaceSearch) -> dict[str, tuple[float, float, int]]:
     """The axes of --over with their ranges; none if the job names axes.
 
     Raises:
         InvalidInput: An axis is wrong or named twice, or there is none.
     """
     from armcontour.errors import InvalidInput
-    from armcontour.io.place_axes import AxesModel
 
     over = dict(read_axis(text) for text in given)
-    if not over and asked.over == AxesModel():
+    if not over and not asked.over:
         raise InvalidInput(
             "place needs --over for each axis along which to place, or the key placement.over of "
             f"the job: {OVER}."
@@ -104,19 +97,19 @@ def _axes(given: Sequence[str], asked: PlacementModel) -> dict[str, tuple[float,
     return over
 
 
-def _asked(file: FilePath, options: JobOptions) -> PlacementModel:
+def _asked(file: FilePath, options: JobOptions) -> PlaceSearch:
     """What the job or the cell has under `placement`.
 
     Raises:
         InvalidInput: No such file, or invalid keys.
     """
     from armcontour.io.cell import open_keys
-    from armcontour.io.job_model import PlacementModel
+    from armcontour.jobs import PlaceSearch
 
     named = _text_of(file, options)
     # Opening a drawing without a cell says that it needs one.
     model = None if named is None else open_keys(named)[0].placement
-    return model or PlacementModel()
+    return model or PlaceSearch()
 
 
 def _text_of(file: FilePath, options: JobOptions) -> str | None:

@@ -29,11 +29,9 @@ from armcontour.geometry import Demand
 from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.forms import FORMS, Form, Place, Point
 from armcontour.io.keys import Given
-from armcontour.io.place_axes import AxesModel, OffModel
 from armcontour.io.scene import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.io.units import parse
-from armcontour.jobs import Experiment, Goal, Rounding
-from armcontour.jobs.place_search import OBJECTIVES, POINTS, WHAT
+from armcontour.jobs import Experiment, Goal, PlaceSearch, Rounding
 from armcontour.motion import PERIOD, Method
 from armcontour.program import Process
 from armcontour.servo import ServoModel
@@ -390,38 +388,6 @@ class RunModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlacementModel:
-    """Where `armcontour place` looks for the best place, and what is best; options replace keys.
-
-    Args:
-        over: The axes of the grid of places.
-        objective: What is best: the shortest cycle, the best manipulability, the largest clearance
-            or the largest margin of torque.
-        uncertainty: Position error of the part: each candidate is rated by the worst case within
-            this box, of which every corner is planned.
-        move: What is moved: the part, with the obstacles that are fixed to it, or the base of the
-            arm.
-        absolute: Whether x, y and z are coordinates of the point that is placed; by default they
-            are added to it.
-        about: The point that is placed and turned about: the middle of the path, the origin of its
-            coordinates, or a point [m].
-        every: Whether every place is planned, for a map without bounds.
-        refine: Whether a better place is looked for between those of the grid.
-        run: Name of the run; by default the only one, or the only one with the timing optimal.
-    """
-
-    over: AxesModel = AxesModel()
-    objective: Annotated[str, Choice(OBJECTIVES)] = OBJECTIVES[0]
-    uncertainty: OffModel = OffModel()
-    move: Annotated[str, Choice(WHAT)] = WHAT[0]
-    absolute: bool = False
-    about: Annotated[str, Choice(POINTS)] | Place = POINTS[0]
-    every: bool = False
-    refine: bool = True
-    run: str | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class JobModel:
     """A job file.
 
@@ -472,7 +438,7 @@ class JobModel:
     command_interval: Interval = PERIOD
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     certificate: Goal | None = None
-    placement: PlacementModel | None = None
+    placement: PlaceSearch | None = None
     scene: SceneModel | None = None
     ignore_collisions: bool = False
 
