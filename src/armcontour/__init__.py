@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from armcontour.io.exports import export
     from armcontour.io.log_file import read_log
     from armcontour.io.robots.loading import arm_names, load_arm
+    from armcontour.io.robots.options import ArmOptions
     from armcontour.jobs import Goal, Job, PlaceSearch, Rounding, Run, Study, run
     from armcontour.learning import (
         LearnedRun,
@@ -135,6 +136,7 @@ _HOME = {
     "io.exports": ("export",),
     "io.log_file": ("read_log",),
     "io.robots.loading": ("arm_names", "load_arm"),
+    "io.robots.options": ("ArmOptions",),
     "jobs": ("Goal", "Job", "PlaceSearch", "Rounding", "Run", "Study", "run"),
     "learning": (
         "LearnedRun",
@@ -181,6 +183,7 @@ __all__ = [
     "Arc",
     "Arm",
     "ArmContourError",
+    "ArmOptions",
     "Batch",
     "Cell",
     "Certificate",

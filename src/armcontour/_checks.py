@@ -612,6 +612,7 @@ def refuse_if(wrong: bool | np.bool_, message: str) -> None:
 # How to get an object of a class, for messages.
 ORIGINS = {
     "Arm": "such as load_arm('ur5e')",
+    "ArmOptions": "such as ArmOptions(tip='tool0')",
     "Demand": "such as Demand(speed=0.1)",
     "Execution": "as execute gives it",
     "Frame": "such as Frame(position=(0.4, 0, 0.1))",

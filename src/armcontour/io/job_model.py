@@ -29,6 +29,7 @@ from armcontour.geometry import Demand
 from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.forms import FORMS, Form, Place, Point
 from armcontour.io.keys import Given
+from armcontour.io.robots.options import ArmOptions
 from armcontour.io.scene import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.io.units import parse
 from armcontour.jobs import Experiment, Goal, PlaceSearch, Rounding
@@ -131,40 +132,24 @@ class TableToolModel(ToolModel):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ArmModel:
+class ArmModel(ArmOptions):
     """An arm by `name` or `file`, with its equipment. File names are relative to the job file.
 
     Args:
         name: A built-in arm: `armcontour arms` lists them.
-        file: A .urdf, .xacro or .yaml file; .xacro only if `--trust-xacro` allows it.
-        tip: Link at the end of the arm; .urdf and .xacro only. By default the end of the only
-            chain of moving joints.
-        base: Fixed link at the start of the arm; .urdf and .xacro only.
-        joint_limits: A joint_limits.yaml of MoveIt; replaces limits of the arm's file.
+        file: A .urdf, .xacro, .xml (MJCF) or .yaml file; .xacro only if `--trust-xacro` allows it.
         tool: The tool: its frame relative to the tip, and its shapes.
         work: The frame of the path relative to the base.
         payload: Payload at the tip.
-        locked: Positions of locked joints, by name; .urdf and .xacro only.
-        packages: Folders of ROS packages, by name; .urdf and .xacro only. Others are looked for
-            nearby.
-        arguments: Values of the arguments of a .xacro file, by name.
         shapes: More shapes of links, such as hoses and cameras, in the frames of the links.
-        srdf: A file of MoveIt (.srdf) that says which links may touch each other.
     """
 
     name: str | None = None
     file: str | None = None
-    tip: str | None = None
-    base: str | None = None
-    joint_limits: str | None = None
     tool: ToolModel | None = None
     work: FrameModel | None = None
     payload: Payload | None = None
-    locked: dict[str, JointPosition] | None = None
-    packages: dict[str, str] | None = None
-    arguments: dict[str, bool | int | float | str] | None = None
     shapes: BodiesModel | None = None
-    srdf: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,9 +236,9 @@ class RepeatModel:
     serpentine: bool = True
 
 
-@dataclass(frozen=True, kw_only=True)
-class WrittenPath:
-    """The path of a job that has its points, or the name of its file.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathModel(ReadOptions):
+    """One of `points`, `start` and `segments`, `spline`, and `file`; other keys are options.
 
     Args:
         points: Corner points of a polyline, `[x, y]` or `[x, y, z]` each [m].
@@ -262,20 +247,6 @@ class WrittenPath:
         spline: A cubic spline.
         file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv);
             its name is relative to the job file.
-    """
-
-    points: list[Point] | None = None
-    start: Point | None = None
-    segments: list[SegmentModel] | None = None
-    spline: SplineModel | None = None
-    file: str | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class PathModel(ReadOptions, WrittenPath):
-    """One of `points`, `start` and `segments`, `spline`, and `file`; other keys are options.
-
-    Args:
         frame: Position and rotation of the origin of the file, or of points and segments.
         repeat: Copies of the drawing in columns and rows, after `scale` and before `frame`; their
             contours have names such as `hole [2,1]` (row, column).
@@ -284,6 +255,11 @@ class PathModel(ReadOptions, WrittenPath):
             waypoint; for a file, in the coordinates of the drawing.
     """
 
+    points: list[Point] | None = None
+    start: Point | None = None
+    segments: list[SegmentModel] | None = None
+    spline: SplineModel | None = None
+    file: str | None = None
     frame: FrameModel | None = None
     repeat: RepeatModel | None = None
     tool: str | None = None
@@ -292,8 +268,15 @@ class PathModel(ReadOptions, WrittenPath):
     ] = None
 
 
-# The corners of a job have it.
+# The corners of a job have the continuity.
 FORMS[PathModel] = Form(omit=frozenset({"continuity"}))
+FORMS[ArmModel] = Form(
+    types={
+        **dict.fromkeys(("joint_limits", "srdf"), str | None),
+        "locked": dict[str, JointPosition] | None,
+        "packages": dict[str, str] | None,
+    }
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

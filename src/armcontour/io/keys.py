@@ -173,7 +173,9 @@ def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseMod
     hints = {**get_type_hints(of, include_extras=True), **form.types}
     described = {**descriptions(of), **form.texts}
     fields: dict[str, Any] = {}
-    for x in dataclasses.fields(of):
+    own = inspect.get_annotations(of)
+    # Keys of the class come before those of the options that it extends.
+    for x in sorted(dataclasses.fields(of), key=lambda x: x.name not in own):
         if x.name in form.omit or not x.init:
             continue
         kind = _type_of(hints[x.name])
