@@ -153,8 +153,8 @@ STATED = [
     ),
     (
         "docs/guides/export.md",
-        r"`derivatives` \| `(\d)` \(default\)",
-        default_of(ac.export, "derivatives"),
+        r"`derivatives` \|.*\| `(\d)` \(default\)",
+        field(ac.CsvFormat, "derivatives"),
     ),
     (
         "docs/guides/checking.md",

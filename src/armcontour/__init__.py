@@ -52,7 +52,15 @@ if TYPE_CHECKING:
     from armcontour.io import read_job, read_trajectory
     from armcontour.io.drawings.options import ReadOptions
     from armcontour.io.drawings.read import read_path
-    from armcontour.io.exports import export
+    from armcontour.io.exports import (
+        CsvFormat,
+        McapFormat,
+        NpzFormat,
+        RosYamlFormat,
+        TemplateFormat,
+        UrScriptFormat,
+        export,
+    )
     from armcontour.io.log_file import read_log
     from armcontour.io.robots.loading import arm_names, load_arm
     from armcontour.io.robots.options import ArmOptions
@@ -133,7 +141,15 @@ _HOME = {
     "io": ("read_job", "read_trajectory"),
     "io.drawings.options": ("ReadOptions",),
     "io.drawings.read": ("read_path",),
-    "io.exports": ("export",),
+    "io.exports": (
+        "CsvFormat",
+        "McapFormat",
+        "NpzFormat",
+        "RosYamlFormat",
+        "TemplateFormat",
+        "UrScriptFormat",
+        "export",
+    ),
     "io.log_file": ("read_log",),
     "io.robots.loading": ("arm_names", "load_arm"),
     "io.robots.options": ("ArmOptions",),
@@ -192,6 +208,7 @@ __all__ = [
     "Collision",
     "CompensationError",
     "Contour",
+    "CsvFormat",
     "Demand",
     "Dwell",
     "Evaluation",
@@ -212,7 +229,9 @@ __all__ = [
     "Limits",
     "Line",
     "Log",
+    "McapFormat",
     "NotRealizable",
+    "NpzFormat",
     "Obstacle",
     "Orientation",
     "Path",
@@ -229,6 +248,7 @@ __all__ = [
     "Recording",
     "RigidBodyPlant",
     "RobotIdentification",
+    "RosYamlFormat",
     "RoundedPath",
     "Rounding",
     "Run",
@@ -242,7 +262,9 @@ __all__ = [
     "Tabs",
     "Tally",
     "TaughtData",
+    "TemplateFormat",
     "Trajectory",
+    "UrScriptFormat",
     "Unreachable",
     "Weave",
     "__version__",

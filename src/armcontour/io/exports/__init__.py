@@ -1,29 +1,46 @@
 """Writers of joint set-points and events in the formats of robot controllers and of tables."""
 
-from armcontour.io.exports.exporting import (
-    HAVE_ANALOG,
-    chosen_format,
-    export,
+from armcontour.io.exports.exporting import export, refuse_unknown_outputs
+from armcontour.io.exports.formats import (
+    FORMATS,
+    WITH_ANALOG,
+    WITH_OUTPUTS,
+    CsvFormat,
+    ExportFormat,
+    McapFormat,
+    NpzFormat,
+    RosYamlFormat,
+    TemplateFormat,
+    UrScriptFormat,
+    format_named,
+    format_of,
     formats,
-    refuse_unknown_outputs,
-    takes_analog,
-    write_table,
+    outputs_of,
 )
 from armcontour.io.exports.table import Table, make_table
 from armcontour.io.exports.template import describe_program, templates
 from armcontour.io.exports.text import csv_text
 
 __all__ = [
-    "HAVE_ANALOG",
+    "FORMATS",
+    "WITH_ANALOG",
+    "WITH_OUTPUTS",
+    "CsvFormat",
+    "ExportFormat",
+    "McapFormat",
+    "NpzFormat",
+    "RosYamlFormat",
     "Table",
-    "chosen_format",
+    "TemplateFormat",
+    "UrScriptFormat",
     "csv_text",
     "describe_program",
     "export",
+    "format_named",
+    "format_of",
     "formats",
-    "refuse_unknown_outputs",
     "make_table",
-    "takes_analog",
+    "outputs_of",
+    "refuse_unknown_outputs",
     "templates",
-    "write_table",
 ]
