@@ -652,16 +652,13 @@ def refuse_other(user: str, value: Any, *kinds: type, role: str = "") -> None:
     """
     if isinstance(value, kinds):
         return
-    names = [WORDS.get(x) or with_article(x.__name__) for x in kinds if x is not np.bool_]
+    names = [WORDS.get(x) or _with_article(x.__name__) for x in kinds if x is not np.bool_]
     words = [f"{' or '.join(names)}{role and f' as {role}'}", ORIGINS.get(kinds[0].__name__, "")]
     needed = ", ".join(x for x in words if x)
     raise InvalidInput(f"{user} needs {needed}, not {type(value).__name__}.")
 
 
-def with_article(name: str) -> str:
-    """The name of a class as a noun; names of several things, such as Limits, have no article."""
-    if name.endswith("s") and not name.endswith("ss"):
-        return name
+def _with_article(name: str) -> str:
     return f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
 
 

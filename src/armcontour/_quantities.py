@@ -32,7 +32,8 @@ class Quantity:
     """Kind of a quantity: annotates a float, or an array with one value or one per joint.
 
     Args:
-        unit: The SI unit; "1" is a share, which users may write in percent.
+        unit: The SI unit; "1" is a share, which users may write in percent, and an empty one is
+            that of plain numbers.
         example: Text that users may write.
         sign: Allowed range of the value; a "share" is from 0 to below 1. A "turn" without a unit is
             at most WHOLE_TURN either way.
@@ -123,6 +124,9 @@ class Some:
 
 
 Name = Annotated[str, Named()]
+NeededName = Annotated[str, Named(needed=True)]
+PlainNumber = Annotated[float, Quantity("")]
+Direction = Annotated[FloatArray, Quantity(""), Axes(3)]
 Length = Annotated[float, Quantity("m", "5 mm")]
 Distance = Annotated[float, Quantity("m", "5 mm", "not negative")]
 Size = Annotated[float, Quantity("m", "5 mm", "positive")]

@@ -685,20 +685,6 @@ class LearnOptions:
             help="CSV of measured positions of the tool over the same time: t, x, y, z.",
         ),
     ] = None
-    simulate: Annotated[
-        int | None,
-        typer.Option(
-            "--simulate",
-            min=1,
-            max=100,
-            help="In place of a log: learn from so many runs of a simulated robot that is not "
-            "quite known, and execute once more.",
-        ),
-    ] = None
-    seed: Annotated[
-        int | None,
-        typer.Option("--seed", min=0, help="Seed of noise and gains of the simulated robot."),
-    ] = None
     judge_only: Annotated[
         bool,
         typer.Option(

@@ -1,1 +1,1 @@
-"""Values that every package has: dataclasses that check their fields."""
+"""What all parts share: checks of fields, how a result is described, how its figures look."""

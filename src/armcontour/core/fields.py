@@ -6,6 +6,7 @@ An annotation such as `speed: Speed | None` is the only declaration: `check` rea
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
@@ -17,7 +18,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray, Value
 from armcontour._quantities import AtLeast, Axes, Choice, Named, Quantity
-from armcontour._text import shorten
+from armcontour._text import capitalise, shorten, show
 from armcontour.errors import InvalidInput
 
 # Reads a value: the checked one, or the value itself if nothing had to be converted.
@@ -46,7 +47,8 @@ def check(value: Any) -> None:
     Raises:
         InvalidInput: A field does not fit its annotation.
     """
-    readers, shapes = _readers(type(value))
+    kind: Any = type(value)
+    readers, shapes = _readers(kind)
     try:
         for name, read, optional in readers:
             given = getattr(value, name)
@@ -59,7 +61,7 @@ def check(value: Any) -> None:
             _refuse_misfits(value, shapes)
     except InvalidInput as error:
         where = getattr(value, "source", getattr(value, "name", None))
-        if not isinstance(where, str) or not where:
+        if not isinstance(where, str) or not where or name in ("source", "name"):
             raise
         raise error.at(shorten(where, _checks.LONGEST_NAME)) from None
 
@@ -69,9 +71,9 @@ class _Field:
     """A field of a class, for messages.
 
     Args:
-        user: Name of the class.
+        user: Name of the class, such as "A payload".
         role: Name of the field.
-        who: Both, such as "mass of a Payload".
+        who: Both, such as "mass of a payload".
     """
 
     user: str
@@ -90,14 +92,23 @@ def _readers(
         if not x.init:
             continue
         hint, optional = _without_none(hints[x.name])
-        who = f"{x.name} of {_checks.with_article(kind.__name__)}"
-        read = _reader(hint, _Field(kind.__name__, x.name, who))
+        user = _noun(kind)
+        field = _Field(capitalise(user), x.name, f"{x.name} of {user}")
+        # None is named by a message on a wrong class, as other classes are.
+        read = _reader(hints[x.name] if _checks.kinds_of(hint) else hint, field)
         if read is not None:
             found.append((x.name, read, optional))
         shape = next((y for y in getattr(hint, "__metadata__", ()) if isinstance(y, Axes)), None)
         if shape is not None and any(isinstance(y, str) for y in shape.axes):
             shapes.append((x.name, shape))
     return tuple(found), tuple(shapes)
+
+
+def _noun(kind: type) -> str:
+    """The name of a class in words, such as "a joint path"; several things have no article."""
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__).lower()
+    several = words.endswith(("s", "data")) and not words.endswith("ss")
+    return words if several else f"{'an' if words[0] in 'aeio' else 'a'} {words}"
 
 
 def _without_none(hint: Any) -> tuple[Any, bool]:
@@ -164,7 +175,7 @@ def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
     if all(kinds):
         return _read_kinds(sum(kinds, ()), field)
     texts = [x for x in parts if x is str or _is_text(x)]
-    others = [x for x in parts if x not in texts]
+    others = [x for x in parts if x not in (*texts, bool)]
     if not texts or len(others) != 1:
         return None
     text, other = _reader(texts[0], field), _reader(others[0], field)
@@ -173,7 +184,9 @@ def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
     def read(value: Any) -> Any:
         if isinstance(value, str):
             return text(value)
-        return value if other is None else other(value)
+        if other is None or (bool in parts and isinstance(value, bool | np.bool_)):
+            return value
+        return other(value)
 
     return read
 
@@ -218,8 +231,8 @@ def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
     kinds = _checks.kinds_of(parts[0]) if many else ()
     count = None if many else len(parts)
     names = [f"{x.__name__}s" for x in kinds if x is not str]
-    what = " or ".join(names) if names else "texts" if kinds else "values"
-    what = what if many else f"{count} {what}"
+    plain = "texts" if kinds else "names" if _is_text(parts[0]) else "values"
+    what = f"{f'{count} ' if count else ''}{' or '.join(names) or plain}"
 
     def read(value: Any) -> Any:
         values = _checks.listed(field.who, value, kinds or object, what, count)
@@ -239,8 +252,11 @@ def _read_mapping(of: Any, field: _Field) -> Reader:
         if not isinstance(value, Mapping):
             _checks.refuse_other(field.user, value, Mapping, role=field.role)
         if each is not None:
-            for x in value.values():
-                each(x)
+            for key, x in value.items():
+                try:
+                    each(x)
+                except InvalidInput as error:
+                    raise error.at(show(key)) from None
         return value
 
     return read
@@ -379,8 +395,7 @@ def _refuse_misfits(value: Any, shapes: tuple[tuple[str, Axes], ...]) -> None:
                 continue
             known, first = lengths.setdefault(axis, (n, name))
             if n != known:
-                who = _checks.with_article(type(value).__name__)
                 raise InvalidInput(
-                    f"{name} of {who} has shape {array.shape}, but must have shape {shape} with "
-                    f"{axis} = {known}, as {first} has."
+                    f"{name} of {_noun(type(value))} has shape {array.shape}, but must have "
+                    f"shape {shape} with {axis} = {known}, as {first} has."
                 )

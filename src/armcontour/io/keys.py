@@ -33,7 +33,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from armcontour._quantities import WHOLE_TURN, AtLeast, Choice, Quantity, Some
+from armcontour._quantities import WHOLE_TURN, AtLeast, Choice, Named, Quantity, Some
 from armcontour.errors import InvalidInput
 from armcontour.io.forms import FORMS, Form
 from armcontour.io.problems import first_problem
@@ -261,7 +261,7 @@ def _annotated(of: Any, *marks: Any) -> Any:
     if isinstance(mark, Quantity):
         number = _number(mark)
         if of is float:
-            return number
+            return number if mark.unit else Number
         each: Any = number | list[number]  # type: ignore[valid-type]
         bound: Any = _number(dataclasses.replace(mark, sign="any"))
         pair = Annotated[list[bound], Field(min_length=2, max_length=2)]
@@ -273,6 +273,8 @@ def _annotated(of: Any, *marks: Any) -> Any:
         return Annotated[(known, *marks[1:])] if marks[1:] else known
     if isinstance(mark, AtLeast):
         return Annotated[StrictInt, Field(ge=mark.least, le=mark.most)]
+    if isinstance(mark, Named):
+        return Annotated[str, Field(min_length=1)] if mark.needed else str
     if isinstance(mark, Some):
         return Annotated[dict[str, Any], Given(mark.of, null=True)]
     if isinstance(mark, Given):

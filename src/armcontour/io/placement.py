@@ -12,6 +12,7 @@ from typing import Any
 from armcontour._checks import refuse_if
 from armcontour._version import __version__
 from armcontour.arms import SerialArm
+from armcontour.core.render import jsonable
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, quaternions
 from armcontour.io.job_arm import ARM_FILES, frame_of
@@ -19,7 +20,7 @@ from armcontour.io.job_edits import REMOVE, Keys, move_files, set_keys
 from armcontour.io.job_file import read_model
 from armcontour.io.job_model import ArmModel, CellModel
 from armcontour.io.job_overrides import JobOverrides, override
-from armcontour.io.json_text import plain, to_json
+from armcontour.io.json_text import to_json
 from armcontour.jobs import Rounding
 from armcontour.placement import UNITS, Place, Placement, Verdict
 from armcontour.scene.scene import BASE, PART
@@ -101,7 +102,7 @@ def placement_csv(placement: Placement) -> str:
     for k, verdict in enumerate(placement.verdicts):
         values = [getattr(verdict, name) for name in COLUMNS]
         table.writerow(
-            [*placement.place(k).values(), *("" if x is None else x for x in plain(values))]
+            [*placement.place(k).values(), *("" if x is None else x for x in jsonable(values))]
         )
     return text.getvalue()
 
@@ -182,7 +183,7 @@ def _keys(value: Any) -> Any:
     """A value as a job file has it; keys without a value are left out."""
     if is_dataclass(value) and not isinstance(value, type):
         value = {name: _keys(x) for name, x in asdict(value).items() if x is not None}
-    return plain(value)
+    return jsonable(value)
 
 
 def _override_keys(model: CellModel, x: JobOverrides) -> dict[Keys, Any]:
