@@ -11,6 +11,7 @@ from armcontour._quantities import (
     Angle,
     AtLeast,
     Choice,
+    Distance,
     Interval,
     JointAccelerations,
     JointJerks,
