@@ -32,7 +32,7 @@ COMMANDS = {
     "certify": ["certify", "job.yaml", "--out", "out"],
     "place": ["place", "job.yaml", "--out", "out", "--over", "x: -20 mm .. 20 mm, 9"],
     "identify": ["identify", "log.csv", "--out", "out"],
-    "learn": ["learn", "job.yaml", "--simulate", "2", "--out", "out"],
+    "learn": ["learn", "job.yaml", "--log", "log.csv", "--judge-only", "--out", "out"],
     "export": [
         *("run", "job.yaml", "--out", "out", "--no-simulation"),
         *("--export", "csv", "--export", "npz", "--export", "ros-yaml"),

@@ -81,7 +81,6 @@ GROUPS = [
     *([f"show {{drawings}}/{x} --json"] for x in ("gasket.dxf", "lettering.svg", "pocket.ngc")),
     [f"place {{drawings}}/gasket.dxf --cell ur5e {OVER} --out out"],
     [f"place {{drawings}}/gasket.dxf --cell pmk3s {OVER} --objective manipulability --out out"],
-    ["learn {library}/paper.yaml --run proposed --simulate 2 --out out"],
     ["certify {library}/paper.yaml --run optimal --servo '0.02 mm' --out out"],
     ["certify {library}/paper.yaml --run optimal --servo '1 nm' --out out"],
     ["certify {library}/paper.yaml --run optimal --total-tolerance '3 mm' --out out"],

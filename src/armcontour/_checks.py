@@ -44,6 +44,8 @@ MOST_JOINTS = 1000
 # Largest number of values that are sampled, such as set-points times joints: with all that is
 # computed from them, some GB.
 MOST_VALUES = 5e7
+# Largest whole number; seeds have no smaller limit.
+MOST_WHOLE = 2**63 - 1
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 # Attributes of a copied object by their names, and the names of those that are locked.
@@ -66,7 +68,7 @@ NOT_NUMERIC = {
 }
 
 
-def lock_floats(values: npt.ArrayLike, name: str = "An array") -> FloatArray:
+def lock_floats(values: npt.ArrayLike, name: str = "An array", unit: str = "") -> FloatArray:
     """A read-only copy of `values` as a float array; `values` if it is one that owns its data.
 
     Raises:
@@ -74,7 +76,7 @@ def lock_floats(values: npt.ArrayLike, name: str = "An array") -> FloatArray:
     """
     if isinstance(values, np.ndarray) and _is_locked(values):
         return values
-    array = np.array(floats(name, values))
+    array = np.array(floats(name, values, unit))
     array.setflags(write=False)
     return array
 
@@ -456,17 +458,18 @@ def not_negative(name: str, value: Any, unit: str = "") -> float:
     return checked
 
 
-def whole(name: str, value: Any, low: int, high: int) -> int:
-    """Return `value` as an int from `low` to `high`.
+def whole(name: str, value: Any, low: int | None = None, high: int | None = None) -> int:
+    """Return `value` as an int from `low` to `high`; None is no bound.
 
     Raises:
         InvalidInput: The value is not a whole number, or outside this range.
     """
     checked = number(name, value)
-    if checked != int(checked) or not low <= checked <= high:
-        raise InvalidInput(
-            f"{name} must be a whole number from {low} to {high}, but is {checked:g}."
-        )
+    least, most = (-LARGEST if low is None else low), (MOST_WHOLE if high is None else high)
+    if checked != int(checked) or not least <= checked <= most:
+        range_ = "" if low is None else f" of at least {low}"
+        range_ = range_ if high is None else f" from {low} to {high}"
+        raise InvalidInput(f"{name} must be a whole number{range_}, but is {checked:g}.")
     return int(checked)
 
 
@@ -763,15 +766,15 @@ def _kinds_by_name(annotated: Any) -> dict[str, tuple[type, ...]]:
     names = hints.keys() - {"return"}
     if is_dataclass(annotated):
         names = {x.name for x in fields(annotated) if x.init}
-    found = {name: _kinds(hint) for name, hint in hints.items() if name in names}
+    found = {name: kinds_of(hint) for name, hint in hints.items() if name in names}
     return {name: kinds for name, kinds in found.items() if kinds}
 
 
-def _kinds(annotation: Any) -> tuple[type, ...]:
+def kinds_of(annotation: Any) -> tuple[type, ...]:
     """The classes that an annotation allows; none if it allows numbers, arrays or lists."""
     kind = get_origin(annotation) or annotation
     if kind in (Union, UnionType):
-        parts = [_kinds(x) for x in get_args(annotation)]
+        parts = [kinds_of(x) for x in get_args(annotation)]
         return sum(parts, ()) if all(parts) else ()
     if kind in (bool, FilePath):
         return (bool, np.bool_) if kind is bool else (PathLike,)

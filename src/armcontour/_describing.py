@@ -14,13 +14,15 @@ from typing import Any
 from armcontour._text import make_printable, shorten, show
 
 # Widest line and widest name of a row [characters], and most lines.
-WIDTH, WIDEST_NAME, MOST_LINES = 98, 40, 15
+WIDTH, WIDEST_NAME, MOST_LINES = 98, 40, 40
 GAP = "  "
 # Values of an array, or members of a list, that `repr` writes out.
 FEW = 6
 
 
-def line_up(title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<") -> str:
+def line_up(
+    title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<", width: int = WIDTH
+) -> str:
     """A title, and below it rows of aligned cells, for `print`.
 
     Rows whose cells after the first are all empty are left out. Long lines go on in the next one;
@@ -31,6 +33,7 @@ def line_up(title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<
         rows: The cells, the name of the row first.
         columns: Alignment of the columns after the first, as in a format, "<" or ">"; the last one
             holds for all columns that follow.
+        width: Longest line.
     """
     kept = [[shorten(x[0], WIDEST_NAME), *x[1:]] for x in rows if any(x[1:])]
     widths = [max(map(len, x)) for x in zip(*kept, strict=True)]
@@ -40,7 +43,7 @@ def line_up(title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<
     for row in kept:
         cells = [f"{x:{a}{w}}" for x, a, w in zip(row, align, widths, strict=False)]
         line = make_printable(GAP + GAP.join(cells)).rstrip()
-        lines += textwrap.wrap(line, WIDTH, subsequent_indent=margin[: WIDTH // 2])
+        lines += textwrap.wrap(line, width, subsequent_indent=margin[: width // 2])
     if len(lines) >= MOST_LINES:
         others = len(lines) + 2 - MOST_LINES
         lines[MOST_LINES - 2 :] = [f"{GAP}... and {others} more lines"]

@@ -1,6 +1,7 @@
 """Kinds of quantities, as annotations of fields: unit, example, range.
 
-Data only: `io/units.py` converts text of users, `io/keys.py` makes keys of files.
+Data only: `core/fields.py` checks fields, `io/units.py` converts text of users, `io/keys.py` makes
+keys of files.
 """
 
 from __future__ import annotations
@@ -8,11 +9,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from armcontour._checks import FloatArray
+from armcontour._checks import LARGEST, LONGEST_NAME, SMALLEST, FloatArray
 
 # Largest angle about an axis [rad]: a whole turn, written with three decimals. A larger one is
 # most likely in degrees.
 WHOLE_TURN = 6.284
+
+
+# Range of numbers by their sign. Below one is the largest share.
+RANGES = {
+    "any": (-LARGEST, LARGEST),
+    "positive": (SMALLEST, LARGEST),
+    "not negative": (0.0, LARGEST),
+    "negative": (-LARGEST, -SMALLEST),
+    "share": (0.0, 1.0 - 2.0**-53),
+    "turn": (-LARGEST, LARGEST),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,19 +32,65 @@ class Quantity:
     """Kind of a quantity: annotates a float, or an array with one value or one per joint.
 
     Args:
-        unit: The SI unit; "1" is a share, which users may write in percent.
+        unit: The SI unit; "1" is a share, which users may write in percent, and an empty one is
+            that of plain numbers.
         example: Text that users may write.
         sign: Allowed range of the value; a "share" is from 0 to below 1. A "turn" without a unit is
             at most WHOLE_TURN either way.
         endless: Whether the value may be infinite, as `.inf` or as the texts "inf" and "none".
         bounds: Whether a lower and an upper bound may stand for each value of an array.
+        within: The smallest and the largest allowed value; None is any of this sign.
     """
 
     unit: str
-    example: str
+    example: str = ""
     sign: Literal["any", "positive", "not negative", "negative", "share", "turn"] = "any"
     endless: bool = False
     bounds: bool = False
+    within: tuple[float, float] | None = None
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The smallest and the largest allowed finite value."""
+        return self.within or RANGES[self.sign]
+
+    @property
+    def words(self) -> str:
+        """The unit for messages; empty for plain numbers."""
+        return "" if self.unit == "1" else self.unit
+
+    def needed(self, value: float) -> str:
+        """What a finite value outside the range must do, after the word "must"."""
+        low, high = self.range
+        more = self.words and f" {self.words}"
+        if self.within is None and self.sign == "share":
+            return "be from 0 to below 1, as 0.1 for 10 %"
+        if value <= 0 < low:
+            return "be above zero"
+        if value < 0 == low:
+            return "not be negative"
+        if value >= 0 > high:
+            return "be below zero"
+        return f"be from {low:g} to {high:g}{more}"
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class Axes:
+    """The shape of an array: annotates an array.
+
+    Args:
+        axes: Length of each axis, or its name. Axes with the same name have the same length in all
+            fields of a dataclass.
+    """
+
+    axes: tuple[str | int, ...]
+
+    def __init__(self, *axes: str | int) -> None:
+        object.__setattr__(self, "axes", axes)
+
+    def __str__(self) -> str:
+        """The shape as numpy writes it, such as "(n, 3)"."""
+        return f"({', '.join(str(x) for x in self.axes)}{',' * (len(self.axes) == 1)})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +102,18 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class AtLeast:
-    """The smallest allowed whole number: annotates an int."""
+    """The smallest and the largest allowed whole number: annotates an int."""
 
     least: int
+    most: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """Printable texts of at most so many characters, such as names: annotates a str."""
+
+    most: int = LONGEST_NAME
+    needed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +123,13 @@ class Some:
     of: type
 
 
+Name = Annotated[str, Named()]
+NeededName = Annotated[str, Named(needed=True)]
+PlainNumber = Annotated[float, Quantity("")]
+Direction = Annotated[FloatArray, Quantity(""), Axes(3)]
 Length = Annotated[float, Quantity("m", "5 mm")]
 Distance = Annotated[float, Quantity("m", "5 mm", "not negative")]
+Size = Annotated[float, Quantity("m", "5 mm", "positive")]
 Tolerance = Annotated[float, Quantity("m", "0.2 mm", "positive")]
 Speed = Annotated[float, Quantity("m/s", "0.15 m/s", "positive")]
 Acceleration = Annotated[float, Quantity("m/s^2", "0.09 m/s^2", "positive")]

@@ -1,4 +1,4 @@
-"""`armcontour learn`: from log files of a robot, and on a simulated robot."""
+"""`armcontour learn`: from log files of a robot."""
 
 import json
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.cli.helpers import summary
 from tests.corner_job import CORNER_JOB
+from tests.loaded_robot import loaded_robot
 
 from armcontour.cli.running import run_job
 from armcontour.execution import execute
@@ -13,7 +14,6 @@ from armcontour.io import read_job
 from armcontour.io.stored_run import read_run
 from armcontour.io.taught_file import read_taught
 from armcontour.jobs.learning import plan_run
-from armcontour.jobs.unknown_robot import unknown_robot
 
 DEGREES = np.degrees(1.0)
 TITLES = "t [s],command 1 [deg],command 2 [deg],measured 1 [deg],measured 2 [deg]"
@@ -30,12 +30,12 @@ class Shop:
         self.plan = plan_run(self.job, None)
         self.first = folder / "first"
         run_job(lambda _: self.job, self.first, simulate=False)
-        self.robot, _ = unknown_robot(self.job, self.plan, 0)
         self.table = self.executed(self.first, 0)
 
     def executed(self, taught, number):
         """What a controller logs of set-points: t, commands, positions, at 125 Hz in degrees."""
-        done = execute(read_taught(taught, self.job, self.plan), self.robot(number))
+        robot = loaded_robot(self.job, self.plan, number)
+        done = execute(read_taught(taught, self.job, self.plan), robot)
         t = np.arange(done.t[0] - 0.2, done.t[-1] + 0.2, 0.008)
         noise = 1e-6 * np.random.default_rng(number).standard_normal((len(t), 2))
         u = np.stack([np.interp(t, done.taught.t, x) for x in done.taught.q.T], axis=1)
@@ -147,10 +147,9 @@ def test_positions_of_the_tool(shop, tmp_path, refused, done):
 def test_options_that_do_not_go_together(shop, tmp_path, refused):
     log = written(tmp_path, shop.table)
     rows = [
-        ("", ["--taught and --log", "--simulate"]),
-        ("--simulate 2 --log y", ["--log goes with"]),
-        ("--taught x --log y --seed 1", ["--seed goes with --simulate"]),
-        ("--simulate 2 --run other", ["no run 'other'", "only"]),
+        ("", ["--taught and --log"]),
+        ("--taught x --log y", ["--out"]),
+        ("--taught x --log y --out out --run other", ["no run 'other'", "only"]),
         ("--taught x --log y --out out --to 5", ["--to", "unit"]),
         # The job is not that of the taught data.
         (
@@ -159,19 +158,6 @@ def test_options_that_do_not_go_together(shop, tmp_path, refused):
         ),
     ]
     assert refused(tmp_path, rows, codes=(2,), begin=("learn", shop.file)) == []
-
-
-def test_a_simulated_robot(command, shop, tmp_path, done):
-    out = tmp_path / "out"
-    shown = done("learn", shop.file, "--simulate", "2", "--out", out, "--seed", 4)
-    assert "a payload of 0.12 kg" in shown and "Set-points of the next run" not in shown
-    data = summary(out)
-    assert set(data["files"]) == {"report.html", "summary.json"}
-    errors = [x["executed"]["rms"] for x in data["learning"]["runs"]]
-    assert min(errors) < 0.1 * errors[0]
-    # Set-points for a robot that does not exist are no robot program.
-    code, _, said = command("export", out, tmp_path / "robot.csv")
-    assert code == 2 and "simulated robot" in said
 
 
 def test_a_log_is_judged_without_learning(shop, tmp_path, done):

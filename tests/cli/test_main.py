@@ -120,7 +120,7 @@ def test_an_experiment_has_its_columns_and_files(tmp_path, run):
     assert header == "t [s],torque 1 [N m],torque 2 [N m]"
     # A failed experiment leaves the other results.
     shown, found = run(ROBOT, "--force")
-    assert "Run one: experiment: Joint 2 is unstable" in shown
+    assert "experiment: Joint 2 is unstable" in shown
     one = found["runs"]["one"]
     assert one["experiment"]["failed"].startswith("experiment: Joint 2 is unstable")
     assert one["contour_error"]["rms"] > 0

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 import armcontour as ac
 from armcontour.io.exports import export
 from armcontour.io.job_file import read_job
-from armcontour.io.summary import summary
+from armcontour.io.json_text import data_json
 from armcontour.report import render_report
 
 # Limits of libfranka 0.15 for an FR3, rate_limiting.h; velocities at the middle of the ranges.
@@ -283,7 +283,7 @@ def test_a_job_has_command_limits_and_its_results_state_use_and_cost(tmp_path):
     assert any("command_limits" in x and "contour error" in x for x in strict.warnings)
     assert any("command limits" in x for x in strict.remarks)
     assert wide.taught.limit_cost is None and wide.evaluation.contour_error.max < 1e-6
-    found = json.loads(summary(study))["runs"]
+    found = json.loads(data_json(study.to_data()))["runs"]
     assert found["strict"]["limit_contour_max"] == strict.taught.limit_cost.contour_max
     assert max(found["strict"]["command_use"]["joint_jerk"]) == pytest.approx(1, abs=1e-5)
     assert found["wide"]["limit_contour_max"] == 0

@@ -104,7 +104,7 @@ def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_acro
     assert found.unexplained == pytest.approx((along, across), rel=0.5 if in_space else 2e-3)
     assert found.unexplained[0] == pytest.approx(along, rel=2e-3)
     assert found.unexplained[1] > across * (1 - 2e-3)
-    assert f"at most {found.unexplained[1] * 1e3:.3g}"[:12] in str(found)
+    assert f"{found.unexplained[1] * 1e3:.4g} mm" in str(found)
     plain = ac.execute(done.taught, ac.ServoPlant(arm, servo.replace(unexplained=None)))
     assert ac.evaluate(plain, path).unexplained is None
 

@@ -15,10 +15,11 @@ from tests.io.tables import refusals
 
 from armcontour._quantities import AtLeast, Choice, Gains, Ratio, Speed
 from armcontour._yaml import load
+from armcontour.core.render import jsonable
 from armcontour.errors import InvalidInput
 from armcontour.io.cell import cell_names, cell_text
 from armcontour.io.job_model import CellModel
-from armcontour.io.json_text import plain, to_json
+from armcontour.io.json_text import to_json
 from armcontour.io.keys import Given, Keys, read_keys
 from armcontour.io.si_data import in_si
 
@@ -129,7 +130,7 @@ def test_readers_make_the_same_of_it():
         found = in_si(data, CellModel)
         assert texts_with_units(data) and texts_with_units(found) == []
         models = [read_keys(Keys(CellModel), x, name) for x in (data, found)]
-        assert plain(asdict(models[0])) == plain(asdict(models[1]))
+        assert jsonable(asdict(models[0])) == jsonable(asdict(models[1]))
         assert in_si(found, CellModel) == found
     # What is no such quantity stays.
     data = {"limits": {"speed": "5 mm", "unknown": "5 mm"}, "corners": "sharp", "none": [1]}
@@ -154,4 +155,4 @@ def test_arrays_are_lists_and_numbers_that_are_not_finite_null():
     assert to_json({"a": 1}) == '{\n  "a": 1\n}\n'
     # What is no data is an error.
     with pytest.raises(TypeError):
-        plain({"x": object()})
+        jsonable({"x": object()})

@@ -1,7 +1,6 @@
 """Runs keep clear: other configurations, rapids around obstacles, refusals."""
 
 import dataclasses
-import json
 import pickle
 import sys
 
@@ -10,10 +9,10 @@ import pytest
 from tests.geometry.tables import refused
 
 import armcontour as ac
+from armcontour.core.render import plain
 from armcontour.errors import Collision
 from armcontour.frames import Frame
 from armcontour.io import parse_job
-from armcontour.io.summary import summary
 from armcontour.jobs import Study, run
 from armcontour.scene import ArmShapes, Box, Capsule, Cylinder, LinkShape, Obstacle, Scene
 
@@ -95,9 +94,7 @@ def test_a_rapid_goes_around_a_wall(job, free):
     torch = job.arm.tool_position(plan.trajectory(np.linspace(0, plan.trajectory.duration, 2000)))
     inside = (np.abs(torch[:, 0] - 0.45) < 0.01) & (torch[:, 2] < 0.14)
     assert not inside.any()
-    data = json.loads(summary(Study(job=walled, runs={"taught": plan})))["runs"]["taught"][
-        "clearance"
-    ]
+    data = plain(Study(job=walled, runs={"taught": plan}).to_data())["runs"]["taught"]["clearance"]
     assert data["kept"] is True and data["avoided"] == list(plan.avoided)
 
 
@@ -268,7 +265,7 @@ def test_configurations_that_stay_above_the_base_are_preferred(below):
     (low,) = run(start, simulate=False).runs.values()
     sentence = low.clearance.below_base
     assert any(sentence in x for x in low.warnings)
-    (page,) = json.loads(summary(Study(job=start, runs={"cut": low})))["runs"].values()
+    (page,) = plain(Study(job=start, runs={"cut": low}).to_data())["runs"].values()
     assert page["clearance"]["below_base"] == sentence
 
 

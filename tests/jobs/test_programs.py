@@ -1,7 +1,6 @@
 """Jobs of programs: leads, warnings, and full stops where jerk is limited."""
 
 import dataclasses
-import re
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -17,7 +16,6 @@ from armcontour.geometry import Arc, Path
 from armcontour.io.cell import read_cell
 from armcontour.jobs import Rounding, run, warnings_of
 from armcontour.jobs.programs import programs_of, trace_run
-from armcontour.jobs.warnings import slow_ends
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
 LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)
@@ -44,11 +42,6 @@ def planned(done):
             found.append(np.linalg.norm(ARM.tool_velocity(trajectory(t), trajectory(t, 1)), axis=1))
     assert len(found) == len(program.contours)
     return program, trajectory, found
-
-
-def slow(done):
-    program, trajectory, _ = planned(done)
-    return slow_ends(program, trajectory, done.runs[0])
 
 
 def after(contour):
@@ -84,7 +77,7 @@ def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape):
     done = job(Process(lead_in=lead, lead_out=lead))
     program, trajectory, speeds = planned(done)
     np.testing.assert_allclose(speeds, 0.05, rtol=1e-3)
-    assert slow_ends(program, trajectory, done.runs[0]) == []
+    assert run(done).runs["taught"].warnings == ()
     # A tenth less does not do: they are not longer than they need.
     for i, contour in enumerate(program.contours):
         lengths = 0.9 * contour.work[0], 0.9 * after(contour)
@@ -124,30 +117,10 @@ def test_automatic_leads_stop_growing_where_the_speed_does():
     program, trajectory, (ends,) = planned(done)
     np.testing.assert_allclose(ends, np.sqrt(0.09 * 0.01), rtol=2e-3)
     assert program.contours[0].work[0] < 0.01
-    (warning,) = slow_ends(program, trajectory, done.runs[0])
-    for words in ("2 places", "contour hole", "30 of 50 mm/s", "0.09 m/s^2", "radius of 10 mm"):
+    # No lead helps, which a warning says with the place.
+    (warning,) = run(done).runs["taught"].warnings
+    for words in ("2 places", "contour hole", "30 of 50 mm/s", "with a lead of"):
         assert words in warning
-
-
-def test_a_lead_with_too_small_an_arc_says_which_length_does():
-    def warnings(length):
-        lead = Lead(shape="arc", length=length)
-        return slow(job(Process(lead_in=lead, lead_out=lead), Contour(path=SQUARE, name="square")))
-
-    (warning,) = (x for x in warnings(0.02) if "the lead's arc with a radius of" in x)
-    # Three digits are printed.
-    enough = float(re.search(r"with ([\d.]+) mm in place of 20 mm", warning)[1]) * 1e-3
-    assert all("lead's arc" not in x for x in warnings(1.01 * enough))
-    assert any("lead's arc" in x for x in warnings(0.95 * enough))
-
-
-@each("end", [[0.35, 0.25], [0.35, 0.2511], [0.357, 0.2001]])
-def test_the_arc_of_a_lead_is_not_taken_for_one_of_the_contour(end):
-    # Where rounding puts the joint, the place of the end may be before or behind it.
-    lead = Lead(shape="arc", side="left", length=0.013)
-    path = Path.polyline([[0.3, 0.2], [0.35, 0.2], end])
-    found = slow(job(Process(lead_in=lead, lead_out=lead), Contour(path=path)))
-    assert found and not any("contour's arc" in x for x in found)
 
 
 def test_automatic_leads_go_as_far_as_the_arm_reaches_and_one_may_be_given():
@@ -177,21 +150,24 @@ def test_what_makes_no_job_is_refused():
 
 
 def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there():
-    def warnings(path, **leads):
-        process = Process(**{k: Lead(length=x) for k, x in leads.items()})
+    def warnings(path, shape="line", **leads):
+        process = Process(**{k: Lead(shape=shape, length=x) for k, x in leads.items()})
         return run(job(process, Contour(path=path))).runs["taught"].warnings
 
     (warning,) = warnings(BEND, lead_in=0.001)
-    assert "contour 1: the work begins at" in warning and "with a lead of 1 mm: a longer" in warning
+    assert "contour 1 begins at" in warning and "with a lead of 1 mm: a longer lead" in warning
     assert warnings(BEND) == ()
     # From 50 mm/s the tool does not stop within 3 mm, however long the lead before them.
     line = Path.polyline([[0.3, 0.2], [0.303, 0.2]])
     (on,) = warnings(line, lead_in=0.03)
-    assert "since it brakes for what follows on the contour: no lead makes it faster" in on
+    assert "contour 1 begins at" in on
     (off,) = warnings(line, lead_out=0.03)
-    assert "since it comes from what is before it on the contour" in off
-    # What the sentence says may help does.
+    assert "contour 1 ends at" in off
     assert warnings(line, lead_in=0.03, lead_out=0.03) == ()
+    # An arc of a lead may be too tight for the velocity, and a longer one is not.
+    (tight,) = warnings(SQUARE, "arc", lead_in=0.02)
+    assert "with a lead of 20 mm" in tight
+    assert warnings(SQUARE, "arc", lead_in=0.06) == ()
 
 
 def test_runs_a_program_from_its_drawing_to_its_evaluation():

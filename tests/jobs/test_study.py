@@ -19,6 +19,7 @@ from armcontour.io import parse_job
 from armcontour.jobs import Experiment, Rounding, build_plant, programs_of, run
 from armcontour.jobs.job import choose_run
 from armcontour.jobs.quantities import angular_speed, planned_torques
+from armcontour.jobs.warnings import collect_warnings
 from armcontour.tracing.tracer import trace_all
 
 
@@ -191,7 +192,7 @@ def test_warnings_of_demands_and_set_points(study):
     (overload,) = found.warnings
     assert "times its acceleration limit" in overload
     coarse = dataclasses.replace(found, run=changed(found.run, period=1.0))
-    warning, same = coarse.warnings
+    warning, same = collect_warnings(coarse)
     assert "command interval of 1 s" in warning and same == overload
 
 
@@ -248,7 +249,7 @@ def test_branch_start_and_angular_tolerance_reach_their_steps(in_space):
 
 def test_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
     found = study.runs["proposed"]
-    torques = planned_torques(found)
+    torques = planned_torques(found.arm, found.trajectory)
     plan, arm, t = found.trajectory, job.arm, 1.234
     own = [np.interp(t, torques.t, x) for x in torques.values.T]
     np.testing.assert_allclose(own, arm.torque(plan(t), plan(t, 1), plan(t, 2)), rtol=1e-3)
@@ -259,7 +260,8 @@ def test_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
     bodiless = ac.PlanarTwoLink(name="bare", base=arm.base, links=links, limits=arm.limits)
     bare = with_runs(job, job.runs[1], arm=bodiless)
     found = ac.run(bare).runs["conventional"]
-    assert planned_torques(found) is None and angular_speed(found.execution) is None
+    assert planned_torques(found.arm, found.trajectory) is None
+    assert angular_speed(found.execution) is None
     assert not bare.arm.has_bodies and found.evaluation.orientation_error is None
     turned = in_space.path.oriented(from_rpy([[np.pi, 0, 0], [np.pi, 0, 0.4]]))
     found = ac.run(dataclasses.replace(in_space, path=turned)).runs["one"]

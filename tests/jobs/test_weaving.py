@@ -1,12 +1,10 @@
 """Width and frequency of the weaves that runs plan."""
 
-import json
-
 import pytest
 from tests.geometry.tables import each
 
+from armcontour.core.render import plain
 from armcontour.io.job_file import parse_job
-from armcontour.io.summary import run_summary
 from armcontour.jobs.study import run
 
 JOB = """\
@@ -28,14 +26,15 @@ def test_a_run_reports_what_its_plan_makes_of_the_weave():
     (found,) = plan.weaves
     assert found.width == pytest.approx((3e-3, 3e-3), rel=0.02)
     assert found.frequency == pytest.approx((2.0, 2.0), rel=0.02)
-    assert any(found.sentence in x for x in plan.remarks) and not found.warnings
-    assert json.loads(json.dumps(run_summary(job, plan)["weaves"]))[0]["left_out"] == 0.0
+    assert any(found.sentence in x for x in plan.remarks) and not found.differs
+    assert not any("weaves" in x for x in plan.warnings)
+    assert plain(plan.to_data())["weaves"][0]["left_out"] == 0.0
 
 
 ODD = (
-    ("joint_acceleration: 20", "joint_acceleration: 0.5", "in place of 2 Hz"),
+    ("joint_acceleration: 20", "joint_acceleration: 0.5", "in place of 3 mm at 2 Hz"),
     ("frequency: 2 Hz", "shape: zigzag, pitch: 3 mm", "in place of 3 mm"),
-    ("[0.34, 0.206]", "[0.3301, 0.2033], [0.34, 0.2033]", "is not woven along"),
+    ("[0.34, 0.206]", "[0.3301, 0.2033], [0.34, 0.2033]", "not along"),
 )
 
 
@@ -45,4 +44,5 @@ def test_it_warns_of_a_weave_that_is_not_as_asked(old, new, word):
     assert text != JOB
     plan = run(parse_job(text), simulate=False).runs["only"]
     (found,) = plan.weaves
-    assert any(word in x for x in found.warnings) and any(word in x for x in plan.warnings)
+    assert found.differs and word in found.sentence and found.sentence in plan.warnings
+    assert not any(found.sentence in x for x in plan.remarks)

@@ -46,7 +46,7 @@ def test_refuses_what_makes_no_program():
         (lambda: Event(name=""), "name"),
         (lambda: Event(name=3), "text"),
         (lambda: Event(name="x", s=-0.1), "x", "-0.1"),
-        (lambda: Event(name="x", lead_time=nan), "lead time"),
+        (lambda: Event(name="x", lead_time=nan), "lead_time"),
         (lambda: drawn.selected(layers=["c"]), "x.dxf", "layer 'c'", "'a', 'b'"),
         (lambda: drawn.selected(names=["1"], layers=["b"]), "fits both"),
         (lambda: drawn.selected(layers=[]), "is chosen"),
@@ -128,11 +128,11 @@ def test_names_are_a_line_of_80_printable_characters():
         words = "81 characters, more than 80" if len(name) > 80 else "not printable"
         refused(
             (lambda x=name: Event(name=x), "name of an event", words),
-            (lambda x=name: Event(name="a", value=x), "value of the event a", words),
+            (lambda x=name: Event(name="a", value=x), "a: The value of an event", words),
             (lambda x=name: contour(name=x), "name of a contour", words),
             (lambda x=name: contour(layer=x), "layer of a contour", words),
             (lambda x=name: Process(off_between=(x,)), "off_between", words),
-            (lambda x=name: ac.Switch(name=x), "name of an event", words),
+            (lambda x=name: ac.Switch(name=x), "name of a switch", words),
         )
     for name in ("x" * 80, "größer, 名前, naïve #1 (µ)", "a  b"):
         found = contour(name=name, layer=name, events=(Event(name=name, value=name),))

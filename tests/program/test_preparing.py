@@ -535,7 +535,7 @@ def test_refuses_values_that_make_no_process():
     refused(*((lambda x=x, y=y: only(x, Process(**y)), *words) for x, y, *words in preparations))
     refused(
         (lambda: Switch(name=""), "name"),
-        (lambda: Switch(on_lead=nan), "lead time"),
+        (lambda: Switch(on_lead=nan), "on_lead"),
         (lambda: Switch(value=False), "tool", "off"),
         (lambda: Weave(width=0.0, pitch=1.0), "width"),
         (lambda: Weave(width=1.0, pitch=1.0, shape="moon"), "shape"),

@@ -81,6 +81,7 @@ PLANE: dict[str, Any] = {
     "path": {"points": [[0.30, 0.20], [0.34, 0.20], [0.34, 0.23]]},
     "limits": {"speed": 0.10, "centripetal_acceleration": 0.09},
     "corners": {"tolerance": 2e-3},
+    "accuracy": 2e-4,
     "servo": SERVO,
     "command_interval": 4e-3,
     "runs": {"one": {"timing": {"intervals": 200}}},

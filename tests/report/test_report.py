@@ -17,6 +17,7 @@ from tests.corner_job import CORNER_JOB
 import armcontour as ac
 from armcontour import scene as cell
 from armcontour.cli.running import built_in_job
+from armcontour.core.render import number
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.io import parse_job
@@ -57,9 +58,9 @@ def page(study):
 
 def test_the_page(study, page, in_order):
     for result in study.runs.values():
-        e = result.evaluation
-        rms, largest = (f"{x * 1e3:.4f} mm" for x in (e.contour_error.rms, e.contour_error.max))
-        assert f"{e.duration:.3f} s" in page and rms in page and largest in page
+        e = result.judged
+        rms, largest = (number(x, "m") for x in (e.contour_error.rms, e.contour_error.max))
+        assert number(e.duration, "s") in page and rms in page and largest in page
     binds = "centripetal acceleration at s = 0.075 m: 0.0324 of 0.15 m/s"
     words = ("P9", "line 2: AVC", binds, "&lt;b&gt;T &amp; J&lt;/b&gt;")
     assert [x for x in words if x not in page] == []

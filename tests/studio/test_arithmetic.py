@@ -13,8 +13,8 @@ import pytest
 import armcontour as ac
 import armcontour.studio as studio
 from armcontour.arms.chain import link_poses
+from armcontour.core.render import jsonable
 from armcontour.frames import Frame
-from armcontour.io.json_text import plain
 from armcontour.studio.robot import arm_frame
 
 STATIC = FilePath(studio.__file__).parent / "static"
@@ -37,7 +37,9 @@ pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is r
 
 def compute(script, given=None):
     """What a script of the page gives: `given` is what it is given, `tell` takes its result."""
-    start = f"const given = {json.dumps(plain(given))}, tell = x => console.log(JSON.stringify(x));"
+    start = (
+        f"const given = {json.dumps(jsonable(given))}, tell = x => console.log(JSON.stringify(x));"
+    )
     command, code = [NODE, "--input-type=module", "-"], start + script
     done = subprocess.run(
         command, input=code, cwd=STATIC, capture_output=True, text=True, check=True

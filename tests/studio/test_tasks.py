@@ -186,11 +186,6 @@ def test_a_report_is_a_page_and_a_certificate_has_one(short):
     assert found.header["notes"][-1].startswith("Valid for independent joint servos only: ")
 
 
-def test_learning_tells_what_it_would_gain(short):
-    found = ask("learn", short, "optimal", runs=1, seed=1)
-    assert found.header["rms"][1] < found.header["rms"][0]
-
-
 def test_a_sweep_is_the_duration_over_a_key(coarse):
     speeds = [0.05, 0.1, 0.15]
     found = ask("sweep", coarse, "optimal", key="limits.speed", values=speeds)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
 from armcontour.certification._uses import (
@@ -20,6 +19,7 @@ from armcontour.certification._uses import (
     command_use,
     planned_uses,
 )
+from armcontour.core.fields import Checked
 from armcontour.execution import RigidBodyPlant, execute
 from armcontour.geometry import Path
 from armcontour.motion import Execution, TaughtData
@@ -31,7 +31,7 @@ from armcontour.robustness.unknowns import Unknowns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LinearFigures:
+class LinearFigures(Checked):
     """What the linear model of rigid bodies says of a plan, against the figures of MuJoCo.
 
     Args:
@@ -51,9 +51,6 @@ class LinearFigures:
     shares: Mapping[str, float] = field(default_factory=dict)
     drawn: FloatArray
     seed: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "drawn", _checks.lock_floats(self.drawn))
 
     def within(self, budget: float) -> float:
         """Fraction of the drawn robots whose largest contour error is at most `budget` [m]."""

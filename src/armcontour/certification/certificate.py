@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, line_up, mm
 from armcontour.certification._bodies import LinearFigures
@@ -15,6 +14,7 @@ from armcontour.certification._derating import Derating
 from armcontour.certification._rapids import Derated
 from armcontour.certification.lowering import Lowered
 from armcontour.clearance import Clearance
+from armcontour.core.fields import Checked
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.evaluation import Check, Evaluation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
@@ -23,7 +23,7 @@ from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
 from armcontour.jobs.results import ExperimentResult, RunResult, Study
-from armcontour.jobs.warnings import beyond_logs
+from armcontour.jobs.warnings import beyond_logs, collect_warnings
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.robustness.monte_carlo import Spread
@@ -86,7 +86,7 @@ class Budget:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Uncertified:
+class Uncertified(Checked):
     """The fastest plan of the same limits, with nothing derated and the same compensation.
 
     Args:
@@ -103,9 +103,6 @@ class Uncertified:
     contour_error: tuple[float, float]
     saturated: FloatArray
     box: float | None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "saturated", _checks.lock_floats(self.saturated))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -403,7 +400,7 @@ class Certificate:
     def result(self) -> RunResult:
         """The certified plan as the result of its run."""
         single = self.path.single_path
-        return RunResult(
+        found = RunResult(
             run=self.run,
             objective=self.objective,
             path=self.path,
@@ -418,6 +415,7 @@ class Certificate:
             failure=self.failure,
             clearance=self.clearance,
         )
+        return replace(found, warnings=collect_warnings(found))
 
     @property
     def study(self) -> Study:

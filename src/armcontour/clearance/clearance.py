@@ -9,12 +9,14 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._describing import brief, clock, line_up, mm, several
+from armcontour._describing import brief, clock
 from armcontour._sampling import interpolate
 from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.clearance.distances import UNCERTAINTY, Distances
 from armcontour.clearance.pairs import Pair, mounting_pairs, pairs_of
+from armcontour.core.render import Result
+from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 from armcontour.errors import Collision
 from armcontour.motion import Execution, JointPath, Trajectory
 from armcontour.motion.travel import joint_travel, largest_accelerations
@@ -84,7 +86,7 @@ class PairClearance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Clearance:
+class Clearance(Result):
     """How far an arm stays from itself and from its cell in a motion.
 
     Args:
@@ -114,6 +116,11 @@ class Clearance:
     def least(self) -> PairClearance | None:
         """The pair of the least distance; None if there is no pair."""
         return min(self.pairs, key=lambda x: x.high, default=None)
+
+    @property
+    def low(self) -> float | None:
+        """What no pair comes below at any time, proven [m]; None if there is no pair."""
+        return min((x.low for x in self.pairs), default=None)
 
     @property
     def nearest(self) -> tuple[PairClearance, ...]:
@@ -156,17 +163,50 @@ class Clearance:
         names = [f"{x.second} and {x.first}" for x in self.too_near[1:]]
         return f" (also {list_some(names, 5)})" if names else ""
 
-    def __str__(self) -> str:
-        """The verdict, and the nearest pairs."""
-        near = self.nearest if self.kept else self.too_near
-        rows = [("pair", "distance", "at", "margin")]
-        for x in near:
-            t = x.t if x.first_time is None else x.first_time
-            shown = "touch" if x.high <= 0 else mm(x.high)
-            rows.append((f"{x.second} and {x.first}", shown, f"{t:.3f} s", mm(x.margin)))
-        verdict = "kept" if self.kept else f"{several(len(near), 'pair')} too near"
-        looked = f"{several(len(self.pairs), 'pair')}, {len(self.left_out)} not looked at"
-        return line_up(f"Clearance: {verdict} ({looked})", rows if near else (), columns=">")
+    def to_data(self) -> Data:
+        """The verdict, and the pairs, the nearest to its margin first."""
+        below = None if not self.below else -self.below[0].high
+        note = "" if self.least is None else f"{self.least.second} and {self.least.first}"
+        if self.too_near:
+            note = str(self.too_near[0])
+        return Data(
+            "Clearance",
+            (
+                Row("kept", self.kept, "", "clearance kept"),
+                Row("low", self.low, "m", "clearance", note, FIRST),
+                Row("below_base", self.below_base),
+                Row("below", below, "m", "below the base"),
+            ),
+            (
+                Table(
+                    "pairs",
+                    (
+                        Row("first", None, "", "body"),
+                        Row("second", None, "", "and"),
+                        Row("kind", None),
+                        Row("margin", None, "m", "margin"),
+                        Row("nowhere_below", None, "m", "clearance"),
+                        Row("least", None, "m"),
+                        Row("t", None, "s", "at"),
+                        Row("first_too_near", None, "s", "too near from"),
+                        Row("points", None, "m"),
+                    ),
+                    [
+                        (
+                            *(x.first, x.second, x.kind, x.margin, x.low, x.high, x.t),
+                            *(x.first_time, x.points),
+                        )
+                        for x in self.pairs
+                    ],
+                    TABLE,
+                ),
+                Table(
+                    "left_out_pairs",
+                    tuple(Row(x, None) for x in ("first", "second", "reason")),
+                    [(x.first, x.second, x.reason) for x in self.left_out],
+                ),
+            ),
+        )
 
     __repr__ = brief
 

@@ -51,10 +51,10 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     Raises:
         InvalidInput: A file or an option that cannot be used.
     """
+    from armcontour.core.render import plain
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
     from armcontour.io import read_job
-    from armcontour.io.summary import clearance_summary
 
     job = None if x.path is None else read_job(x.path, trust_xacro=x.trust_xacro)
     arm, scene = _arm_and_scene(x, None if job is None else job.arm)
@@ -70,7 +70,7 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
             "notes": list(samples.notes),
         }
         if clearance is not None:
-            page["clearance"] = clearance_summary(clearance)
+            page["clearance"] = plain(clearance.to_data())
         print(json.dumps(page, indent=2, allow_nan=False))
     else:
         remarks = _on_the_file(samples, found, declared=x.noise is not None)

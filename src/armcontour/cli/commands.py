@@ -292,7 +292,7 @@ def learn(
     options: LearnOptions,
     job_options: JobOptions,
 ) -> None:
-    """Learn the taught data of the next run from the log of the last, or on a simulated robot."""
+    """Learn the taught data of the next run from the log of the last."""
     from armcontour.cli.learning import learn_file
 
     learn_file(job, job_options, options)

@@ -24,18 +24,6 @@ if TYPE_CHECKING:
     from armcontour.motion import Log, TaughtData
 
 Found = TypeVar("Found")
-# Options that say what a real robot did, and those of a simulated one.
-OF_LOGS = (
-    *("taught", "log", "tool_positions", "judge_only", "start", "end", "columns", "topic"),
-    "unwrap",
-)
-OF_SIMULATION = ("seed",)
-NAMES = {
-    "start": "--from",
-    "end": "--to",
-    "tool_positions": "--tool-positions",
-    "judge_only": "--judge-only",
-}
 JUDGED_CONTOURS = (
     *("contour", "RMS [mm]", "largest [mm]", "at t [s]", "at s [m]"),
     "path missed, largest [mm]",
@@ -44,13 +32,13 @@ JUDGED_JOINTS = ("joint", "RMS [mrad]", "largest [mrad]", "noise [mrad]")
 
 
 def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None:
-    """Learn a run of a job from a log or on a simulated robot, or judge it; print and write it.
+    """Learn a run of a job from a log, or judge it; print and write it.
 
     Args:
         file: A job file, or a drawing.
         job_options: Options that replace values of the job.
-        x: Options of the command. The folder gets the taught data of the next run, unless the robot
-            is simulated, summary.json and, unless the log is only judged, report.html.
+        x: Options of the command. The folder gets summary.json and, unless the log is only judged,
+            the taught data of the next run and report.html.
 
     Raises:
         ArmContourError: An invalid job, or a log that is not of its taught data; then nothing is
@@ -58,7 +46,7 @@ def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None
     """
     from armcontour.io.learning import judged_json, learning_json
 
-    _refuse_mixed(x)
+    _refuse_missing(x)
     window = read_window(x.start, x.end)
     if x.judge_only:
         judge = partial(_judge, file, job_options, x, window)
@@ -101,23 +89,16 @@ def _do(
         open_page(x.out / "report.html")
 
 
-def _refuse_mixed(x: LearnOptions) -> None:
-    """Refuse options that do not go together.
+def _refuse_missing(x: LearnOptions) -> None:
+    """Refuse options without those that they need.
 
     Raises:
-        InvalidInput: An option is missing, or one is for the other kind of learning.
+        InvalidInput: An option is missing.
     """
     from armcontour.errors import InvalidInput
 
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    real = x.simulate is None
-    for name in OF_SIMULATION if real else OF_LOGS:
-        if getattr(x, name) not in (None, False):
-            option, other = NAMES.get(name, f"--{name}"), "--simulate" if real else "--log"
-            raise InvalidInput(f"{option} goes with {other}: leave it out.")
-    if not real:
-        return
     if x.judge_only:
         if x.log is None:
             raise InvalidInput("--judge-only needs what the robot did, --log.")
@@ -126,8 +107,7 @@ def _refuse_mixed(x: LearnOptions) -> None:
         return
     if x.taught is None or x.log is None:
         raise InvalidInput(
-            "learn needs what the robot executed and what it did, --taught and --log; or "
-            "--simulate with a number of runs."
+            "learn needs what the robot executed and what it did, --taught and --log."
         )
     if x.out is None:
         raise InvalidInput("learn needs --out, the folder for the taught data of the next run.")
@@ -140,24 +120,11 @@ def _learn(
     window: tuple[float, float],
     progress: Progress,
 ) -> LearningStudy:
-    """Read the job, plan its run, and learn."""
-    from armcontour.jobs.learning import plan_run, simulate_learning
-    from armcontour.jobs.unknown_robot import unknown_robot
+    """Read the job, plan its run, and learn from the log of a robot."""
+    from armcontour.jobs.learning import LearningStudy, learn_run, plan_run
 
     job = open_job(file, job_options, under(progress, "reading"))
     plan = plan_run(job, x.run_name, progress=progress)
-    if x.simulate is None:
-        return _learn_from_log(job, plan, x, window, progress)
-    robot, about = unknown_robot(job, plan, x.seed)
-    return simulate_learning(job, plan, robot, about, runs=x.simulate, progress=progress)
-
-
-def _learn_from_log(
-    job: Job, plan: RunResult, x: LearnOptions, window: tuple[float, float], progress: Progress
-) -> LearningStudy:
-    """Learn from the log of a real robot."""
-    from armcontour.jobs.learning import LearningStudy, learn_run
-
     taught, log, tool = _read(job, plan, x, window, progress)
     progress(Step(("learning from the log",)))
     lesson = learn_run(job, plan, taught, log, tool=tool)
@@ -171,7 +138,7 @@ def _judge(
     window: tuple[float, float],
     progress: Progress,
 ) -> JudgedStudy:
-    """Read the job, plan its run, and judge the log of a real robot."""
+    """Read the job, plan its run, and judge the log of a robot."""
     from armcontour.jobs.learning import judge_log, plan_run
 
     job = open_job(file, job_options, under(progress, "reading"))
@@ -184,7 +151,7 @@ def _judge(
 def _read(
     job: Job, plan: RunResult, x: LearnOptions, window: tuple[float, float], progress: Progress
 ) -> tuple[TaughtData, Log | Recording, tuple[FloatArray, FloatArray] | None]:
-    """What a real robot executed, its log, and positions of its tool if there are any."""
+    """What the robot executed, its log, and positions of its tool if there are any."""
     from armcontour.io.log_file import read_run_log
     from armcontour.io.taught_file import read_taught
     from armcontour.io.tool_file import read_tool_positions
@@ -209,7 +176,7 @@ def _read(
 
 
 def _write(found: LearningStudy, folder: ResultFolder) -> None:
-    """Write what was learned: taught data only of a real robot."""
+    """Write what was learned."""
     import dataclasses
 
     from armcontour.cli.running import write_motions
@@ -218,33 +185,29 @@ def _write(found: LearningStudy, folder: ResultFolder) -> None:
     from armcontour.io.taught_file import LESSON
     from armcontour.report import render_learning
 
-    if not found.robot:
-        name = found.plan.run.name
-        write_motions(
-            folder, found.job, {name: dataclasses.replace(found.plan, taught=found.lesson)}
-        )
-        folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=found.lesson))
+    name = found.plan.run.name
+    write_motions(folder, found.job, {name: dataclasses.replace(found.plan, taught=found.lesson)})
+    folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=found.lesson))
     folder.write("report.html", render_learning(found))
     folder.write("summary.json", learning_json(found, [*folder.files, "summary.json"]))
 
 
 def _print(found: LearningStudy, out: FilePath | None) -> None:
     """Print a table of the runs, whether to go on, and what was written."""
-    from armcontour.report.sections.learning import run_header, run_rows
+    from armcontour.report.sections.learning import RUN_HEADER, run_rows
 
     console = Console()
     title = f"{found.job.title}, run {found.plan.run.name}: error of the tool"
-    console.show_table(run_header(found), run_rows(found), title=title)
+    console.show_table(RUN_HEADER, run_rows(found), title=title)
     for note in found.notes:
         console.say(note)
     for note in found.job.arm.notes:
         console.say(f"Note: {note}")
     if out is None:
         return
-    if not found.robot:
-        console.say(f"Set-points of the next run: {out / found.plan.run.name / 'taught.csv'}")
-        if not found.lesson.finished:
-            console.say(f"Execute them, and give the log of that run with --taught {out}.")
+    console.say(f"Set-points of the next run: {out / found.plan.run.name / 'taught.csv'}")
+    if not found.lesson.finished:
+        console.say(f"Execute them, and give the log of that run with --taught {out}.")
     console.say(f"Report: {(out / 'report.html').resolve().as_uri()}")
 
 

@@ -544,9 +544,6 @@ class LearnOptions(WindowOptions):
         log: Log of that run: CSV of positions over time, or a bag.
         tool_positions: CSV of measured positions of the tool over the same time: t, x, y,
             z.
-        simulate: In place of a log: learn from so many runs of a simulated robot that is
-            not quite known, and execute once more.
-        seed: Seed of noise and gains of the simulated robot.
         judge_only: Say what the robot did by its log, the contour error, and learn nothing.
             Without --taught it executed the set-points of the job.
         out: Folder for taught data of the next run, and a report.
@@ -556,8 +553,6 @@ class LearnOptions(WindowOptions):
     taught: File = None
     log: File = None
     tool_positions: File = None
-    simulate: Annotated[int | None, typer.Option("--simulate", min=1, max=100)] = None
-    seed: Annotated[int | None, typer.Option("--seed", min=0)] = None
     judge_only: bool = False
     out: Annotated[File, typer.Option("--out", "-o")] = None
     force: Force = False

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import compress
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -16,18 +15,12 @@ from armcontour.cli.opening import library_file
 from armcontour.cli.progress import job_progress
 
 if TYPE_CHECKING:
-    from armcontour.evaluation import Evaluation
     from armcontour.io import ResultFolder
     from armcontour.jobs import Job, RunResult, Study
 
 WRITING = Step(("writing the results",))
 
 
-# Columns of the table of runs; the last four are shown if a run needs them.
-HEADINGS = (
-    *("run", "motion [s]", "at rest [s]", "RMS error [mm]", "largest [mm]", "demand / limit"),
-    *("jerk / limit", "path missed [mm]", "experiment: RMS error [mm]", "largest [mm]"),
-)
 # The runs of the paper's job that the demo compares.
 COMPARED = ("conventional", "proposed", "shaped")
 
@@ -48,7 +41,7 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
     """
     from armcontour._warming import warm_for_run
     from armcontour.io import ResultFolder, read_job
-    from armcontour.io.summary import summary
+    from armcontour.io.json_text import data_json
 
     with (
         ResultFolder(out, force=force, replaces="demo") as folder,
@@ -68,7 +61,9 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
                 others = len(folder.files)
                 write_motions(folder, study.job, study.runs, under=name)
                 own = [x.removeprefix(name) for x in folder.files[others:]]
-                folder.write(f"{name}summary.json", summary(study, [*own, "summary.json"]))
+                folder.write(
+                    f"{name}summary.json", data_json(study.to_data([*own, "summary.json"]))
+                )
             folder.write("report.html", render_demo(list(studies.values())))
     for study in studies.values():
         _print_results(study, [])
@@ -123,7 +118,7 @@ def run_job(
     from armcontour._warming import warm_for_run
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder
-    from armcontour.io.summary import summary
+    from armcontour.io.json_text import data_json
 
     if open_report and not simulate:
         raise InvalidInput("--open opens the report of a simulation: leave --no-simulation out.")
@@ -151,12 +146,12 @@ def run_job(
                 from armcontour.report import render_report
 
                 folder.write("report.html", render_report(study))
-            folder.write("summary.json", summary(study, [*folder.files, "summary.json"]))
-    if not simulate:
-        _print_plans(study, out, notes)
-        return
+            folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
     _print_results(study, notes)
-    _show_report(out, open_report)
+    if simulate:
+        _show_report(out, open_report)
+    else:
+        Console().say(f"Not simulated. Set-points: {out.resolve()}")
 
 
 def write_motions(
@@ -185,82 +180,31 @@ def write_motions(
             folder.place(f"{under}{name}/torque.csv", torque)
 
 
-def _print_plans(study: Study, out: FilePath, notes: Sequence[str]) -> None:
-    """Print duration and set-points of runs that are not simulated."""
-    from armcontour.jobs import warnings_of
-
-    console = Console()
-    for name, x in study.runs.items():
-        console.say(
-            f"Run {name}: {x.trajectory.duration:.4f} s, {len(x.taught.q)} set-points every "
-            f"{x.run.period:g} s; not simulated."
-        )
-        for note in x.remarks:
-            console.say(note)
-    for note in warnings_of(study.runs.values()):
-        console.say(f"Warning: {note}")
-    for note in notes:
-        console.say(note)
-    for note in study.job.arm.notes:
-        console.say(f"Note: {note}")
-    console.say(f"Taught data: {out.resolve()}")
-
-
 def _print_results(study: Study, notes: Sequence[str]) -> None:
-    """Print a table of all runs, remarks and warnings."""
+    """Print the verdict on every run, its figures, remarks and warnings."""
+    from armcontour.core.render import compare, text, verdict
     from armcontour.jobs import warnings_of
-    from armcontour.jobs.quantities import assumed_numbers, unknown_notes
+    from armcontour.jobs.quantities import assumed_numbers
+    from armcontour.jobs.results import unknown_notes
 
-    jerks = any(x.run.limits.joint_jerk is not None for x in study.runs.values())
-    misses = any(_misses(x.evaluation) for x in study.runs.values())
-    has_experiment = any(x.run.experiment is not None for x in study.runs.values())
-    shown = [True] * 6 + [jerks, misses, has_experiment, has_experiment]
-    rows = [list(compress([name, *_cells(x)], shown)) for name, x in study.runs.items()]
-    console = Console()
-    title = f"{study.job.title}, simulated with {study.job.plant_servo}"
-    console.show_table(list(compress(HEADINGS, shown)), rows, title=title)
-    lines = []
-    for name, result in study.runs.items():
-        if result.failure is not None:
-            lines.append(f"Run {name}: {result.failure}")
-        lines += result.remarks
+    console, job = Console(), study.job
+    runs = study.to_data().parts["runs"].parts
+    title = f"{job.title}, simulated with {job.plant_servo}" if study.simulated else job.title
+    if len(runs) == 1:
+        console.say(title)
+        for line in text(next(iter(runs.values()))).splitlines():
+            console.say(line)
+    else:
+        header, *rows = compare(runs)
+        console.show_table(header, rows, title=title)
+        for data in runs.values():
+            console.say(verdict(data))
+    lines = [x for result in study.runs.values() for x in result.remarks]
     lines += [*(f"Warning: {x}" for x in warnings_of(study.runs.values())), *notes]
-    lines += [f"Note: {x}" for x in study.job.arm.notes]
-    if has_experiment and (assumed := assumed_numbers(study.job.arm)):
+    lines += [f"Note: {x}" for x in job.arm.notes]
+    has_experiment = any(x.run.experiment is not None for x in study.runs.values())
+    if has_experiment and (assumed := assumed_numbers(job.arm)):
         lines.append(f"Masses: {assumed}")
     lines += unknown_notes(study)
-    for text in lines:
-        console.say(text)
-
-
-def _cells(result: RunResult) -> list[str]:
-    """The cells of a run in all columns after its name."""
-    e, limits = result.evaluation, result.run.limits
-    # Without limits of acceleration there is nothing to compare with.
-    unlimited, free = limits.joint_acceleration is None, limits.joint_jerk is None
-    on_servo = [*_errors(e), "-" if unlimited else f"{e.demand_ratio.max():.4f}"]
-    return [
-        f"{e.duration:.4f}",
-        f"{result.judged.settled:.4f}",
-        *(on_servo if result.judged is e else ["-"] * len(on_servo)),
-        "-" if free else f"{e.jerk_ratio.max():.4f}",
-        f"{e.missed.max * 1e3:.4f}",
-        *_experiment_errors(result),
-    ]
-
-
-def _misses(e: Evaluation) -> bool:
-    """Whether the tool misses parts of the path by more than it is off the path anywhere."""
-    return e.missed.max > e.contour_error.max * (1 + 1e-3)
-
-
-def _experiment_errors(result: RunResult) -> list[str]:
-    """Errors of an experiment as cells, or that the experiment failed."""
-    if result.failure is not None:
-        return ["failed", "failed"]
-    return ["", ""] if result.experiment is None else _errors(result.experiment.evaluation)
-
-
-def _errors(e: Evaluation) -> list[str]:
-    """RMS and largest contour error [mm], as text."""
-    return [f"{e.contour_error.rms * 1e3:.4f}", f"{e.contour_error.max * 1e3:.4f}"]
+    for line in lines:
+        console.say(line)

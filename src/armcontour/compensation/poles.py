@@ -17,6 +17,7 @@ from armcontour.compensation.pole_placement import (
     run_poles,
     transfer,
 )
+from armcontour.core.fields import Checked
 from armcontour.errors import CompensationError, InvalidInput
 from armcontour.motion import PERIOD, Trajectory, check_interval
 from armcontour.servo import ServoModel
@@ -33,7 +34,7 @@ TIMES = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PoleBehaviour:
+class PoleBehaviour(Checked):
     """Properties of F G, the response of compensator and servo together, for each joint.
 
     Args:
@@ -46,10 +47,6 @@ class PoleBehaviour:
     lag: FloatArray
     peaking: FloatArray
     demand: FloatArray
-
-    def __post_init__(self) -> None:
-        for name in ("lag", "peaking", "demand"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
 
 def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:

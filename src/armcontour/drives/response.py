@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm
+from armcontour.core.fields import Checked
 from armcontour.drives._response import spread
 from armcontour.drives.drives import Drives
 from armcontour.servo import ServoModel
@@ -41,7 +41,7 @@ class Equations(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Response:
+class Response(Checked):
     """The closed loop, linear around a motion: `M x'' + D x' + K x = G u + f`.
 
     x is the deviation of the joints, u that of the command that reaches the drives, f additional
@@ -64,10 +64,6 @@ class Response:
     stiffness: FloatArray
     gain: FloatArray
     servo: ServoModel
-
-    def __post_init__(self) -> None:
-        for name in ("t", "mass", "damping", "stiffness", "gain"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     @property
     def step(self) -> float:

@@ -9,9 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray, Value
-from armcontour._describing import brief, degrees, mm, place_and_time, to_html
+from armcontour._checks import FloatArray, IntArray
+from armcontour._describing import brief, place_and_time
+from armcontour.core.fields import Checked
+from armcontour.core.render import Result
+from armcontour.core.result import TABLE, Data, Row
 from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.nearest import pack
 from armcontour.geometry.orientation import turns_between
@@ -52,8 +54,35 @@ class Missed:
     s_max: float
 
 
+def error_rows(
+    name: str, label: str, error: ErrorProfile | Missed | None, rms: int = TABLE, most: int = TABLE
+) -> tuple[Row, ...]:
+    """RMS and largest value of an error, with time and place.
+
+    Args:
+        name: Key of the error; "" for none.
+        label: What the error is called.
+        error: The error; None if it is not known.
+        rms: Level of the RMS.
+        most: Level of the largest value.
+    """
+    if error is None:
+        return (Row(name, None),)
+    key = f"{name}." if name else ""
+    where = place_and_time(error.t_max, error.s_max)
+    unit = "rad" if getattr(error, "angular", False) else "m"
+    largest = (
+        Row(f"{key}max", error.max, unit, f"{label}, largest", where, most),
+        Row(f"{key}t_max", error.t_max, "s"),
+        Row(f"{key}s_max", error.s_max, "m"),
+    )
+    if isinstance(error, Missed):
+        return largest
+    return (Row(f"{key}rms", error.rms, unit, f"{label}, RMS", level=rms), *largest)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ErrorProfile(Value):
+class ErrorProfile(Result, Checked):
     """An error over time: a distance [m], or an angle [rad].
 
     Between the contours of a program nothing is judged: there, all columns except `t` are NaN.
@@ -81,20 +110,11 @@ class ErrorProfile(Value):
     s_max: float
     angular: bool = False
 
-    def __post_init__(self) -> None:
-        for name in ("t", "values", "s"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
-        if self.signed is not None:
-            object.__setattr__(self, "signed", _checks.lock_floats(self.signed))
-
-    def __str__(self) -> str:
+    def to_data(self) -> Data:
         """RMS and largest value, with time and place."""
-        where = place_and_time(self.t_max, self.s_max)
-        show = degrees if self.angular else mm
-        return f"Error profile: RMS {show(self.rms)}, largest {show(self.max)} at {where}"
+        return Data("Error", error_rows("", "error", self))
 
     __repr__ = brief
-    _repr_html_ = to_html
 
     @classmethod
     def over_time(

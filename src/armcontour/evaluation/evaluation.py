@@ -5,7 +5,7 @@ The evaluation shares only geometry and arms with the code that made the executi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,22 +13,14 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, Value
-from armcontour._describing import (
-    brief,
-    degrees,
-    draw,
-    extremes,
-    line_up,
-    milliseconds,
-    mm,
-    place_and_time,
-    several,
-    to_html,
-)
+from armcontour._describing import brief, draw
 from armcontour.arms import Limits, resolve_limits
 from armcontour.arms.limits import or_unlimited
+from armcontour.core.fields import Checked
+from armcontour.core.render import Result, number
+from armcontour.core.result import FILE, FIRST, Data, Row, Table
 from armcontour.errors import InvalidInput
-from armcontour.evaluation.error_profile import ErrorProfile, Missed
+from armcontour.evaluation.error_profile import ErrorProfile, Missed, error_rows
 from armcontour.evaluation.pieces import (
     CornerDeviation,
     Piece,
@@ -47,7 +39,7 @@ NEAR = 0.99
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evaluation(Value):
+class Evaluation(Result, Checked):
     """Errors, speeds and use of limits of an execution.
 
     Args:
@@ -126,17 +118,67 @@ class Evaluation(Value):
     contours: tuple[ErrorProfile, ...] = ()
     judged: Judged | None = field(default=None, repr=False)
 
-    def __post_init__(self) -> None:
-        for name in ("demand", "demand_ratio", "jerk", "jerk_ratio", "command_jerk", "saturated"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+    def to_data(self) -> Data:
+        """The figures, errors first."""
+        return Data("Evaluation", (*self._errors, *self._motion), (self._cornering,))
 
-    def __str__(self) -> str:
-        """The figures that matter most, errors first."""
-        title = f"Evaluation: {self.duration:.4f} s of motion, at rest after {self.settled:.4f} s"
-        return line_up(title, [*self._errors, *self._use])
+    @property
+    def _errors(self) -> tuple[Row, ...]:
+        """Errors of the tool, with the duration."""
+        unexplained: tuple[Row, ...] = (Row("unexplained", None),)
+        if self.unexplained is not None:
+            along, across = self.unexplained
+            unexplained = (
+                Row("unexplained.along", along, "m"),
+                Row("unexplained.across", across, "m", "at most more across, unexplained"),
+            )
+        turned = self.orientation_error
+        return (
+            Row("duration", self.duration, "s", "motion", level=FIRST),
+            Row("settled", self.settled, "s", "at rest after"),
+            Row("until", self.until, "s"),
+            *error_rows("contour_error", "contour error", self.contour_error, FIRST, FIRST),
+            *error_rows("missed", "path missed", self.missed),
+            *error_rows("tracking_error", "tracking error", self.tracking_error, most=FILE),
+            Row("common_delay", self.common_delay, "s", "delay of all joints"),
+            *error_rows("undelayed_error", "without this delay", self.undelayed_error, most=FILE),
+            *unexplained,
+            *error_rows("objective_error", "", self.objective_error, FILE, FILE),
+            *error_rows("objective_missed", "", self.objective_missed, FILE, FILE),
+            *(error_rows("orientation_error", "orientation error", turned) if turned else ()),
+        )
+
+    @property
+    def _motion(self) -> tuple[Row, ...]:
+        """Speeds and use of limits."""
+        long = [f"joint {j + 1} {number(x, '1')}" for j, x in enumerate(self.saturated) if x > 0]
+        uses, largest = self.limit_ratios, ""
+        if uses:
+            largest = max(uses, key=lambda x: uses[x]).replace("_", " ")
+        return (
+            Row("speed", self.speed, "m/s", "tool speed, largest"),
+            Row("speed_ratio", self.speed_ratio, "1", "tool speed of the assigned"),
+            Row("speed_overshoot", self.speed_overshoot, "m/s"),
+            Row("path_velocity", self.path_velocity, "m/s", "tool speed, mean"),
+            Row("utilisation", self.utilisation, "1", "some joint at a limit", "of the motion"),
+            Row("limit_ratios", self.limit_ratios, "1", "limit use, planned", largest),
+            Row("demand", self.demand, "rad/s^2"),
+            _of_joints("demand_ratio", self.demand_ratio, "1", "joint demand"),
+            Row("jerk", self.jerk, "rad/s^3"),
+            _of_joints("jerk_ratio", self.jerk_ratio, "1", "joint jerk"),
+            Row("command_jerk", self.command_jerk, "rad/s^3"),
+            Row("saturated", self.saturated, "1", "saturated", ", ".join(long) or "no joint"),
+        )
+
+    @property
+    def _cornering(self) -> Table:
+        """Deviations at the corners of the objective path."""
+        names = ("joint", "contour", "point", "rounding", "overshoot")
+        columns = tuple(Row(x, None, "m" if x not in names[:2] else "") for x in names)
+        rows = [(c.vertex, c.contour, c.point, c.rounding, c.overshoot) for c in self.corners]
+        return Table("cornering", columns, rows)
 
     __repr__ = brief
-    _repr_html_ = to_html
     figure = draw
 
     def to_dict(self) -> dict[str, FloatArray]:
@@ -158,69 +200,12 @@ class Evaluation(Value):
             "tracking_error": np.where(np.isfinite(error.values), late, np.nan),
         }
 
-    @property
-    def _errors(self) -> list[tuple[str, str]]:
-        """Errors as names and values."""
-        each = [x.max for x in self.contours]
-        rounded = [x.rounding for x in self.corners]
-        return [
-            ("contour error", _words(self.contour_error)),
-            ("of contours", f"{extremes(each)} largest" if each[1:] else ""),
-            ("path missed", _words(self.missed)),
-            (
-                "not explained",
-                ""
-                if self.unexplained is None
-                else f"at most {mm(self.unexplained[1])} more across the path, "
-                f"{mm(self.unexplained[0])} along it",
-            ),
-            ("tracking error", _words(self.tracking_error)),
-            (
-                "without delay",
-                f"{_words(self.undelayed_error)}, delay {milliseconds(self.common_delay)}",
-            ),
-            ("objective error", _words(self.objective_error)),
-            ("objective missed", _words(self.objective_missed)),
-            ("orientation error", _words(self.orientation_error, degrees)),
-            (
-                "corners",
-                f"{extremes(rounded)} from {several(len(rounded), 'corner')}" if rounded else "",
-            ),
-        ]
 
-    @property
-    def _use(self) -> list[tuple[str, str]]:
-        """Speed and use of limits as names and values."""
-        over = "" if np.isnan(self.speed_ratio) else f", {self.speed_ratio:.4f} of what is assigned"
-        long = [f"joint {j + 1} {x:.2%}" for j, x in enumerate(self.saturated) if x > 0]
-        most = f"{mm(self.speed)}/s largest, {mm(self.path_velocity)}/s mean"
-        return [
-            ("tool speed", most + over),
-            ("joint demand / limit", _most(self.demand_ratio)),
-            ("joint jerk / limit", _most(self.jerk_ratio) if self.jerk_ratio.any() else ""),
-            ("saturated", f"{', '.join(long)} of the time" if long else "no joint"),
-            (
-                "joints fully used",
-                "" if self.utilisation is None else f"{self.utilisation:.1%} of the time",
-            ),
-        ]
-
-
-def _words(error: ErrorProfile | Missed | None, unit: Callable[[float], str] = mm) -> str:
-    """An error with its largest value, when and where; "" for None."""
-    if error is None:
-        return ""
-    where = place_and_time(error.t_max, error.s_max)
-    rms = f"{unit(error.rms)} RMS, " if isinstance(error, ErrorProfile) else ""
-    return f"{rms}{unit(error.max)} largest ({where})"
-
-
-def _most(shares: FloatArray) -> str:
-    """The largest share of a limit, and its joint; joints without a limit have the share 0."""
+def _of_joints(name: str, shares: FloatArray, unit: str, label: str) -> Row:
+    """A figure of each joint, with the name of the joint of the largest; none without limits."""
     if not shares.any():
-        return "no limit"
-    worst = int(shares.argmax())
-    return f"{shares[worst]:.4f} (joint {worst + 1})"
+        return Row(name, shares, unit)
+    return Row(name, shares, unit, label, f"joint {int(shares.argmax()) + 1}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

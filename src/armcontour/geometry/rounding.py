@@ -19,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray, Value
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import brief, line_up, mm, several
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry.blends import CONNECTION, PAIR
 from armcontour.geometry.corner_curves import (
@@ -65,7 +66,7 @@ ORIENTATION = "tool orientation"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Corners(Value):
+class Corners(Checked):
     """The n corners of an objective path in path order, and the arcs that replace them.
 
     Args:
@@ -101,10 +102,6 @@ class Corners(Value):
     angular_error: FloatArray
     reason: npt.NDArray[np.object_]
 
-    def __post_init__(self) -> None:
-        for name in self.__slots__:
-            object.__setattr__(self, name, _checks.lock_copy(getattr(self, name)))
-
     def __len__(self) -> int:
         """Number of corners."""
         return len(self.vertex)
@@ -126,6 +123,11 @@ class RoundedPath(Path):
 
     objective: Path
     corners: Corners
+
+    @property
+    def deviation(self) -> float:
+        """Largest corner error [m]; 0 without corners."""
+        return float(self.corners.error.max(initial=0.0))
 
     def __str__(self) -> str:
         """As of any path, and how the corners were rounded."""

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from functools import partial
+from functools import cached_property, partial
 from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray, Value
+from armcontour._checks import FloatArray, IntArray
 from armcontour._describing import brief, line_up, mm, several
 from armcontour._quintics import evaluate
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry.path import Path, check_arc_length
 
 # Name of the duration of the shaped path itself, beside those of its starts.
 SHAPED = "shaped"
+# Evenly spaced places at which the largest distance from the objective is looked for.
+PLACES = 15_000
 # and those of known shapes, from which a search starts.
 ARCS, PARABOLAS, STOPS = "arcs", "parabolas", "stops"
 
@@ -60,7 +63,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SmoothCurve(Value):
+class SmoothCurve(Checked):
     """A curve of quintics over arc length, which a chain of arcs follows closely.
 
     Its curvature varies along each quintic, and jumps between quintics only where the shape wants
@@ -75,10 +78,6 @@ class SmoothCurve(Value):
     breaks: FloatArray
     coefficients: FloatArray
     spreads: FloatArray
-
-    def __post_init__(self) -> None:
-        for name in ("breaks", "coefficients", "spreads"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     def on_piece(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:
         """Points or derivatives on quintics `i` at arc lengths `s` [m], (n, dimension)."""
@@ -126,6 +125,13 @@ class ShapedPath(Path):
         object.__setattr__(self, "_piece", piece)
         places = check_places(self.places, self.objective, self)
         object.__setattr__(self, "places", places)
+
+    @cached_property
+    def deviation(self) -> float:
+        """Largest distance of its points from their places on the objective [m], of 15,000."""
+        s = np.union1d(np.linspace(0.0, self.length, PLACES), self.places[:, 1])
+        points = self.objective(np.interp(s, self.places[:, 1], self.places[:, 0]))
+        return float(np.linalg.norm(self(s) - points, axis=1).max())
 
     def __str__(self) -> str:
         """As of any path, and what the shape gained."""

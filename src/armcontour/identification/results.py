@@ -12,6 +12,7 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._describing import brief, digits, line_up
 from armcontour.arms import Arm
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.identification.fitting import predict, split_logs
 from armcontour.identification.residuals import fastest_motion
@@ -77,7 +78,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointIdentification:
+class JointIdentification(Checked):
     """The identified servo of one joint.
 
     Args:
@@ -119,10 +120,6 @@ class JointIdentification:
     effective: bool = False
     saturation: str = ""
     rests: tuple[FloatArray, ...] = ()
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "rests", tuple(_checks.lock_floats(x) for x in self.rests))
-        object.__setattr__(self, "scaling", _checks.lock_floats(self.scaling))
 
     def __str__(self) -> str:
         """The estimates and the error on parts that were not fitted."""

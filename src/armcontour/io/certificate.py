@@ -16,9 +16,10 @@ from armcontour.certification import (
     ContourCertificate,
     LinearFigures,
 )
+from armcontour.core.render import plain, units
 from armcontour.io.json_text import to_json
-from armcontour.io.summary import UNITS, run_summary
 from armcontour.jobs import Goal
+from armcontour.jobs.results import run_data
 from armcontour.robustness.monte_carlo import Spread
 
 CERTIFICATE_UNITS = {
@@ -56,17 +57,18 @@ def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str
         files: The files of the result, relative to its folder.
     """
     job, run = certificate.job, certificate.run
-    data = {
+    data = run_data(certificate.result, job)
+    page = {
         "armcontour": __version__,
         "job": job.name,
         "title": job.title,
         "arm": {"name": job.arm.name, "source": job.arm.source, "joints": job.arm.joint_names},
-        "units": UNITS | CERTIFICATE_UNITS,
+        "units": units([data]) | CERTIFICATE_UNITS,
         "certificate": _certificate(certificate),
-        "runs": {run.name: run_summary(certificate.job, certificate.result)},
+        "runs": {run.name: plain(data)},
         "files": list(files),
     }
-    return to_json(data)
+    return to_json(page)
 
 
 def derating_csv(certificate: Certificate) -> str:

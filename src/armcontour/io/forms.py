@@ -52,7 +52,7 @@ FORMS: dict[type, Form] = {
         types={"gains": Ratio | list[Ratio] | list[list[Ratio]]},
     ),
     Demand: Form(omit=frozenset({"tag"})),
-    Event: Form(names={"s": "at"}, types={"name": Annotated[str, Field(min_length=1)]}),
+    Event: Form(names={"s": "at"}),
     Lead: Form(
         types={
             "length": Annotated[

@@ -323,6 +323,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
             duration=model.duration,
             reserve=timing.reserve,
             experiment=experiment,
+            accuracy=job.accuracy,
         )
 
 

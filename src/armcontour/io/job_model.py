@@ -479,6 +479,8 @@ class JobModel:
         limits: Limits in place of the arm's own; inf lifts one.
         command_limits: Limits of the set-points themselves, as the controller checks them.
         corners: How corners are rounded; `sharp` keeps sharp corners.
+        accuracy: Largest contour error with which a run counts as kept [m]; by default a tenth of
+            the smallest tolerance of its corners.
         servo: The nominal servo.
         plant: Parameters of the real servo that differ from the nominal servo.
         experiment: Runs that are simulated on the arm's rigid bodies, too.
@@ -503,6 +505,7 @@ class JobModel:
         default_factory=dict
     )
     corners: Rounding | Literal["sharp"] = "sharp"
+    accuracy: Distance | None = None
     servo: ServoModel
     plant: Annotated[dict[str, Any], Given(ServoModel, null=True)] | None = None
     experiment: ExperimentModel | None = None

@@ -33,7 +33,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from armcontour._quantities import WHOLE_TURN, AtLeast, Choice, Quantity, Some
+from armcontour._quantities import WHOLE_TURN, AtLeast, Choice, Named, Quantity, Some
 from armcontour._text import describe_fields
 from armcontour.errors import InvalidInput
 from armcontour.io.forms import FORMS, Form
@@ -252,7 +252,7 @@ def _annotated(of: Any, *marks: Any) -> Any:
     if isinstance(mark, Quantity):
         number = _number(mark)
         if of is float:
-            return number
+            return number if mark.unit else Number
         each: Any = number | list[number]  # type: ignore[valid-type]
         bound: Any = _number(dataclasses.replace(mark, sign="any"))
         pair = Annotated[list[bound], Field(min_length=2, max_length=2)]
@@ -263,12 +263,21 @@ def _annotated(of: Any, *marks: Any) -> Any:
             return known | list[known]
         return Annotated[(known, *marks[1:])] if marks[1:] else known
     if isinstance(mark, AtLeast):
-        return Annotated[StrictInt, Field(ge=mark.least)]
+        return Annotated[StrictInt, Field(ge=mark.least, le=mark.most)]
+    if isinstance(mark, Named):
+        return Annotated[str, Field(min_length=1)] if mark.needed else str
     if isinstance(mark, Some):
         return Annotated[dict[str, Any], Given(mark.of, null=True)]
     if isinstance(mark, Given):
         return Annotated[of, mark]
     return Annotated[(_type_of(of), *marks)]
+
+
+def _bounds(kind: Quantity) -> dict[str, float]:
+    """The range of a quantity, as JSON Schema has it."""
+    if kind.within is None:
+        return BOUNDS[kind.sign]
+    return dict(zip(("minimum", "maximum"), kind.within, strict=True))
 
 
 def _number(kind: Quantity) -> Any:
@@ -278,7 +287,7 @@ def _number(kind: Quantity) -> Any:
         text = f"A plain number, or text in percent such as '{kind.example}'."
     schema: dict[str, Any] = {
         "description": text,
-        "anyOf": [{"type": "number", **BOUNDS[kind.sign]}, {"type": "string"}],
+        "anyOf": [{"type": "number", **_bounds(kind)}, {"type": "string"}],
         "examples": [kind.example],
     }
     read = BeforeValidator(partial(read_quantity, kind=kind))

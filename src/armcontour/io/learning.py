@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
+from armcontour.core.render import plain
 from armcontour.evaluation import ErrorProfile
 from armcontour.io.json_text import to_json
-from armcontour.io.summary import UNITS, of_job, run_summary
+from armcontour.jobs import Study
 from armcontour.jobs.learning import JudgedStudy, LearningStudy
 from armcontour.learning import LearnedRun
 
@@ -45,17 +46,14 @@ def learning_json(study: LearningStudy, files: Sequence[str] = ()) -> str:
     lesson, run = study.lesson, study.plan.run
     learned = {
         "run": run.name,
-        "simulated_robot": study.robot or None,
         **{name: getattr(lesson, name) for name in OF_LESSON},
         "repeats": lesson.repeats,
         "does_not_repeat": lesson.noise,
         "best": lesson.best + 1,
-        "runs": [_of_run(study, k, x) for k, x in enumerate(lesson.runs)],
+        "runs": [_fields(x) for x in lesson.runs],
         "notes": study.notes,
     }
-    runs = {run.name: run_summary(study.job, study.plan)}
-    data = {**of_job(study.job, runs, files), "learning": learned}
-    data["units"] = UNITS | LEARNING_UNITS
+    data = {**_summary(study, files), "learning": learned}
     return to_json(data)
 
 
@@ -72,7 +70,7 @@ def judged_json(study: JudgedStudy, files: Sequence[str] = ()) -> str:
         for name, error, missed in study.contours
     ]
     data = {
-        **of_job(study.job, {run.name: run_summary(study.job, study.plan)}, files),
+        **_summary(study, files),
         "judged": {
             "run": run.name,
             **_fields(judged.runs[0]),
@@ -82,8 +80,14 @@ def judged_json(study: JudgedStudy, files: Sequence[str] = ()) -> str:
             "notes": study.notes,
         },
     }
-    data["units"] = UNITS | LEARNING_UNITS
     return to_json(data)
+
+
+def _summary(study: LearningStudy | JudgedStudy, files: Sequence[str]) -> dict[str, Any]:
+    """The summary of the plan from which is learned."""
+    plans = Study(job=study.job, runs={study.plan.run.name: study.plan})
+    page = plain(plans.to_data(files))
+    return {**page, "units": page["units"] | LEARNING_UNITS}
 
 
 def _of_profile(x: ErrorProfile) -> dict[str, float]:
@@ -94,12 +98,3 @@ def _of_profile(x: ErrorProfile) -> dict[str, float]:
 def _fields(run: LearnedRun) -> dict[str, Any]:
     """Errors and clock of a run."""
     return {x.name: getattr(run, x.name) for x in fields(run) if x.name not in LEFT_OUT}
-
-
-def _of_run(study: LearningStudy, k: int, run: LearnedRun) -> dict[str, Any]:
-    """Data of one run."""
-    found = _fields(run)
-    if study.simulated:
-        profile = study.simulated[k].contour_error
-        found["executed"] = {"rms": profile.rms, "max": profile.max, "t_max": profile.t_max}
-    return found

@@ -11,13 +11,14 @@ from typing import Any
 
 from armcontour._version import __version__
 from armcontour.arms import SerialArm
+from armcontour.core.render import jsonable
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, quaternions
 from armcontour.io.job_arm import frame_of
 from armcontour.io.job_edits import REMOVE, move_files
 from armcontour.io.job_file import model_of, read_data
 from armcontour.io.job_model import CellModel
-from armcontour.io.json_text import plain, to_json
+from armcontour.io.json_text import to_json
 from armcontour.io.patch import Patch, write
 from armcontour.placement import UNITS, Place, Placement, Verdict
 from armcontour.scene.scene import BASE, PART
@@ -97,7 +98,7 @@ def placement_csv(placement: Placement) -> str:
     for k, verdict in enumerate(placement.verdicts):
         values = [getattr(verdict, name) for name in COLUMNS]
         table.writerow(
-            [*placement.place(k).values(), *("" if x is None else x for x in plain(values))]
+            [*placement.place(k).values(), *("" if x is None else x for x in jsonable(values))]
         )
     return text.getvalue()
 

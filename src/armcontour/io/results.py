@@ -225,7 +225,7 @@ def verify_file(folder: FilePath, name: str) -> FilePath:
     if name not in written:
         raise InvalidInput(
             f"The result in {folder} has no {name}: a run with --no-simulation and --export "
-            "writes only the exports, and learning on a simulated robot no set-points."
+            "writes only the exports."
         )
     if not _is_unchanged(folder / name, written[name]):
         raise InvalidInput(

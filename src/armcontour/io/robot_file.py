@@ -13,9 +13,10 @@ from armcontour._checks import FloatArray
 from armcontour._files import read_text
 from armcontour._version import __version__
 from armcontour._yaml import load
+from armcontour.core.render import jsonable
 from armcontour.errors import InvalidInput
 from armcontour.identification import Estimate, RobotIdentification
-from armcontour.io.json_text import plain, to_json
+from armcontour.io.json_text import to_json
 from armcontour.io.keys import Keys, read_keys
 from armcontour.io.servo_file import OF_PARAMETER
 from armcontour.servo import ServoModel
@@ -147,7 +148,7 @@ def _relative(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
 def _quantity(values: Any, unit: str, estimates: Sequence[Estimate]) -> dict[str, Any]:
     """A quantity of an arm file, whose source says how well each value is known."""
     array: FloatArray = values
-    rounded = plain(array)
+    rounded = jsonable(array)
     told = _ranges(estimates) if estimates else ""
     kept = [x for x in estimates if not x.determined]
     source = f"identified, 95 % intervals: {told}" if len(kept) < len(estimates) else "nominal"

@@ -13,6 +13,7 @@ from armcontour._checks import FloatArray
 from armcontour._describing import several
 from armcontour._files import LARGE, read_text
 from armcontour._text import show
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.io.joint_table import (
     JointColumns,
@@ -38,7 +39,7 @@ MOST_NAMED = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TrajectoryFile:
+class TrajectoryFile(Checked):
     """The trajectory of a file, in SI units.
 
     Args:
@@ -61,11 +62,6 @@ class TrajectoryFile:
     joints: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        for name in ("t", "q", "dq", "ddq"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     @property
     def straight(self) -> Trajectory:

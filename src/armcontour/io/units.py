@@ -9,7 +9,7 @@ from decimal import Decimal
 from functools import cache
 from typing import Any
 
-from armcontour._checks import LARGEST
+from armcontour._checks import suffix
 from armcontour._quantities import WHOLE_TURN, Quantity
 from armcontour._text import plain_number, show
 
@@ -156,28 +156,17 @@ def read_quantity(value: Any, kind: Quantity) -> float:
         if endless > 0 or kind.sign == "any":
             return endless
     found = read_plain(value, kind)
-    outside, words = {
-        "any": (False, ""),
-        "positive": (found <= 0, "be above zero"),
-        "not negative": (found < 0, "not be negative"),
-        "negative": (found >= 0, "be below zero"),
-        "share": (not 0 <= found < 1, "be from 0 to below 1, which is 100 %"),
-        "turn": (
-            abs(found) > WHOLE_TURN and not isinstance(value, str),
-            "be at most a whole turn without a unit",
-        ),
-    }[kind.sign]
-    unit = "" if kind.unit == "1" else f" {kind.unit}"
-    written = value.strip() if isinstance(value, str) else f"{found:g}{unit}"
-    if outside:
-        percent = kind.sign == "share" and not isinstance(value, str) and 1 <= found < 100
-        hint = f": for {written} percent write {written} %" if percent else ""
-        if kind.sign == "turn":
-            hint = f": for {found:g} degrees write {found:g} deg"
-        raise ValueError(f"must {words}, but is {written}{hint}")
-    if abs(found) > LARGEST:
-        raise ValueError(f"must be between -{LARGEST:g} and {LARGEST:g}{unit}, but is {written}")
-    return found
+    low, high = kind.range
+    turned = kind.sign == "turn" and abs(found) > WHOLE_TURN and not isinstance(value, str)
+    if low <= found <= high and not turned:
+        return found
+    written = value.strip() if isinstance(value, str) else f"{found:g}{suffix(kind.words)}"
+    percent = kind.sign == "share" and not isinstance(value, str) and 1 <= found < 100
+    hint = f": for {written} percent write {written} %" if percent else ""
+    if turned:
+        hint = f": for {found:g} degrees write {found:g} deg"
+    needed = "be at most a whole turn without a unit" if turned else kind.needed(found)
+    raise ValueError(f"must {needed}, but is {written}{hint}")
 
 
 def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -> Any:

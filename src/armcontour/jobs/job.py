@@ -46,6 +46,8 @@ LONGEST_TITLE = 200
 ARC, FREE = "arc", "free"
 SHAPES = (ARC, FREE)
 TANGENT, CURVATURE = CONTINUITIES
+# The compensation whose set-points are for rigid bodies, and the one whose set-points are the plan.
+INVERSE_DYNAMICS, NONE = "inverse_dynamics", "none"
 
 
 @_checks.explain_calls
@@ -99,6 +101,12 @@ class Rounding:
     def with_arcs(self) -> Rounding:
         """The same tolerance with arcs at the corners."""
         return replace(self, shape=ARC, **dict.fromkeys(OF_FREE))
+
+    @property
+    def least_tolerance(self) -> float | None:
+        """The smallest tolerance of a corner [m]; None without a tolerance."""
+        single = (self.at or {}).values()
+        return None if self.tolerance is None else min([self.tolerance, *single])
 
     def within(self, tolerance: float) -> Rounding:
         """The same with another tolerance, which those of single corners do not exceed.
@@ -239,6 +247,8 @@ class Run:
         reserve: Share of joint acceleration and torque that the plan leaves to the servo.
         duration: Time of the motion from start to end [s]; None is the shortest.
         experiment: Options of a simulation on rigid bodies; None simulates none.
+        accuracy: Largest contour error with which the run counts as kept [m]; by default a tenth of
+            the smallest tolerance of its corners.
 
     Raises:
         InvalidInput: A command interval out of range, a time that is not above zero, or a rounding
@@ -258,6 +268,7 @@ class Run:
     reserve: float = 0.0
     duration: float | None = None
     experiment: Experiment | None = None
+    accuracy: Distance | None = None
 
     def __post_init__(self) -> None:
         _checks.check_fields(self)

@@ -1,23 +1,22 @@
-"""Learning of a job's run: from logs of a robot, or on a simulated robot."""
+"""Learning of a job's run from logs of a robot."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._progress import Progress, Step, under
+from armcontour._progress import Progress
 from armcontour._sampling import interpolate
 from armcontour.errors import InvalidInput
-from armcontour.evaluation import ErrorProfile, Evaluation, evaluate
+from armcontour.evaluation import ErrorProfile
 from armcontour.evaluation.error_profile import Missed
 from armcontour.evaluation.pieces import Piece, pieces_of
-from armcontour.execution import RigidBodyPlant, execute
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.results import RunResult
-from armcontour.jobs.study import RESOLUTION, run
+from armcontour.jobs.study import run
 from armcontour.learning import LearnedRun, Lesson, Recording, judge_run, learn
 from armcontour.learning.aligning import fit_to
 from armcontour.learning.estimating import smooth_error
@@ -32,8 +31,6 @@ NEARER = 0.5
 # Set-points of a log are others than those of its run if they are beside these by more than
 # printing rounds them [rad], and by more than this share of the errors.
 TOLD_BESIDE, BESIDE = 2e-5, 0.05
-# Builds the simulated robot of a run of learning, by the number of the run, from 0.
-Robot = Callable[[int], RigidBodyPlant]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,43 +41,31 @@ class LearningStudy:
         job: The job.
         plan: Plan and taught data before learning.
         lesson: What was learned, and the taught data of the next run.
-        simulated: Evaluations of the simulated runs, one per run of the lesson; empty for a real
-            robot.
-        robot: What the simulated robot has and its controller does not know; empty for a real one.
     """
 
     job: Job
     plan: RunResult
     lesson: Lesson
-    simulated: tuple[Evaluation, ...] = ()
-    robot: str = ""
 
     def errors(self, k: int) -> tuple[float, float]:
         """RMS and largest error of the tool in a run [m].
 
-        On a simulated robot it is the contour error of its links. In logs it is the contour error
-        that the encoders show, or the distance from the planned position if the plan has no path.
+        It is the contour error that the encoders show, or the distance from the planned position if
+        the plan has no path.
 
         Args:
             k: Index of the run.
         """
-        if self.simulated:
-            found = self.simulated[k].contour_error
-            return found.rms, found.max
         run = self.lesson.runs[k]
         largest = run.tool_max if run.contour_max is None else run.contour_max
         return run.rms, largest
 
     def profile(self, k: int) -> ErrorProfile:
-        """Contour error over time in a run: of simulated links, or as measured, with noise.
-
-        What was measured is shown until the end of the plan.
+        """Measured contour error over time in a run, with noise, until the end of the plan.
 
         Args:
             k: Index of the run.
         """
-        if self.simulated:
-            return self.simulated[k].contour_error
         assert self.lesson.lifted is not None
         t = self.lesson.lifted.t
         q = self.planned(t) + self.lesson.runs[k].error
@@ -90,7 +75,7 @@ class LearningStudy:
     @property
     def has_path(self) -> bool:
         """Whether errors are those from a path."""
-        return bool(self.simulated) or self.lesson.runs[0].contour_rms is not None
+        return self.lesson.runs[0].contour_rms is not None
 
     @property
     def notes(self) -> list[str]:
@@ -109,10 +94,6 @@ class LearningStudy:
             found.append(
                 "The set-points exceed limits of the joints already before learning, so learning "
                 "does not keep these limits either."
-            )
-        if self.robot:
-            found.append(
-                f"The simulated robot has what neither plan nor controller knows: {self.robot}."
             )
         return found
 
@@ -369,48 +350,3 @@ def refuse_earlier_run(taught: TaughtData, log: Log) -> None:
             "that the robot executed.",
             index=k,
         )
-
-
-def simulate_learning(
-    job: Job,
-    plan: RunResult,
-    robot: Robot,
-    about: str,
-    *,
-    runs: int = 6,
-    progress: Progress | None = None,
-) -> LearningStudy:
-    """Learn a run of a job on a simulated robot, until nothing more is to be had.
-
-    Args:
-        job: The job.
-        plan: Plan and taught data before learning.
-        robot: Builds the simulated robot of each run.
-        about: What the robot has and its controller does not know.
-        runs: Largest number of runs after the first.
-        progress: Called before each run.
-
-    Raises:
-        ArmContourError: As `execute` and `learn` raise it.
-    """
-    tell = under(progress, plan.run.name)
-    taught: TaughtData = plan.taught
-    done: list[Evaluation] = []
-    for k in range(runs + 1):
-        tell(Step((f"run {k + 1} of {runs + 1}",)))
-        plant = robot(k)
-        executed = execute(taught, plant, resolution=max(RESOLUTION, plant.step))
-        done.append(
-            evaluate(
-                executed,
-                plan.path,
-                objective=plan.objective,
-                until=plan.run.until,
-            )
-        )
-        tell(Step((f"learning from run {k + 1}",)))
-        taught = learn_run(job, plan, taught, executed)
-        if taught.finished:
-            break
-    assert isinstance(taught, Lesson)
-    return LearningStudy(job=job, plan=plan, lesson=taught, simulated=tuple(done), robot=about)

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, SerialArm
-from armcontour.jobs.results import ExperimentResult, RunResult, Study
+from armcontour.core.fields import Checked
 from armcontour.motion import Execution, Trajectory
 
 # Number of times at which torques are computed, in addition to the breaks of the plan.
@@ -17,7 +16,7 @@ SAMPLES = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Torques:
+class Torques(Checked):
     """Torques of the drives over time.
 
     Args:
@@ -27,10 +26,6 @@ class Torques:
 
     t: FloatArray
     values: FloatArray
-
-    def __post_init__(self) -> None:
-        for name in ("t", "values"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     @property
     def peak(self) -> FloatArray:
@@ -43,25 +38,11 @@ def assumed_numbers(arm: Arm) -> str:
     return "" if arm.chain is None else arm.chain.assumed
 
 
-def unknown_notes(study: Study) -> tuple[str, ...]:
-    """Sentences on what simulated robots have that their controllers do not know."""
-    found: dict[str, list[str]] = {}
-    for name, result in study.runs.items():
-        if result.run.experiment is not None and (unknown := result.run.experiment.unknown):
-            found.setdefault(unknown, []).append(name)
-    return tuple(
-        f"The simulated robot of {', '.join(names)} has what neither plan nor controller knows: "
-        f"{unknown}."
-        for unknown, names in found.items()
-    )
-
-
-def planned_torques(result: RunResult) -> Torques | None:
+def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
     """Torques of a plan over time; None if the arm has no bodies.
 
     Every time appears twice, with the torques before and after a jump.
     """
-    arm, plan = result.arm, result.trajectory
     if not arm.has_bodies:
         return None
     t = np.union1d(np.linspace(0, plan.duration, SAMPLES), plan.breaks)
@@ -73,9 +54,8 @@ def planned_torques(result: RunResult) -> Torques | None:
     return Torques(t=np.repeat(t, 2)[1:-1], values=values)
 
 
-def applied_torques(experiment: ExperimentResult) -> Torques | None:
+def applied_torques(executed: Execution) -> Torques | None:
     """Torques of the drives in an experiment; None if it has none."""
-    executed = experiment.execution
     return None if executed.torque is None else Torques(t=executed.t, values=executed.torque)
 
 

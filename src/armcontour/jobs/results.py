@@ -3,64 +3,52 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from armcontour._describing import (
-    brief,
-    digits,
-    draw,
-    line_up,
-    milliseconds,
-    mm,
-    several,
-    to_html,
-)
+from armcontour._describing import brief, draw, milliseconds, mm, several, to_html
 from armcontour._text import capitalise
+from armcontour._version import __version__
 from armcontour.arms import Arm
 from armcontour.clearance import Clearance
+from armcontour.core.render import Result, compare, lay_out, number, units
+from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.errors import ExecutionError
 from armcontour.evaluation import Evaluation
 from armcontour.execution import RigidBodyPlant
-from armcontour.geometry import ShapedPath, count_full_stops
+from armcontour.geometry import RoundedPath, ShapedPath, count_full_stops
 from armcontour.geometry.shaped import SHAPED, doubt_search
-from armcontour.jobs.job import Job, Run
-from armcontour.jobs.warnings import (
-    CURVATURE_JUMPS,
-    INVERSE_DYNAMICS,
-    NONE,
-    JerkStop,
-    Weaving,
-    beyond_logs,
-    capped,
-    cut_off,
-    jerk_stops,
-    limited_commands,
-    missed_speeds,
-    not_judged,
-    oscillating,
-    overloaded,
-    slow_ends,
-    stopping,
-    unsettled,
-    weavings,
-    worse_than_none,
+from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops
+from armcontour.jobs.job import INVERSE_DYNAMICS, Job, Run
+from armcontour.jobs.quantities import applied_torques, planned_torques
+from armcontour.jobs.run_data import (
+    angular_rows,
+    columns,
+    corner_table,
+    move_table,
+    plant_rows,
+    program_rows,
+    resume_intervals,
+    torque_rows,
 )
+from armcontour.jobs.weaves import Weaving, weavings
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
-from armcontour.motion.command_limits import describe_excess
 from armcontour.program import Program
-from armcontour.program.rounding import doubt_tolerance
 from armcontour.servo import ServoModel
 from armcontour.timing import Explanation, Tracing
 
 # The clearance of the arm from itself is reported where it is below this [m].
 NEAR = 10e-3
-# Share of the motion above which a command interval is reported as coarse.
-COARSE = 0.1
-# An assigned velocity above this probably lacks its unit [m/s].
-FAST = 10.0
+# Begin of the labels of what the simulated rigid bodies give.
+ON_BODIES = "on rigid bodies: "
+# Figures of rigid bodies that do not judge, which are shown.
+SHOWN_OF_BODIES = ("experiment.contour_error", "experiment.torque")
+# By default a contour may be off its path by this share of the smallest tolerance of its corners.
+DEFAULT_ACCURACY = 0.1
+# Share by which rounding of numbers may exceed a tolerance.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -130,7 +118,7 @@ class ExperimentResult:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RunResult:
+class RunResult(Result):
     """Result of one run of a job: its plan, its set-points, their execution and its evaluation.
 
     Args:
@@ -153,6 +141,7 @@ class RunResult:
         executed_clearance: How far the arm stays from itself and from its cell, as executed.
         experiment: Result on rigid bodies, if the run has an experiment that did not fail.
         failure: The error of a failed experiment.
+        warnings: Sentences on what makes the result worse than requested.
     """
 
     run: Run
@@ -172,47 +161,60 @@ class RunResult:
     executed_clearance: Clearance | None = None
     experiment: ExperimentResult | None = None
     failure: ExecutionError | None = None
+    warnings: tuple[str, ...] = ()
 
-    def __str__(self) -> str:
-        """Method, duration and set-points of the run, and what the execution made of it."""
-        near = None if self.clearance is None else self.clearance.least
-        rows = [
-            ("method", f"{self.trajectory.method}, compensation {self.run.compensation}"),
-            (
-                "path",
-                f"{several(len(self.path.contours), 'contour')}, {digits(self.path.length)} m",
-            ),
-            (
-                "taught",
-                f"{several(len(self.taught.q), 'set-point')} every {milliseconds(self.run.period)}",
-            ),
-            ("command / limit", "" if self.taught is None else self.taught.command_note),
-            ("shaped", "" if self.shaped is None else str(self.shaped)),
-            ("clearance", "" if near is None else f"{mm(near.low)} at least"),
-            ("warnings", f"{len(self.weak_points)}, in .warnings" if self.weak_points else ""),
-        ]
-        title, e = f"Run {self.run.name}: {self.trajectory.duration:.4f} s", self.evaluation
-        if e is None:
-            return line_up(title, rows)
-        on_bodies = "failed" if self.failure is not None else ""
-        if self.experiment is not None:
-            on_bodies = _errors(self.experiment.evaluation)
-        executed = [
-            ("contour error", _errors(e)),
-            ("in the experiment", on_bodies),
-            (
-                "tracking error",
-                f"{mm(e.tracking_error.rms)} RMS, {mm(e.undelayed_error.rms)} without the "
-                f"delay of {milliseconds(e.common_delay)} that all joints share",
-            ),
-            ("joint demand / limit", _demand(e)),
-        ]
-        return line_up(f"{title}, at rest after {e.settled:.4f} s", [*executed, *rows])
+    def to_data(self) -> Data:
+        """The verdict on the run and its figures."""
+        return run_data(self)
 
     __repr__ = brief
 
-    _repr_html_ = to_html
     figure = draw
+
+    @property
+    def rounding_error(self) -> float | None:
+        """Largest distance of the path from the objective, at corners [m]; None as drawn."""
+        return max((x for x in self._deviations if x is not None), default=None)
+
+    @property
+    def _deviations(self) -> list[float | None]:
+        return [getattr(x.path, "deviation", None) for x in self.path.contours]
+
+    @property
+    def tolerance(self) -> float | None:
+        """The largest corner error that the run allows [m]; None without a tolerance."""
+        rounding = self.run.rounding
+        return None if rounding is None else rounding.tolerance
+
+    @property
+    def accuracy(self) -> float | None:
+        """The contour error that the run may have [m]; None without accuracy and tolerance."""
+        if self.run.accuracy is not None or self.run.rounding is None:
+            return self.run.accuracy
+        least = self.run.rounding.least_tolerance
+        return None if least is None else least * DEFAULT_ACCURACY
+
+    @property
+    def kept(self) -> bool | None:
+        """Whether corners are within their tolerance and the contour error within the accuracy.
+
+        None without a simulation, and without an accuracy.
+        """
+        allowed, e = self.accuracy, self.judged
+        if allowed is None or e is None or self.failure is not None:
+            return None if self.failure is None else False
+        error, tolerance = self.rounding_error, self.tolerance
+        off = error is not None and tolerance is not None and error > tolerance * (1 + ROUNDING)
+        return not off and e.contour_error.max <= allowed
+
+    @property
+    def kept_note(self) -> str:
+        """What was compared for `kept`."""
+        allowed, e = self.accuracy, self.judged
+        if allowed is None or e is None:
+            return ""
+        why = "" if self.run.accuracy is not None else ", a tenth of the smallest tolerance"
+        return f"contour error {number(e.contour_error.max, 'm')} of {number(allowed, 'm')}{why}"
 
     @property
     def arm(self) -> Arm:
@@ -233,10 +235,10 @@ class RunResult:
             return None
         return self.traced.joint_paths[0]
 
-    @property
+    @cached_property
     def jerk_stops(self) -> tuple[JerkStop, ...]:
         """Where limits of jerk make the tool stop inside contours, because the curvature jumps."""
-        return tuple(jerk_stops(self.path, self.traced, self.trajectory, self.run))
+        return jerk_stops(self.path, self.traced, self.trajectory, self.run)
 
     @property
     def full_stops(self) -> dict[str, int]:
@@ -273,7 +275,7 @@ class RunResult:
     def remarks(self) -> tuple[str, ...]:
         """Sentences on plan and execution, with the name of the run, which are no warnings."""
         found = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
-        found += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves]
+        found += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves if not x.differs]
         if self.taught is not None and (used := self.taught.command_note):
             found.append(f"Run {self.run.name}: set-points / command limits: {used}.")
         clear = None if self._far_from_itself else self.clearance_note
@@ -291,7 +293,7 @@ class RunResult:
     @cached_property
     def weaves(self) -> tuple[Weaving, ...]:
         """Width and frequency of each weave in the plan."""
-        return tuple(weavings(self.path, self.trajectory, self.run.limits))
+        return tuple(weavings(self.path, self.trajectory))
 
     @property
     def clearance_note(self) -> str | None:
@@ -320,7 +322,12 @@ class RunResult:
     def shape_note(self) -> str | None:
         """A sentence on what shaping gained; None if the run shapes no contour."""
         found = self.shaped
-        return None if found is None else f"Run {self.run.name}: {found}."
+        if found is None:
+            return None
+        early = "".join(
+            f" {capitalise(x)}" for x in doubt_search(x.path for x in self.path.contours)
+        )
+        return f"Run {self.run.name}: {found}.{early}"
 
     @property
     def judged(self) -> Evaluation:
@@ -333,86 +340,6 @@ class RunResult:
     def for_bodies(self) -> bool:
         """Whether the set-points are for the arm's bodies, which the servo model does not have."""
         return self.run.compensation == INVERSE_DYNAMICS
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences on weak points of the run, with its name."""
-        return warnings_of([self])
-
-    @cached_property
-    def weak_points(self) -> tuple[str, ...]:
-        """Sentences on weak points of the run, such as a coarse command interval."""
-        found = self._weak_points_of_plan()
-        if self.servo is not None:
-            found += oscillating(self.servo)
-        if self.taught is not None:
-            found += cut_off(self.taught)
-            found += limited_commands(self.taught)
-            found += filter(None, [describe_excess(self.taught)])
-            if self.servo is not None and self.run.compensation != NONE and self.servo.doubt:
-                found.append(self.servo.doubt)
-        if self.servo is not None:
-            found += filter(None, [beyond_logs(self.servo, self.trajectory)])
-        if self.execution is not None:
-            found += self._weak_points_of_execution()
-        return tuple(found)
-
-    def _weak_points_of_plan(self) -> list[str]:
-        """Sentences on weak points of the plan."""
-        found: list[str] = []
-        period, duration = self.run.period, self.trajectory.duration
-        if period > COARSE * duration:
-            found.append(
-                f"the command interval of {period:g} s is more than a tenth of the motion of "
-                f"{duration:.3g} s, so the set-points hardly represent the plan (a number without "
-                "a unit is in seconds: for milliseconds write command_interval: 4 ms)."
-            )
-        speed = self.run.limits.speed
-        if speed is not None and speed > FAST:
-            found.append(
-                f"the assigned velocity of {speed:g} m/s is above {FAST:g} m/s, faster than tools "
-                "of robot arms (a number without a unit is in metres per second: for millimetres "
-                f"per second write speed: {speed:g} mm/s)."
-            )
-        if self.run.rounding is not None:
-            doubts = (
-                doubt_tolerance(x.path, self.run.rounding.tolerance)
-                for x in self.objective.contours
-            )
-            found += next(filter(None, doubts), [])
-            found += doubt_search(x.path for x in self.path.contours)
-        found += [*self.path.notes, *capped(self.objective, self.run), *self.exceeded]
-        found += stopping(self.jerk_stops, self.run)
-        found += [sentence for x in self.weaves for sentence in x.warnings]
-        if self.clearance is None:
-            found += self.avoided
-        elif not self.clearance.kept:
-            found.append(f"collisions are ignored: {self.clearance.too_near[0]}.")
-        if self.clearance is not None and self.clearance.below_base is not None:
-            found.append(self.clearance.below_base)
-        # In a given duration contours are slower than assigned on purpose.
-        if self.run.duration is None:
-            slow = slow_ends(self.path, self.trajectory, self.run)
-            found += slow
-            if not slow and not self.jerk_stops:
-                found += missed_speeds(self.path, self.trajectory, self.run)
-        return found
-
-    def _weak_points_of_execution(self) -> list[str]:
-        """Sentences on what the execution does worse than the plan."""
-        found: list[str] = []
-        planned, near = self.clearance, self.executed_clearance
-        if planned is not None and planned.kept and near is not None and not near.kept:
-            found.append(f"as executed, {near.too_near[0]}, which is within the margin.")
-        found += unsettled(self.execution)
-        if not self.for_bodies:
-            found += overloaded(self.execution, self.evaluation, self.run)
-        elif self.run.experiment is None:
-            found.append(not_judged(self.evaluation))
-        if self.experiment is not None:
-            x = self.experiment
-            found += worse_than_none(x.evaluation, x.uncompensated, self.run)
-        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -455,29 +382,42 @@ class Study:
             "demand": [e and float(e.demand_ratio.max()) for e in judged],
         }
 
+    def to_data(self, files: Sequence[str] = ()) -> Data:
+        """The job, its arm and its runs, as the summary of a result has them.
+
+        Args:
+            files: The files of the result, relative to its folder.
+        """
+        job, arm = self.job, self.job.arm
+        warnings = warnings_of(self.runs.values())
+        more = f", {several(len(warnings), 'warning')}" if warnings else ""
+        runs = {name: run_data(x, job) for name, x in self.runs.items()}
+        return Data(
+            f"Study of {job.title}{more}",
+            (
+                Row("armcontour", __version__),
+                Row("job", job.name),
+                Row("title", job.title),
+                Row("arm.name", arm.name),
+                Row("arm.source", arm.source),
+                Row("arm.joints", arm.joint_names),
+                Row("arm.masses_known", arm.has_bodies),
+                Row("arm.assumed", (arm.chain and arm.chain.assumed) or None),
+                Row("arm.notes", arm.notes),
+                Row("simulated", self.simulated),
+                Row("units", units(runs.values())),
+                Row("files", list(files)),
+            ),
+            parts={"runs": Data("Runs", parts=runs)},
+            warnings=warnings,
+        )
+
     def __str__(self) -> str:
         """A row for every run."""
-        rows = [("run", "motion", "RMS error", "largest", "demand / limit")]
-        for name, x in self.runs.items():
-            e, errors = x.judged, ("-", "-", "-")
-            if e is not None:
-                errors = (mm(e.contour_error.rms), mm(e.contour_error.max), _demand(e))
-            rows.append((name, f"{x.trajectory.duration:.4f} s", *errors))
-        found = len(warnings_of(self.runs.values()))
-        more = f", {several(found, 'warning')}" if found else ""
-        return line_up(f"Study of {self.job.title}{more}", rows, columns=">")
+        data = self.to_data()
+        return lay_out(data.title, compare(data.parts["runs"].parts))
 
     __repr__ = brief
-
-
-def _errors(e: Evaluation) -> str:
-    """The contour errors."""
-    return f"{mm(e.contour_error.rms)} RMS, {mm(e.contour_error.max)} largest"
-
-
-def _demand(e: Evaluation) -> str:
-    """The largest demand of a joint as a share of its limit."""
-    return f"{e.demand_ratio.max():.4f}" if e.demand_ratio.any() else "no limit"
 
 
 def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
@@ -488,9 +428,220 @@ def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
     """
     found: dict[str, list[str]] = {}
     for plan in plans:
-        for sentence in plan.weak_points:
+        for sentence in plan.warnings:
             found.setdefault(sentence, []).append(plan.run.name)
     return tuple(
         f"Run{'s' if len(names) > 1 else ''} {', '.join(names)}: {sentence}"
         for sentence, names in found.items()
+    )
+
+
+def run_data(result: RunResult, job: Job | None = None) -> Data:
+    """What one run says; without figures of its execution, if it was not simulated.
+
+    Args:
+        result: The run.
+        job: Its job, which knows where the contours begin on its objective; None if unknown.
+    """
+    executed = result.evaluation is not None
+    parts: dict[str, Data] = {}
+    if result.clearance is not None:
+        parts["clearance"] = _clearance(result)
+    if result.executed_clearance is not None:
+        data = result.executed_clearance.to_data()
+        rows = (
+            replace(x, label=x.label and f"{x.label}, executed", level=max(x.level, TABLE))
+            for x in data.rows
+        )
+        parts["executed_clearance"] = replace(data, rows=tuple(rows))
+    why = result.explanation
+    if why is not None:
+        parts["explanation"] = why.to_data()
+    return Data(
+        f"Run {result.run.name}",
+        (
+            *_verdict(result),
+            *(_executed(result) if executed else _planned(result)),
+            *torque_rows(
+                planned_torques(result.arm, result.trajectory),
+                result.run.limits.joint_torque,
+                result.arm,
+                "planned",
+            ),
+            *_experiment(result),
+            *_set_points(result),
+            *_plan(result, job),
+        ),
+        (*_tables(result, job), *(result.evaluation.to_data().tables if executed else ())),
+        parts,
+        notes=result.remarks,
+        warnings=result.warnings,
+    )
+
+
+def _verdict(result: RunResult) -> Iterator[Row]:
+    """What is off the drawing, whether that is kept, what limits the time, the worst warning."""
+    rounding, allowed = result.rounding_error, result.tolerance
+    e = result.judged
+    if e is not None:
+        parts = []
+        if rounding is not None:
+            of = "" if allowed is None else f" of {number(allowed, 'm')} allowed"
+            parts.append(f"rounding {number(rounding, 'm')}{of}")
+        parts.append(f"servo {number(e.contour_error.max, 'm')}")
+        off = (rounding or 0.0) + e.contour_error.max
+        yield Row("off_drawing", off, "m", "off the drawing", ", ".join(parts), VERDICT)
+    yield Row("accuracy", result.accuracy, "m")
+    yield Row("kept", result.kept, "", "kept", result.kept_note, VERDICT)
+    if result.explanation is not None and result.explanation.longest is not None:
+        limit, share = result.explanation.longest
+        note = f"{number(share, '1')} of the motion"
+        yield Row("time_limit", limit, "", "limits the time", note, VERDICT)
+    if result.warnings:
+        more = len(result.warnings) - 1
+        note = f"and {several(more, 'more warning')}" if more else ""
+        yield Row("worst_warning", result.warnings[0], "", "warning", note, VERDICT)
+    yield Row("warnings", result.warnings)
+
+
+def _executed(result: RunResult) -> Iterator[Row]:
+    """Figures of the execution by the servo; of files only, where the bodies judge."""
+    rows = result.evaluation.to_data().rows
+    for row in rows:
+        judges = result.judged is result.evaluation or row.name == "limit_ratios"
+        yield row if judges else replace(row, level=FILE)
+    yield from angular_rows(result.execution)
+    yield Row("unsettled", result.execution.unsettled, "rad")
+
+
+def _planned(result: RunResult) -> Iterator[Row]:
+    """Figures of a plan that was not executed."""
+    yield Row("duration", result.trajectory.duration, "s", "motion", level=FIRST)
+    if result.trajectory.arm is not None:
+        yield Row("speed", result.motion.tool_speed.max(), "m/s", "tool speed, largest")
+
+
+def _clearance(result: RunResult) -> Data:
+    """The clearance of a plan, with the ways that were taken to keep clear."""
+    assert result.clearance is not None
+    data = result.clearance.to_data()
+    return replace(data, rows=(*data.rows, Row("avoided", result.avoided)))
+
+
+def _experiment(result: RunResult) -> Iterator[Row]:
+    """Figures of the execution on rigid bodies; where the bodies judge, those of the run."""
+    if result.failure is not None:
+        yield Row("experiment.failed", str(result.failure), "", f"{ON_BODIES}failed", level=FIRST)
+    x = result.experiment
+    if x is None:
+        return
+    rows = [*plant_rows(x.plant), *x.evaluation.to_data().rows, *angular_rows(x.execution)]
+    limit = result.run.limits.joint_torque
+    rows += torque_rows(applied_torques(x.execution), limit, result.arm, "applied")
+    for row in rows:
+        row = replace(row, name=f"experiment.{row.name}")
+        if result.for_bodies:
+            yield row
+        elif row.label and row.name.startswith(SHOWN_OF_BODIES):
+            yield replace(row, label=f"{ON_BODIES}{row.label}", level=TABLE)
+        else:
+            yield replace(row, level=FILE)
+    (cornering,) = x.evaluation.to_data().tables
+    yield Row("experiment.cornering", cornering.as_dicts())
+
+
+def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
+    """Stretches, corners, weaves, moves and events of a plan."""
+    trajectory, path = result.trajectory, result.path
+    yield Table(
+        "stretches",
+        columns(name="", kind="", t="s", s="m", demand="", speed="m/s"),
+        [(x.name, x.kind, x.t, x.s, x.demand, x.speed) for x in trajectory.stretches],
+    )
+    if isinstance(path.single_path, RoundedPath):
+        yield corner_table(path.single_path)
+    if result.weaves:
+        yield Table(
+            "weaves",
+            columns(contour="", width="m", frequency="Hz", left_out="1"),
+            [(x.contour, x.width, x.frequency, x.left_out) for x in result.weaves],
+        )
+    if path.single_path is None:
+        starts = resume_intervals(0.0 if job is None else job.process.from_s, result.objective)
+        errors = () if result.evaluation is None else result.evaluation.contours
+        yield move_table(trajectory, path, starts, errors)
+        yield Table(
+            "events",
+            columns(name="", value="", t="s", due="s", s="m", point="m"),
+            [(x.name, x.value, x.t, x.due, x.s, x.point) for x in trajectory.events],
+        )
+
+
+def _set_points(result: RunResult) -> Iterator[Row]:
+    """How many set-points there are, and limits of commands with their cost."""
+    taught: TaughtData | None = result.taught
+    if taught is None:
+        return
+    every = f"every {milliseconds(taught.period)}"
+    yield Row("set_points", len(taught.q), "", "set-points", every)
+    yield Row("cut_off", taught.cut_off, "rad")
+    if taught.command_limits is None:
+        return
+    cost, use = taught.limit_cost, taught.command_use
+    name = max(use, key=lambda x: use[x].max())
+    joint = result.arm.joint_names[int(use[name].argmax())]
+    note = f"{joint}, {name.replace('_', ' ')}; " + (
+        "no set-point is changed" if cost is None else f"changed by {cost}"
+    )
+    yield Row("command_use", use, "1")
+    yield Row("command_ratio", use[name].max(), "1", "set-points of the command limit", note)
+    yield Row("set_point_change", 0.0 if cost is None else cost.deviation, "rad")
+    yield Row("limit_contour_rms", 0.0 if cost is None else cost.contour_rms, "m")
+    yield Row("limit_contour_max", 0.0 if cost is None else cost.contour_max, "m")
+
+
+def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
+    """What the plan is: its path, its method and its corners."""
+    run, trajectory, path = result.run, result.trajectory, result.path
+    yield Row("length", path.length, "m", "path")
+    if path.single_path is None:
+        yield from program_rows(trajectory, path, result.objective)
+    if result.rounding_error is not None:
+        yield Row("corner_error", result.rounding_error, "m")
+    yield Row("timing", run.timing, "", "timing")
+    yield Row("compensation", run.compensation, "", "compensation")
+    yield Row("period", run.period, "s")
+    yield Row("reserve", run.reserve, "1")
+    yield Row("continuity", run.continuity)
+    if trajectory.arm is not None:
+        names = trajectory.require_arm().joint_names
+        yield Row("start", dict(zip(names, trajectory(0.0), strict=True)), "rad")
+    yield Row("switching_points", trajectory.switching_points, "s")
+    stops = result.full_stops
+    yield Row("full_stops.count", sum(stops.values()))
+    yield Row("full_stops.reasons", stops)
+    single = path.single_path
+    if job is not None and job.process.analog_names:
+        yield Row("analog", job.process.analog_names)
+    yield Row("merged_points", () if single is None else single.merged)
+    shaped = result.shaped
+    if shaped is None:
+        return
+    yield Row("shaping.starts", shaped.starts)
+    yield Row("shaping.durations", shaped.durations, "s")
+    yield Row("shaping.gain", shaped.gain, "1", "saved by shaping", str(shaped))
+    yield Row("shaping.iterations", shaped.iterations)
+    yield Row("shaping.wanted", None if run.rounding is None else run.rounding.wishes)
+
+
+def unknown_notes(study: Study) -> tuple[str, ...]:
+    """Sentences on what simulated robots have that their controllers do not know."""
+    found: dict[str, list[str]] = {}
+    for name, result in study.runs.items():
+        if result.run.experiment is not None and (unknown := result.run.experiment.unknown):
+            found.setdefault(unknown, []).append(name)
+    return tuple(
+        f"The simulated robot of {', '.join(names)} has what neither plan nor controller knows: "
+        f"{unknown}."
+        for unknown, names in found.items()
     )

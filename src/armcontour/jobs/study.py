@@ -23,10 +23,10 @@ from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import ServoPlant, execute
 from armcontour.execution.rigid_body_plant import refuse_without_mujoco
 from armcontour.jobs.experiment import build_plant
-from armcontour.jobs.job import Job, Run
+from armcontour.jobs.job import NONE, Job, Run
 from armcontour.jobs.programs import programs_of, trace_run
 from armcontour.jobs.results import ExperimentResult, RunResult, Study
-from armcontour.jobs.warnings import NONE
+from armcontour.jobs.warnings import collect_warnings
 from armcontour.jobs.ways import (
     clearance_of,
     reach_told,
@@ -101,7 +101,7 @@ def refuse_impossible(job: Job, *, simulate: bool = True) -> None:
 def run_one(
     job: Job, this: Run, earlier: Sequence[RunResult], progress: Progress, *, simulate: bool = True
 ) -> RunResult:
-    """Do one run, from its objective path to its evaluation.
+    """Do one run, from its objective path to its evaluation and its warnings.
 
     Args:
         job: The job.
@@ -113,6 +113,14 @@ def run_one(
     Raises:
         ArmContourError: A step fails.
     """
+    found = _do_steps(job, this, earlier, progress, simulate=simulate)
+    return replace(found, warnings=collect_warnings(found))
+
+
+def _do_steps(
+    job: Job, this: Run, earlier: Sequence[RunResult], progress: Progress, *, simulate: bool
+) -> RunResult:
+    """The result of `run_one` without its warnings."""
     found = plan_one(job, this, earlier, progress)
     progress(Step(("compensation",)))
     found = replace(found, taught=teach_run(job, this, found.trajectory), servo=job.servo)

@@ -10,6 +10,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, clock, joint_rows, line_up, mm, several
 from armcontour._sampling import GAP, describe_bursts
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.learning.lifted import Lifted
 from armcontour.motion import Execution, Log, TaughtData
@@ -157,7 +158,7 @@ def _refuse_many_gaps(recording: Recording) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LearnedRun:
+class LearnedRun(Checked):
     """One run, as learning saw it.
 
     Errors are those that a disturbance of the drives explains; white noise is taken out.
@@ -203,10 +204,6 @@ class LearnedRun:
     source: str = "the execution"
     encoder_shift: FloatArray | None = None
     outliers: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("q", "error", "noise", "loop_noise", "joint_rms", "joint_max"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     def __str__(self) -> str:
         """Errors of the run, and what was predicted."""

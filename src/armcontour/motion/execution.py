@@ -21,6 +21,7 @@ from armcontour._describing import (
 )
 from armcontour._quintics import evaluate, quintic
 from armcontour.arms import Arm, Limits
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import Trajectory, to_columns
@@ -291,7 +292,7 @@ def check_interval(period: float) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LimitCost(Value):
+class LimitCost(Checked):
     """What limits of commands cost: set-points differ from those without these limits.
 
     Args:
@@ -304,9 +305,6 @@ class LimitCost(Value):
     deviation: FloatArray
     contour_rms: float | None = None
     contour_max: float | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "deviation", _checks.lock_floats(self.deviation, "deviation"))
 
     def __str__(self) -> str:
         """Largest change of a set-point, and the contour error."""

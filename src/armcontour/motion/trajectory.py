@@ -16,6 +16,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Value
 from armcontour._describing import brief, count_kinds, digits, draw, line_up, several, to_html
 from armcontour.arms import Arm, Limits
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._laws import Motion, joint_motions, path_motions
@@ -46,7 +47,7 @@ class Method(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stretch(Value):
+class Stretch(Checked):
     """A part of a trajectory that was planned by one rule.
 
     Args:
@@ -64,9 +65,6 @@ class Stretch(Value):
     s: tuple[float, float]
     demand: FloatArray
     speed: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "demand", _checks.lock_floats(self.demand))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -119,7 +117,7 @@ class TimedEvent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Samples(Value):
+class Samples(Checked):
     """A trajectory sampled at regular times.
 
     Args:
@@ -133,10 +131,6 @@ class Samples(Value):
     ddq: FloatArray
 
     __repr__ = brief
-
-    def __post_init__(self) -> None:
-        for name in ("t", "q", "dq", "ddq"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
 
 def to_columns(samples: Any) -> dict[str, FloatArray]:

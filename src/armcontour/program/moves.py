@@ -15,8 +15,18 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import count_kinds, digits, extremes, line_up, several
-from armcontour._quantities import Distance, Length, Speed, Time
+from armcontour._quantities import (
+    Distance,
+    Interval,
+    Length,
+    Name,
+    NeededName,
+    PlainNumber,
+    Speed,
+    Time,
+)
 from armcontour._text import list_some, make_printable, shorten
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose
 from armcontour.geometry import Path
@@ -25,7 +35,7 @@ from armcontour.geometry.placing import arc_length_without_z, drop_z, has_length
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weaving import Woven
 
-Value = bool | float | str
+Value = bool | PlainNumber | Name
 # Output whose numbers and texts are tools, as of T words in G-code; True and False are on and off.
 TOOL = "tool"
 # Largest numbers of moves and of segments of a repeated program: more take minutes to plan each.
@@ -35,7 +45,7 @@ MOST_SEGMENTS = 1_000_000
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Event:
+class Event(Checked):
     """An output that is switched at a position of a contour, or while the tool is at rest.
 
     Args:
@@ -52,23 +62,11 @@ class Event:
             number that is not finite.
     """
 
-    name: str = field(kw_only=False)
+    name: NeededName = field(kw_only=False)
     value: Value = field(default=True, kw_only=False)
     s: Distance = 0.0
     lead_time: Time = 0.0
     lead_distance: Length = 0.0
-
-    def __post_init__(self) -> None:
-        if not (isinstance(self.name, str) and self.name):
-            raise InvalidInput("An event needs a name, which is text.")
-        _checks.check_name("name of an event", self.name)
-        if isinstance(self.value, str):
-            _checks.check_name(f"value of the event {self.name}", self.value)
-        elif not isinstance(self.value, bool | np.bool_):
-            _checks.number(f"value of the event {self.name}", self.value)
-        _checks.not_negative(f"place of the event {self.name}", self.s, "m")
-        _checks.number(f"lead time of the event {self.name}", self.lead_time, "s")
-        _checks.number(f"lead distance of the event {self.name}", self.lead_distance, "m")
 
     @property
     def changes_tool(self) -> bool:
@@ -78,7 +76,7 @@ class Event:
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Contour:
+class Contour(Checked):
     """A path along which the process is on.
 
     Args:
@@ -99,28 +97,23 @@ class Contour:
     """
 
     path: Path = field(kw_only=False)
-    name: str = ""
-    layer: str = ""
+    name: Name = ""
+    layer: Name = ""
     events: tuple[Event, ...] = ()
-    work: tuple[float, float] | None = None
+    work: tuple[Length, Length] | None = None
     keep_start: bool = False
     ring: bool | None = None
     woven: Woven | None = None
 
-    def __post_init__(self) -> None:
-        _checks.check_fields(self)
-        _checks.check_name("name of a contour", self.name)
-        _checks.check_name("layer of a contour", self.layer)
+    def _check_together(self) -> None:
         if self.work is not None:
-            start, end = _checks.shaped(f"work on the contour {self.name}", self.work, (2,), "m")
+            start, end = self.work
             if not -REPEATED_POINT <= start < end <= self.path.length + REPEATED_POINT:
                 raise InvalidInput(
                     f"The work on the contour {self.name} goes from {start:g} to {end:g} m, which "
                     f"is not within its length of {self.path.length:g} m."
                 )
-        name = f"events of the contour {self.name}"
-        events = _checks.listed(name, self.events, Event, "Events")
-        for x in events:
+        for x in self.events:
             if x.s > self.path.length + REPEATED_POINT:
                 raise InvalidInput(
                     f"The event {x.name} is at {x.s:g} m of the contour {self.name}, which is only "
@@ -128,7 +121,7 @@ class Contour:
                     s=x.s,
                     allowed=self.path.length,
                 )
-        ordered = tuple(sorted(events, key=lambda x: x.s))
+        ordered = tuple(sorted(self.events, key=lambda x: x.s))
         object.__setattr__(self, "events", ordered)
 
     @property
@@ -200,7 +193,7 @@ def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Rapid:
+class Rapid(Checked):
     """A free motion with the tool off, at the arm's limits.
 
     Args:
@@ -212,24 +205,17 @@ class Rapid:
 
     path: Path | None = field(default=None, kw_only=False)
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.path, Path | None):
-            raise InvalidInput(f"A rapid needs a Path or None, not {type(self.path).__name__}.")
-
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Dwell:
+class Dwell(Checked):
     """A time during which the tool is at rest.
 
     Args:
         duration: The duration [s].
     """
 
-    duration: float = field(kw_only=False)
-
-    def __post_init__(self) -> None:
-        _checks.positive("dwell", self.duration, "s")
+    duration: Interval = field(kw_only=False)
 
 
 Move = Contour | Rapid | Dwell | Event
@@ -237,7 +223,7 @@ Move = Contour | Rapid | Dwell | Event
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Program:
+class Program(Checked):
     """Moves in order; between two contours that do not meet, a rapid is added.
 
     Args:
@@ -259,18 +245,12 @@ class Program:
     remarks: tuple[str, ...] = ()
     rapid_speed: Speed | None = None
 
-    def __post_init__(self) -> None:
-        _checks.check_fields(self)
-        if self.rapid_speed is not None:
-            _checks.positive("rapid_speed", self.rapid_speed, "m/s")
-        what = "Contours, Rapids, Dwells and Events"
-        moves = _checks.listed("moves of a program", self.moves, object, what)
-        object.__setattr__(self, "moves", moves)
+    def _check_together(self) -> None:
         # They contain text of files, and are printed on terminals.
         object.__setattr__(self, "source", make_printable(self.source))
         for name in ("notes", "remarks"):
-            said = _checks.listed(name, getattr(self, name), str, "texts")
-            object.__setattr__(self, name, tuple(make_printable(shorten(x)) for x in said))
+            said = tuple(make_printable(shorten(x)) for x in getattr(self, name))
+            object.__setattr__(self, name, said)
         for x in self.moves:
             _refuse_move(x)
         if not self.contours:
@@ -584,17 +564,12 @@ class Program:
         return [x in wanted for x in known]
 
 
-def _refuse_move(move: object) -> None:
-    """Refuse what is no move of a program.
+def _refuse_move(move: Move) -> None:
+    """Refuse an event of its own with an arc length or a lead distance.
 
     Raises:
-        InvalidInput: An object of another class, or an event with an arc length or lead distance.
+        InvalidInput: The event has one.
     """
-    if not isinstance(move, Contour | Rapid | Dwell | Event):
-        raise InvalidInput(
-            "A program is made of Contours, Rapids, Dwells and Events, not of "
-            f"{type(move).__name__}."
-        )
     if isinstance(move, Event) and (move.s or move.lead_distance):
         raise InvalidInput(
             f"The event {move.name} is a move of its own, at which the tool is at rest, and "

@@ -11,20 +11,24 @@ from typing import Annotated, Any
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
 from armcontour._quantities import (
     AtLeast,
     Choice,
+    Direction,
     Distance,
     Duration,
     Frequency,
     Interval,
-    Length,
+    Name,
+    NeededName,
     Ratio,
+    Size,
     Some,
     Speed,
     Time,
+    Tolerance,
 )
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand
 from armcontour.geometry.weaving import SHAPES as WEAVES
@@ -47,7 +51,7 @@ DIRECTIONS = (DRAWN, *TOOL_SIDES, "clockwise", "counterclockwise")
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lead:
+class Lead(Checked):
     """A piece of path before or after a contour, for a tool that is at speed on the contour.
 
     Args:
@@ -59,21 +63,15 @@ class Lead:
         active: Whether the process is on along the lead, as in cutting.
     """
 
-    length: Length | None = field(default=None, kw_only=False)
+    length: Size | None = field(default=None, kw_only=False)
     shape: Annotated[str, Choice(SHAPES)] = "line"
     side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
     active: bool = False
 
-    def __post_init__(self) -> None:
-        if self.length is not None:
-            _checks.positive("length of a lead", self.length, "m")
-        _checks.choice("shape", self.shape, SHAPES)
-        _checks.choice("side", self.side, (*SIDES, WASTE))
-
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Switch:
+class Switch(Checked):
     """Events that switch the process on at the start of a contour, and off at its end.
 
     Args:
@@ -83,22 +81,19 @@ class Switch:
         off_lead: Time by which it is switched off before the tool is at the end [s].
     """
 
-    name: str = field(default="tool", kw_only=False)
+    name: NeededName = field(default="tool", kw_only=False)
     value: Value = field(default=True, kw_only=False)
     on_lead: Duration = 0.0
     off_lead: Duration = 0.0
 
-    def __post_init__(self) -> None:
-        # Invalid values are refused here, not later when contours get the events.
-        for lead in (self.on_lead, self.off_lead):
-            Event(name=self.name, value=self.value, lead_time=lead)
+    def _check_together(self) -> None:
         if self.value is False:
             raise InvalidInput(f"The switch {self.name} must have another value on than off.")
 
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pierce:
+class Pierce(Checked):
     """How the tool pierces the material before every contour, with the process on.
 
     Args:
@@ -107,17 +102,13 @@ class Pierce:
             [m]; from there it moves straight down, stops, and starts along the lead-in.
     """
 
-    time: Duration = field(kw_only=False)
+    time: Interval = field(kw_only=False)
     height: Distance = 0.0
-
-    def __post_init__(self) -> None:
-        _checks.positive("time of a pierce", self.time, "s")
-        _checks.not_negative("height of a pierce", self.height, "m")
 
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Analog:
+class Analog(Checked):
     """An analog output, such as a power or a flow, that follows the planned tool speed.
 
     Its value is linear in the speed, from `rest` for a tool at rest to `full` at the full speed,
@@ -135,29 +126,18 @@ class Analog:
             off while any on/off output of the program or of `switch` is off, except coolant.
     """
 
-    name: str = field(kw_only=False)
+    name: NeededName = field(kw_only=False)
     rest: Ratio = 0.0
     full: Ratio = 1.0
     speed: Speed | None = None
     off: Ratio = 0.0
     lead_time: Time = 0.0
-    follows: str = ""
-
-    def __post_init__(self) -> None:
-        _checks.check_name("name of an analog output", self.name)
-        if not self.name.strip():
-            raise InvalidInput("An analog output needs a name.")
-        for key in ("rest", "full", "off"):
-            _checks.number(f"{key} of the analog output {self.name}", getattr(self, key))
-        _checks.number(f"lead time of the analog output {self.name}", self.lead_time, "s")
-        _checks.check_name(f"output that {self.name} follows", self.follows)
-        if self.speed is not None:
-            _checks.positive(f"speed of the analog output {self.name}", self.speed, "m/s")
+    follows: Name = ""
 
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tabs:
+class Tabs(Checked):
     """Places of closed contours where the switch of the process is off, so that parts stay put.
 
     Args:
@@ -166,18 +146,13 @@ class Tabs:
         spacing: Approximate length of contour per tab, in the place of a number [m].
     """
 
-    width: Length = field(kw_only=False)
-    count: Annotated[int, AtLeast(1)] | None = None
-    spacing: Length | None = None
+    width: Size = field(kw_only=False)
+    count: Annotated[int, AtLeast(1, MOST_TABS)] | None = None
+    spacing: Size | None = None
 
-    def __post_init__(self) -> None:
-        _checks.positive("width of tabs", self.width, "m")
+    def _check_together(self) -> None:
         if (self.count is None) == (self.spacing is None):
             raise InvalidInput("Tabs need either their count or their spacing.")
-        if self.count is not None:
-            _checks.whole("count of tabs", self.count, 1, MOST_TABS)
-        else:
-            _checks.positive("spacing of tabs", self.spacing, "m")
 
 
 # Directions that a weave can be perpendicular to, besides its seam.
@@ -186,7 +161,7 @@ PLANES = ("tool", "frame")
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Weave:
+class Weave(Checked):
     """How the tool weaves to both sides of a seam, perpendicular to the seam and to the tool axis.
 
     Args:
@@ -202,29 +177,18 @@ class Weave:
         tolerance: Largest distance of the arcs from the sine [m].
     """
 
-    width: Length = field(kw_only=False)
-    pitch: Length | None = None
+    width: Size = field(kw_only=False)
+    pitch: Size | None = None
     frequency: Frequency | None = None
     dwell: Duration = 0.0
     speed: Speed | None = None
     shape: Annotated[str, Choice(WEAVES)] = "sine"
     plane: Annotated[str, Choice(PLANES)] = "tool"
-    tolerance: Distance = 1e-5
+    tolerance: Tolerance = 1e-5
 
-    def __post_init__(self) -> None:
-        for name in ("width", "tolerance"):
-            _checks.positive(f"{name} of a weave", getattr(self, name), "m")
+    def _check_together(self) -> None:
         if (self.pitch is None) == (self.frequency is None):
             raise InvalidInput("A weave needs either a pitch or a frequency.")
-        if self.pitch is not None:
-            _checks.positive("pitch of a weave", self.pitch, "m")
-        if self.frequency is not None:
-            _checks.positive("frequency of a weave", self.frequency, "1/s")
-        _checks.not_negative("dwell of a weave", self.dwell, "s")
-        if self.speed is not None:
-            _checks.positive("speed of a weave", self.speed, "m/s")
-        _checks.choice("plane", self.plane, PLANES)
-        _checks.choice("shape", self.shape, WEAVES)
 
 
 @_checks.explain_calls
@@ -247,7 +211,7 @@ class LayerProcess:
     switch: Switch | None = None
     events: tuple[Event, ...] = ()
     analog: tuple[Analog, ...] = ()
-    passes: Annotated[int, AtLeast(1)] = 1
+    passes: Annotated[int, AtLeast(1, MOST_PASSES)] = 1
     tabs: Tabs | None = None
     weave: Weave | None = None
     kerf: Distance | None = None
@@ -256,7 +220,7 @@ class LayerProcess:
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Process:
+class Process(Checked):
     """Requirements of a process that are added to the contours of a program.
 
     Args:
@@ -321,14 +285,14 @@ class Process:
     lead_out: Lead | None = None
     approach: Distance = 0.0
     retract: Distance = 0.0
-    up: FloatArray = field(default_factory=lambda: UP)
+    up: Direction = field(default_factory=lambda: UP)
     dwell: Duration = 0.0
     pierce: Pierce | None = None
     switch: Switch | None = None
-    off_between: tuple[str, ...] = ()
+    off_between: tuple[Name, ...] = ()
     events: tuple[Event, ...] = ()
     analog: tuple[Analog, ...] = ()
-    passes: Annotated[int, AtLeast(1)] = 1
+    passes: Annotated[int, AtLeast(1, MOST_PASSES)] = 1
     tabs: Tabs | None = None
     weave: Weave | None = None
     by_layer: Mapping[str, Annotated[Mapping[str, Any], Some(LayerProcess)]] = field(
@@ -346,39 +310,20 @@ class Process:
     from_s: Distance = 0.0
     _of_layers: Mapping[str, Process] = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        _checks.check_fields(self)
-        for name in ("overlap", "approach", "retract", "from_s"):
-            _checks.not_negative(name, getattr(self, name), "m")
-        _checks.not_negative("dwell", self.dwell, "s")
-        self._make_tuple("off_between", str, "names of outputs")
-        for x in self.off_between:
-            _checks.check_name("name in off_between", x)
-        _checks.choice("order", self.order, ORDERS)
-        if self.kerf is not None:
-            _checks.not_negative("kerf", self.kerf, "m")
-        _checks.choice("kerf_side", self.kerf_side, (*SIDES, WASTE))
-        _checks.choice("direction", self.direction, DIRECTIONS)
+    def _check_together(self) -> None:
         side = TOOL_SIDES.get(self.direction, self.kerf_side)
         if self.kerf_side not in (WASTE, side):
             raise InvalidInput(
                 f"direction {self.direction} has the tool to the {side} of the contour, but "
                 f"kerf_side is {self.kerf_side}: leave one of them out."
             )
-        for name, unit in (("rapid_speed", "m/s"), ("approach_speed", "m/s"), ("tool_change", "s")):
-            if getattr(self, name) is not None:
-                _checks.positive(name, getattr(self, name), unit)
         object.__setattr__(self, "begin", _checked_begin(self.begin))
-        self._make_tuple("events", Event, "Events")
-        self._make_tuple("analog", Analog, "Analogs")
         names = [x.name for x in self.analog]
         if len(set(names)) < len(names):
             raise InvalidInput("Two analog outputs have the same name.")
-        up = _checks.numbers("up", self.up)
-        if up.shape != (3,) or not np.linalg.norm(up) > 0:
-            raise InvalidInput("up must be a direction in space.")
-        object.__setattr__(self, "up", _checks.lock_floats(up / np.linalg.norm(up)))
-        _checks.whole("passes", self.passes, 1, MOST_PASSES)
+        length = np.linalg.norm(self.up)
+        _checks.refuse_if(length == 0, "up must be a direction in space.")
+        object.__setattr__(self, "up", _checks.lock_floats(self.up / length))
         self._refuse_unswitched()
         self._make_layers()
 
@@ -400,15 +345,6 @@ class Process:
                 "lead-in: give lead_in the value active: true."
             )
 
-    def _make_tuple(self, name: str, kind: type, what: str) -> None:
-        """Make a tuple of a list.
-
-        Raises:
-            InvalidInput: No list of objects of that class; a text is none.
-        """
-        found = _checks.listed(f"{name} of a process", getattr(self, name), kind, what)
-        object.__setattr__(self, name, found)
-
     def _make_layers(self) -> None:
         """Make the processes of layers.
 
@@ -419,7 +355,6 @@ class Process:
         made: dict[str, Process] = {}
         for layer, given in self.by_layer.items():
             with locate_errors(f"by_layer.{layer}"):
-                _checks.refuse_other("A layer", given, Mapping)
                 for name in given:
                     _checks.choice("name of a value", name, known)
                 own: dict[str, Any] = {
@@ -484,7 +419,7 @@ class Process:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Leads:
+class Leads(Checked):
     """Lengths of the leads of one contour.
 
     Args:
@@ -492,12 +427,8 @@ class Leads:
         after: Length of the lead-out [m].
     """
 
-    before: float = 0.0
-    after: float = 0.0
-
-    def __post_init__(self) -> None:
-        _checks.not_negative("lead before a contour", self.before, "m")
-        _checks.not_negative("lead after a contour", self.after, "m")
+    before: Distance = 0.0
+    after: Distance = 0.0
 
 
 def _checked_begin(begin: str | float | Sequence[float]) -> str | float | tuple[float, ...]:

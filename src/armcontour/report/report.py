@@ -111,8 +111,7 @@ def render_learning(study: LearningStudy) -> str:
     Args:
         study: The runs, and what was learned from them.
     """
-    source = OF_SIMULATION if study.robot else OF_LOGS
-    return _page(study.job, [sections.learning(study)], source=source)
+    return _page(study.job, [sections.learning(study)], source=OF_LOGS)
 
 
 def _page(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from armcontour.errors import InvalidInput
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run, RunResult, Study
+from armcontour.jobs.warnings import collect_warnings
 from armcontour.motion import PERIOD, Execution, Method, Span, Trajectory
 from armcontour.program import Contour, Dwell, Move, Program, Rapid
 from armcontour.report.figure import Figure
@@ -39,7 +41,7 @@ def study_of(result: Result) -> Study:
     if isinstance(result, RunResult):
         return _study(result)
     if isinstance(result, Trajectory):
-        return _study(_planned(result))
+        return _study(_warned(_planned(result)))
     if isinstance(result, Execution):
         result = evaluate(result, _planned(result.taught.trajectory, result.arm).path)
     if result.judged is None:
@@ -48,19 +50,18 @@ def study_of(result: Result) -> Study:
     limits, taught = done.limits, done.executed.taught
     plan = _planned(taught.trajectory, done.executed.arm, done.path, limits)
     servo = getattr(done.executed.plant, "servo", None)
-    return _study(
-        RunResult(
-            run=_run("run", plan.trajectory, taught.method, limits, taught.period),
-            objective=plan.objective if done.objective is None else done.objective,
-            path=done.path,
-            trajectory=plan.trajectory,
-            explanation=plan.explanation,
-            taught=taught,
-            servo=servo if isinstance(servo, ServoModel) else None,
-            execution=done.executed,
-            evaluation=result,
-        )
+    found = RunResult(
+        run=_run("run", plan.trajectory, taught.method, limits, taught.period),
+        objective=plan.objective if done.objective is None else done.objective,
+        path=done.path,
+        trajectory=plan.trajectory,
+        explanation=plan.explanation,
+        taught=taught,
+        servo=servo if isinstance(servo, ServoModel) else None,
+        execution=done.executed,
+        evaluation=result,
     )
+    return _study(_warned(found))
 
 
 def draw_result(result: Result, kind: str) -> Any:
@@ -114,6 +115,11 @@ def _study(result: RunResult) -> Study:
         runs=(result.run,),
     )
     return Study(job=job, runs={result.run.name: result})
+
+
+def _warned(result: RunResult) -> RunResult:
+    """The result with its warnings."""
+    return replace(result, warnings=collect_warnings(result))
 
 
 def _planned(

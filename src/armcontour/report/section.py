@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from armcontour.core.render import compare, figure
+from armcontour.core.result import FIRST, TABLE, Data
 from armcontour.jobs import RunResult, Study
 
 
@@ -51,6 +54,29 @@ class Section:
     columns: tuple[int, ...] = ()
     tables: tuple[Table, ...] = ()
     notes: tuple[str, ...] = ()
+
+
+def tiles(data: Data) -> tuple[Tile, ...]:
+    """The figures of the first level in large print."""
+    return tuple(Tile(label=x.label, value=figure(x), note=x.note) for x in data.shown(FIRST))
+
+
+def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str = "") -> Table:
+    """A row for every figure, and a column for every result.
+
+    Args:
+        results: The results, by their names.
+        level: The last level that is shown.
+        caption: Caption of the table.
+    """
+    header, *rows = compare(results, level, texts=True)
+    columns = zip(header, *rows, strict=True)
+    _, *figures = columns
+    if len(rows) == 1:
+        notes = [x.note for x in next(iter(results.values())).shown(level)]
+        figures = [(*x, note) for x, note in zip(figures, notes, strict=True)]
+        return Table(header=("figure", "value", ""), rows=tuple(figures), caption=caption)
+    return Table(header=("figure", *results), rows=tuple(figures), caption=caption)
 
 
 def marked_run(study: Study) -> RunResult | None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour.core.fields import Checked
 from armcontour.drives import Drives, regular_times, respond_along
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
@@ -37,7 +38,7 @@ ALL_CORNERS = 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Deviations:
+class Deviations(Checked):
     """Deviations of the joints from a plan: `nominal + each @ errors`, to first order.
 
     Errors of parameters are torques along the plan, to which the closed loops respond. Deviations
@@ -58,10 +59,6 @@ class Deviations:
     each: FloatArray
     unknowns: Unknowns
     path: Path
-
-    def __post_init__(self) -> None:
-        for name in ("t", "q", "nominal", "each"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     def across(self) -> Across:
         """The parts of the deviations that are contour errors: those across the path.

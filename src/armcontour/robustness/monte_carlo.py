@@ -14,6 +14,7 @@ from armcontour._checks import BoolArray, FloatArray
 from armcontour._describing import brief, line_up, mm
 from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.serial import ChainArm
+from armcontour.core.fields import Checked
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
 from armcontour.geometry.biarcs import draw_arcs
@@ -57,7 +58,7 @@ MOST_NAMED = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spread:
+class Spread(Checked):
     """Contour errors of many executions of the same taught data.
 
     Args:
@@ -91,12 +92,6 @@ class Spread:
     deviations: FloatArray
     nominal_max: float
     nominal_rms: float
-
-    def __post_init__(self) -> None:
-        arrays = ("max", "rms", "until", "saturated", "demand_ratio", "kp", "kv", "dead_time")
-        for name in (*arrays, "payload", "deviations"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     def __str__(self) -> str:
         """Largest contour errors of the robots, and what is behind the worst."""

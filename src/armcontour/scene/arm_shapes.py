@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from armcontour import _checks
+from armcontour._quantities import Name
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.scene.shapes import HalfSpace, Mesh, Shape
@@ -16,7 +17,7 @@ ASSUMED_RADIUS, ASSUMED_GAP = 0.01, 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LinkShape:
+class LinkShape(Checked):
     """A shape that moves with a link, or with the tool.
 
     Args:
@@ -30,7 +31,7 @@ class LinkShape:
         assumed: Whether nobody gave the shape.
     """
 
-    name: str
+    name: Name
     link: int
     shape: Shape
     place: Frame = field(default_factory=Frame)
@@ -38,8 +39,7 @@ class LinkShape:
     exact: Shape | None = None
     assumed: bool = False
 
-    def __post_init__(self) -> None:
-        _checks.check_name("name of a link's shape", self.name)
+    def _check_together(self) -> None:
         if isinstance(self.shape, HalfSpace):
             raise InvalidInput(
                 f"The shape of {self.name} is a half-space, which moves with no link."
@@ -67,7 +67,7 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ArmShapes:
+class ArmShapes(Checked):
     """The shapes of an arm's links and tool.
 
     Args:
@@ -84,9 +84,7 @@ class ArmShapes:
     left_out: tuple[LeftOut, ...] = ()
     source: str = ""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "shapes", tuple(self.shapes))
-        object.__setattr__(self, "left_out", tuple(self.left_out))
+    def _check_together(self) -> None:
         names = {x.name for x in self.shapes}
         for x in self.left_out:
             for name in (x.first, x.second):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from armcontour import _checks
-from armcontour._quantities import Distance
+from armcontour._quantities import Choice, Distance, Length, Name
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.scene.shapes import HalfSpace, Shape
@@ -26,7 +27,7 @@ NO_FLOOR: Literal["none"] = "none"
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Margins:
+class Margins(Checked):
     """How near bodies may come to each other, by the kinds of pairs.
 
     Args:
@@ -39,18 +40,13 @@ class Margins:
     own: Distance = 0.002
     tool: Distance = 0.002
 
-    def __post_init__(self) -> None:
-        for name in ("environment", "own", "tool"):
-            value = _checks.not_negative(f"margin {name}", getattr(self, name), "m")
-            object.__setattr__(self, name, value)
-
 
 MARGINS = Margins()
 
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Obstacle:
+class Obstacle(Checked):
     """A body that stands in the cell.
 
     Args:
@@ -65,25 +61,17 @@ class Obstacle:
         InvalidInput: A wrong name, margin, or something else that it is fixed to.
     """
 
-    name: str = field(kw_only=False)
+    name: Name = field(kw_only=False)
     shape: Shape = field(kw_only=False)
     place: Frame = field(default_factory=Frame)
-    fixed_to: str = BASE
-    margin: float | None = None
-    allow: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        _checks.check_name("name of an obstacle", self.name)
-        _checks.choice(f"fixed_to of {self.name}", self.fixed_to, (BASE, PART))
-        if self.margin is not None:
-            value = _checks.not_negative(f"margin of {self.name}", self.margin, "m")
-            object.__setattr__(self, "margin", value)
-        object.__setattr__(self, "allow", _checks.check_names("allow", self.allow))
+    fixed_to: Annotated[str, Choice((BASE, PART))] = BASE
+    margin: Distance | None = None
+    allow: tuple[Name, ...] = ()
 
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Scene:
+class Scene(Checked):
     """The obstacles in an arm's cell.
 
     Args:
@@ -100,21 +88,15 @@ class Scene:
 
     obstacles: tuple[Obstacle, ...] = field(default=(), kw_only=False)
     margins: Margins = MARGINS
-    floor: float | str = AT_BASE
+    floor: Length | Annotated[str, Choice((AT_BASE, NO_FLOOR))] = AT_BASE
 
-    def __post_init__(self) -> None:
-        found = _checks.listed("obstacles of a scene", self.obstacles, Obstacle, "Obstacles")
-        if isinstance(self.floor, str):
-            _checks.choice("floor of a scene", self.floor, (AT_BASE, NO_FLOOR))
-        else:
-            height = _checks.number("floor of a scene", self.floor, "m")
-            object.__setattr__(self, "floor", height)
-            place = Frame(position=np.array([0.0, 0.0, height]))
+    def _check_together(self) -> None:
+        if not isinstance(self.floor, str):
+            place = Frame(position=np.array([0.0, 0.0, self.floor]))
             floor = Obstacle(name=FLOOR, shape=HalfSpace(), place=place)
             # A copy of a scene with a floor has it already.
-            found = (*(x for x in found if not _is_same(x, floor)), floor)
-        object.__setattr__(self, "obstacles", found)
-        _checks.refuse_other("A Scene", self.margins, Margins)
+            others = (x for x in self.obstacles if not _is_same(x, floor))
+            object.__setattr__(self, "obstacles", (*others, floor))
         seen: set[str] = set()
         for x in self.obstacles:
             if x.name in seen:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray, Value
+from armcontour._checks import FloatArray, IntArray
+from armcontour._quantities import Axes, Quantity, Size
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 
 # A mesh whose largest size [m] is outside this range was probably read in another unit.
@@ -16,7 +19,7 @@ SMALLEST, LARGEST = 1e-3, 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Shape(Value, ABC):
+class Shape(Checked, ABC):
     """A shape in a frame of its own."""
 
     @property
@@ -34,10 +37,7 @@ class Sphere(Shape):
         radius: Its radius [m].
     """
 
-    radius: float = field(kw_only=False)
-
-    def __post_init__(self) -> None:
-        _set_positive(self, "radius")
+    radius: Size = field(kw_only=False)
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
@@ -55,11 +55,8 @@ class Capsule(Shape):
         length: Length of the stretch, without the round ends [m].
     """
 
-    radius: float = field(kw_only=False)
-    length: float = field(kw_only=False)
-
-    def __post_init__(self) -> None:
-        _set_positive(self, "radius", "length")
+    radius: Size = field(kw_only=False)
+    length: Size = field(kw_only=False)
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
@@ -77,11 +74,8 @@ class Cylinder(Shape):
         length: Its length [m].
     """
 
-    radius: float = field(kw_only=False)
-    length: float = field(kw_only=False)
-
-    def __post_init__(self) -> None:
-        _set_positive(self, "radius", "length")
+    radius: Size = field(kw_only=False)
+    length: Size = field(kw_only=False)
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
@@ -98,16 +92,7 @@ class Box(Shape):
         size: Its lengths along x, y and z [m], (3,).
     """
 
-    size: FloatArray = field(kw_only=False)
-
-    def __post_init__(self) -> None:
-        size = _checks.numbers("size of a box", self.size, "m")
-        if size.shape != (3,) or not (size > 0).all():
-            raise InvalidInput(
-                "The size of a box is 3 lengths above zero [m], along x, y and z, but is "
-                f"{', '.join(f'{x:g}' for x in size.ravel()[:4])}."
-            )
-        object.__setattr__(self, "size", _checks.lock_floats(size))
+    size: Annotated[FloatArray, Quantity("m", "5 mm", "positive"), Axes(3)] = field(kw_only=False)
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
@@ -141,30 +126,22 @@ class Mesh(Shape):
         InvalidInput: Fewer than 4 points, points in a plane, or triangles of other points.
     """
 
-    points: FloatArray = field(kw_only=False)
-    triangles: IntArray | None = None
+    points: Annotated[FloatArray, Quantity("m"), Axes("points", 3)] = field(kw_only=False)
+    triangles: Annotated[IntArray, Axes("triangles", 3)] | None = None
     source: str = ""
     _hull: Mesh | None = field(init=False, default=None, repr=False)
 
-    def __post_init__(self) -> None:
-        _checks.check_fields(self)
-        who = self.source or "a mesh"
-        points = _checks.numbers(f"points of {who}", self.points, "m")
-        if points.ndim != 2 or points.shape[1] != 3 or len(points) < 4:
+    def _check_together(self) -> None:
+        who, points, corners = self.source or "a mesh", self.points, self.triangles
+        if len(points) < 4:
             raise InvalidInput(f"{who} needs at least 4 points of 3 coordinates [m].")
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         if spread[2] <= 1e-9 * spread[0]:
             raise InvalidInput(f"All points of {who} lie in a plane: a body has a volume.")
-        object.__setattr__(self, "points", _checks.lock_floats(points))
-        if self.triangles is None:
+        if corners is None:
             return
-        corners = np.array(_checks.indices(f"triangles of {who}", self.triangles))
-        if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) == 0:
-            raise InvalidInput(f"The triangles of {who} are 3 indices of points each.")
-        if corners.min() < 0 or corners.max() >= len(points):
+        if not len(corners) or corners.min() < 0 or corners.max() >= len(points):
             raise InvalidInput(f"A triangle of {who} has a corner that is none of its points.")
-        corners.setflags(write=False)
-        object.__setattr__(self, "triangles", corners)
 
     @property
     def hull(self) -> Mesh:
@@ -187,11 +164,3 @@ class Mesh(Shape):
         """Centre [m], (3,), and radius [m] of a ball that holds all points."""
         middle = (self.points.max(axis=0) + self.points.min(axis=0)) / 2
         return middle, float(np.linalg.norm(self.points - middle, axis=1).max())
-
-
-def _set_positive(shape: Shape, *names: str) -> None:
-    """Check that some lengths of a shape are above zero."""
-    kind = type(shape).__name__.lower()
-    for name in names:
-        value = _checks.positive(f"{name} of a {kind}", getattr(shape, name), "m")
-        object.__setattr__(shape, name, value)

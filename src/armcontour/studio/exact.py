@@ -19,7 +19,7 @@ MakeLane: TypeAlias = Callable[[Callable[[Frame], None]], SlowLane]
 # Figures that took longer are not waited for when they are out of date [s].
 PATIENCE = 2.0
 # What a person can ask for.
-TASKS = ("check", "clearance", "certify", "sweep", "place", "learn", "export", "report")
+TASKS = ("check", "clearance", "certify", "sweep", "place", "export", "report")
 # Frames after which a task is over.
 LAST = ("figures", "result", "refusal", "failed", "cancelled")
 # Names of figures; no task of a page has such a name.

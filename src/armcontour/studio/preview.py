@@ -29,6 +29,7 @@ from armcontour.io.scene import scene_of
 from armcontour.jobs import Job, Run
 from armcontour.jobs.programs import programs_of, trace_run
 from armcontour.jobs.study import explain_run, teach_run
+from armcontour.jobs.warnings import collect_warnings
 from armcontour.jobs.ways import below_base, reach_told
 from armcontour.motion import Execution
 from armcontour.program import Program
@@ -310,7 +311,7 @@ class Previewer:
             (trajectory, limits, this.reserve),
             lambda: explain_run(job, this, trajectory),
         )
-        return Planned(
+        found = Planned(
             run=this,
             objective=objective,
             path=path,
@@ -321,6 +322,7 @@ class Previewer:
             below_base=below_base(job, trajectory),
             start=ends_of(traced.joint_paths[0])[0],
         )
+        return dataclasses.replace(found, warnings=collect_warnings(found))
 
 
 def _model_of(data: Mapping[str, Any]) -> JobModel:

@@ -13,8 +13,8 @@ from armcontour.execution import execute
 from armcontour.io.job_model import ExperimentModel, JobModel
 from armcontour.jobs import Experiment, Job, Run
 from armcontour.jobs.experiment import build_plant
+from armcontour.jobs.job import INVERSE_DYNAMICS
 from armcontour.jobs.study import RESOLUTION, execute_run
-from armcontour.jobs.warnings import INVERSE_DYNAMICS
 from armcontour.motion import Execution, Method, TaughtData
 from armcontour.timing import intervals_of
 

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from armcontour.core.render import jsonable
 from armcontour.errors import InvalidInput
-from armcontour.io.json_text import plain
 
 ALIGNED = 8
 LENGTH = struct.Struct("<I")
@@ -85,7 +85,7 @@ class Frame:
 def _to_json(header: Mapping[str, Any]) -> str:
     """A header as JSON."""
     try:
-        return json.dumps(header, ensure_ascii=False, allow_nan=False, default=plain)
+        return json.dumps(header, ensure_ascii=False, allow_nan=False, default=jsonable)
     except (TypeError, ValueError):
         # Keys that are no texts, and numbers that are not finite, are rare.
-        return json.dumps(plain(header), ensure_ascii=False, allow_nan=False)
+        return json.dumps(jsonable(header), ensure_ascii=False, allow_nan=False)

@@ -12,6 +12,7 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import line_up, several, to_html
 from armcontour.arms import Arm, Limits, resolve_limits
+from armcontour.core.result import Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.timing.common import with_reserve
@@ -120,6 +121,43 @@ class Explanation:
         shares = ", ".join(f"{name} {x / total:.0%}" for name, x in times.items())
         stops = f"; {len(self.jerk_stops)} stops by jerk" if self.jerk_stops else ""
         return f"Explanation({shares}; {len(self.shortfalls)} shortfalls{stops})"
+
+    def to_data(self) -> Data:
+        """The shares at the assigned velocity, what binds, and places below it."""
+        return Data(
+            "Explanation",
+            (
+                Row("assigned_length", self.assigned_length, "1", "length at the assigned speed"),
+                Row("assigned_time", self.assigned_time, "1", "time at the assigned speed"),
+            ),
+            (
+                Table(
+                    "bindings",
+                    (
+                        *(Row("limit", None), Row("joint", None), Row("t", None, "s")),
+                        *(Row("s", None, "m"), Row("share", None, "1")),
+                    ),
+                    [
+                        (x.limit, None if x.joint is None else x.joint + 1, x.t, x.s, x.share)
+                        for x in self.bindings
+                    ],
+                ),
+                Table(
+                    "shortfalls",
+                    (
+                        *(Row("kind", None), Row("s", None, "m"), Row("speed", None, "m/s")),
+                        *(Row("assigned", None, "m/s"), Row("reason", None)),
+                    ),
+                    [(x.kind, x.s, x.speed, x.assigned, x.reason) for x in self.shortfalls],
+                ),
+            ),
+        )
+
+    @property
+    def longest(self) -> tuple[str, float] | None:
+        """The limit that binds for the longest time, and its share; None if none binds."""
+        times, total = self._times, sum(self._times.values())
+        return next(((name, x / total) for name, x in times.items() if name != "nothing"), None)
 
     def __str__(self) -> str:
         """The limits that bind, longest first, and the slowest place."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath
 from armcontour.timing._grid import cut, merge, turning_of
@@ -26,7 +27,7 @@ AT_REST = 1e-9
 
 
 @dataclass(frozen=True)
-class Grid:
+class Grid(Checked):
     """Intervals of a joint path, each inside one of its polynomial pieces.
 
     Args:
@@ -38,9 +39,6 @@ class Grid:
     joint_path: JointPath
     s: FloatArray
     piece: IntArray
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "s", _checks.lock_floats(self.s))
 
     @cached_property
     def width(self) -> FloatArray:

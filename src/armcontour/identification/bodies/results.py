@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, line_up
 from armcontour.arms import Arm
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.identification.results import Estimate
 from armcontour.motion import Log
@@ -48,7 +48,7 @@ class RobotJoint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fitted:
+class Fitted(Checked):
     """The part of a log that was compared with the simulated motion.
 
     Args:
@@ -62,10 +62,6 @@ class Fitted:
     t: FloatArray
     measured: FloatArray
     simulated: FloatArray
-
-    def __post_init__(self) -> None:
-        for name in ("t", "measured", "simulated"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
 
     @property
     def residuals(self) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour.jobs import RunResult, Study
 from armcontour.report.figure import make_subplots, make_trace
-from armcontour.report.section import Section, Table, Tile
+from armcontour.report.section import Section, Table
 from armcontour.report.sections.motion import assigned_speeds, planned_speeds
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line, thin
 from armcontour.timing import Explanation
@@ -22,21 +22,6 @@ PATTERNS = ("", "/", "x", ".")
 MOST_BARS = 1200
 # Relative difference below which assigned velocities are equal.
 SAME_SPEED = 1e-9
-
-
-def assigned_share(why: Explanation | None, length: str, time: str) -> list[Tile]:
-    """Tile of the share that is run at the assigned velocity; empty where it is not known.
-
-    Args:
-        why: The explanation of a plan.
-        length: What the share of the length is of, in words.
-        time: What the share of the time is of.
-    """
-    if why is None or why.assigned_length is None:
-        return []
-    note = f"{length}; {why.assigned_time or 0.0:.0%} {time}"
-    share = f"{why.assigned_length:.0%}"
-    return [Tile(label="at the assigned velocity", value=share, note=note)]
 
 
 def bindings(study: Study) -> Section | None:

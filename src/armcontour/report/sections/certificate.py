@@ -10,7 +10,6 @@ from armcontour._checks import FloatArray
 from armcontour.jobs.job import FREE
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Section, Table, Tile
-from armcontour.report.sections.overview import SATURATED
 from armcontour.report.sections.program import MOST_ROWS
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -114,7 +113,7 @@ def _derated(found: Certificate) -> Tile:
 def _saturated(found: Certificate, shares: FloatArray) -> str:
     """Joints that saturate, with their shares of the time."""
     known = zip(found.job.arm.joint_names, shares, strict=True)
-    return ", ".join(f"{name} {x:.1%}" for name, x in known if x >= SATURATED) or "no joint"
+    return ", ".join(f"{name} {x:.1%}" for name, x in known if x > 0) or "no joint"
 
 
 def _demand(found: Certificate) -> Tile:

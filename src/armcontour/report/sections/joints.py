@@ -184,7 +184,7 @@ def _table(name: str, result: RunResult) -> Table:
     """Used range and largest values of every joint, and their limits."""
     done, arm, limits = result.motion, result.arm, result.run.limits
     low, high = limits.joint_range(arm.dof)
-    plan = planned_torques(result)
+    plan = planned_torques(result.arm, result.trajectory)
     header = ["joint", "range [rad]", "used [rad]", "velocity [rad/s]", "acceleration [rad/s²]"]
     amounts: list[tuple[FloatArray, FloatArray | None]] = [
         _worst(done.dq, limits.velocity_bounds(arm.dof)),

@@ -23,6 +23,10 @@ from armcontour.report.style import (
 if TYPE_CHECKING:
     from armcontour.jobs.learning import LearningStudy
 
+# Titles of the columns of `run_rows`.
+RUN_HEADER = (
+    *("run", "RMS [mm]", "largest [mm]", "predicted RMS [mm]", "begins in the log at [s]"),
+)
 # Smallest error on a logarithmic axis [mm].
 SMALLEST_ERROR = 1e-6
 # Marks tell joints apart where colours repeat.
@@ -52,11 +56,6 @@ def learning(study: LearningStudy) -> Section:
 def _introduction(study: LearningStudy) -> str:
     """What the errors of this section are."""
     what = "contour error" if study.has_path else "distance of the tool from its planned position"
-    if study.robot:
-        return (
-            f"The {what} of a simulated robot of rigid bodies, from run to run: each run has the "
-            "set-points that were learned from the encoders of those before it."
-        )
     return (
         f"The {what} that the robot's logs show, from run to run, without measurement noise: each "
         "run has the set-points that were learned from those before it. What the encoders do not "
@@ -181,31 +180,23 @@ def _over_time(study: LearningStudy) -> Any:
         figure.add_trace(curve)
     figure.update_xaxes(title="time [s]")
     figure.update_yaxes(title="contour error [mm]", type="log")
-    title = "Contour error over time" if study.robot else "Contour error as measured, over time"
-    return finish(figure, title=title, height=460)
+    return finish(figure, title="Contour error as measured, over time", height=460)
 
 
 def _table(study: LearningStudy) -> Table:
     """Table of all runs."""
     rows = [tuple(row) for row in run_rows(study)]
-    return Table(header=run_header(study), rows=tuple(rows))
-
-
-def run_header(study: LearningStudy) -> tuple[str, ...]:
-    """Titles of the columns of `run_rows`."""
-    seen = ("encoders show, RMS [mm]",) if study.robot else ("begins in the log at [s]",)
-    return ("run", "RMS [mm]", "largest [mm]", "predicted RMS [mm]", *seen)
+    return Table(header=RUN_HEADER, rows=tuple(rows))
 
 
 def run_rows(study: LearningStudy) -> list[list[str]]:
     """Cells of a row for every run, and of one for the next."""
     lesson, rows = study.lesson, []
     for k, x in enumerate(lesson.runs):
-        name = str(k + 1) if study.robot else f"{k + 1}: {x.source}"
-        seen = f"{x.rms * 1e3:.5f}" if study.robot else f"{-x.offset / x.rate:z.2f}"
         mark = " (best)" if k == lesson.best and k else ""
         errors = [f"{1e3 * e:.5f}" for e in study.errors(k)]
-        rows.append([name + mark, *errors, _cell(x.predicted), seen])
+        begun = f"{-x.offset / x.rate:z.2f}"
+        rows.append([f"{k + 1}: {x.source}{mark}", *errors, _cell(x.predicted), begun])
     if not lesson.finished:
         rows.append(["next", "", "", _cell(lesson.predicted), ""])
     return rows

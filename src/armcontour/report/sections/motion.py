@@ -9,7 +9,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
 from armcontour.jobs import RunResult, Study
-from armcontour.jobs.quantities import unknown_notes
+from armcontour.jobs.results import unknown_notes
 from armcontour.motion import Trajectory
 from armcontour.report.figure import Figure, make_subplots
 from armcontour.report.section import Section, Table, marked_run

@@ -6,15 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armcontour._describing import several
-from armcontour._text import list_some
 from armcontour.evaluation import ErrorProfile
 from armcontour.jobs import RunResult, Study
+from armcontour.jobs.run_data import pierce_length, work_length
 from armcontour.motion import Span
 from armcontour.program import Contour, Program, cut_parts
-from armcontour.program.preparing import PIERCE
-from armcontour.report.section import Section, Table, Tile
-from armcontour.report.sections.bindings import assigned_share
+from armcontour.report.section import Section, Table
 from armcontour.report.sections.program_picture import picture
 
 # Largest number of rows; of more contours, those with the largest errors are listed.
@@ -39,7 +36,6 @@ def program(study: Study) -> Section | None:
             "joints, and rapid_speed and approach_speed of the process if there are any; else the "
             "tool may be faster than the assigned velocity. Between two moves the tool is at rest."
         ),
-        tiles=tuple((name, _tiles(study.job.program, x)) for name, x in results),
         figures=(drawn,),
         tables=tuple(_table(name, x) for name, x in results),
         notes=(
@@ -48,71 +44,6 @@ def program(study: Study) -> Section | None:
             *notes,
         ),
     )
-
-
-def _tiles(job: Program, result: RunResult) -> tuple[Tile, ...]:
-    """Tiles of one run of a program."""
-    program = result.path
-    spans, duration = result.trajectory.spans, result.trajectory.duration
-    contours = result.trajectory.contour_spans
-    rapids = [x for x in spans if x.kind == "rapid"]
-    dwells = [x for x in spans if x.kind == "dwell"]
-    at_work = sum(_work(x) for x in program.contours)
-    time = sum(x.work[1] - x.work[0] for x in contours if x.work is not None)
-    pierces = sum(_pierce_way(x) for x in program.contours)
-    leads = program.length - at_work - pierces
-    closed = sum(x.closed for x in job.contours)
-    layers = len({x.layer for x in program.contours})
-    tiles = [
-        Tile(
-            label="contours",
-            value=f"{len(contours)}",
-            note=f"{closed} closed, {several(layers, 'layer')}",
-        ),
-        Tile(
-            label="length at work",
-            value=f"{at_work:.4g} m",
-            note=(f"leads {leads * 1e3:.4g} mm" if leads > 1e-9 else "no leads")
-            + (f", pierces {pierces * 1e3:.4g} mm" if pierces else ""),
-        ),
-        Tile(
-            label="time at work",
-            value=f"{time:.3f} s",
-            note=f"{time / duration:.0%} of the motion, mean {at_work / time * 1e3:.1f} mm/s",
-        ),
-        Tile(
-            label="time of rapids",
-            value=f"{_time(rapids):.3f} s",
-            note=several(len(rapids), "rapid")
-            + (f"; {several(len(dwells), 'dwell')}, {_time(dwells):.3g} s" if dwells else ""),
-        ),
-        Tile(label="events", value=f"{len(result.trajectory.events)}", note=_names(result)),
-    ]
-    share = assigned_share(result.explanation, "of the contours' length", "of their time")
-    return (*tiles, *share)
-
-
-def _work(x: Contour) -> float:
-    """Length of a contour with the process on [m]."""
-    start, end = x.at_work
-    return end - start
-
-
-def _pierce_way(x: Contour) -> float:
-    """Length of the way from the height of the pierce to the lead-in or the contour [m]."""
-    tags = x.path.tags
-    return float(sum(x.path.lengths[k] for k, tag in enumerate(tags) if tag == PIERCE))
-
-
-def _time(spans: Sequence[Span]) -> float:
-    """Total duration of moves [s]."""
-    return float(sum(x.t[1] - x.t[0] for x in spans))
-
-
-def _names(result: RunResult) -> str:
-    """Names of the events of a run."""
-    names = list(dict.fromkeys(x.name for x in result.trajectory.events))
-    return list_some(names, 4) or "nothing is switched"
 
 
 def _table(name: str, result: RunResult) -> Table:
@@ -132,8 +63,8 @@ def _table(name: str, result: RunResult) -> Table:
             "are in summary.json"
         )
     several = len({x.layer for x in program.contours}) > 1 or program.contours[0].layer
-    led = program.length - sum(_work(x) for x in program.contours) > 1e-9
-    pierced = any(_pierce_way(x) for x in program.contours)
+    led = program.length - sum(work_length(x) for x in program.contours) > 1e-9
+    pierced = any(pierce_length(x) for x in program.contours)
     limit = result.run.limits.speed
     most = np.inf if limit is None else limit
     cells = [
@@ -166,14 +97,14 @@ def _cells(
 ) -> dict[str, str]:
     """Cells of a contour, by the titles of their columns."""
     assert span.work is not None
-    length, time = _work(contour), span.work[1] - span.work[0]
+    length, time = work_length(contour), span.work[1] - span.work[0]
     found = {"contour": f"{k + 1}" + (f": {contour.name}" if contour.name else "")}
     if layers:
         found["layer"] = contour.layer
     found["length [mm]"] = f"{length * 1e3:.2f}"
     if led:
         start, end = contour.at_work
-        way = _pierce_way(contour)
+        way = pierce_length(contour)
         found["leads [mm]"] = f"{(start - way) * 1e3:.2f}, {(contour.path.length - end) * 1e3:.2f}"
         if pierced:
             found["pierce [mm]"] = f"{way * 1e3:.2f}"
@@ -216,7 +147,7 @@ def _rest(
     header: list[str],
 ) -> tuple[str, ...]:
     """A row for all contours that are not listed."""
-    length = sum(_work(program.contours[k]) for k in which)
+    length = sum(work_length(program.contours[k]) for k in which)
     ends = [spans[k].work or spans[k].t for k in which]
     times = [b - a for a, b in ends]
     cells = {

@@ -12,8 +12,6 @@ from armcontour.report.style import few
 
 # Largest number of rows of the table.
 MOST_ROWS = 20
-# Evenly spaced places at which the largest distance is searched.
-PLACES = 15_000
 STARTS = (ARCS, PARABOLAS, STOPS)
 
 
@@ -82,7 +80,7 @@ def _table(found: list[tuple[str, ShapedPath]]) -> Table:
                 f"{outcome.gain:.2%}",
                 f"{max(len(outcome.history) - 1, 0)}",
                 _tolerance(path),
-                f"{_largest_distance(path) * 1e3:.4f}",
+                f"{path.deviation * 1e3:.4f}",
             )
         )
     return Table(
@@ -99,13 +97,6 @@ def _table(found: list[tuple[str, ShapedPath]]) -> Table:
         rows=tuple(rows),
         caption="Least times, and largest distances from the objective path",
     )
-
-
-def _largest_distance(path: ShapedPath) -> float:
-    """Largest distance of points of a shaped path from their places on the objective path [m]."""
-    s = np.union1d(np.linspace(0.0, path.length, PLACES), path.places[:, 1])
-    places = path.objective(np.interp(s, path.places[:, 1], path.places[:, 0]))
-    return float(np.linalg.norm(path(s) - places, axis=1).max())
 
 
 def _tolerance(path: ShapedPath) -> str:

@@ -42,14 +42,6 @@ const ANSWERS = {
     }],
   }),
   certify: ({ head }) => ({ sentences: [head.sentence] }),
-  learn: ({ head }) => ({
-    sentences: [head.sentence],
-    tables: [{
-      title: "Contour error, run by run",
-      columns: ["Run", "RMS [mm]", "Largest [mm]"],
-      rows: head.rms.map((/** @type {number} */ x, /** @type {number} */ k) => [k ? String(k) : "before learning", mm(x, 4), mm(head.max[k], 4)]),
-    }],
-  }),
   place: ({ head }) => ({ sentences: [head.sentence] }),
   export: ({ head }) => ({ sentences: [`${head.points} set-points.`] }),
   report: () => ({ sentences: ["The report is ready."] }),

@@ -62,11 +62,6 @@ export const TASKS = [
     ],
     options: ({ tolerance, plant }) => ({ ...(tolerance > 0 ? { tolerance: tolerance / 1000 } : {}), ...(plant ? { plant } : {}) }),
   },
-  {
-    task: "learn", title: "Learn", what: "Learns set-points from runs of a simulated robot that is not quite known.",
-    fields: [{ name: "runs", label: "runs", kind: "number", value: 5, min: 1, max: 100 }],
-    options: ({ runs }) => ({ runs }),
-  },
   { task: "place", title: "Place", what: "Finds where the part lies best, and maps all places under the drawing.", fields: PLACE_FIELDS, options: placeOptions },
   {
     task: "sweep", title: "Sweep", what: "Cycle time and contour error over the range of one quantity.",

@@ -1,4 +1,4 @@
-// Long work by buttons: check, clearance, certificate, learning, placement, sweep, export, report.
+// Long work by buttons: check, clearance, certificate, placement, sweep, export, report.
 
 import { find, make, say } from "./dom.js";
 import { PlacementMap } from "./placement.js";

@@ -1,4 +1,4 @@
-"""Tasks that end with a file: exports, reports, certificates and what learning would gain."""
+"""Tasks that end with a file: exports, reports and certificates."""
 
 from __future__ import annotations
 
@@ -85,40 +85,6 @@ def certify(x: Request) -> Frame:
     }
     page = render_report(found.study, certificate=found)
     return _file(f"{found.job.name}-certificate.html", page.encode(), header)
-
-
-def learn(x: Request) -> Frame:
-    """What learning would gain, on a simulated robot that the controller does not know.
-
-    Options: `runs`, the largest number of runs after the first, and `seed`.
-    """
-    from armcontour.io.learning import learning_json
-    from armcontour.jobs.learning import plan_run, simulate_learning
-    from armcontour.jobs.unknown_robot import unknown_robot
-    from armcontour.report import render_learning
-
-    plan = plan_run(x.whole_job, x.run, progress=x.progress)
-    robot, about = unknown_robot(x.whole_job, plan, x.options.get("seed"))
-    found = simulate_learning(
-        x.whole_job, plan, robot, about, runs=int(x.option("runs", 6)), progress=x.progress
-    )
-    x.progress(Step(("writing",)))
-    errors = [y.contour_error for y in found.simulated]
-    best = errors[found.lesson.best].rms if found.lesson.best < len(errors) else errors[-1].rms
-    after = len(errors) - 1
-    sentence = (
-        f"After {after} simulated run{'s' * (after != 1)} the error fell from "
-        f"{errors[0].rms * 1e3:.4g} mm to {best * 1e3:.4g} mm (RMS), on a robot that differs from "
-        "that of the job. The learned set-points are for that robot only: for yours, "
-        "use `armcontour learn` with its logs."
-    )
-    header = {
-        **{"run": plan.run.name, "sentence": sentence, "robot": about},
-        **{"rms": [y.rms for y in errors], "max": [y.max for y in errors]},
-        "learning": json.loads(learning_json(found))["learning"],
-        "notes": found.notes,
-    }
-    return _file(f"{found.job.name}-learning.html", render_learning(found).encode(), header)
 
 
 def export(x: Request) -> Frame:

@@ -15,7 +15,7 @@ from armcontour._files import reading_below
 from armcontour._progress import Progress, Step
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.studio.tasks.figures import figures
-from armcontour.studio.tasks.files import certify, export, learn, report
+from armcontour.studio.tasks.files import certify, export, report
 from armcontour.studio.tasks.judging import check, clearance
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.tasks.searching import place, sweep
@@ -41,7 +41,6 @@ TASKS: dict[str, Callable[[Request], Frame]] = {
     "certify": certify,
     "sweep": sweep,
     "place": place,
-    "learn": learn,
     "clearance": clearance,
     "export": export,
     "report": report,

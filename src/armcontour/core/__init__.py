@@ -1,0 +1,1 @@
+"""What all parts share: checks of fields, how a result is described, how its figures look."""

@@ -1,0 +1,208 @@
+"""How results look in text and files: the only place with mm, ms, degrees and digits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from armcontour._describing import digits, line_up, to_html
+from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
+
+# Units in which people read quantities, and their sizes in SI units.
+SHOWN = {
+    "m": ("mm", 1e-3),
+    "m/s": ("mm/s", 1e-3),
+    "rad": ("deg", math.pi / 180),
+    "rad/s": ("deg/s", math.pi / 180),
+}
+# Units as people write them.
+WRITTEN = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "rad/s^3": "rad/s³", "kg m^2": "kg m²"}
+# Times below this are shown in ms [s].
+SHORT = 0.1
+# Smaller numbers have six decimals in place of four digits.
+FINE = 1e-3
+# Widest line of a table [characters].
+WIDEST_TABLE = 118
+# Longest list in a file, which people and small programs read.
+MOST_LISTED = 10_000
+
+
+def split(value: Any, unit: str = "") -> tuple[str, str]:
+    """A value as people read it: its digits and its unit.
+
+    Args:
+        value: The value, in SI units.
+        unit: Its SI unit; "1" for a share, which is shown in percent.
+    """
+    if value is None or isinstance(value, float) and math.isnan(value):
+        return "-", ""
+    if isinstance(value, bool):
+        return "yes" if value else "no", ""
+    if isinstance(value, str | int) and not (unit and isinstance(value, int)):
+        return str(value), ""
+    value = float(value)
+    if unit == "1":
+        return (f"{value * 100:.2f}" if abs(value) < 10 else digits(value * 100)), "%"
+    if unit == "s":
+        short = 0 < abs(value) < SHORT
+        return (digits(value * 1e3), "ms") if short else (f"{value:.4f}", "s")
+    name, size = SHOWN.get(unit, (WRITTEN.get(unit, unit), 1.0))
+    value /= size
+    return (digits(value) if abs(value) >= FINE or not value else f"{value:.6f}"), name
+
+
+def number(value: Any, unit: str = "") -> str:
+    """A value as people read it, with its unit, as in "0.252 mm".
+
+    Args:
+        value: The value, in SI units.
+        unit: Its SI unit.
+    """
+    return " ".join(filter(None, split(value, unit)))
+
+
+def figure(row: Row) -> str:
+    """The figure of a row, with its unit."""
+    return number(row.figure, row.unit)
+
+
+def text(data: Data, level: int = TABLE) -> str:
+    """A result in lines, for `print` and the command line.
+
+    Args:
+        data: The result.
+        level: The last level that is shown.
+    """
+    rows = [(x.label, figure(x), x.note) for x in data.shown(level)]
+    lines = [line_up(data.title, rows)]
+    lines += [lay_out(x.name, cells(x)) for x in data.tables if x.level <= level]
+    return "\n".join(lines)
+
+
+def lay_out(title: str, rows: Sequence[Sequence[str]]) -> str:
+    """A table in lines, below its title.
+
+    Args:
+        title: The title.
+        rows: Its cells, the header first.
+    """
+    return line_up(title, rows, columns=">", width=WIDEST_TABLE)
+
+
+def verdict(data: Data) -> str:
+    """What is said of a result first, in one sentence.
+
+    Args:
+        data: The result.
+    """
+    said = []
+    for x in data.shown(VERDICT):
+        words = f"{x.label} {figure(x)}"
+        if isinstance(x.value, bool):
+            words = x.label if x.value else f"not {x.label}"
+        said.append(f"{words} ({x.note})" if x.note else words)
+    return f"{data.title}: {'; '.join(said)}."
+
+
+def cells(table: Table) -> list[tuple[str, ...]]:
+    """A table as rows of text, the header first; columns without a label are left out."""
+    columns = [(k, x) for k, x in enumerate(table.columns) if x.label]
+    rows = [tuple(number(row[k], x.unit) for k, x in columns) for row in table.rows]
+    return [tuple(x.label for _, x in columns), *rows]
+
+
+def compare(
+    results: Mapping[str, Data], level: int = FIRST, *, texts: bool = False
+) -> list[tuple[str, ...]]:
+    """Several results as rows of text: the header first, then a row for each.
+
+    Args:
+        results: The results, by their names.
+        level: The last level that is shown.
+        texts: Whether figures that are texts are among them.
+    """
+    rows = {
+        name: {
+            x.label: figure(x) for x in data.shown(level) if texts or not isinstance(x.value, str)
+        }
+        for name, data in results.items()
+    }
+    labels = list(dict.fromkeys(label for row in rows.values() for label in row))
+    found = [(name, *(row.get(x, "-") for x in labels)) for name, row in rows.items()]
+    return [("run", *labels), *found]
+
+
+def plain(data: Data) -> dict[str, Any]:
+    """A result as mappings and lists in SI units, for JSON.
+
+    Lists are cut after 10,000 entries; `left_out` has the number of entries that were cut.
+    """
+    found: dict[str, Any] = {}
+    for row in data.rows:
+        *path, name = row.name.split(".")
+        inner = found
+        for key in path:
+            inner = inner.setdefault(key, {})
+        inner[name] = row.value
+    for table in data.tables:
+        found[table.name] = table.as_dicts(MOST_LISTED)
+    cut = {x.name: len(x.rows) - MOST_LISTED for x in data.tables if len(x.rows) > MOST_LISTED}
+    if cut:
+        found["left_out"] = cut
+    page = found | {key: plain(part) for key, part in data.parts.items()}
+    return {key: jsonable(value) for key, value in page.items()}
+
+
+def jsonable(value: Any) -> Any:
+    """A value as JSON has it: lists for arrays, null for numbers that are not finite."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(x) for key, x in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return jsonable(value.tolist())
+    return [jsonable(x) for x in value]
+
+
+def units(results: Iterable[Data]) -> dict[str, str]:
+    """The units of all figures by their names, for JSON."""
+    found: dict[str, str] = {}
+    for data in results:
+        named: Sequence[Row] = [x for _, x in data.walk()]
+        named = [*named, *(y for x in data.tables for y in x.columns)]
+        found |= {x.name: x.unit for x in named if x.unit}
+        found |= units(data.parts.values())
+    return found
+
+
+def frame(data: Data, level: int = TABLE) -> list[dict[str, Any]]:
+    """The figures of a result for the Studio's page."""
+    found = []
+    for x in data.shown(level):
+        shown, unit = split(x.figure, x.unit)
+        found.append(
+            {"name": x.name, "label": x.label, "value": x.figure, "text": shown, "unit": unit}
+            | ({"note": x.note} if x.note else {})
+        )
+    return found
+
+
+class Result:
+    """A result that says what it is by `to_data`; the rest follows from it."""
+
+    __slots__ = ()
+
+    def to_data(self) -> Data:
+        """Its figures, tables and sentences."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        """Its figures in lines."""
+        return text(self.to_data())
+
+    _repr_html_ = to_html

@@ -1,0 +1,112 @@
+"""`Data`: what a result says, in SI units, for all that shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+# Levels of a row: a verdict, on the first screen, in tables and in print, or only in files.
+VERDICT, FIRST, TABLE, FILE = range(4)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One figure of a result: its only name, label and unit.
+
+    Args:
+        name: Its key in JSON, and its column in batches; "contour_error.rms" is the key `rms` in
+            the mapping `contour_error`.
+        value: A number, a text, True or False, or numbers per joint or per name, of which the
+            largest is shown; None if it is not known.
+        unit: Its SI unit, "1" for a share, "" for a count.
+        label: What it is called; "" for a figure of files only.
+        note: What else is said of it, such as the time or the joint.
+        level: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
+    """
+
+    name: str
+    value: Any
+    unit: str = ""
+    label: str = ""
+    note: str = ""
+    level: int = TABLE
+
+    @property
+    def figure(self) -> Any:
+        """The value that is shown: of several numbers the largest; None if there is none."""
+        value = self.value
+        if isinstance(value, Mapping):
+            value = list(value.values())
+        if isinstance(value, str | bool) or not hasattr(value, "__len__"):
+            return value
+        return None if len(value) == 0 else float(np.max(value))
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Many things of one kind, such as corners or moves.
+
+    Args:
+        name: Its key in JSON, and its caption.
+        columns: Name, unit and label of each column, as rows without values.
+        rows: The values, in the order of the columns.
+        level: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
+    """
+
+    name: str
+    columns: tuple[Row, ...]
+    rows: Sequence[Sequence[Any]]
+    level: int = FILE
+
+    def as_dicts(self, most: int | None = None) -> list[dict[str, Any]]:
+        """The rows by the names of the columns.
+
+        Args:
+            most: Number of rows at most; None for all.
+        """
+        names = [x.name for x in self.columns]
+        return [dict(zip(names, x, strict=True)) for x in self.rows[:most]]
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """What a result says.
+
+    Args:
+        title: What it is, in a few words.
+        rows: Its figures, those that matter most first.
+        tables: Things of which there are many.
+        parts: Results that are parts of it, by their keys in JSON.
+        notes: Sentences on it.
+        warnings: Sentences on its weak points, the worst first.
+    """
+
+    title: str
+    rows: tuple[Row, ...] = ()
+    tables: tuple[Table, ...] = ()
+    parts: Mapping[str, Data] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> Row:
+        """The row of a name; those of parts begin with the key of the part and a point."""
+        for key, row in self.walk():
+            if key == name:
+                return row
+        raise KeyError(name)
+
+    def walk(self) -> Iterator[tuple[str, Row]]:
+        """All rows, also those of parts, with their names."""
+        for row in self.rows:
+            yield row.name, row
+        for key, part in self.parts.items():
+            for name, row in part.walk():
+                yield f"{key}.{name}", row
+
+    def shown(self, level: int = TABLE) -> tuple[Row, ...]:
+        """The rows with a label and a value, up to a level, those of parts last."""
+        rows = (replace(row, name=name) for name, row in self.walk())
+        return tuple(x for x in rows if x.label and x.level <= level and x.figure is not None)

@@ -1,0 +1,206 @@
+"""Parts of what a run says: torques, bodies, corners and moves as rows and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._describing import several
+from armcontour._text import list_some
+from armcontour.arms import Arm
+from armcontour.arms.chain import Chain
+from armcontour.core.render import number, plain
+from armcontour.core.result import Row, Table
+from armcontour.evaluation import ErrorProfile
+from armcontour.execution import RigidBodyPlant
+from armcontour.geometry import RoundedPath, ShapedPath
+from armcontour.jobs.quantities import Torques, angular_speed, assumed_numbers
+from armcontour.motion import Execution, Span, Trajectory
+from armcontour.program import Contour, Program
+from armcontour.program.preparing import PIERCE
+
+
+def torque_rows(
+    torques: Torques | None, limit: FloatArray | None, arm: Arm, kind: str
+) -> Iterator[Row]:
+    """Largest torques, their limits, and what is assumed of the bodies.
+
+    Args:
+        torques: The torques; None for an arm without bodies.
+        limit: Their limits [N m], (dof,); None without.
+        arm: The arm.
+        kind: "planned" or "applied".
+    """
+    if torques is None:
+        return
+    peak = torques.peak
+    yield Row("torque.peak", peak, "N m")
+    yield Row("torque.limit", limit, "N m")
+    yield Row("torque.assumed", assumed_numbers(arm) or None)
+    if limit is None:
+        yield Row("torque_ratio", None)
+        return
+    share = peak / limit
+    worst = int(share.argmax())
+    joint = arm.joint_names[worst]
+    note = f"{joint}, {number(peak[worst], 'N m')} of {number(limit[worst], 'N m')}"
+    yield Row("torque_ratio", share, "1", f"drive torque, {kind}", note)
+
+
+def plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
+    """What the simulated robot is, and what its controller knows of it."""
+    yield Row("plant", type(plant).__name__)
+    yield Row("step", plant.step, "s")
+    yield Row("gravity_feedforward", plant.gravity_feedforward)
+    yield Row("friction", plant.friction)
+    yield Row("noise", plant.noise, "rad")
+    yield Row("seed", plant.seed)
+    yield Row("nominal_inertia", plant.nominal_inertia, "kg m^2")
+    yield from _robot("robot", plant.chain)
+    yield Row("robot.joint_stiffness", plant.joint_stiffness, "N m/rad")
+    yield Row("robot.joint_damping", plant.joint_damping, "N m s/rad")
+    yield from _robot("controller", plant.known_chain)
+
+
+def _robot(name: str, chain: Chain) -> Iterator[Row]:
+    """Load, drive inertias and friction of a robot, or of the robot that a controller knows."""
+    yield Row(f"{name}.payload", 0.0 if chain.payload is None else chain.payload.mass, "kg")
+    yield Row(f"{name}.armature", chain.armature, "kg m^2")
+    yield Row(f"{name}.viscous", chain.viscous, "N m s/rad")
+    yield Row(f"{name}.coulomb", chain.coulomb, "N m")
+
+
+def angular_rows(execution: Execution) -> Iterator[Row]:
+    """Largest angular speed of the tool of an arm in space."""
+    speed = angular_speed(execution)
+    if speed is not None:
+        yield Row("angular_speed", speed.max(), "rad/s", "tool's angular speed, largest")
+
+
+def columns(**units: str) -> tuple[Row, ...]:
+    """Columns of a table of files, by their units."""
+    return tuple(Row(name, None, unit) for name, unit in units.items())
+
+
+def corner_table(path: RoundedPath) -> Table:
+    """The rounded corners of a path."""
+    c = path.corners
+    return Table(
+        "corners",
+        columns(
+            **{"joint": "", "point": "m", "turn": "rad", "radius": "m", "error": "m"},
+            **{"angular_error": "rad", "tangent": "m", "shrunk": "", "full_stop": ""},
+            **{"reason": "", "speed": "m/s"},
+        ),
+        list(
+            zip(
+                *(c.vertex, c.point, c.turn, c.radius, c.error, c.angular_error, c.tangent),
+                *(c.shrunk, c.stopped, c.reason, c.speed),
+                strict=True,
+            )
+        ),
+    )
+
+
+def move_table(
+    trajectory: Trajectory,
+    path: Program,
+    starts: Sequence[tuple[float, float]],
+    errors: Sequence[ErrorProfile],
+) -> Table:
+    """The moves of a program with their times; what only contours have is null for others.
+
+    Args:
+        trajectory: The plan.
+        path: The program.
+        starts: Start and end of every contour, in the arc length of `from_s` [m].
+        errors: The contour error of every contour; empty without an execution.
+    """
+    contours = iter(zip(path.contours, starts, strict=True))
+    known = iter(errors)
+    rows = []
+    for x in trajectory.spans:
+        more: tuple[Any, ...] = (None,) * 7
+        if x.kind == "contour":
+            contour, from_s = next(contours)
+            error = next(known, None)
+            own = contour.path
+            more = (
+                *(contour.name, contour.layer, contour.closed, x.work, from_s),
+                _outcome(own) if isinstance(own, ShapedPath) else None,
+                None if error is None else plain(error.to_data()),
+            )
+        rows.append((x.kind, x.t, x.s, *more))
+    return Table(
+        "moves",
+        columns(
+            **{"kind": "", "t": "s", "s": "m", "name": "", "layer": "", "closed": ""},
+            **{"work": "s", "from_s": "m", "shaping": "", "contour_error": "m"},
+        ),
+        rows,
+    )
+
+
+def work_length(x: Contour) -> float:
+    """Length of a contour with the process on [m]."""
+    start, end = x.at_work
+    return end - start
+
+
+def pierce_length(x: Contour) -> float:
+    """Length of the way from the height of the pierce to the lead-in or the contour [m]."""
+    tags = x.path.tags
+    return float(sum(x.path.lengths[k] for k, tag in enumerate(tags) if tag == PIERCE))
+
+
+def program_rows(trajectory: Trajectory, path: Program, objective: Program) -> Iterator[Row]:
+    """How much of a program is work, how much the ways between.
+
+    Args:
+        trajectory: The plan.
+        path: The program that the tool follows.
+        objective: The program as drawn.
+    """
+    spans = trajectory.spans
+    works = [x.work for x in trajectory.contour_spans if x.work is not None]
+    rapids, dwells = ([x for x in spans if x.kind == kind] for kind in ("rapid", "dwell"))
+    length, time = sum(map(work_length, path.contours)), sum(end - start for start, end in works)
+    pierces = sum(map(pierce_length, path.contours))
+    leads = path.length - length - pierces
+    closed = sum(x.closed for x in objective.contours)
+    layers = several(len({x.layer for x in path.contours}), "layer")
+    ways = {"leads": leads if leads > 1e-9 else 0.0, "pierces": pierces}
+    note = ", ".join(f"{name} {number(x, 'm')}" for name, x in ways.items() if x)
+    mean = f"mean {number(length / time, 'm/s')}" if time else ""
+    dwelling = f"dwells {number(_duration(dwells), 's')}" if dwells else ""
+    names = list_some(list(dict.fromkeys(x.name for x in trajectory.events)), 4)
+    yield Row("contours", len(path.contours), "", "contours", f"{closed} closed, {layers}")
+    yield Row("work_length", length, "m", "length at work", note or "no leads")
+    yield Row("work_time", time, "s", "time at work", mean)
+    yield Row("rapid_time", _duration(rapids), "s", "time of rapids", dwelling)
+    yield Row("event_count", len(trajectory.events), "", "events", names)
+
+
+def _duration(spans: Sequence[Span]) -> float:
+    """Total duration of moves [s]."""
+    return float(sum(x.t[1] - x.t[0] for x in spans))
+
+
+def _outcome(path: ShapedPath) -> dict[str, Any]:
+    """How the shape of one contour was found."""
+    x = path.outcome
+    iterations = max(len(x.history) - 1, 0)
+    return {
+        **{"start": x.start, "durations": x.durations, "gain": x.gain},
+        "iterations": iterations,
+    }
+
+
+def resume_intervals(begin: float, objective: Program) -> list[tuple[float, float]]:
+    """Start and end of every contour, in the arc length of `from_s` [m]."""
+    lengths = [end - start for start, end in (x.at_work for x in objective.contours)]
+    ends = begin + np.concatenate([[0.0], np.cumsum(lengths)])
+    return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
