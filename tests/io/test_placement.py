@@ -12,7 +12,6 @@ from tests.io.tables import refusals
 
 import armcontour as ac
 from armcontour.io import parse_job, placed_job_text, placement_csv
-from armcontour.io.job_overrides import JobOverrides
 from armcontour.scene import Obstacle, Scene, Sphere
 
 SQUARE = """\
@@ -96,12 +95,11 @@ def test_the_path_of_an_arm_in_the_plane_gets_a_frame():
 
 
 def test_options_that_replaced_values_are_in_the_file(placed):
-    replaced = JobOverrides(speed=0.1, corner_tolerance=1e-3)
-    text = written(placed, overrides=replaced)
+    patch = {("limits", "speed"): 0.1, ("corners", "tolerance"): 1e-3, ("corners", "shape"): "free"}
+    text = written(placed, patch=patch)
     again = parse_job(text)
     assert again.runs[0].limits.speed == 0.1 and again.runs[0].rounding.tolerance == 1e-3
-    shaped = [(JobOverrides(corner_shape="free"), "--corner-shape is of the runs")]
-    refusals(lambda x: written(placed, overrides=x), shaped)
+    assert again.runs[0].rounding.free and "# on the table" in text
 
 
 def test_a_base_that_moves_among_obstacles_writes_no_job():

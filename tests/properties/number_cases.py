@@ -509,6 +509,7 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--tool": ("1: # m", "1: # mm"),
     "--period": ("# s", "# ms"),
     "--servo": ("# m", "# um"),
+    "--set": ("limits.speed=#", "limits.speed=# mm/s", "corners.tolerance=#"),
     "--over": ("x: # m .. 0 m, 2", "yaw: 0 deg .. # deg, 2", "x: 0 mm .. 1 mm, #"),
     "--uncertainty": ("x: # m", "yaw: # deg"),
     "--about": ("# m, 0 m, 0 m", "0 mm, # mm, 0 mm"),

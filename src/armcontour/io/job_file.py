@@ -28,9 +28,9 @@ from armcontour.io.job_model import (
     RunModel,
     TimingModel,
 )
-from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.job_path import part_of, path_of
 from armcontour.io.keys import Keys, read_keys, schema_of
+from armcontour.io.patch import COMPENSATION_OPTIONS, TIMING_OPTIONS, Patch, apply
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, Rounding, Run
 from armcontour.motion import check_interval
@@ -40,16 +40,13 @@ from armcontour.scene import Scene
 from armcontour.servo import ServoModel
 
 Model = TypeVar("Model", bound=JobModel)
-# The method of each option.
-TIMING_OPTIONS = {"knots": "mac", "intervals": "optimal"}
-COMPENSATION_OPTIONS = {"poles": "pole_placement", "gravity_feedforward": "inverse_dynamics"}
 
 
 @_checks.checked
 def read_job(
     file: str | FilePath,
     *,
-    overrides: JobOverrides | None = None,
+    patch: Patch | None = None,
     reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
@@ -57,7 +54,7 @@ def read_job(
 
     Args:
         file: The file.
-        overrides: Values that replace the file's own values.
+        patch: Values by keys that replace the file's own, such as {("limits", "speed"): 0.2}.
         reading: Called with the progress of reading the job's drawing, as in `read_path`.
         trust_xacro: Whether the arm may be a .xacro file. Such a file is a program, so that no key
             of a job can allow this.
@@ -71,7 +68,7 @@ def read_job(
         job_text(place),
         source=place.name,
         folder=place.parent,
-        overrides=overrides,
+        patch=patch,
         reading=reading,
         trust_xacro=trust_xacro,
     )
@@ -92,7 +89,7 @@ def parse_job(
     *,
     source: str = "job",
     folder: FilePath | None = None,
-    overrides: JobOverrides | None = None,
+    patch: Patch | None = None,
     reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
@@ -102,34 +99,50 @@ def parse_job(
         text: The text.
         source: Name of the text in messages.
         folder: Folder of relative file names.
-        overrides: As in `read_job`.
+        patch: As in `read_job`.
         reading: As in `read_job`.
         trust_xacro: As in `read_job`.
 
     Raises:
         InvalidInput: As in `read_job`.
     """
-    model = override(read_model(JobModel, text, source), overrides)
+    data = read_data(text, source)
+    with locate_errors(source):
+        data = apply(data, patch or {})
+    model = model_of(JobModel, data, source)
     with locate_errors(source):
         return job_of(model, folder or FilePath(), reading, trust_xacro)
 
 
-def read_model(of: type[Model], text: str, source: str) -> Model:
-    """Read and check the keys of a job file, without the files that the job names.
+def read_data(text: str, source: str) -> dict[str, Any]:
+    """Read the data of a job file, whose keys are not checked.
 
     Args:
-        of: JobModel, or CellModel for a job without a path.
         text: YAML.
         source: Name of the text in messages.
 
     Raises:
-        InvalidInput: Not YAML, an unknown key, or an invalid value.
+        InvalidInput: Not YAML, or no mapping.
     """
     data = load(text, source)
     if not isinstance(data, dict):
         raise InvalidInput(
             f"{source} must hold a mapping of keys such as name, arm, path and runs."
         )
+    return data
+
+
+def model_of(of: type[Model], data: Mapping[str, Any], source: str) -> Model:
+    """Check the keys of a job.
+
+    Args:
+        of: JobModel, or CellModel for a job without a path.
+        data: The data of a job file.
+        source: Name of the file in messages.
+
+    Raises:
+        InvalidInput: An unknown key, or an invalid value.
+    """
     model: Model = read_keys(Keys(of), data, source)
     return model
 

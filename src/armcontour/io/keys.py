@@ -34,6 +34,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from armcontour._quantities import WHOLE_TURN, AtLeast, Choice, Named, Quantity, Some
+from armcontour._text import describe_fields
 from armcontour.errors import InvalidInput
 from armcontour.io.forms import FORMS, Form
 from armcontour.io.problems import first_problem
@@ -171,7 +172,7 @@ def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseMod
     """The pydantic model of a dataclass; with `given` all keys are optional, without defaults."""
     form = FORMS.get(of, Form())
     hints = {**get_type_hints(of, include_extras=True), **form.types}
-    described = {**descriptions(of), **form.texts}
+    described = {**_descriptions(of), **form.texts}
     fields: dict[str, Any] = {}
     own = inspect.get_annotations(of)
     # Keys of the class come before those of the options that it extends.
@@ -228,16 +229,10 @@ def _names_of(of: type) -> dict[str, str]:
     return {key: name for name, key in FORMS.get(of, Form()).names.items()}
 
 
-def descriptions(of: type) -> dict[str, str]:
-    """Descriptions of the fields from the docstring of a dataclass, with null for None."""
-    found: dict[str, str] = {}
-    for cls in reversed(of.__mro__):
-        _, _, rest = inspect.cleandoc(cls.__doc__ or "").partition("\nArgs:\n")
-        for entry in filter(None, re.split(r"\n(?= {4}\w)", rest.split("\n\n")[0])):
-            names, _, text = entry.strip().partition(": ")
-            words = SHAPE.sub("", " ".join(text.split())).replace("None ", "null ")
-            found |= dict.fromkeys(names.split(", "), words)
-    return found
+def _descriptions(of: type) -> dict[str, str]:
+    """Descriptions of the keys of a dataclass: those of its fields, with null for None."""
+    fields = describe_fields(of).items()
+    return {name: SHAPE.sub("", text).replace("None ", "null ") for name, text in fields}
 
 
 def _type_of(hint: Any) -> Any:

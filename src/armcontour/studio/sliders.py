@@ -13,11 +13,12 @@ from armcontour._quantities import Quantity
 from armcontour.compensation import compensator
 from armcontour.io.job_edits import Keys, value_at
 from armcontour.io.job_model import JobModel
+from armcontour.io.patch import key_of, place
 from armcontour.io.si_data import quantity_of
 from armcontour.io.units import unit_of, write_like
 from armcontour.jobs import Job, Run
 from armcontour.jobs.job import SHAPES
-from armcontour.studio.edits.keys import SHARP, joint_values, place_of, run_of
+from armcontour.studio.edits.keys import SHARP, joint_values, run_of
 from armcontour.timing import METHODS
 
 JOB, RUN, ARM, DEFAULT = "job", "run", "arm", "default"
@@ -90,7 +91,7 @@ def _sliders(
     slider: Slider, data: Mapping[str, Any], job: Job, run: Run
 ) -> Iterator[dict[str, Any]]:
     """The slider of a quantity, or those of all joints, where they have different values."""
-    keys = place_of(slider.key, data, run.name)
+    keys = place(key_of(slider.key), data, run.name)
     written = value_at(data, keys)
     value = _value(slider.key, job, run)
     kind = quantity_of(JobModel, keys)
@@ -145,7 +146,7 @@ def _slider(
 
 def _source(key: str, value: float | None, data: Mapping[str, Any], job: Job, run: Run) -> str:
     """Where a value is written."""
-    keys = place_of(key, data, run.name)
+    keys = place(key_of(key), data, run.name)
     if value_at(data, keys) is not None:
         return RUN if keys[0] == "runs" else JOB
     of_arm = key.startswith("limits.joint_") and value is not None
@@ -180,7 +181,7 @@ def _choice(
     corners = SHARP if run.rounding is None else run.rounding.shape
     values = {"timing.method": run.timing, "compensation.method": run.compensation}
     value = values.get(key, corners)
-    keys = place_of(key, data, run.name)
+    keys = place(key_of(key), data, run.name)
     return {
         "key": key,
         "label": label,
