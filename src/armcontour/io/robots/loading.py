@@ -107,7 +107,7 @@ def load_arm(
     if not is_model(name):
         name = _checks.read_place("load_arm", name)
     arm = _load(name, options, payload, trust_xacro)
-    arm = equip(arm, tool=tool, work=work, payload=payload)
+    arm = _equip(arm, tool, work, payload)
     return arm if options.srdf is None else with_more_shapes(arm, srdf=FilePath(options.srdf))
 
 
@@ -119,7 +119,7 @@ def _load(
     Args:
         name: As in `load_arm`.
         options: As in `load_arm`.
-        payload: As in `read_arm`.
+        payload: As in `arm_of`.
         trust_xacro: As in `load_arm`.
         depth: Number of arm files that were derived from each other before.
     """
@@ -146,31 +146,20 @@ def _load(
 
 
 def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -> Arm:
-    """Read a built-in arm or an arm file.
-
-    Args:
-        name: Name of the arm or file.
-        payload: As in `read_arm`.
-        load: As in `read_arm`.
-    """
+    """Read a built-in arm or an arm file, by the arguments of `arm_of`."""
     if name.lower().endswith((".yaml", ".yml")):
-        return read_arm(name, _files.read_bytes(name, "arm file"), payload, load)
+        content = _files.read_bytes(name, "arm file")
+        return arm_of(name, _yaml.load(content, name, _yaml.AngleLoader), payload, load)
     built_in = name.lower().replace("-", "")
     if built_in not in arm_names():
         raise InvalidInput(
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
             "your own arm goes in a .yaml, .urdf, .xacro or MJCF .xml file."
         )
-    return with_hulls(read_built_in(built_in, payload), built_in)
+    return with_hulls(arm_of(f"{built_in}.yaml", _built_in(built_in), payload), built_in)
 
 
-def equip(
-    arm: Arm,
-    *,
-    tool: Pose | None = None,
-    work: Pose | None = None,
-    payload: Payload | None = None,
-) -> Arm:
+def _equip(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
     """The arm with a tool, a work frame and a payload; None keeps what the arm has.
 
     Raises:
@@ -198,36 +187,6 @@ SERIAL = COMMON | {"joints", "positions", "angles", "axes", *BODIES, *OPTIONAL}
 KINDS = {"planar_two_link": PLANAR, "serial": SERIAL, derived.KIND: derived.KEYS}
 
 
-def read_arm(
-    file: str,
-    content: bytes,
-    payload: Payload | None = None,
-    load: Callable[..., Arm] | None = None,
-) -> Arm:
-    """Read the arm in an arm file.
-
-    Args:
-        file: Name of the file, for messages.
-        content: Content of the file.
-        payload: Payload of a planar arm; an arm in space gets its payload by `equip`.
-        load: Loads the arm that a derived one names; None where too many name each other.
-
-    Raises:
-        InvalidInput: Not YAML, or no description of an arm.
-    """
-    return arm_of(file, _yaml.load(content, file, _yaml.AngleLoader), payload, load)
-
-
-def read_built_in(name: str, payload: Payload | None) -> Arm:
-    """Read a built-in arm.
-
-    Args:
-        name: Its name.
-        payload: As in `read_arm`.
-    """
-    return arm_of(f"{name}.yaml", _built_in(name), payload)
-
-
 @cache
 def _built_in(name: str) -> Any:
     """The data of a built-in arm, whose text takes twenty times as long to parse as to make an arm.
@@ -248,10 +207,10 @@ def arm_of(
     """The arm of an arm file's data.
 
     Args:
-        file: As in `read_arm`.
+        file: Name of the file, for messages.
         data: The data.
-        payload: As in `read_arm`.
-        load: As in `read_arm`.
+        payload: Payload of a planar arm; an arm in space gets its payload by `_equip`.
+        load: Loads the arm that a derived one names; None where too many name each other.
 
     Raises:
         InvalidInput: They describe no arm.
