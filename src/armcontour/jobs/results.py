@@ -21,17 +21,19 @@ from armcontour.execution import RigidBodyPlant
 from armcontour.geometry import RoundedPath, ShapedPath, count_full_stops
 from armcontour.geometry.shaped import SHAPED, doubt_search
 from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops
-from armcontour.jobs.job import INVERSE_DYNAMICS, Job, Run
+from armcontour.jobs.job import Job, Run
 from armcontour.jobs.quantities import applied_torques, planned_torques
 from armcontour.jobs.run_data import (
     angular_rows,
     columns,
     corner_table,
     move_table,
+    off_drawing,
     plant_rows,
     program_rows,
     resume_intervals,
     torque_rows,
+    warning_rows,
 )
 from armcontour.jobs.weaves import Weaving, weavings
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
@@ -330,16 +332,20 @@ class RunResult(Result):
         return f"Run {self.run.name}: {found}.{early}"
 
     @property
+    def judge(self) -> RunResult | ExperimentResult:
+        """The result whose execution judges the run: that on rigid bodies, or that of the servo."""
+        on_bodies = self.run.judge is not None and self.experiment is not None
+        return self.experiment if on_bodies else self  # type: ignore[return-value]
+
+    @property
     def judged(self) -> Evaluation:
-        """What judges the run: its experiment, if its set-points are for the arm's bodies."""
-        if self.for_bodies and self.experiment is not None:
-            return self.experiment.evaluation
-        return self.evaluation
+        """The evaluation that judges the run."""
+        return self.judge.evaluation
 
     @property
     def for_bodies(self) -> bool:
         """Whether the set-points are for the arm's bodies, which the servo model does not have."""
-        return self.run.compensation == INVERSE_DYNAMICS
+        return self.run.for_bodies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -484,24 +490,14 @@ def _verdict(result: RunResult) -> Iterator[Row]:
     rounding, allowed = result.rounding_error, result.tolerance
     e = result.judged
     if e is not None:
-        parts = []
-        if rounding is not None:
-            of = "" if allowed is None else f" of {number(allowed, 'm')} allowed"
-            parts.append(f"rounding {number(rounding, 'm')}{of}")
-        parts.append(f"servo {number(e.contour_error.max, 'm')}")
-        off = (rounding or 0.0) + e.contour_error.max
-        yield Row("off_drawing", off, "m", "off the drawing", ", ".join(parts), VERDICT)
+        yield off_drawing(rounding, allowed, e.contour_error.max)
     yield Row("accuracy", result.accuracy, "m")
     yield Row("kept", result.kept, "", "kept", result.kept_note, VERDICT)
     if result.explanation is not None and result.explanation.longest is not None:
         limit, share = result.explanation.longest
         note = f"{number(share, '1')} of the motion"
         yield Row("time_limit", limit, "", "limits the time", note, VERDICT)
-    if result.warnings:
-        more = len(result.warnings) - 1
-        note = f"and {several(more, 'more warning')}" if more else ""
-        yield Row("worst_warning", result.warnings[0], "", "warning", note, VERDICT)
-    yield Row("warnings", result.warnings)
+    yield from warning_rows(result.warnings)
 
 
 def _executed(result: RunResult) -> Iterator[Row]:
