@@ -11,7 +11,7 @@ from tests.io.tables import refusals
 
 from armcontour.errors import InvalidInput
 from armcontour.io import read_trajectory, ros_files
-from armcontour.io.exports import FORMATS
+from armcontour.io.exports.formats import FORMATS
 from armcontour.io.exports.table import Table
 from armcontour.io.log_file import read_log
 

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from armcontour.arms import Arm, Limits
     from armcontour.cli.options import ExportOptions, StoredExportOptions
     from armcontour.io import ResultFolder
-    from armcontour.io.exports import ExportFormat, Table
+    from armcontour.io.exports.formats import ExportFormat
+    from armcontour.io.exports.table import Table
     from armcontour.jobs import Job, RunResult
     from armcontour.motion import TaughtData, Trajectory
     from armcontour.program import Event
@@ -45,26 +46,17 @@ class Target:
     ending: str
 
     @property
-    def kind(self) -> str:
-        """Name of the format."""
-        return self.format.kind
-
-    @property
-    def name(self) -> str:
-        """Name of the format or of the template."""
-        return self.format.label
-
-    @property
     def plans(self) -> bool:
         """Whether the controller plans between the points: such files get the plan only."""
-        from armcontour.io.exports import templates
+        from armcontour.io.exports.template import templates
 
-        return self.name in templates()
+        return self.format.label in templates()
 
     @property
     def option(self) -> str:
         """The option of the command line for this file, for messages."""
-        return f"--{'template' if self.kind == 'template' else 'export'} {self.name}"
+        kind = "template" if self.format.kind == "template" else "export"
+        return f"--{kind} {self.format.label}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +85,7 @@ class Exports:
             InvalidInput: The format cannot hold the table; names the option of the format.
         """
         from armcontour.errors import locate_errors
-        from armcontour.io.exports import WITH_ANALOG
+        from armcontour.io.exports.formats import WITH_ANALOG
 
         if not isinstance(target.format, WITH_ANALOG):
             table = dataclasses.replace(table, analog={})
@@ -102,22 +94,23 @@ class Exports:
 
     def period_of(self, target: Target) -> float | None:
         """Time between points of the plan in one of the files; None for the command interval."""
-        return None if target.kind == "urscript" else self.period
+        return None if target.format.kind == "urscript" else self.period
 
     def warn_of_events(self, target: Target, table: Table) -> list[str]:
         """Sentences on outputs that one of the files does not switch."""
-        from armcontour.io.exports import describe_program, outputs_of
+        from armcontour.io.exports.formats import outputs_of
+        from armcontour.io.exports.template import describe_program
 
         return describe_program(
             table,
-            target.name,
+            target.format.label,
             outputs_of(target.format),
             lambda event, output: f"--output {event}={output}",
         )
 
     def table_options(self, arm: Arm) -> dict[str, Any]:
         """Keyword arguments for a table of the arm; tool points only if a file has them."""
-        needed = self.tool_motion or any(x.kind in ("npz", "template") for x in self.targets)
+        needed = self.tool_motion or any(x.format.kind in ("npz", "template") for x in self.targets)
         return {
             "arm": arm if needed else None,
             "joint_names": arm.joint_names,
@@ -137,7 +130,7 @@ def exports_of(x: ExportOptions) -> Exports:
     """
     from armcontour._quantities import Interval
     from armcontour.errors import InvalidInput
-    from armcontour.io.exports import TemplateFormat, format_named
+    from armcontour.io.exports.formats import TemplateFormat, format_named
 
     kinds = [format_named(name) for name in x.export or ()]
     if TemplateFormat in kinds:
@@ -179,9 +172,10 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
         InvalidInput: No format takes outputs, or a text is not "event=output".
     """
     from armcontour.errors import InvalidInput
-    from armcontour.io.exports import WITH_OUTPUTS, UrScriptFormat, formats, templates
+    from armcontour.io.exports.formats import FORMATS, WITH_OUTPUTS, UrScriptFormat
+    from armcontour.io.exports.template import templates
 
-    takers = [x.name for x in targets if isinstance(x.format, WITH_OUTPUTS)]
+    takers = [x.format.label for x in targets if isinstance(x.format, WITH_OUTPUTS)]
     if texts and not takers:
         raise InvalidInput("--output goes with --export urscript or with --template.")
     # Of each format, and under "" of all of them.
@@ -191,7 +185,7 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
         kind, colon, rest = event.partition(":")
         if colon and kind in takers:
             event = rest
-        elif colon and kind in (*formats(), *templates()):
+        elif colon and kind in (*FORMATS, *templates()):
             raise InvalidInput(f"--output {text} is for {kind}, which is not exported.")
         else:
             kind = ""
@@ -207,7 +201,7 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
     for x in targets:
         format = x.format
         if isinstance(format, WITH_OUTPUTS):
-            own = outputs.get("", {}) | outputs.get(x.name, {})
+            own = outputs.get("", {}) | outputs.get(format.label, {})
             format = dataclasses.replace(format, outputs=own)
         if isinstance(format, UrScriptFormat):
             format = dataclasses.replace(format, call=call)
@@ -264,7 +258,8 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
 
 def _refuse_outputs(x: Exports, events: Iterable[str], owner: str) -> None:
     """Refuse outputs for events that do not exist."""
-    from armcontour.io.exports import outputs_of, refuse_unknown_outputs
+    from armcontour.io.exports.exporting import refuse_unknown_outputs
+    from armcontour.io.exports.formats import outputs_of
 
     names = {name: 0 for target in x.targets for name in outputs_of(target.format)}
     refuse_unknown_outputs(names, events, option="--output", owner=owner)
@@ -321,7 +316,8 @@ def write_exports(
 
     Returns sentences on the files with their sizes, and warnings.
     """
-    from armcontour.io.exports import FORMATS, WITH_ANALOG, make_table
+    from armcontour.io.exports import make_table
+    from armcontour.io.exports.formats import FORMATS, WITH_ANALOG
     from armcontour.jobs import analog_outputs
 
     analog = analog_outputs(result.path, result.trajectory, job.process, result.run.limits)
@@ -347,7 +343,7 @@ def write_exports(
             made[label, period] = table
             place = f"{name}/export/{label}{target.ending}"
             written.append(f"Exported {place}: {_place(folder, place, x, target, table)}.")
-        if target.kind in JOINED_BY_QUINTICS:
+        if target.format.kind in JOINED_BY_QUINTICS:
             if x.derivatives == 0 and job.arm.name.lower().startswith("ur"):
                 warnings.append(
                     f"{target.option}, run {name}: the trajectory interface of UR (passthrough "
@@ -447,7 +443,7 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     )
     x = Exports(targets=(target,))
     _refuse_outputs(x, {event.name for event in table.events}, f"the run {run.name}")
-    put(file, partial(x.write, target, table), folder=target.kind == "mcap")
+    put(file, partial(x.write, target, table), folder=target.format.kind == "mcap")
     for said in x.warn_of_events(target, table):
         Console().say(f"Warning: {capitalise(said)}")
     what = REFERENCE if options.reference else TAUGHT
@@ -468,7 +464,7 @@ def _format(file: FilePath, options: StoredExportOptions) -> ExportFormat:
         InvalidInput: No such format, or a template without its format.
     """
     from armcontour.errors import InvalidInput
-    from armcontour.io.exports import TemplateFormat, format_named, format_of
+    from armcontour.io.exports.formats import TemplateFormat, format_named, format_of
 
     if options.template is not None:
         if options.format not in (None, "template"):

@@ -24,7 +24,8 @@ from tests.io.tables import refusals
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io import read_trajectory
-from armcontour.io.exports import FORMATS, csv_text, export, make_table, text
+from armcontour.io.exports import csv_text, export, make_table, text
+from armcontour.io.exports.formats import FORMATS
 from armcontour.io.exports.text import event_data
 from armcontour.motion import TimedEvent
 

@@ -11,13 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.io.tables import refusals
 
-from armcontour.io.exports import (
-    Table,
-    TemplateFormat,
-    UrScriptFormat,
-    describe_program,
-    templates,
-)
+from armcontour.io.exports import Table, TemplateFormat, UrScriptFormat
+from armcontour.io.exports.template import describe_program, templates
 from armcontour.motion import TimedEvent
 
 NUMBER = r"-?\d+\.\d+"

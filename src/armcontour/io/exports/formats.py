@@ -89,9 +89,7 @@ class CsvFormat(TableFormat):
     kind: ClassVar[str] = "csv"
     ending: ClassVar[str] = ".csv"
 
-    def write(self, table: Table, file: FilePath) -> None:
-        """Write a table to a file."""
-        write_csv(table, file)
+    write = staticmethod(write_csv)
 
 
 @_checks.explain_calls
@@ -102,9 +100,7 @@ class NpzFormat(TableFormat):
     kind: ClassVar[str] = "npz"
     ending: ClassVar[str] = ".npz"
 
-    def write(self, table: Table, file: FilePath) -> None:
-        """Write a table to a file."""
-        write_npz(table, file)
+    write = staticmethod(write_npz)
 
 
 @_checks.explain_calls
@@ -115,9 +111,7 @@ class RosYamlFormat(TrajectoryFormat):
     kind: ClassVar[str] = "ros-yaml"
     ending: ClassVar[str] = ".yaml"
 
-    def write(self, table: Table, file: FilePath) -> None:
-        """Write a table to a file."""
-        write_ros_yaml(table, file)
+    write = staticmethod(write_ros_yaml)
 
 
 @_checks.explain_calls
@@ -128,9 +122,7 @@ class McapFormat(TrajectoryFormat):
     kind: ClassVar[str] = "mcap"
     ending: ClassVar[str] = ".mcap"
 
-    def write(self, table: Table, file: FilePath) -> None:
-        """Write a table to a folder."""
-        write_mcap(table, file)
+    write = staticmethod(write_mcap)
 
 
 @_checks.explain_calls
@@ -186,13 +178,9 @@ FORMATS: dict[str, type[ExportFormat]] = {
     x.kind: x
     for x in (CsvFormat, NpzFormat, RosYamlFormat, McapFormat, UrScriptFormat, TemplateFormat)
 }
+LISTED = ", ".join(f"{x} ({of.ending})" if of.ending else x for x, of in FORMATS.items())
 WITH_ANALOG = (TableFormat, UrScriptFormat)
 WITH_OUTPUTS = (UrScriptFormat, TemplateFormat)
-
-
-def formats() -> dict[str, str]:
-    """The formats with their file extensions; the extension is empty if any is possible."""
-    return {name: x.ending for name, x in FORMATS.items()}
 
 
 def format_named(name: str) -> type[ExportFormat]:
@@ -202,7 +190,7 @@ def format_named(name: str) -> type[ExportFormat]:
         InvalidInput: There is no such format.
     """
     if name not in FORMATS:
-        raise InvalidInput(f"There is no format {name!r}: the formats are {_listed()}.")
+        raise InvalidInput(f"There is no format {name!r}: the formats are {LISTED}.")
     return FORMATS[name]
 
 
@@ -212,19 +200,13 @@ def format_of(file: FilePath) -> type[ExportFormat]:
     Raises:
         InvalidInput: No format has this extension.
     """
-    ending = file.suffix.lower()
-    found = next((x for x in FORMATS.values() if x.ending and x.ending == ending), None)
-    if found is None:
-        raise InvalidInput(
-            f"The ending of {file.name or file} is not that of a format: give one of the formats "
-            f"{_listed()}, or a template, such as kuka."
-        )
-    return found
-
-
-def _listed() -> str:
-    """The formats for messages."""
-    return ", ".join(f"{x} ({end})" if end else x for x, end in formats().items())
+    by_ending = {x.ending: x for x in FORMATS.values() if x.ending}
+    if file.suffix.lower() in by_ending:
+        return by_ending[file.suffix.lower()]
+    raise InvalidInput(
+        f"The ending of {file.name or file} is not that of a format: give one of the formats "
+        f"{LISTED}, or a template, such as kuka."
+    )
 
 
 def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:

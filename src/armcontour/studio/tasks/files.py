@@ -19,7 +19,7 @@ from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
-    from armcontour.io.exports import ExportFormat
+    from armcontour.io.exports.formats import ExportFormat
     from armcontour.jobs import Job, RunResult
 
 # The template whose files have names of KRL, of so many letters at most.
@@ -82,19 +82,14 @@ def certify(x: Request) -> Frame:
 def export(x: Request) -> Frame:
     """The set-points or the plan in a format of a controller or a table.
 
-    Options: `format`, a name of `io.exports.formats()`; for "template" its `template`; `of`,
+    Options: `format`, a name of a format; for "template" its `template`; `of`,
     "taught" or "planned"; `period` of a plan [s]; `outputs`, `derivatives` and `tool_motion`.
     """
-    from armcontour.io.exports import (
-        TemplateFormat,
-        describe_program,
-        format_named,
-        make_table,
-        outputs_of,
-        refuse_unknown_outputs,
-    )
     from armcontour.io.exports.destination import put
-    from armcontour.io.exports.template import SHIPPED
+    from armcontour.io.exports.exporting import refuse_unknown_outputs
+    from armcontour.io.exports.formats import TemplateFormat, format_named, outputs_of
+    from armcontour.io.exports.table import make_table
+    from armcontour.io.exports.template import SHIPPED, describe_program
     from armcontour.jobs import analog_outputs
 
     of, plan = format_named(str(x.option("format", "csv"))), x.taught
@@ -146,7 +141,7 @@ def export(x: Request) -> Frame:
 
 def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[..., Any]) -> Any:
     """The analog outputs of a plan, for formats that have them."""
-    from armcontour.io.exports import WITH_ANALOG
+    from armcontour.io.exports.formats import WITH_ANALOG
 
     if not isinstance(format, WITH_ANALOG):
         return None
