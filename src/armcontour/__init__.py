@@ -58,7 +58,7 @@ if TYPE_CHECKING:
         NpzFormat,
         RosYamlFormat,
         TemplateFormat,
-        UrScriptFormat,
+        URScriptFormat,
         export,
     )
     from armcontour.io.log_file import read_log
@@ -147,7 +147,7 @@ _HOME = {
         "NpzFormat",
         "RosYamlFormat",
         "TemplateFormat",
-        "UrScriptFormat",
+        "URScriptFormat",
         "export",
     ),
     "io.log_file": ("read_log",),
@@ -264,8 +264,8 @@ __all__ = [
     "TaughtData",
     "TemplateFormat",
     "Trajectory",
+    "URScriptFormat",
     "Unreachable",
-    "UrScriptFormat",
     "Weave",
     "__version__",
     "arm_names",

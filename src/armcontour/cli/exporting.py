@@ -172,7 +172,7 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
         InvalidInput: No format takes outputs, or a text is not "event=output".
     """
     from armcontour.errors import InvalidInput
-    from armcontour.io.exports.formats import FORMATS, WITH_OUTPUTS, UrScriptFormat
+    from armcontour.io.exports.formats import FORMATS, WITH_OUTPUTS, URScriptFormat
     from armcontour.io.exports.template import templates
 
     takers = [x.format.label for x in targets if isinstance(x.format, WITH_OUTPUTS)]
@@ -203,7 +203,7 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
         if isinstance(format, WITH_OUTPUTS):
             own = outputs.get("", {}) | outputs.get(format.label, {})
             format = dataclasses.replace(format, outputs=own)
-        if isinstance(format, UrScriptFormat):
+        if isinstance(format, URScriptFormat):
             format = dataclasses.replace(format, call=call)
         complete.append(Target(format=format, ending=x.ending))
     return complete

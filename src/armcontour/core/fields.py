@@ -95,7 +95,8 @@ def _readers(
         user = _noun(kind)
         field = _Field(capitalise(user), x.name, f"{x.name} of {user}")
         # None is named by a message on a wrong class, as other classes are.
-        read = _reader(hints[x.name] if _checks.kinds_of(hint) else hint, field)
+        simple = _checks.kinds_of(hint) and get_origin(hint) is not Mapping
+        read = _reader(hints[x.name] if simple else hint, field)
         if read is not None:
             found.append((x.name, read, optional))
         shape = next((y for y in getattr(hint, "__metadata__", ()) if isinstance(y, Axes)), None)

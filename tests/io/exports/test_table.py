@@ -374,7 +374,7 @@ def test_events_without_an_output_are_warned_of_once(taught, six, tmp_path):
     switches = tuple(x for x in taught(q).trajectory.events if x.name == "tool")
     given, place = taught(q, events=switches), tmp_path / "part.txt"
     bare = (ac.TemplateFormat(template=x) for x in ("kuka", "abb"))
-    for form in (*bare, ac.UrScriptFormat()):
+    for form in (*bare, ac.URScriptFormat()):
         with pytest.warns(UserWarning, match="nothing is switched for tool,") as told:
             export(given, place, form)
         assert len(told) == 1 and told[0].filename == __file__
@@ -390,7 +390,7 @@ def test_events_without_an_output_are_warned_of_once(taught, six, tmp_path):
 @pytest.mark.parametrize("ending", [".src", ".script"])
 def test_programs_that_do_not_set_an_analog_output_warn(taught, tmp_path, ending):
     given = taught(np.zeros((20, 6)), events=())
-    form = ac.UrScriptFormat() if ending == ".script" else ac.TemplateFormat(template="kuka")
+    form = ac.URScriptFormat() if ending == ".script" else ac.TemplateFormat(template="kuka")
     form = dataclasses.replace(form, analog={"power": lambda t: 0 * t})
     with pytest.warns(UserWarning, match="does not set power"):
         export(given, tmp_path / f"part{ending}", form)
@@ -415,13 +415,13 @@ def test_refuses_what_does_not_fit_together(six, tmp_path):
         ("no/a.csv", {}, "No such file or directory"),
         (
             "a.script",
-            {"format": ac.UrScriptFormat(outputs={"tol": 1})},
+            {"format": ac.URScriptFormat(outputs={"tol": 1})},
             "outputs ... 'tol'",
         ),
     ]
     refusals(lambda x: export(six, tmp_path / x[0], **x[1]), [((a, b), c) for a, b, c in cases])
     wrong = [
-        (lambda: ac.UrScriptFormat(outputs=["tool"]), "needs a mapping"),
+        (lambda: ac.URScriptFormat(outputs=["tool"]), "needs a mapping"),
         (lambda: ac.CsvFormat(derivatives=3), "derivatives ... from 0 to 2"),
         (lambda: ac.RosYamlFormat(outputs={"tool": 0}), "no argument 'outputs'"),
         (lambda: ac.TemplateFormat(), "needs template"),
@@ -429,7 +429,7 @@ def test_refuses_what_does_not_fit_together(six, tmp_path):
     refusals(lambda x: x(), wrong)
     assert not list(tmp_path.iterdir())
     with pytest.warns(UserWarning, match="gas, whose values are not on or off"):
-        export(six, tmp_path / "a.script", ac.UrScriptFormat(outputs={"tool": 1}))
+        export(six, tmp_path / "a.script", ac.URScriptFormat(outputs={"tool": 1}))
     export(six, tmp_path / "a.csv", joint_names=np.array(list("abcdef")))
 
 
@@ -442,11 +442,11 @@ def test_a_writer_that_fails_halfway_leaves_what_was_there(six, tmp_path, monkey
     form = {".csv": ac.CsvFormat, ".mcap": ac.McapFormat}[ending]
     write = form.write
 
-    def halfway(self, table, path):
-        write(self, table, path)
+    def halfway(table, path):
+        write(table, path)
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(form, "write", halfway)
+    monkeypatch.setattr(form, "write", staticmethod(halfway))
     words = "Cannot write  ... No space left on device; free "
     places = [(place, words), (tmp_path / f"new{ending}", words)]
     refusals(lambda x: export(six, x), places)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.io.tables import refusals
 
-from armcontour.io.exports import Table, TemplateFormat, UrScriptFormat
+from armcontour.io.exports import Table, TemplateFormat, URScriptFormat
 from armcontour.io.exports.template import describe_program, templates
 from armcontour.motion import TimedEvent
 
@@ -124,7 +124,7 @@ def test_ours_refuse_arms_of_other_joints_and_other_outputs(table, tmp_path):
     for name, (good, words, bad) in table_of.items():
         refusals(lambda x, n=name: made(table(x), tmp_path, n), [(2, f"{name}. ... 6 ... has 2")])
         outputs = [({"gas": good}, "the event gas"), *(({"tool": x}, words) for x in bad)]
-        outputs += [({"tool": x}, "outputs of a TemplateFormat") for x in (1.5, True, None)]
+        outputs += [({"tool": x}, "outputs of") for x in (1.5, True, None)]
         refusals(lambda x, n=name: made(table(6), tmp_path, n, outputs=x), outputs)
     assert "$OUT[3] =" in made(table(6), tmp_path, "kuka", outputs={"tool": np.int64(3)})
     taken = ("do;\nStop", "7th", "EndIf", 33 * "d")
@@ -280,7 +280,7 @@ def run(text):
 
 
 def program(table, tmp_path, **options):
-    UrScriptFormat(**options).write(table, tmp_path / "a.script")
+    URScriptFormat(**options).write(table, tmp_path / "a.script")
     return (tmp_path / "a.script").read_text(encoding="utf-8")
 
 

@@ -7,7 +7,7 @@ from armcontour.io.exports.formats import (
     NpzFormat,
     RosYamlFormat,
     TemplateFormat,
-    UrScriptFormat,
+    URScriptFormat,
 )
 from armcontour.io.exports.table import Table, make_table
 from armcontour.io.exports.text import csv_text
@@ -19,7 +19,7 @@ __all__ = [
     "RosYamlFormat",
     "Table",
     "TemplateFormat",
-    "UrScriptFormat",
+    "URScriptFormat",
     "csv_text",
     "export",
     "make_table",

@@ -40,7 +40,7 @@ def export(
     Args:
         data: Taught data, or a trajectory for a controller that needs no compensation.
         file: The destination; for a bag a folder like those of `ros2 bag record`.
-        format: The format with its options, such as UrScriptFormat(outputs={"tool": 0}); by default
+        format: The format with its options, such as URScriptFormat(outputs={"tool": 0}); by default
             that of the file's extension.
         arm: The arm; gives joint names, and tool points if the format contains them.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.

@@ -127,7 +127,7 @@ class McapFormat(TrajectoryFormat):
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class UrScriptFormat(ExportFormat):
+class URScriptFormat(ExportFormat):
     """A program for Universal Robots (.script).
 
     Args:
@@ -176,11 +176,11 @@ class TemplateFormat(TableFormat):
 # The formats by their names.
 FORMATS: dict[str, type[ExportFormat]] = {
     x.kind: x
-    for x in (CsvFormat, NpzFormat, RosYamlFormat, McapFormat, UrScriptFormat, TemplateFormat)
+    for x in (CsvFormat, NpzFormat, RosYamlFormat, McapFormat, URScriptFormat, TemplateFormat)
 }
 LISTED = ", ".join(f"{x} ({of.ending})" if of.ending else x for x, of in FORMATS.items())
-WITH_ANALOG = (TableFormat, UrScriptFormat)
-WITH_OUTPUTS = (UrScriptFormat, TemplateFormat)
+WITH_ANALOG = (TableFormat, URScriptFormat)
+WITH_OUTPUTS = (URScriptFormat, TemplateFormat)
 
 
 def format_named(name: str) -> type[ExportFormat]:
