@@ -18,6 +18,7 @@ from armcontour.io import parse_job
 from armcontour.io.job_model import TimingModel
 from armcontour.jobs import PlaceSearch
 from armcontour.placement.judging import Verdict
+from armcontour.placement.moving import Moves
 from armcontour.placement.placement import Place
 from armcontour.scene.scene import MARGINS
 from armcontour.timing.grid import DEFAULT_INTERVALS
@@ -203,13 +204,13 @@ def test_defaults_of_compensation_are_those_of_its_page():
 
 # Facts that are printed, by the class of the result.
 FACTS = {
-    "Certificate": ("contour error at most 0.00419", "of 0.1 mm"),
+    "Certificate": ("servo 0.004192 mm", "2.004 mm", "of 0.1 mm"),
     "CheckReport": ("joint acceleration", "rad/s²", "kept"),
     "Evaluation": ("2.1855 s of motion", "mm RMS"),
     "Explanation": ("joint 2 acceleration", "%"),
     "RoundedPath": ("rounded 1 corner",),
     "Study": ("only", "2.1855 s"),
-    "Placement": ("best place", "x 10 mm, yaw 90°", "refused", "1 by reach"),
+    "Placement": ("best place", "x 10 mm, yaw 90 deg", "1 refused by reach"),
     "Program": ("2 contours, 0.5 m", "CUT 1, MARK 1"),
     "Limits": ("joint_torque", "28 N m"),
 }
@@ -229,9 +230,9 @@ def results():
     yield from (x.path.path, x.taught, x.trajectory, x.trajectory.sample(0.1))
     best = Place(values={"x": 0.01, "yaw": np.pi / 2}, verdict=Verdict(bound=1.4, duration=1.5))
     yield ac.Placement(
-        job=job, run=job.runs[0], axes=(), moves=None, objective="cycle", best=best, refined=best,
+        job=job, run=job.runs[0], axes=(), objective="cycle", best=best, refined=best,
         verdicts=(best.verdict, Verdict(bound=1.6), Verdict(refusal="reach")),
-        own=Verdict(refusal="reach"),
+        own=Verdict(refusal="reach"), moves=Moves(anchor=np.zeros(3)),
     )  # fmt: skip
     results = [*[{"status": "done", "error": None}] * 300]
     results += [{"status": "refused", "error": "Unreachable"}] * 80

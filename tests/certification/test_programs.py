@@ -169,6 +169,21 @@ def test_what_is_written_has_every_contour(certified):
     assert all(f"{x.duration:.4f} s" in page for x in certified.contours)
 
 
+def test_the_stated_sum_bounds_the_distance_from_the_drawing(certified):
+    """That of the contour with the largest sum, not of the one with the least left."""
+    data = certified.to_data()
+    row, parts = data["off_drawing"], [x.budget for x in certified.contours]
+    _, result = executed(certified)
+    missed = ac.evaluate(certified.execution, certified.path, objective=certified.objective)
+    off = max(result.objective_error.max, missed.objective_missed.max)
+    assert 0.99 * row.value < off <= row.value == max(x.total for x in parts)
+    assert row.value == pytest.approx(max(x.rounding for x in parts) + parts[0].executed)
+    assert data["kept"].value is certified.kept is True
+    page = json.loads(certificate_json(certified))
+    assert page["certificate"]["off_drawing"] == row.value >= page["runs"]["only"]["off_drawing"]
+    assert page["units"]["budget.left"] == page["units"]["off_drawing"] == "m"
+
+
 def test_rapids_of_a_certified_program_keep_their_speed():
     speed = 0.03
     found = ac.certify(quick(replace(LEADS, rapid_speed=speed)))

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 import armcontour as ac
-from armcontour.cli.certifying import certified_rows
+from armcontour.core.render import number
 from armcontour.io import certificate_json, parse_job
 from armcontour.report import render_report
 
@@ -67,10 +67,9 @@ def test_arcs_are_not_faster_and_that_is_said(job, certified):
     data = json.loads(certificate_json(certified))["certificate"]
     assert data["contours"][0]["shape"] == data["repeat"]["rounding"]["shape"] == shape
     assert data["shapes"] == certified.shapes
-    said = f"at least {certified.shapes['arc']:.4f} s"
-    assert ("corners", f"free, arc {said}") in certified_rows(certified)
-    page = render_report(certified.study, certificate=certified)
-    assert f"with arcs at the corners it takes {said}" in page and "shape of the path" in page
+    row, shown = certified.to_data()["shape"], number(certified.shapes["arc"], "s")
+    assert row.value == data["shape"] == shape and shown in row.note
+    assert shown in render_report(certified.study, certificate=certified)
 
 
 def test_the_servo_takes_its_part_of_lines_too(job):

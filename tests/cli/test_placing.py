@@ -52,7 +52,8 @@ def placed(done, tmp_path):
 
 def test_place_writes_maps_a_table_and_a_job_that_runs(job, tmp_path, placed, done):
     shown, data, page, text = placed(job, *OVER)
-    assert "6 places" in shown and "best of the grid" in shown
+    assert data["places"] == 6 and f"{data['best']['duration']:.4f} s" in shown
+    assert f"{data['own_place']['duration']:.4f} s" in shown
     assert set(data["files"]) == {"report.html", "placement.csv", "job.yaml", "summary.json"}
     assert 'id="placement"' in page and "Places by duration" in page
     assert "# stays" in text and "../part.svg" in text
@@ -62,9 +63,9 @@ def test_place_writes_maps_a_table_and_a_job_that_runs(job, tmp_path, placed, do
     assert "name: part" in text and "speed: 0.1" in text
     # The cell holds the question.
     job.write_text(JOB + ASKED, encoding="utf-8")
-    shown = done("place", tmp_path / "part.svg", "--cell", job, "--out", tmp_path / "asked")
+    done("place", tmp_path / "part.svg", "--cell", job, "--out", tmp_path / "asked")
     text = (tmp_path / "asked" / "job.yaml").read_text(encoding="utf-8")
-    assert "6 places" in shown and "placement:" not in text
+    assert summary(tmp_path / "asked")["places"] == 6 and "placement:" not in text
 
 
 def test_wrong_options_write_nothing(job, tmp_path, refused):

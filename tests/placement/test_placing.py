@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import armcontour as ac
 from armcontour import _pool
 from armcontour._pool import InProcess
+from armcontour.core.render import number
 from armcontour.errors import (
     ArmContourError,
     ExecutionError,
@@ -23,7 +24,7 @@ from armcontour.errors import (
     Unreachable,
 )
 from armcontour.io import parse_job, placement_csv
-from armcontour.placement import Moves
+from armcontour.placement import UNITS, Moves
 from armcontour.placement.judging import Trail, Verdict
 from armcontour.placement.reach import beyond_links, longest_reach
 from armcontour.placement.screening import Screened
@@ -104,7 +105,14 @@ def test_a_refined_place_is_better_and_planned_in_full(placed, square):
     assert refined.verdict.duration == pytest.approx(again.duration, rel=SAME)
     # The job with its part there has that plan.
     assert plan(placed.placed()).duration == refined.verdict.duration
-    assert "x " in str(refined) and "mm" in str(refined) and "planned)" in repr(placed)
+    # The verdict compares both places, in the units of people.
+    shown, data = str(placed), placed.to_data()
+    for name, value in refined.values.items():
+        assert f"{name} {number(value, UNITS[name])}" in shown
+    for name, verdict in ("best", refined.verdict), ("own_place", placed.own):
+        row = data[f"{name}.duration"]
+        assert row.value == verdict.duration and number(row.value, row.unit) in shown
+    assert data["gain"].value == 1 - refined.verdict.duration / placed.own.duration > 0
 
 
 def test_every_place_can_be_planned(square):

@@ -20,6 +20,7 @@ from armcontour.certification._uses import (
     planned_uses,
 )
 from armcontour.core.fields import Checked
+from armcontour.core.result import FIRST, Data, Row
 from armcontour.execution import RigidBodyPlant, execute
 from armcontour.geometry import Path
 from armcontour.motion import Execution, TaughtData
@@ -51,6 +52,33 @@ class LinearFigures(Checked):
     shares: Mapping[str, float] = field(default_factory=dict)
     drawn: FloatArray
     seed: int
+
+    def to_data(self, budget: float) -> Data:
+        """The bound, its worst robot and its parts.
+
+        Args:
+            budget: Largest allowed error [m].
+        """
+        label = "contour error of all robots of the box"
+        parts = [
+            Row(f"shares.{kind}", x, "m", f"of it {kind}", level=FIRST)
+            for kind, x in self.shares.items()
+        ]
+        return Data(
+            "Linear model of rigid bodies",
+            (
+                Row("bound", self.bound, "m", label, f"worst robot {self.corner}", FIRST),
+                *(parts or [Row("shares", {})]),
+                Row("nominal", self.nominal, "m"),
+                Row("corner", self.corner),
+                Row("drawn.robots", len(self.drawn)),
+                Row("drawn.seed", self.seed),
+                Row(
+                    "drawn.max", self.drawn.max(), "m", f"{len(self.drawn)} drawn robots", "", FIRST
+                ),
+                Row("drawn.within", self.within(budget), "1"),
+            ),
+        )
 
     def within(self, budget: float) -> float:
         """Fraction of the drawn robots whose largest contour error is at most `budget` [m]."""

@@ -2,36 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._describing import brief, line_up, mm
+from armcontour._describing import brief, mm, several
 from armcontour.certification._bodies import LinearFigures
 from armcontour.certification._derating import Derating
 from armcontour.certification._rapids import Derated
 from armcontour.certification.lowering import Lowered
 from armcontour.clearance import Clearance
 from armcontour.core.fields import Checked
+from armcontour.core.render import Result, number, verdict
+from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.evaluation import Check, Evaluation
-from armcontour.evaluation.error_profile import ErrorProfile, Missed
+from armcontour.evaluation.error_profile import ErrorProfile, Missed, error_rows
 from armcontour.execution.rigid_body_plant import can_simulate
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
-from armcontour.jobs.results import ExperimentResult, RunResult, Study
+from armcontour.jobs.results import ROUNDING, ExperimentResult, RunResult, Study
+from armcontour.jobs.run_data import field_rows, off_drawing, warning_rows
 from armcontour.jobs.warnings import beyond_logs, collect_warnings
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.robustness.monte_carlo import Spread
 from armcontour.timing import Tracing
 
+# Labels of the bound of the distance from the drawing, and of mean derating.
+GUARANTEED = "off the drawing, guaranteed"
+DERATED = "acceleration derated, mean"
+
+
+def _part(name: str, data: Data | None) -> tuple[Row, ...]:
+    """The rows of a part that may be unknown, for files."""
+    return (Row(name, None),) if data is None else data.under(name, FILE)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Budget:
+class Budget(Result):
     """The parts of the contour error, the larger one of both directions [m].
 
     Args:
@@ -63,19 +75,26 @@ class Budget:
         """Bound of the tool's distance from the objective path [m]."""
         return self.rounding + self.executed
 
-    @property
-    def rows(self) -> list[tuple[str, str]]:
-        """The error, its parts and what is left as names and values, for tables."""
+    def to_data(self) -> Data:
+        """The bounds, what is left, and the parts."""
         allowed = self.servo_allowed if self.allowed is None else self.allowed
-        return [
-            ("contour error", f"at most {mm(self.executed)}"),
-            ("of it servo", mm(self.servo)),
-            ("  command interval", mm(self.sampling)),
-            ("  robots of the box", mm(self.box) if self.box else ""),
-            ("  not explained", mm(self.unexplained) if self.unexplained else ""),
-            ("rounding of corners", mm(self.rounding)),
-            ("left", f"{mm(self.left)} of {mm(allowed)}"),
-        ]
+        note = f"of {number(allowed, 'm')}"
+        unexplained = "not explained by the servo model" if self.unexplained else ""
+        return Data(
+            "Budget",
+            (
+                Row("total", self.total, "m", GUARANTEED, level=FIRST),
+                Row("executed", self.executed, "m", "contour error, guaranteed", level=FIRST),
+                Row("left", self.left, "m", "left of the budget", note, FIRST),
+                Row("rounding", self.rounding, "m", "rounding"),
+                Row("servo", self.servo, "m", "servo, continuous command"),
+                Row("sampling", self.sampling, "m", "command interval"),
+                Row("box", self.box, "m", "robots of the box" if self.box else ""),
+                Row("unexplained", self.unexplained, "m", unexplained),
+                Row("allowed", self.allowed, "m"),
+                Row("servo_allowed", self.servo_allowed, "m"),
+            ),
+        )
 
     @property
     def left(self) -> float:
@@ -86,7 +105,7 @@ class Budget:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Uncertified(Checked):
+class Uncertified(Result, Checked):
     """The fastest plan of the same limits, with nothing derated and the same compensation.
 
     Args:
@@ -104,9 +123,25 @@ class Uncertified(Checked):
     saturated: FloatArray
     box: float | None
 
+    def to_data(self) -> Data:
+        """Duration, errors and saturation."""
+        most, rms = self.contour_error
+        return Data(
+            "Uncertified optimum",
+            (
+                Row("duration", self.duration, "s", "motion", level=FIRST),
+                Row("contour_error.max", most, "m", "contour error, largest", level=FIRST),
+                Row("contour_error.rms", rms, "m", "contour error, RMS"),
+                Row("saturated", self.saturated, "1", "saturated"),
+                Row("box", self.box, "m", "robots of the box, largest"),
+            ),
+        )
+
+    __repr__ = brief
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ContourCertificate:
+class ContourCertificate(Result):
     """The certificate of one contour, for the time during which the process is at work on it.
 
     Args:
@@ -153,17 +188,34 @@ class ContourCertificate:
     linear: LinearFigures | None
     trials: int
 
-    def __str__(self) -> str:
-        """The error of the contour and its parts."""
-        cost = (self.duration - self.optimum) * 1e3
-        return line_up(
-            f"Certified: {self.name}: {self.duration:.4f} s",
-            [
-                ("cost", f"{cost:+.1f} ms to {self.optimum:.4f} s"),
-                *self.budget.rows,
-                ("derated, mean", ", ".join(f"{x:.2%}" for x in self.headroom)),
-                *(("lowered", str(x)) for x in self.lowered),
-            ],
+    def to_data(self) -> Data:
+        """The error of the contour, its parts, and what was derated."""
+        optimum = number(self.optimum, "s")
+        joint = f"joint {int(self.headroom.argmax()) + 1}"
+        return Data(
+            "Certified contour",
+            (
+                Row("name", self.name, "", "contour", level=FIRST),
+                *self.budget.to_data().under("budget"),
+                Row("duration", self.duration, "s", "motion", level=FIRST),
+                Row("cost", self.cost, "s", "cost", f"uncertified {optimum}", FIRST),
+                Row("optimum", self.optimum, "s"),
+                Row("t", self.t, "s"),
+                Row("work", self.work, "s"),
+                Row("length", self.path.length, "m"),
+                Row("shape", self.shape),
+                *error_rows("contour_error", "contour error", self.error),
+                *error_rows("missed", "path missed", self.missed),
+                Row("speed_ratio", self.speed_ratio, "1"),
+                Row("headroom.mean", self.headroom, "1", DERATED, joint),
+                Row("headroom.largest", self.largest_headroom, "1"),
+                Row("headroom.others", self.factors, "1"),
+                Row("lowered", [asdict(x) for x in self.lowered], "1"),
+                *_part("corners", None if self.corners is None else self.corners.to_data()),
+                *_part("spread", None if self.spread is None else self.spread.to_data()),
+                *_part("linear", self._linear),
+                Row("trials", self.trials),
+            ),
         )
 
     __repr__ = brief
@@ -181,6 +233,21 @@ class ContourCertificate:
         return self.trajectory.duration
 
     @property
+    def cost(self) -> float:
+        """Time that the certificate of the contour costs [s]."""
+        return self.duration - self.optimum
+
+    @property
+    def _linear(self) -> Data | None:
+        return None if self.linear is None else self.linear.to_data(self.budget.servo_allowed)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on the robots of the box."""
+        parts = [x.to_data() for x in (self.corners, self.spread) if x is not None]
+        return tuple(verdict(x) for x in (*parts, self._linear) if x is not None)
+
+    @property
     def headroom(self) -> FloatArray:
         """Share by which each acceleration limit is derated, mean along the path, (dof,)."""
         left = np.average(self.derating.share, axis=0, weights=self.derating.width)
@@ -194,7 +261,7 @@ class ContourCertificate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Certificate:
+class Certificate(Result):
     """The fastest plan found that keeps a goal, with the evidence.
 
     A job of a single path has one contour. Its joint path and its derating are attributes of
@@ -246,32 +313,131 @@ class Certificate:
     failure: ExecutionError | None = None
     clearance: Clearance | None = None
 
-    def __str__(self) -> str:
-        """What is certified, for which model, and what it costs."""
-        several = len(self.contours) > 1
-        worst = f", least left on {self.worst.name}" if several else ""
-        title = f"Certified: {self.job.title}, run {self.run.name}: {self.duration:.4f} s"
-        return line_up(
-            title,
-            [
-                ("cost", f"{self.cost * 1e3:+.1f} ms to {self.uncertified.duration:.4f} s"),
-                ("contours", f"{len(self.contours)}, all certified{worst}" if several else ""),
-                *self.budget.rows,
-                ("derated, mean", ", ".join(f"{x:.2%}" for x in self.headroom)),
-                ("saturated", ", ".join(f"{x:.1%}" for x in self.evaluation.saturated)),
-                ("limits of the plan", f"{self.check.verdict}, between samples too"),
-                ("holds for", self.model),
-                ("condition", self.condition),
-            ],
+    def to_data(self) -> Data:
+        """The verdict on the plan, its parts, the model, and what repeats it."""
+        count = len(self.contours)
+        title = f"Certificate of {self.job.title}, run {self.run.name}"
+        contours = Table.of(
+            "contours", [x.to_data() for x in self.contours], TABLE if count > 1 else FILE
+        )
+        return Data(
+            title + (f", {several(count, 'contour')}" if count > 1 else ""),
+            (*self._verdict(), *self._figures(), *self._requirements(), *self._repeat()),
+            (contours,),
+            notes=self.notes,
+            warnings=self.warnings,
         )
 
-    def __repr__(self) -> str:
-        """Job, run, duration and largest contour error, without arrays."""
-        error = max(x.budget.executed for x in self.contours)
-        return (
-            f"Certificate({self.job.name!r}, run {self.run.name!r}, {self.duration:.6g} s, "
-            f"contour error at most {error:.3g} m)"
+    __repr__ = brief
+
+    def _verdict(self) -> Iterator[Row]:
+        """What is off the drawing, guaranteed; what it costs, and what is left."""
+        off = max(self.contours, key=lambda x: x.budget.total)
+        rounding = None if off.shape is None else off.budget.rounding
+        row = off_drawing(rounding, self.result.tolerance, off.budget.executed, GUARANTEED)
+        yield replace(row, note=row.note + self._on(off))
+        note = f"limits {self.check.verdict}, between samples too"
+        yield Row("kept", self.kept, "", "kept", note, VERDICT)
+        yield Row("duration", self.duration, "s", "motion", level=FIRST)
+        optimum = self.uncertified.duration
+        note = f"{number(self.cost / optimum, '1')} of the uncertified {number(optimum, 's')}"
+        yield Row("cost", self.cost, "s", "cost", note, FIRST)
+        left = self.budget.to_data()["left"]
+        yield replace(left, name="budget.left", note=left.note + self._on(self.worst))
+        yield from warning_rows(self.warnings)
+
+    def _figures(self) -> Iterator[Row]:
+        """Parts of the budget, shape, derating and model."""
+        for x in self.budget.to_data().under("budget"):
+            # Budgets of several contours are in their table.
+            shown = len(self.contours) == 1 and x.name != "budget.total"
+            if x.name != "budget.left":
+                yield replace(x, level=max(x.level, TABLE) if shown else FILE)
+        yield Row("shapes", self.shapes, "s")
+        if self.shapes and self.run.rounding is not None:
+            shape = self.run.rounding.shape
+            others = {x: number(t, "s") for x, t in self.shapes.items() if x != shape}
+            note = ", ".join(f"{x} takes at least {t}" for x, t in others.items())
+            yield Row("shape", shape, "", "corner shape", note)
+        joint = self.job.arm.joint_names[int(self.headroom.argmax())]
+        yield Row("headroom.mean", self.headroom, "1", DERATED, joint)
+        joint = self.job.arm.joint_names[int(self.largest_headroom.argmax())]
+        label = "acceleration derated, largest"
+        yield Row("headroom.largest", self.largest_headroom, "1", label, joint)
+        yield Row("pauses", self.pauses, "s", "pauses after rapids" if self.pauses else "")
+        yield Row("limits_used", {x.name: x.ratio for x in self.check.uses}, "1")
+        yield Row("not_judged", self.check.not_judged)
+        yield Row("trials", self.trials, "", "plans tried")
+        yield Row("model", self.model, "", "holds for")
+        yield Row("on_bodies", self.on_bodies)
+
+    def _requirements(self) -> Iterator[Row]:
+        """The goal, and the plan that was not derated."""
+        yield Row("run", self.run.name)
+        yield from field_rows("goal", self.goal)
+        yield from self.uncertified.to_data().under("uncertified", FILE)
+
+    def _repeat(self) -> Iterator[Row]:
+        """All that a repetition of the plan needs, for files."""
+        run = self.run
+        rows = (
+            Row("timing", "optimal"),
+            Row("derating", "derating.csv"),
+            Row("rapids", [x.factors for x in self.rapids]),
+            Row("compensation", run.compensation),
+            Row("compensation_options", dict(run.compensation_options)),
+            Row("period", run.period, "s"),
+            *field_rows("rounding", run.rounding),
+            *(x for x in field_rows("limits", run.limits) if x.name != "limits.lifted"),
+            *field_rows("servo", self.job.servo),
+            *field_rows("plant", self.job.plant_servo),
+            Row("start", self.trajectory(0.0), "rad"),
         )
+        yield from Data("", rows).under("repeat")
+
+    def _on(self, contour: ContourCertificate) -> str:
+        """The name of a contour, if there are others."""
+        return f", on {contour.name}" if len(self.contours) > 1 else ""
+
+    @property
+    def comparison(self) -> dict[str, Data]:
+        """The uncertified and the certified plan, also in the experiment, with the same figures."""
+        before = self.uncertified.to_data()
+        judged = {"certified": self.evaluation}
+        if self.experiment is not None:
+            judged["certified, on rigid bodies"] = self.experiment.evaluation
+        names = [x.name for x in before.rows]
+        found = {
+            name: Data(name, tuple(x for x in e.to_data().rows if x.name in names))
+            for name, e in judged.items()
+        }
+        if before["box"].value is not None:
+            box = replace(before["box"], value=max(x.budget.executed for x in self.contours))
+            found["certified"] = replace(found["certified"], rows=(*found["certified"].rows, box))
+        return {"uncertified optimum": before, **found}
+
+    @property
+    def kept(self) -> bool:
+        """Whether every contour keeps its budget, and the plan its limits."""
+        within = (x.budget.left >= -ROUNDING * x.budget.servo_allowed for x in self.contours)
+        return all(within) and self.check.verdict != "violated"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on robots of the box, on what was derated, and on what was not checked."""
+        where = f"On {self.worst.name}: " if len(self.contours) > 1 else ""
+        found = [f"{where}{x}" for x in self.worst.notes]
+        found += [f"Reduced: {x}." for x in self.lowered]
+        if self.goal.saturation == "report":
+            found.append("Saturation was allowed; the certified execution includes it.")
+        if self.check.not_judged:
+            found.append("Not checked: " + ", ".join(self.check.not_judged) + ".")
+        return (*found, *filter(None, [self.condition]))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on weak points of the plan, and on what the certificate is not valid for."""
+        return (*self.result.warnings, *filter(None, [self.on_bodies]))
 
     @property
     def duration(self) -> float:

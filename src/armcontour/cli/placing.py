@@ -88,30 +88,14 @@ def _job_text(found: Placement, file: FilePath, out: FilePath, options: JobOptio
 
 def _print(found: Placement, report: FilePath, job: FilePath | None, unwritten: str) -> None:
     """Print the best place, what it gains, and how places were refused."""
-    from armcontour.placement import shown
+    from armcontour.core.render import compare, text
+    from armcontour.core.result import TABLE
 
     console = Console()
-    rows = [("best of the grid", str(found.best), found.best.verdict)]
-    if found.refined.values != found.best.values:
-        rows.append(("refined", str(found.refined), found.refined.verdict))
-    rows.append(("the job's own place", "", found.own))
-    console.show_table(
-        ["", "place", found.objective, "duration [s]"],
-        [
-            [
-                name,
-                at,
-                f"refused by {x.refusal}"
-                if x.refusal
-                else shown(x.score(found.objective), found.objective),
-                "" if x.refusal else f"{x.duration:.4f}",
-            ]
-            for name, at, x in rows
-        ],
-        title=f"{found.job.title}, run {found.run.name}",
-    )
-    refused = "".join(f", {n} refused by {kind}" for kind, n in found.refusals.items())
-    console.say(f"{len(found.verdicts)} places, {found.planned} planned{refused}.")
+    for line in text(found.to_data()).splitlines():
+        console.say(line)
+    header, *rows = compare(found.comparison, TABLE, texts=True)
+    console.show_table(header, rows)
     notes = [*found.notes, *found.job.arm.notes, *([unwritten] if unwritten else [])]
     for note in notes:
         console.say(f"Note: {note}")

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from armcontour._describing import digits, line_up, to_html
-from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
+from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table, nest
 
 # Units in which people read quantities, and their sizes in SI units.
 SHOWN = {
+    "s": ("ms", 1e-3),
     "m": ("mm", 1e-3),
     "m/s": ("mm/s", 1e-3),
     "rad": ("deg", math.pi / 180),
@@ -24,7 +26,8 @@ WRITTEN = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "rad/s^3": "rad/s³", "kg m^2
 SHORT = 0.1
 # Smaller numbers have six decimals in place of four digits.
 FINE = 1e-3
-# Widest line of a table [characters].
+# Widest figure after which notes are aligned, and widest line of a table [characters].
+WIDEST_FIGURE = 16
 WIDEST_TABLE = 118
 # Longest list in a file, which people and small programs read.
 MOST_LISTED = 10_000
@@ -45,13 +48,12 @@ def split(value: Any, unit: str = "") -> tuple[str, str]:
         return str(value), ""
     value = float(value)
     if unit == "1":
-        return (f"{value * 100:.2f}" if abs(value) < 10 else digits(value * 100)), "%"
-    if unit == "s":
-        short = 0 < abs(value) < SHORT
-        return (digits(value * 1e3), "ms") if short else (f"{value:.4f}", "s")
+        return (f"{value * 100:z.2f}" if abs(value) < 10 else digits(value * 100)), "%"
+    if unit == "s" and (abs(value) >= SHORT or not value):
+        return f"{value:.4f}", "s"
     name, size = SHOWN.get(unit, (WRITTEN.get(unit, unit), 1.0))
     value /= size
-    return (digits(value) if abs(value) >= FINE or not value else f"{value:.6f}"), name
+    return (digits(value) if abs(value) >= FINE or not value else f"{value:z.6f}"), name
 
 
 def number(value: Any, unit: str = "") -> str:
@@ -77,7 +79,9 @@ def text(data: Data, level: int = TABLE) -> str:
         level: The last level that is shown.
     """
     rows = [(x.label, figure(x), x.note) for x in data.shown(level)]
-    lines = [line_up(data.title, rows)]
+    sizes = [len(value) for _, value, note in rows if note]
+    width = max((x for x in sizes if x <= WIDEST_FIGURE), default=0)
+    lines = [line_up(data.title, [(name, f"{x:<{width}}  {y}" if y else x) for name, x, y in rows])]
     lines += [lay_out(x.name, cells(x)) for x in data.tables if x.level <= level]
     return "\n".join(lines)
 
@@ -110,7 +114,7 @@ def verdict(data: Data) -> str:
 def cells(table: Table) -> list[tuple[str, ...]]:
     """A table as rows of text, the header first; columns without a label are left out."""
     columns = [(k, x) for k, x in enumerate(table.columns) if x.label]
-    rows = [tuple(number(row[k], x.unit) for k, x in columns) for row in table.rows]
+    rows = [tuple(figure(replace(x, value=row[k])) for k, x in columns) for row in table.rows]
     return [tuple(x.label for _, x in columns), *rows]
 
 
@@ -140,13 +144,7 @@ def plain(data: Data) -> dict[str, Any]:
 
     Lists are cut after 10,000 entries; `left_out` has the number of entries that were cut.
     """
-    found: dict[str, Any] = {}
-    for row in data.rows:
-        *path, name = row.name.split(".")
-        inner = found
-        for key in path:
-            inner = inner.setdefault(key, {})
-        inner[name] = row.value
+    found = nest((x.name, x.value) for x in data.rows)
     for table in data.tables:
         found[table.name] = table.as_dicts(MOST_LISTED)
     cut = {x.name: len(x.rows) - MOST_LISTED for x in data.tables if len(x.rows) > MOST_LISTED}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -45,13 +45,25 @@ class Row:
         return None if len(value) == 0 else float(np.max(value))
 
 
+def nest(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    """Values by their names as mappings: "error.max" is the key `max` in the mapping `error`."""
+    found: dict[str, Any] = {}
+    for name, value in values:
+        *path, key = name.split(".")
+        inner = found
+        for part in path:
+            inner = inner.setdefault(part, {})
+        inner[key] = value
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class Table:
     """Many things of one kind, such as corners or moves.
 
     Args:
         name: Its key in JSON, and its caption.
-        columns: Name, unit and label of each column, as rows without values.
+        columns: Name, unit and label of each column, as rows without values; names as in `Row`.
         rows: The values, in the order of the columns.
         level: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
     """
@@ -68,7 +80,22 @@ class Table:
             most: Number of rows at most; None for all.
         """
         names = [x.name for x in self.columns]
-        return [dict(zip(names, x, strict=True)) for x in self.rows[:most]]
+        return [nest(zip(names, x, strict=True)) for x in self.rows[:most]]
+
+    @staticmethod
+    def of(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
+        """Results with the same figures, one a row; those of the first level are shown.
+
+        Args:
+            name: As in `Table`.
+            results: The results.
+            level: As in `Table`.
+        """
+        columns = tuple(
+            replace(x, value=None, label=x.label if x.level == FIRST else "")
+            for x in (results[0].rows if results else ())
+        )
+        return Table(name, columns, [[x.value for x in data.rows] for data in results], level)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +124,18 @@ class Data:
             if key == name:
                 return row
         raise KeyError(name)
+
+    def under(self, name: str, level: int | None = None) -> tuple[Row, ...]:
+        """The rows, with names that begin with a name and a point.
+
+        Args:
+            name: The name.
+            level: A level for all rows; None keeps their levels.
+        """
+        return tuple(
+            replace(x, name=f"{name}.{x.name}", level=x.level if level is None else level)
+            for x in self.rows
+        )
 
     def walk(self) -> Iterator[tuple[str, Row]]:
         """All rows, also those of parts, with their names."""

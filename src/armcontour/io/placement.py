@@ -5,11 +5,8 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path as FilePath
-from typing import Any
 
-from armcontour._version import __version__
 from armcontour.arms import SerialArm
 from armcontour.core.render import jsonable
 from armcontour.errors import InvalidInput
@@ -18,9 +15,9 @@ from armcontour.io.job_arm import frame_of
 from armcontour.io.job_edits import REMOVE, move_files
 from armcontour.io.job_file import model_of, read_data
 from armcontour.io.job_model import CellModel
-from armcontour.io.json_text import to_json
+from armcontour.io.json_text import data_json
 from armcontour.io.patch import Patch, write
-from armcontour.placement import UNITS, Place, Placement, Verdict
+from armcontour.placement import Placement
 from armcontour.scene.scene import BASE, PART
 
 # Columns of verdicts in CSV, by their attributes.
@@ -32,14 +29,6 @@ COLUMNS = {
     "torque_margin": "torque margin [1]",
     "refusal": "refused by",
 }
-VALUE_UNITS = {
-    "duration": "s",
-    "bound": "s",
-    "singular": "m/rad",
-    "clearance": "m",
-    "torque_margin": "1",
-    "beyond": "m",
-}
 
 
 def placement_json(placement: Placement, files: Sequence[str] = ()) -> str:
@@ -49,41 +38,7 @@ def placement_json(placement: Placement, files: Sequence[str] = ()) -> str:
         placement: The placement.
         files: The files of the result, relative to its folder.
     """
-    frame = placement.frame()
-    data = {
-        "armcontour": __version__,
-        "job": placement.job.name,
-        "arm": placement.job.arm.name,
-        "run": placement.run.name,
-        "objective": placement.objective,
-        "moved": placement.what,
-        "units": {**UNITS, **VALUE_UNITS, "position": "m"},
-        "axes": [
-            {
-                "name": x.name,
-                "from": float(x.values[0]),
-                "to": float(x.values[-1]),
-                "places": len(x.values),
-            }
-            for x in placement.axes
-        ],
-        "anchor": placement.moves.anchor.tolist(),
-        "absolute": list(placement.moves.absolute),
-        "uncertainty": dict(placement.uncertainty),
-        "places": len(placement.verdicts),
-        "planned": placement.planned,
-        "refused": placement.refusals,
-        "best": _place(placement.refined),
-        "best_of_grid": _place(placement.best),
-        "own_place": _verdict(placement.own),
-        "moved_by": {
-            "position": frame.position.tolist(),
-            "quaternion": quaternions(frame.rotation).tolist(),
-        },
-        "notes": list(placement.notes),
-        "files": list(files),
-    }
-    return to_json(data)
+    return data_json(placement.to_data(files))
 
 
 def placement_csv(placement: Placement) -> str:
@@ -157,13 +112,3 @@ def _frame(frame: Frame) -> dict[str, list[float]]:
         "position": (frame.position.round(12) + 0.0).tolist(),
         "quaternion": (quaternions(frame.rotation) + 0.0).tolist(),
     }
-
-
-def _place(place: Place) -> dict[str, Any]:
-    """A place for JSON."""
-    return {"place": dict(place.values), **_verdict(place.verdict)}
-
-
-def _verdict(x: Verdict) -> dict[str, Any]:
-    """A verdict for JSON; what is not known is null."""
-    return {name: value for name, value in asdict(x).items() if value != ""}

@@ -28,10 +28,12 @@ from armcontour.jobs.run_data import (
     columns,
     corner_table,
     move_table,
+    off_drawing,
     plant_rows,
     program_rows,
     resume_intervals,
     torque_rows,
+    warning_rows,
 )
 from armcontour.jobs.weaves import Weaving, weavings
 from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
@@ -484,24 +486,14 @@ def _verdict(result: RunResult) -> Iterator[Row]:
     rounding, allowed = result.rounding_error, result.tolerance
     e = result.judged
     if e is not None:
-        parts = []
-        if rounding is not None:
-            of = "" if allowed is None else f" of {number(allowed, 'm')} allowed"
-            parts.append(f"rounding {number(rounding, 'm')}{of}")
-        parts.append(f"servo {number(e.contour_error.max, 'm')}")
-        off = (rounding or 0.0) + e.contour_error.max
-        yield Row("off_drawing", off, "m", "off the drawing", ", ".join(parts), VERDICT)
+        yield off_drawing(rounding, allowed, e.contour_error.max)
     yield Row("accuracy", result.accuracy, "m")
     yield Row("kept", result.kept, "", "kept", result.kept_note, VERDICT)
     if result.explanation is not None and result.explanation.longest is not None:
         limit, share = result.explanation.longest
         note = f"{number(share, '1')} of the motion"
         yield Row("time_limit", limit, "", "limits the time", note, VERDICT)
-    if result.warnings:
-        more = len(result.warnings) - 1
-        note = f"and {several(more, 'more warning')}" if more else ""
-        yield Row("worst_warning", result.warnings[0], "", "warning", note, VERDICT)
-    yield Row("warnings", result.warnings)
+    yield from warning_rows(result.warnings)
 
 
 def _executed(result: RunResult) -> Iterator[Row]:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from dataclasses import fields, is_dataclass
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._describing import several
+from armcontour._quantities import Quantity
 from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.arms.chain import Chain
 from armcontour.core.render import number, plain
-from armcontour.core.result import Row, Table
+from armcontour.core.result import VERDICT, Row, Table
 from armcontour.evaluation import ErrorProfile
 from armcontour.execution import RigidBodyPlant
 from armcontour.geometry import RoundedPath, ShapedPath
@@ -21,6 +23,54 @@ from armcontour.jobs.quantities import Torques, angular_speed, assumed_numbers
 from armcontour.motion import Execution, Span, Trajectory
 from armcontour.program import Contour, Program
 from armcontour.program.preparing import PIERCE
+
+
+def off_drawing(
+    rounding: float | None, allowed: float | None, error: float, label: str = "off the drawing"
+) -> Row:
+    """The distance of the tool from the drawing, in sum and in parts.
+
+    Args:
+        rounding: Largest corner error [m]; None for a path as drawn.
+        allowed: Largest corner error that the run allows [m]; None without a tolerance.
+        error: Largest contour error [m].
+        label: What the sum is called.
+    """
+    parts = [f"servo {number(error, 'm')}"]
+    if rounding is not None:
+        limit = "" if allowed is None else f" of {number(allowed, 'm')} allowed"
+        parts.insert(0, f"rounding {number(rounding, 'm')}{limit}")
+    return Row("off_drawing", (rounding or 0.0) + error, "m", label, ", ".join(parts), VERDICT)
+
+
+def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
+    """The worst warning, and all of them."""
+    if warnings:
+        more = len(warnings) - 1
+        note = f"and {several(more, 'more warning')}" if more else ""
+        yield Row("worst_warning", warnings[0], "", "warning", note, VERDICT)
+    yield Row("warnings", warnings)
+
+
+def field_rows(name: str, value: Any) -> Iterator[Row]:
+    """The fields of a dataclass for files, with the units of their annotations.
+
+    Args:
+        name: Begin of their names.
+        value: The dataclass; None gives a row without a value.
+    """
+    if value is None:
+        yield Row(name, None)
+        return
+    hints = get_type_hints(type(value), include_extras=True)
+    for x in fields(value):
+        inner, key = getattr(value, x.name), f"{name}.{x.name}"
+        if is_dataclass(inner):
+            yield from field_rows(key, inner)
+            continue
+        parts = (hints[x.name], *get_args(hints[x.name]))
+        about = (y for part in parts for y in getattr(part, "__metadata__", ()))
+        yield Row(key, inner, next((y.unit for y in about if isinstance(y, Quantity)), ""))
 
 
 def torque_rows(

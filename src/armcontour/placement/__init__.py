@@ -6,7 +6,6 @@ from armcontour.placement.judging import KINDS, Verdict
 from armcontour.placement.moving import Moves, place_job
 from armcontour.placement.placement import Place, Placement
 from armcontour.placement.placing import place
-from armcontour.placement.searching import shown
 
 __all__ = [
     "AXES",
@@ -23,5 +22,4 @@ __all__ = [
     "Verdict",
     "place",
     "place_job",
-    "shown",
 ]

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from armcontour.arms import Arm, SerialArm
 from armcontour.clearance import Clearance
+from armcontour.core.render import Result
+from armcontour.core.result import Data, Row
 from armcontour.errors import ArmContourError, NotRealizable
 from armcontour.jobs.axes import corners_of
 from armcontour.jobs.job import Job, Run
@@ -31,11 +33,18 @@ from armcontour.tracing.poses import task_dimension
 
 # Kinds of refusals, those of a screen first.
 LIMITS, OTHER = "limits", "other"
+# What is compared for each objective, with its unit.
+COMPARED = {
+    CYCLE: ("duration", "s"),
+    MANIPULABILITY: ("singular", "m/rad"),
+    CLEARANCE: ("clearance", "m"),
+    TORQUE: ("torque_margin", "1"),
+}
 KINDS = (REACH, RANGE, SINGULAR_ARM, CLEARANCE, LIMITS, OTHER)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class Verdict(Result):
     """What is known of a place; with an uncertainty, of the worst place around it.
 
     Values are not numbers where they are not known.
@@ -73,12 +82,24 @@ class Verdict:
         """What the search makes small, one of `OBJECTIVES`; infinite without a plan."""
         if not self.planned:
             return np.inf
-        return {
-            CYCLE: self.duration,
-            MANIPULABILITY: -self.singular,
-            CLEARANCE: -self.clearance,
-            TORQUE: -self.torque_margin,
-        }[objective]
+        value = getattr(self, COMPARED[objective][0])
+        return float(value if objective == CYCLE else -value)
+
+    def to_data(self) -> Data:
+        """The figures that are known."""
+        rows = (
+            Row("bound", self.bound, "s"),
+            Row("duration", self.duration, "s", "motion"),
+            Row("singular", self.singular, "m/rad", "least singular value"),
+            Row("clearance", self.clearance, "m", "clearance"),
+            Row("torque_margin", self.torque_margin, "1", "torque margin"),
+            Row("refusal", self.refusal, "", "refused by"),
+            Row("reason", self.reason),
+            Row("beyond", self.beyond, "m"),
+            Row("below_base", self.below_base),
+        )
+        known = (replace(x, value=None) if x.unit and np.isnan(x.value) else x for x in rows)
+        return Data("Place", tuple(x for x in known if x.value != ""))
 
     def worse(self, other: Verdict) -> Verdict:
         """The worse values of two places that are not refused."""

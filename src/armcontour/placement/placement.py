@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._describing import line_up
-from armcontour.frames import Frame
-from armcontour.jobs.axes import Axis
+from armcontour._describing import brief
+from armcontour._version import __version__
+from armcontour.core.render import Result, number
+from armcontour.core.result import FIRST, TABLE, Data, Row, Table
+from armcontour.frames import Frame, quaternions
+from armcontour.jobs.axes import UNITS, Axis
 from armcontour.jobs.job import Job, Run
-from armcontour.placement.judging import Verdict
+from armcontour.placement.judging import COMPARED, Verdict
 from armcontour.placement.moving import Moves, place_job
 from armcontour.scene.scene import PART
 
@@ -37,14 +40,11 @@ class Place:
 
     def __str__(self) -> str:
         """The values, in mm and degrees."""
-        return ", ".join(
-            f"{name} {x * 1e3:.6g} mm" if name in "xyz" else f"{name} {np.degrees(x):.6g}°"
-            for name, x in self.values.items()
-        )
+        return ", ".join(f"{name} {number(x, UNITS[name])}" for name, x in self.values.items())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Placement:
+class Placement(Result):
     """Where a job's part, or the base of its arm, lies best.
 
     Args:
@@ -127,32 +127,81 @@ class Placement:
         """
         return place_job(self.job, self.frame(place), self.what)
 
-    def __str__(self) -> str:
-        """The best place, the job's own place, and how many places were refused."""
-        refused = ", ".join(f"{n} by {kind}" for kind, n in self.refusals.items())
-        own = self.own
-        return line_up(
+    def to_data(self, files: Sequence[str] = ()) -> Data:
+        """The best place, the job's own place, and how many places were refused.
+
+        Args:
+            files: The files of the result, relative to its folder.
+        """
+        compared = COMPARED[self.objective][0]
+        refused = [f"{n} refused by {kind}" for kind, n in self.refusals.items()]
+        rows: list[Row] = []
+        for key, (label, place, verdict) in self._compared.items():
+            rows += [
+                replace(
+                    x,
+                    name=f"{key}.{x.name}",
+                    label=f"{x.label}, {label}" if x.name in (compared, "refusal") else "",
+                    note=str(place or ""),
+                    level=TABLE if key == "best_of_grid" else FIRST,
+                )
+                for x in verdict.to_data().rows
+            ]
+            if place is not None:
+                rows += [Row(f"{key}.place.{x}", y, UNITS[x]) for x, y in place.values.items()]
+        note = ", ".join([f"{self.planned} planned", *refused])
+        if self.own.planned:
+            gain = 1 - self.refined.verdict.duration / self.own.duration
+            rows.append(Row("gain", gain, "1", "time saved", level=FIRST))
+        frame = self.frame()
+        rows += [
+            Row("places", len(self.verdicts), "", "places", note, FIRST),
+            Row("planned", self.planned),
+            Row("refused", self.refusals),
+            Row("armcontour", __version__),
+            Row("job", self.job.name),
+            Row("arm", self.job.arm.name),
+            Row("run", self.run.name),
+            Row("objective", self.objective),
+            Row("moved", self.what),
+            Row("anchor", self.moves.anchor, "m"),
+            Row("absolute", self.moves.absolute),
+            Row("moved_by.position", frame.position, "m"),
+            Row("moved_by.quaternion", quaternions(frame.rotation)),
+            Row("notes", self.notes),
+            Row("files", list(files)),
+        ]
+        off = Data("", tuple(Row(x, y, UNITS[x]) for x, y in self.uncertainty.items()))
+        rows += off.under("uncertainty") or (Row("uncertainty", {}),)
+        rows.append(Row("units", {x.name: x.unit for x in rows if x.unit}))
+        axes = [(x.name, x.values[0], x.values[-1], len(x.values)) for x in self.axes]
+        columns = tuple(Row(x, None) for x in ("name", "from", "to", "places"))
+        return Data(
             f"Placement of the {self.what}: {self.job.title}, run {self.run.name}, for "
             f"{self.objective}",
-            [
-                ("best place", f"{self.refined}: {self.refined.verdict.duration:.4f} s"),
-                ("best of the grid", f"{self.best}: {self.best.verdict.duration:.4f} s"),
-                (
-                    "the job's own",
-                    f"refused by {own.refusal}" if own.refusal else f"{own.duration:.4f} s",
-                ),
-                ("places", f"{len(self.verdicts)}, {self.planned} planned"),
-                ("refused", refused or "none"),
-                *(("note", x) for x in self.notes),
-            ],
+            tuple(rows),
+            (Table("axes", columns, axes),),
+            notes=self.notes,
         )
 
-    def __repr__(self) -> str:
-        """Job, best place and its value."""
-        return (
-            f"Placement({self.job.name!r}, {self.refined}, {self.refined.verdict.duration:.6g} s, "
-            f"{len(self.verdicts)} places, {self.planned} planned)"
-        )
+    @property
+    def _compared(self) -> dict[str, tuple[str, Place | None, Verdict]]:
+        """The best places and the job's own one, by their keys in JSON."""
+        return {
+            "best": ("best place", self.refined, self.refined.verdict),
+            "best_of_grid": ("best of the grid", self.best, self.best.verdict),
+            "own_place": ("the job's own place", None, self.own),
+        }
+
+    @property
+    def comparison(self) -> dict[str, Data]:
+        """The figures of the best places and of the job's own one, by their names."""
+        return {
+            label if place is None else f"{label}: {place}": verdict.to_data()
+            for label, place, verdict in self._compared.values()
+        }
+
+    __repr__ = brief
 
 
 def all_places(axes: tuple[Axis, ...]) -> list[dict[str, float]]:

@@ -18,8 +18,9 @@ import numpy as np
 from armcontour._pool import Crew, open_executor
 from armcontour._process import is_other
 from armcontour._progress import Progress, Step
+from armcontour.core.render import number
 from armcontour.jobs.place_search import CYCLE
-from armcontour.placement.judging import Judge, Trail, Verdict
+from armcontour.placement.judging import COMPARED, Judge, Trail, Verdict
 from armcontour.placement.screening import Screened
 
 # Places that are looked at together without a plan: about a quarter of a second of work.
@@ -182,10 +183,5 @@ class _Search:
 
 def shown(score: float, objective: str) -> str:
     """A score as the value that people know."""
-    unit, factor, sign = {
-        "cycle": (" s", 1.0, 1),
-        "manipulability": (" m/rad", 1.0, -1),
-        "clearance": (" mm", 1e3, -1),
-        "torque": (" %", 1e2, -1),
-    }[objective]
-    return f"{sign * score * factor:.5g}{unit}"
+    _, unit = COMPARED[objective]
+    return number(score if objective == CYCLE else -score, unit)

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from armcontour.core.render import compare, figure
+from armcontour.core import result
+from armcontour.core.render import cells, compare, figure
 from armcontour.core.result import FIRST, TABLE, Data
 from armcontour.jobs import RunResult, Study
 
@@ -73,10 +74,21 @@ def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str =
     columns = zip(header, *rows, strict=True)
     _, *figures = columns
     if len(rows) == 1:
-        notes = [x.note for x in next(iter(results.values())).shown(level)]
-        figures = [(*x, note) for x, note in zip(figures, notes, strict=True)]
+        notes = {x.label: x.note for data in results.values() for x in data.shown(level)}
+        figures = [(*x, notes[x[0]]) for x in figures]
         return Table(header=("figure", "value", ""), rows=tuple(figures), caption=caption)
     return Table(header=("figure", *results), rows=tuple(figures), caption=caption)
+
+
+def table_of(table: result.Table, caption: str = "") -> Table:
+    """A table of a result, of the columns with a label.
+
+    Args:
+        table: The table.
+        caption: Its caption.
+    """
+    header, *rows = cells(table)
+    return Table(header=header, rows=tuple(rows), caption=caption)
 
 
 def marked_run(study: Study) -> RunResult | None:

@@ -11,10 +11,12 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
-from armcontour._describing import brief, line_up, mm
+from armcontour._describing import brief
 from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.serial import ChainArm
 from armcontour.core.fields import Checked
+from armcontour.core.render import Result
+from armcontour.core.result import FIRST, Data, Row
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
 from armcontour.geometry.biarcs import draw_arcs
@@ -58,7 +60,7 @@ MOST_NAMED = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spread(Checked):
+class Spread(Result, Checked):
     """Contour errors of many executions of the same taught data.
 
     Args:
@@ -93,20 +95,26 @@ class Spread(Checked):
     nominal_max: float
     nominal_rms: float
 
-    def __str__(self) -> str:
+    def to_data(self) -> Data:
         """Largest contour errors of the robots, and what is behind the worst."""
         drawn = "corners of the box" if self.seed is None else f"drawn robots (seed {self.seed})"
         worst = self.worst_deviations
         most = sorted(worst, key=lambda x: -abs(worst[x]))[:MOST_NAMED]
-        return line_up(
-            f"Spread over {len(self)} {drawn}",
-            [
-                ("contour error", f"{mm(float(self.max.max()))} largest of all"),
-                ("in 95 % of them", f"at most {mm(self.quantile(0.95))}"),
-                ("nominal robot", mm(self.nominal_max)),
-                ("demand / limit", f"{self.demand_ratio.max():.4f} at most"),
-                ("worst robot", ", ".join(f"{x} {worst[x]:+.3g}" for x in most)),
-            ],
+        robot = ", ".join(f"{x} {worst[x]:+.3g}" for x in most)
+        return Data(
+            f"{len(self)} {drawn}",
+            (
+                Row("executions", len(self)),
+                Row("seed", self.seed),
+                Row("max", self.max.max(), "m", "contour error, largest", robot, FIRST),
+                Row("quantile_95", self.quantile(0.95), "m", "contour error, in 95 % of them"),
+                Row("rms", self.rms.max(), "m", "contour error, RMS, largest"),
+                Row("saturated", self.saturated.max(), "1", "saturated"),
+                Row("demand_ratio", self.demand_ratio.max(), "1", "demand of the limit", "", FIRST),
+                Row("worst", worst),
+                Row("nominal.max", self.nominal_max, "m", "nominal robot, largest"),
+                Row("nominal.rms", self.nominal_rms, "m", "nominal robot, RMS"),
+            ),
         )
 
     __repr__ = brief

@@ -9,11 +9,11 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.section import Section, Table, Tile
+from armcontour.report.section import Section, Table, side_by_side, tiles
 from armcontour.report.style import EXECUTED_COLOUR, PLANNED_COLOUR, finish
 
 if TYPE_CHECKING:
-    from armcontour.placement import Axis, Placement, Verdict
+    from armcontour.placement import Axis, Placement
 
 # Grey tones of refused places, by the kinds of refusals.
 GREYS = {
@@ -67,9 +67,9 @@ def placement(found: Placement) -> Section:
         key="placement",
         title="Placement",
         text=_text(found),
-        tiles=(("", _tiles(found)),),
+        tiles=(("", tiles(found.to_data())),),
         choices=tuple(choices),
-        tables=(_table(found), *_refusals(found)),
+        tables=(side_by_side(found.comparison), *_refusals(found)),
         notes=found.notes,
     )
 
@@ -91,46 +91,6 @@ def _text(found: Placement) -> str:
     if found.uncertainty:
         parts.append("All figures are those of the worst of a place and of the corners around it.")
     return " ".join(parts)
-
-
-def _tiles(found: Placement) -> tuple[Tile, ...]:
-    """Best place, its value and that of the job's own place."""
-    from armcontour.placement import shown
-
-    objective = found.objective
-    verdict, own = found.refined.verdict, found.own
-    before = f"refused by {own.refusal}" if own.refusal else shown(own.score(objective), objective)
-    return (
-        Tile(label=OBJECTIVES[objective], value=shown(verdict.score(objective), objective)),
-        Tile(label="in the job's own place", value=before),
-        Tile(label="best place", value=str(found.refined)),
-    )
-
-
-def _table(found: Placement) -> Table:
-    """Values of the best places and of the job's own one."""
-    header = ("place", "duration", "least singular value", "clearance", "torque margin")
-    rows = [("best of the grid", found.best.verdict, str(found.best))]
-    if found.refined is not found.best and found.refined.values != found.best.values:
-        rows.append(("refined", found.refined.verdict, str(found.refined)))
-    rows.append(("the job's own", found.own, ""))
-    cells = [(f"{name} ({at})" if at else name, *_cells(x)) for name, x, at in rows]
-    # Without a cell there is no clearance, and without masses no torque.
-    known = [k for k in range(len(header)) if any(row[k] for row in cells)]
-    return Table(
-        header=tuple(header[k] for k in known),
-        rows=tuple(tuple(row[k] for k in known) for row in cells),
-        caption=f"{len(found.verdicts)} places, {found.planned} of them planned",
-    )
-
-
-def _cells(x: Verdict) -> tuple[str, ...]:
-    """A verdict as cells; empty where nothing is known."""
-    if x.refusal:
-        return (f"refused by {x.refusal}", "", "", "")
-    values = ((x.duration, 1.0, "s"), (x.singular, 1.0, "m/rad"), (x.clearance, 1e3, "mm"))
-    parts = [f"{v * factor:.5g} {unit}" if np.isfinite(v) else "" for v, factor, unit in values]
-    return (*parts, f"{x.torque_margin * 100:.3g} %" if np.isfinite(x.torque_margin) else "")
 
 
 def _refusals(found: Placement) -> tuple[Table, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import tempfile
 import zipfile
@@ -59,7 +58,7 @@ def certify(x: Request) -> Frame:
     """
     from armcontour.certification import certify
     from armcontour.certification.certifying import goal_of
-    from armcontour.io import certificate_json
+    from armcontour.core.render import plain, verdict
     from armcontour.report import render_report
 
     if x.whole_job.certificate is None and "tolerance" not in x.options:
@@ -69,19 +68,11 @@ def certify(x: Request) -> Frame:
     goal = goal_of(x.whole_job, **x.options)
     found = certify(x.whole_job, x.run, goal=goal, progress=x.progress)
     x.progress(Step(("writing",)))
-    data = json.loads(certificate_json(found))["certificate"]
-    budget = found.budget
-    sentence = (
-        f"Certified: {found.duration:.4f} s, {found.cost:+.4f} s to the optimum, with "
-        f"{budget.left * 1e3:.4g} mm of the tolerance left. It holds for: {found.model}."
-    )
-    notes = [f"Reduced: {y}." for y in found.lowered]
-    if found.on_bodies is not None:
-        notes.append(found.on_bodies)
+    data = found.to_data()
     header = {
-        **{"run": found.run.name, "sentence": sentence, "notes": notes},
-        "duration": found.duration,
-        **{"cost": found.cost, "left": budget.left, "certificate": data},
+        **{"run": found.run.name, "sentence": f"{verdict(data)} It holds for: {found.model}."},
+        **{"notes": [*data.notes, *data.warnings], "duration": found.duration},
+        **{"cost": found.cost, "left": found.budget.left, "certificate": plain(data)},
     }
     page = render_report(found.study, certificate=found)
     return _file(f"{found.job.name}-certificate.html", page.encode(), header)

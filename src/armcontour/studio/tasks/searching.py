@@ -77,7 +77,8 @@ def place(x: Request) -> Frame:
     Options: those of `placement.place`, such as `over`, which replace keys of the job's
     `placement`; with `as_job` false they stand alone. Shifts are in the plane of the picture.
     """
-    from armcontour.placement import place, shown
+    from armcontour.core.render import verdict
+    from armcontour.placement import place
 
     given = dict(x.options)
     given.setdefault("processes", 1)
@@ -88,11 +89,7 @@ def place(x: Request) -> Frame:
     places = [found.place(k) for k in range(len(verdicts))]
     kinds = list(found.refusals)
     best = found.refined
-    gained = found.own.duration - best.verdict.duration
-    sentence = f"Best: {best}, with {shown(best.verdict.score(objective), objective)}."
-    if np.isfinite(gained):
-        than = "less" if gained >= 0 else "more"
-        sentence += f" The motion takes {abs(gained):.4f} s {than} than where the part was."
+    sentence = verdict(found.to_data())
     anchor = found.moves.anchor
     # Shifts are from where the part is.
     own = dict(zip(LENGTHS, anchor.tolist(), strict=True))
