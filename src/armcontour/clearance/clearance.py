@@ -15,7 +15,7 @@ from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.clearance.distances import UNCERTAINTY, Distances
 from armcontour.clearance.pairs import Pair, mounting_pairs, pairs_of
-from armcontour.core.render import Result
+from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 from armcontour.errors import Collision
 from armcontour.motion import Execution, JointPath, Trajectory
@@ -78,11 +78,15 @@ class PairClearance:
     def __str__(self) -> str:
         """The pair, its distance and when, as a sentence."""
         near = "touch" if self.high <= 0 else f"come as near as {self.high * 1e3:.4g} mm"
+        return f"{self.second} and {self.first} {near}, {self.place}"
+
+    @property
+    def place(self) -> str:
+        """When and where they are so near, or first too near, as a phrase."""
         t = self.t if self.first_time is None else self.first_time
         when = f"{'' if self.first_time is None else 'first '}at t = {clock(t)} s"
         x, y, z = self.points[1] * 1e3
-        place = f"({x:.4g}, {y:.4g}, {z:.4g}) mm in the work frame"
-        return f"{self.second} and {self.first} {near}, {when} near {place}"
+        return f"{when} near ({x:.4g}, {y:.4g}, {z:.4g}) mm in the work frame"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -218,10 +222,20 @@ class Clearance(Result):
         first, *others = self.nearest or (None,)
         if first is None:
             return "Clear: there is no pair of bodies that could touch."
+        assert self.low is not None
         clear = "Clear of the cell, but below the base" if self.below else "Clear"
-        more = "; ".join(f"{x.second} and {x.first} {x.high * 1e3:.4g} mm" for x in others)
-        found = f"{clear}: {first}; no nearer than {first.low * 1e3:.4g} mm at any time."
-        return f"{found} Nearest of other kinds: {more}." if more else found
+        more = "; ".join(
+            f"{x.second} and {x.first} {number(self._lowest(x.kind), 'm')}" for x in others
+        )
+        found = (
+            f"{clear}: nothing comes nearer than {number(self.low, 'm')} at any time; "
+            f"{first.second} and {first.first} are nearest, {first.place}."
+        )
+        return f"{found} Bounds of other kinds: {more}." if more else found
+
+    def _lowest(self, kind: str) -> float:
+        """What no pair of a kind comes below at any time, proven [m]."""
+        return min(x.low for x in self.pairs if x.kind == kind)
 
     @property
     def below_base(self) -> str | None:

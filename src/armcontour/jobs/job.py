@@ -296,6 +296,16 @@ class Run:
             )
 
     @property
+    def for_bodies(self) -> bool:
+        """Whether the set-points are for the arm's bodies, which the servo model does not have."""
+        return self.compensation == INVERSE_DYNAMICS
+
+    @property
+    def judge(self) -> Experiment | None:
+        """The experiment that judges the run; None where the servo model does."""
+        return self.experiment if self.for_bodies else None
+
+    @property
     def continuity(self) -> Continuity | None:
         """What is continuous along rounded corners; None without corners that arcs replace."""
         if self.rounding is None or self.rounding.free:

@@ -21,7 +21,7 @@ from armcontour.execution import RigidBodyPlant
 from armcontour.geometry import RoundedPath, ShapedPath, count_full_stops
 from armcontour.geometry.shaped import SHAPED, doubt_search
 from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops
-from armcontour.jobs.job import INVERSE_DYNAMICS, Job, Run
+from armcontour.jobs.job import Job, Run
 from armcontour.jobs.quantities import applied_torques, planned_torques
 from armcontour.jobs.run_data import (
     angular_rows,
@@ -332,16 +332,20 @@ class RunResult(Result):
         return f"Run {self.run.name}: {found}.{early}"
 
     @property
+    def judge(self) -> RunResult | ExperimentResult:
+        """The result whose execution judges the run: that on rigid bodies, or that of the servo."""
+        on_bodies = self.run.judge is not None and self.experiment is not None
+        return self.experiment if on_bodies else self  # type: ignore[return-value]
+
+    @property
     def judged(self) -> Evaluation:
-        """What judges the run: its experiment, if its set-points are for the arm's bodies."""
-        if self.for_bodies and self.experiment is not None:
-            return self.experiment.evaluation
-        return self.evaluation
+        """The evaluation that judges the run."""
+        return self.judge.evaluation
 
     @property
     def for_bodies(self) -> bool:
         """Whether the set-points are for the arm's bodies, which the servo model does not have."""
-        return self.run.compensation == INVERSE_DYNAMICS
+        return self.run.for_bodies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

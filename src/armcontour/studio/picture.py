@@ -20,7 +20,6 @@ from armcontour.studio.thinning import bends, thin
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
 from armcontour.timing import Explanation
-from armcontour.timing.explanation import BETWEEN
 
 # About the largest number of points of a path.
 MOST_POINTS = 20_000
@@ -192,16 +191,21 @@ def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
 
 
 def _shares(planned: Planned) -> list[dict[str, Any]]:
-    """Where the duration goes [s], the longest first: times of limits, and between contours."""
+    """Where the duration goes [s], the longest first: times of limits, and between contours.
+
+    Limits have their share of the time of all contours.
+    """
     if planned.explanation is None:
         return []
-    times: defaultdict[str, float] = defaultdict(float)
-    for x in planned.explanation.bindings:
-        times[BETWEEN if x.limit == "nothing" else x.name] += x.t[1] - x.t[0]
+    between: defaultdict[str, float] = defaultdict(float)
     for span in planned.trajectory.spans:
         if span.kind in BESIDES:
-            times[BESIDES[span.kind]] += span.t[1] - span.t[0]
-    return [{"name": name, "time": times[name]} for name in sorted(times, key=lambda x: -times[x])]
+            between[BESIDES[span.kind]] += span.t[1] - span.t[0]
+    found: list[dict[str, Any]] = [
+        {"name": x.name, "time": x.time, "share": x.of_time} for x in planned.explanation.shares
+    ]
+    found += [{"name": name, "time": x, "share": None} for name, x in between.items()]
+    return sorted(found, key=lambda x: -x["time"])
 
 
 def _shortfalls(planned: Planned, view: View) -> list[dict[str, Any]]:

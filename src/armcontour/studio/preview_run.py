@@ -13,7 +13,6 @@ from armcontour.execution import execute
 from armcontour.io.job_model import ExperimentModel, JobModel
 from armcontour.jobs import Experiment, Job, Run
 from armcontour.jobs.experiment import build_plant
-from armcontour.jobs.job import INVERSE_DYNAMICS
 from armcontour.jobs.study import RESOLUTION, execute_run
 from armcontour.motion import Execution, Method, TaughtData
 from armcontour.timing import intervals_of
@@ -103,10 +102,10 @@ def experiment_of(this: Run, moving: bool) -> Experiment | None:
         this: The run.
         moving: Whether the next one is wanted soon, so that longer cycles of drives are enough.
     """
-    found = this.experiment
-    if found is None or this.compensation != INVERSE_DYNAMICS:
-        return None
-    return dataclasses.replace(found, step=max(found.step, MOVING_STEP)) if moving else found
+    found = this.judge
+    if found is None or not moving:
+        return found
+    return dataclasses.replace(found, step=max(found.step, MOVING_STEP))
 
 
 def execute_judged(job: Job, this: Run, taught: TaughtData, bodies: Experiment | None) -> Execution:

@@ -10,9 +10,9 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._describing import line_up, several, to_html
 from armcontour.arms import Arm, Limits, resolve_limits
-from armcontour.core.result import Data, Row, Table
+from armcontour.core.render import Result
+from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.timing.common import with_reserve
@@ -93,7 +93,28 @@ class Shortfall:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Explanation:
+class LimitShare:
+    """Length and time for which one limit binds, over all contours.
+
+    Args:
+        name: The limit with its joint, or `BETWEEN`.
+        length: Length [m].
+        time: Time [s].
+        of_length: Share of the length of all contours.
+        of_time: Share of the time of all contours, without the ways between them.
+        count: Number of parts of the path.
+    """
+
+    name: str
+    length: float
+    time: float
+    of_length: float
+    of_time: float
+    count: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explanation(Result):
     """Which limits determine the duration of a plan.
 
     Args:
@@ -113,24 +134,38 @@ class Explanation:
     shortfalls: tuple[Shortfall, ...]
     jerk_stops: tuple[float, ...] = ()
 
-    _repr_html_ = to_html
-
     def __repr__(self) -> str:
         """The limits that bind, with their shares of the time."""
-        times, total = self._times, sum(self._times.values()) or 1.0
-        shares = ", ".join(f"{name} {x / total:.0%}" for name, x in times.items())
+        shares = ", ".join(f"{x.name} {x.of_time:.0%}" for x in self.shares)
         stops = f"; {len(self.jerk_stops)} stops by jerk" if self.jerk_stops else ""
         return f"Explanation({shares}; {len(self.shortfalls)} shortfalls{stops})"
 
     def to_data(self) -> Data:
         """The shares at the assigned velocity, what binds, and places below it."""
+        slowest = min(self.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
         return Data(
             "Explanation",
             (
                 Row("assigned_length", self.assigned_length, "1", "length at the assigned speed"),
                 Row("assigned_time", self.assigned_time, "1", "time at the assigned speed"),
+                Row("slowest", slowest and slowest.sentence, "", "slowest place"),
+                Row("jerk_stops", len(self.jerk_stops) or None, "", "stops by limits of jerk"),
             ),
             (
+                Table(
+                    "limits",
+                    (
+                        *(Row("limit", None, "", "limit"), Row("time", None, "s", "time")),
+                        *(Row("length", None, "m", "length"), Row("count", None, "", "parts")),
+                        Row("of_time", None, "1", "of the time"),
+                        Row("of_length", None, "1", "of the length"),
+                    ),
+                    [
+                        (x.name, x.time, x.length, x.count, x.of_time, x.of_length)
+                        for x in self.shares
+                    ],
+                    TABLE,
+                ),
                 Table(
                     "bindings",
                     (
@@ -156,36 +191,28 @@ class Explanation:
     @property
     def longest(self) -> tuple[str, float] | None:
         """The limit that binds for the longest time, and its share; None if none binds."""
-        times, total = self._times, sum(self._times.values())
-        return next(((name, x / total) for name, x in times.items() if name != "nothing"), None)
-
-    def __str__(self) -> str:
-        """The limits that bind, longest first, and the slowest place."""
-        times, total = self._times, sum(self._times.values()) or 1.0
-        assigned = self.assigned_length
-        said = "" if assigned is None else f", {assigned:.1%} of the length as assigned"
-        longest = [(BETWEEN if name == "nothing" else name, x) for name, x in times.items()]
-        if len(longest) > MOST_LISTED:
-            rest = sum(x for _, x in longest[MOST_LISTED - 1 :])
-            others = len(longest) - MOST_LISTED + 1
-            longest[MOST_LISTED - 1 :] = [(f"{others} other limits", rest)]
-        rows = [("limit", "time", "share")]
-        rows += [(name, f"{x:.4f} s", f"{x / total:.1%}") for name, x in longest]
-        text = line_up(f"Explanation: {total:.4f} s{said}", rows, columns=">")
-        worst = min(self.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
-        if worst is not None:
-            text += f"\n  slowest place: {worst.sentence}"
-        if self.jerk_stops:
-            text += f"\n  {several(len(self.jerk_stops), 'stop')} by limits of jerk"
-        return text
+        return next(((x.name, x.of_time) for x in self.shares if x.name != BETWEEN), None)
 
     @property
-    def _times(self) -> dict[str, float]:
-        """For how long each limit binds [s], the longest first."""
-        times: dict[str, float] = {}
+    def shares(self) -> tuple[LimitShare, ...]:
+        """Length and time for which each limit binds, the longest time first."""
+        sums: dict[str, FloatArray] = {}
         for x in self.bindings:
-            times[x.name] = times.get(x.name, 0.0) + x.t[1] - x.t[0]
-        return dict(sorted(times.items(), key=lambda x: -x[1]))
+            part = np.array([x.s[1] - x.s[0], x.t[1] - x.t[0], 1.0])
+            sums[x.name] = sums.get(x.name, np.zeros(3)) + part
+        length, time, _ = np.sum([np.zeros(3), *sums.values()], axis=0).tolist()
+        found = (
+            LimitShare(
+                name=BETWEEN if name == "nothing" else name,
+                length=x[0],
+                time=x[1],
+                of_length=x[0] / (length or 1.0),
+                of_time=x[1] / (time or 1.0),
+                count=int(x[2]),
+            )
+            for name, x in ((name, x.tolist()) for name, x in sums.items())
+        )
+        return tuple(sorted(found, key=lambda x: -x.time))
 
 
 @_checks.checked

@@ -255,7 +255,7 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
     found = judge(studio, "optimal")
     agree(studio, found)
     least = studio.figure("clearance")
-    assert least == pytest.approx(found.clearance.least.high, abs=EXACT)
+    assert least == pytest.approx(found.clearance.low, abs=EXACT)
     with studio.changing():
         studio.drag(box, (-120, 0))
     assert studio.figure("clearance") < least

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour.jobs import RunResult, Study
 from armcontour.report.figure import make_subplots, make_trace
-from armcontour.report.section import Section, Table
+from armcontour.report.section import Section, table_of
 from armcontour.report.sections.motion import assigned_speeds, planned_speeds
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line, thin
 from armcontour.timing import Explanation
@@ -37,7 +37,7 @@ def bindings(study: Study) -> Section | None:
             f"faster. {BETWEEN.capitalize()}, an optimal plan passes from one to the next."
         ),
         figures=tuple(_strip(*x) for x in plans),
-        tables=tuple(_table(*x) for x in plans),
+        tables=tuple(table_of(why.to_data().tables[0], name) for name, _, why in plans),
         notes=(
             *(note for x in plans for note in _notes(*x)),
             *(
@@ -180,28 +180,3 @@ def _names(why: Explanation) -> list[str]:
     """Names of all binding limits in order of appearance, "nothing" last."""
     names = list(dict.fromkeys(x.name for x in why.bindings))
     return sorted(names, key=lambda name: name == "nothing")
-
-
-def _table(title: str, result: RunResult, why: Explanation) -> Table:
-    """Share of length and time per limit, over all contours of a program."""
-    sums: dict[str, list[float]] = {}
-    for x in why.bindings:
-        of = sums.setdefault(x.name, [0.0, 0.0, 0])
-        of[0] += x.s[1] - x.s[0]
-        of[1] += x.t[1] - x.t[0]
-        of[2] += 1
-    length, time = (sum(x[i] for x in sums.values()) for i in (0, 1))
-    rows = [
-        (
-            _label(name),
-            f"{sums[name][0] / length:.1%}",
-            f"{sums[name][1] / time:.1%}",
-            f"{sums[name][2]}",
-        )
-        for name in _names(why)
-    ]
-    return Table(
-        header=("limit", "of the length", "of the time", "stretches"),
-        rows=tuple(rows),
-        caption=title,
-    )

@@ -57,9 +57,8 @@ def clearance(study: Study) -> Section | None:
         key="clearance",
         title="Clearance",
         text=(
-            "How near the arm comes to itself, to its tool and to its cell. Between the computed "
-            "distances bounds of the joint velocities prove that nothing is nearer than stated "
-            "below."
+            "Distances of the arm from itself, from its tool and from its cell. The clearance is "
+            "proven: at no time bodies are nearer. Distances at single times are computed."
         ),
         figures=tuple(figures),
         tables=tuple(_table(name, x) for name, x in runs.items()),
@@ -118,16 +117,16 @@ def _table(name: str, result: RunResult) -> Table:
         rows.append(
             (
                 f"{x.second}, {x.first}",
-                f"{x.high * 1e3:.2f} mm at {x.t:.3f} s",
                 f"{x.low * 1e3:.2f} mm",
-                "" if driven is None else f"{driven.high * 1e3:.2f} mm",
+                "" if driven is None else f"{driven.low * 1e3:.2f} mm",
+                f"{x.high * 1e3:.2f} mm at {x.t:.3f} s",
                 f"{x.margin * 1e3:.2f} mm",
                 "kept" if x.kept else f"too near from {x.first_time or 0.0:.3f} s",
                 KINDS[x.kind],
             )
         )
     return Table(
-        header=("pair", "nearest, planned", "proven", "executed", "margin", "verdict", "kind"),
+        header=("pair", "clearance", "executed", "computed", "margin", "verdict", "kind"),
         rows=tuple(rows),
         caption=f"Nearest pairs, run {name}",
     )
@@ -154,7 +153,7 @@ def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
     for trace, points in draw_surroundings(job, np.concatenate(drawn)):
         figure.add_trace(trace)
         drawn.append(points)
-    name = f"{nearest.second}, {nearest.first}: {nearest.high * 1e3:.1f} mm"
+    name = f"{nearest.second}, {nearest.first}: {nearest.high * 1e3:.1f} mm at {nearest.t:.3f} s"
     between = seen_from_base(job.arm, nearest.points)
     figure.add_trace(line_in_space(between, name, LIMIT_COLOUR, width=8))
     title = "Posture of the least distance, as the base has it"

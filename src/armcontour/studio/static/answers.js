@@ -59,8 +59,7 @@ function clearanceAnswer({ head, arrays }) {
     label: KINDS[kind] ?? kind, colour: RUN_COLOURS[k % RUN_COLOURS.length], dash: [[], [9, 3], [3, 3]][k % 3],
     y: withGaps(arrays[kind], 1000),
   }));
-  const least = nearest[0];
-  const summary = least ? `Least: ${mm(least.least, 1)} mm at ${seconds(least.t)} s, ${least.pair.join(" and ")}.` : "";
+  const summary = head.low === null ? "" : `Clearance ${mm(head.low, 1)} mm.`;
   return {
     sentences: [head.sentence],
     graphs: [{
@@ -70,8 +69,10 @@ function clearanceAnswer({ head, arrays }) {
     }],
     tables: [{
       title: "The nearest pairs",
-      columns: ["Pair", "Least distance [mm]", "Margin [mm]", "At [s]"],
-      rows: nearest.map((/** @type {any} */ x) => [x.pair.join(" and "), mm(x.least, 1), mm(x.margin, 1), seconds(x.t)]),
+      columns: ["Pair", "Clearance [mm]", "Margin [mm]", "Computed [mm]", "At [s]"],
+      rows: nearest.map((/** @type {any} */ x) => [
+        x.pair.join(" and "), mm(x.low, 1), mm(x.margin, 1), mm(x.high, 1), seconds(x.t),
+      ]),
     }],
   };
 }

@@ -15,7 +15,7 @@ const FIGURES = {
   max: ["Largest error", "mm", "Of the executed tool from the path, simulated with the servo"],
   demand: ["Joint demand", "%", "Largest share of a joint's limit that the executed motion takes"],
   saturated: ["Saturated", "", "Joints whose drives saturate in the execution"],
-  clearance: ["Clearance", "mm", "Least distance to obstacles and of the arm to itself"],
+  clearance: ["Clearance", "mm", "Proven least distance to obstacles and of the arm to itself"],
   settled: ["Settled", "s", "When the tool stays at its goal"],
 };
 
@@ -95,7 +95,7 @@ class Figures {
     const shares = exact?.demand ?? executed?.demand;
     const demand = shares?.length ? Math.max(...shares.map(Number)) : null;
     const joints = exact?.saturated ?? executed?.saturated ?? null;
-    const least = exact?.clearance?.least ?? null;
+    const low = exact?.clearance?.low ?? null;
     const settled = exact?.settled ?? executed?.settled ?? null;
     const known = joints !== null;
     return {
@@ -107,7 +107,7 @@ class Figures {
         exact: Boolean(exact),
         alarm: known && joints.length > 0,
       },
-      clearance: { value: least, text: mm(least, 1), exact: Boolean(exact), alarm: least !== null && least <= 0 },
+      clearance: { value: low, text: mm(low, 1), exact: Boolean(exact), alarm: low !== null && low <= 0 },
       settled: { value: settled, text: seconds(settled), exact: Boolean(exact) },
     };
   }

@@ -40,7 +40,7 @@ export function init(store) {
     const shares = (picture.shares ?? []).map((/** @type {any} */ x) => [
       x.name,
       seconds(x.time),
-      percent(x.time / picture.duration),
+      percent(x.share),
     ]);
     const slow = (picture.shortfalls ?? []).map((/** @type {any} */ x) => x.sentence);
     const all = JSON.stringify([warnings, notes, shares, slow]);
@@ -54,9 +54,9 @@ export function init(store) {
         rows.length
           ? [
               make("table", {}, [
-                make("thead", {}, [make("tr", {}, headings(["what", "s", "%"]))]),
+                make("thead", {}, [make("tr", {}, headings(["what", "s", "% of contours"]))]),
                 make("tbody", {}, rows),
-                make("tfoot", {}, [make("tr", {}, cellsOf(["all", seconds(picture.duration), percent(1)]))]),
+                make("tfoot", {}, [make("tr", {}, cellsOf(["all", seconds(picture.duration), ""]))]),
               ]),
             ]
           : [],

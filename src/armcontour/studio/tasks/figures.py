@@ -23,17 +23,16 @@ def figures(x: Request) -> Frame:
             # The data make no job, so that there is no plane to draw in.
             told = {"tier": 3, "run": x.run, "sentence": str(error), "at": {}}
         return Frame("refusal", told)
-    judged = result.experiment or result
-    e, near = judged.evaluation, result.clearance
-    least = None if near is None else near.least
+    judge, near = result.judge, result.clearance
+    e, least = judge.evaluation, None if near is None else near.least
     header: dict[str, Any] = {
         **{"run": result.run.name, "duration": e.duration, "settled": e.settled},
         **{"rms": e.contour_error.rms, "max": e.contour_error.max},
-        "saturated": saturated_joints(judged.execution),
+        "saturated": saturated_joints(judge.execution),
         "demand": e.demand_ratio,
         "clearance": None
-        if least is None
-        else {"least": least.high, "pair": [least.first, least.second], "t": least.t},
+        if near is None or least is None
+        else {"low": near.low, "pair": [least.first, least.second], "t": least.t},
         "start": result.trajectory(0.0),
         "warnings": result.warnings,
         "notes": [*result.remarks, *x.job.arm.notes],

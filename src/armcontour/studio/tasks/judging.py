@@ -57,13 +57,13 @@ def clearance(x: Request) -> Frame:
     t = np.linspace(0.0, plan.trajectory.duration, CLEARANCE_TIMES)
     over_time = cell.least_over(plan.trajectory(t))
     header = {
-        **{"run": plan.run.name, "sentence": found.sentence, "kept": found.kept},
+        **{"run": plan.run.name, "sentence": found.sentence, "kept": found.kept, "low": found.low},
         "warnings": [] if found.below_base is None else [found.below_base],
         "kinds": list(over_time),
         "nearest": [
             {
                 **{"pair": [y.first, y.second], "kind": y.kind, "margin": y.margin},
-                **{"least": y.high, "t": y.t, "points": y.points},
+                **{"low": y.low, "high": y.high, "t": y.t, "points": y.points},
             }
             for y in found.pairs[:MOST_PAIRS]
         ],

@@ -89,10 +89,9 @@ class Request:
     def result(self) -> RunResult:
         """The result of the run, with an experiment only where that judges previews, too."""
         from armcontour.jobs import run
-        from armcontour.studio.preview_run import experiment_of
 
         (this,) = self.job.runs
-        this = replace(this, experiment=experiment_of(this, moving=False))
+        this = replace(this, experiment=this.judge)
         (found,) = run(replace(self.job, runs=(this,)), progress=self.progress).runs.values()
         if found.failure is not None:
             raise found.failure
