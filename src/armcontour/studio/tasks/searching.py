@@ -29,7 +29,8 @@ def sweep(x: Request) -> Frame:
     Options: `key`, and `values` in SI units, or `min`, `max` and `count`, evenly or with `log`.
     """
     from armcontour.io.job_edits import change_data
-    from armcontour.studio.edits import EditState, changes_of
+    from armcontour.studio.edits import EditState
+    from armcontour.studio.edits.keys import set_value
     from armcontour.studio.handles import handles_of
 
     key, values = str(x.option("key", "")), _values(x)
@@ -39,7 +40,7 @@ def sweep(x: Request) -> Frame:
     for k, value in enumerate(values.tolist()):
         x.progress(Step((f"{k + 1} of {len(values)}",), k / len(values)))
         try:
-            changes = changes_of({"do": "set", "key": key, "value": value}, state)
+            changes = set_value({"key": key, "value": value}, state)
             planned = x.previewer.plan(change_data(x.data, changes), x.run)
             duration[k] = planned.trajectory.duration
             errors = x.previewer.execute(planned).errors
