@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, clock, joint_rows, line_up, several
+from armcontour._quantities import Axes, Quantity
 from armcontour._sampling import GAP, describe_bursts
 from armcontour.core.fields import Checked
 from armcontour.core.render import Result, number
@@ -28,7 +30,7 @@ MOST_MISSED = 0.1
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recording:
+class Recording(Checked):
     """Measured joint positions over time.
 
     Args:
@@ -45,29 +47,17 @@ class Recording:
         InvalidInput: The arrays are not finite numbers, or do not fit each other.
     """
 
-    t: FloatArray = field(kw_only=False)
-    q: FloatArray = field(kw_only=False)
-    command: FloatArray | None = None
+    t: Annotated[FloatArray, Quantity("s"), Axes("times")] = field(kw_only=False)
+    q: Annotated[FloatArray, Quantity("rad"), Axes("times", "joints")] = field(kw_only=False)
+    command: Annotated[FloatArray, Quantity("rad"), Axes("times", "joints")] | None = None
     in_plan_time: bool = False
     exact: bool = False
     source: str = "the log"
     notes: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        t = _checks.numbers(f"{self.source}: t", self.t, "s")
-        if t.ndim != 1 or len(t) < 2 or (np.diff(t) <= 0).any():
+    def _check_together(self) -> None:
+        if len(self.t) < 2 or (np.diff(self.t) <= 0).any():
             raise InvalidInput(f"{self.source} needs at least two times, which must increase.")
-        object.__setattr__(self, "t", _checks.lock_floats(t))
-        for name in ("q", "command"):
-            if getattr(self, name) is None:
-                continue
-            values = _checks.numbers(f"{self.source}: {name}", getattr(self, name), "rad")
-            if values.ndim != 2 or len(values) != len(t):
-                raise InvalidInput(
-                    f"{self.source}: {name} has shape {values.shape}, but must have one row for "
-                    f"each of the {len(t)} times."
-                )
-            object.__setattr__(self, name, _checks.lock_floats(values))
 
     def __str__(self) -> str:
         """Where it comes from, its times, and where the joints were."""
@@ -282,11 +272,9 @@ class Lesson(Result, TaughtData):
     reason: str = ""
     lifted: Lifted | None = field(default=None, repr=False)
 
-    def __post_init__(self) -> None:
-        TaughtData.__post_init__(self)
-        runs = _checks.listed("runs", self.runs, LearnedRun, "LearnedRuns")
-        object.__setattr__(self, "runs", runs)
-        if not runs:
+    def _check_together(self) -> None:
+        TaughtData._check_together(self)
+        if not self.runs:
             raise InvalidInput("A lesson needs at least one run from which it was learned.")
 
     def to_data(self) -> Data:

@@ -13,7 +13,9 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, under
+from armcontour._quantities import Workers
 from armcontour.arms import SerialArm
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_errors
 from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
 from armcontour.jobs.job import Job, Run, choose_run
@@ -35,13 +37,13 @@ SAMPLES = 200
 MOST_EXPLAINED = 40
 
 
-@_checks.checked
+@checked
 def place(
     job: Job,
     search: PlaceSearch | None = None,
     *,
     run: str | None = None,
-    processes: int | None = None,
+    processes: Workers | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Placement:
@@ -69,10 +71,8 @@ def place(
         NotRealizable: No place has a plan that keeps limits and margins.
         ExecutionError: The executor takes no work, has lost a worker, or its workers cannot work.
     """
-    if processes is not None:
-        _checks.whole("processes", processes, 1, 1024)
-        if executor is not None:
-            raise InvalidInput("An executor has its own workers: leave processes out.")
+    if processes is not None and executor is not None:
+        raise InvalidInput("An executor has its own workers: leave processes out.")
     asked = search or job.placement or PlaceSearch()
     this, notes = _run_of(job, run or asked.run, asked.objective)
     axes = read_axes(asked.over, job.arm.dimension)

@@ -12,6 +12,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._progress import Progress
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry.segments import REPEATED_POINT
@@ -35,7 +36,7 @@ LARGEST_PART = 1000.0
 FARTHEST_ARM = 10.0
 
 
-@_checks.checked
+@checked
 def read_path(
     file: str | FilePath,
     options: ReadOptions = ReadOptions(),

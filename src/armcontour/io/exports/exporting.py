@@ -8,6 +8,7 @@ from pathlib import Path as FilePath
 
 from armcontour import _checks
 from armcontour.arms import Arm
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.destination import put
 from armcontour.io.exports.formats import (
@@ -22,7 +23,7 @@ from armcontour.io.exports.template import describe_program
 from armcontour.motion import TaughtData, Trajectory
 
 
-@_checks.checked
+@checked
 def export(
     data: TaughtData | Trajectory,
     file: str | FilePath,

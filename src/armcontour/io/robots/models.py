@@ -12,14 +12,12 @@ import numpy as np
 from armcontour import _checks, _files
 from armcontour._text import list_some
 from armcontour.arms.chain import Chain
-from armcontour.arms.dynamics import pinocchio
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.io.robots.joint_limits import Table, limits_of, override
 from armcontour.io.robots.options import ArmOptions, locked_position
-from armcontour.io.robots.tip import TOOL_FRAMES
 from armcontour.io.robots.tree import MOST_NAMED
 from armcontour.io.robots.urdf import HINT, assume_accelerations
 
@@ -45,6 +43,9 @@ def arm_of_model(model: Any, source: str, options: ArmOptions) -> SerialArm:
     Raises:
         InvalidInput: There is no such frame or joint, or a joint of the arm does not turn.
     """
+    from armcontour.arms.dynamics import pinocchio
+    from armcontour.io.robots.tip import TOOL_FRAMES
+
     pin, names = pinocchio(), [x.name for x in model.frames]
     tip = options.tip
     if tip is None:
@@ -165,6 +166,8 @@ def read_mjcf(file: FilePath) -> Any:
     Raises:
         InvalidInput: MuJoCo is not installed, or the file is none of its models.
     """
+    from armcontour.arms.dynamics import pinocchio
+
     pin = pinocchio()
     _files.read_bytes(str(file), "robot description")
     try:
