@@ -214,7 +214,7 @@ def test_wrong_axes_and_searches_are_refused():
     searches = (
         ({"over": {"w": (0, 1, 2)}}, "over has no axis 'w'"),
         ({"uncertainty": {"x": -1}}, "uncertainty of x"),
-        ({"what": "table"}, "what must be one of part, base"),
+        ({"what": "table"}, "what of a place search must be one of part, base"),
         ({"about": "end"}, "about must be one of middle, origin"),
     )
     refused(*((lambda x=x: PlaceSearch(**x), word) for x, word in searches))

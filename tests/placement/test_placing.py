@@ -234,7 +234,11 @@ def test_wrong_wishes_are_refused(square):
     (run,) = square.runs
     slow = replace(square, runs=(replace(run, duration=5.0),))
     for job, wrong, words in (
-        (square, {"objective": "beauty"}, "objective must be one of cycle, manipulability"),
+        (
+            square,
+            {"objective": "beauty"},
+            "objective of a place search must be one of cycle, manipulability",
+        ),
         (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),
         (square, {"run": "first"}, "no run 'first': its runs are taught"),
         (square, {"what": "base", "about": "origin"}, "A base turns about its own origin"),
