@@ -2,8 +2,11 @@
 
 import copy
 import pickle
-from dataclasses import FrozenInstanceError
+from collections.abc import Mapping
+from dataclasses import FrozenInstanceError, dataclass, fields, replace
+from itertools import product
 from types import MappingProxyType
+from typing import Annotated, Literal
 
 import numpy as np
 import pytest
@@ -11,12 +14,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solveh_banded
 from scipy.spatial.transform import Rotation
+from tests.geometry.tables import refused
 
 import armcontour as ac
 from armcontour import InvalidInput, _checks, errors
 from armcontour._banded import solve_banded
-from armcontour._checks import check_name, for_kernel
+from armcontour._checks import FloatArray, check_name, for_kernel
+from armcontour._quantities import (
+    AtLeast,
+    Axes,
+    Choice,
+    Distance,
+    JointVelocities,
+    Name,
+    NeededName,
+    Quantity,
+    Reserve,
+    Seed,
+    SpeedLimit,
+)
 from armcontour._sampling import interpolate
+from armcontour.core.fields import Checked, checked
 from armcontour.frames import (
     Frame,
     cross_matrix,
@@ -362,3 +380,112 @@ def test_degrees_given_for_radians_are_warned_of_with_what_was_meant():
     # A whole turn is no mistake.
     for angle in (2 * np.pi, -6.2832, 6.28):
         assert np.allclose(Frame.rpy((0, 0, 0), (0, 0, angle)).rotation, np.eye(3), atol=4e-3)
+
+
+class Wrong:
+    """An object of no class that a field may have."""
+
+
+# What no number, array, flag, name, list, mapping or object of the package is.
+WRONG = (Wrong(), b"x", 1j, {"a": 1}, [1, "a"], np.array([b"a", b"b"]), np.full((2, 2, 2), np.nan))
+VALUES = (
+    ac.Payload(mass=1.0),
+    ac.Limits(joint_velocity=np.ones(6), speed=0.1),
+    ac.ServoModel(kp=25.0, kv=150.0),
+    ac.Demand(speed=0.1, tolerance=0.01),
+    ac.Contour(ac.Path.polyline([(0, 0), (1, 0)])),
+    ac.Event("laser"),
+    ac.Process(kerf=1e-3, switch=ac.Switch(), analog=(ac.Analog("power"),)),
+    ac.Lead(length=0.01),
+    ac.Pierce(time=0.5),
+    Obstacle("table", Box((1, 1, 1)), margin=0.01),
+    Scene(),
+    Box((1, 1, 1)),
+)
+
+
+def test_every_field_of_a_wrong_kind_is_refused_in_one_sentence_that_names_it():
+    counted = 0
+    for value in VALUES:
+        given = {x.name: getattr(value, x.name) for x in fields(value) if x.init}
+        for name, wrong in product(given, WRONG):
+            # Start points may be lists, and mappings of layers have names that are checked later.
+            if name in ("begin", "by_layer", "layers"):
+                continue
+            what = f"{type(value).__name__}.{name} = {wrong}"
+            with pytest.raises(InvalidInput) as caught:
+                pytest.fail(f"{what} is {getattr(type(value)(**{**given, name: wrong}), name)}")
+            said = str(caught.value)
+            assert name in said and said.endswith(".") and "\n" not in said, said
+            counted += 1
+    assert counted > 500
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gear(Checked):
+    """A dataclass with one field of each kind that annotations declare."""
+
+    name: NeededName = "gear"
+    teeth: Annotated[int, AtLeast(3, 99)] = 12
+    slip: Reserve = 0.0
+    mode: Annotated[str, Choice(("soft", "hard"))] = "soft"
+    side: Literal["left", "right"] = "left"
+    width: Annotated[float, Quantity("m", "5 mm", within=(0.01, 0.2))] = 0.1
+    speed: SpeedLimit | None = None
+    rates: JointVelocities | None = None
+    places: Annotated[FloatArray, Quantity("m"), Axes("n", 3)] | None = None
+    times: Annotated[FloatArray, Quantity("s"), Axes("n")] | None = None
+    parts: tuple[Name, ...] = ()
+    lengths: Mapping[str, Distance] | None = None
+    state: bool | Name = True
+
+
+def test_annotations_declare_type_range_shape_and_choices():
+    refused(
+        (lambda: Gear(name=" "), "name of a gear", "empty"),
+        (lambda: Gear(name="a\n"), "not printable"),
+        (lambda: Gear(teeth=2), "teeth of a gear", "from 3 to 99", "2"),
+        (lambda: Gear(teeth=3.5), "whole number"),
+        (lambda: Gear(teeth=True), "truth"),
+        (lambda: Gear(slip=1.0), "from 0 to below 1"),
+        (lambda: Gear(slip=np.nan), "finite"),
+        (lambda: Gear(mode="medium"), "soft, hard", "'medium'"),
+        (lambda: Gear(side="top"), "left, right"),
+        (lambda: Gear(width=0.0), "above zero"),
+        (lambda: Gear(width=1.0), "from 0.01 to 0.2 m", "1 m"),
+        (lambda: Gear(width=[0.1]), "one number in m", "(1,)"),
+        (lambda: Gear(speed=-1.0), "above zero", {"limit": "speed"}),
+        (lambda: Gear(rates=[1.0, -2.0]), "-2 rad/s at index 1", {"index": 1, "limit": "rates"}),
+        (lambda: Gear(rates=[[-1.0, 1.0], [1.0, 2.0]]), "lower bound below zero"),
+        (lambda: Gear(rates=[]), "one per joint"),
+        (lambda: Gear(places=np.zeros((2, 2))), "shape (n, 3)", "(2, 2)"),
+        (lambda: Gear(places=np.zeros((2, 3)), times=np.zeros(3)), "n = 2", "places"),
+        (lambda: Gear(parts=("a", "b" * 81)), "81 characters"),
+        (lambda: Gear(parts="ab"), "list of names"),
+        (lambda: Gear(lengths={"a": 0.1, "b": -0.1}), "'b'", "not be negative"),
+        (lambda: Gear(state=1.5), "state"),
+    )
+
+
+def test_checked_fields_are_converted_locked_and_shared():
+    own = np.zeros((2, 3))
+    found = Gear(
+        teeth=4.0, width=np.float64(0.1), places=own, parts=["a"], rates=np.inf, speed=np.inf
+    )
+    assert type(found.teeth) is int and type(found.width) is float and found.parts == ("a",)
+    assert found.places is not own and not found.places.flags.writeable and own.flags.writeable
+    assert replace(found, teeth=5).places is found.places
+    assert found.rates == np.inf and found.speed == np.inf and found.times is None
+
+
+def test_arguments_are_read_by_their_annotations():
+    @checked
+    def turn(angle: Annotated[float, Quantity("rad", sign="positive")], *, often: Seed = 1):
+        return angle, often
+
+    assert turn(1, often=2.0) == (1.0, 2) and type(turn(1)[0]) is float
+    refused(
+        (lambda: turn(-1.0), "angle must be above zero", "-1 rad"),
+        (lambda: turn(1.0, often=0.5), "often", "whole"),
+        (lambda: turn(1.0, speed=2.0), "no argument 'speed'"),
+    )

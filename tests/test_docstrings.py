@@ -206,7 +206,7 @@ def test_defaults_of_compensation_are_those_of_its_page():
 FACTS = {
     "Certificate": ("servo 0.004192 mm", "2.004 mm", "of 0.1 mm"),
     "CheckReport": ("joint acceleration", "rad/s²", "kept"),
-    "Evaluation": ("2.1855 s of motion", "mm RMS"),
+    "Evaluation": ("motion 2.1855 s", "contour error, RMS"),
     "Explanation": ("joint 2 acceleration", "%"),
     "RoundedPath": ("rounded 1 corner",),
     "Study": ("only", "2.1855 s"),

@@ -464,33 +464,15 @@ def whole(name: str, value: Any, low: int | None = None, high: int | None = None
     Raises:
         InvalidInput: The value is not a whole number, or outside this range.
     """
-    checked = number(name, value)
     least, most = (-LARGEST if low is None else low), (MOST_WHOLE if high is None else high)
+    if type(value) is int and least <= value <= most:
+        return value
+    checked = number(name, value)
     if checked != int(checked) or not least <= checked <= most:
         range_ = "" if low is None else f" of at least {low}"
         range_ = range_ if high is None else f" from {low} to {high}"
         raise InvalidInput(f"{name} must be a whole number{range_}, but is {checked:g}.")
     return int(checked)
-
-
-def each_not_negative(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
-    """Numbers that are not negative, one for all joints or one per joint, as a locked array.
-
-    Args:
-        name: Name of the quantity, for messages.
-        values: The numbers.
-        unit: Their unit, for messages.
-
-    Raises:
-        InvalidInput: A value is not a number, or is negative.
-    """
-    found = lock_floats(numbers(name, values, unit))
-    if found.ndim > 1 or found.size == 0 or (found < 0).any():
-        raise InvalidInput(
-            f"{name} must not be negative, one for all joints or one per joint, but is "
-            f"{found.tolist()}{' ' * bool(unit)}{unit}."
-        )
-    return found
 
 
 def per_vertex(
@@ -680,7 +662,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **keywords)
         except TypeError:
-            _refuse_call(function, args, keywords)
+            refuse_call(function, args, keywords)
             raise
 
     return call
@@ -704,13 +686,13 @@ def explained(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **keywords)
         except TypeError:
-            _refuse_call(function, args, keywords)
+            refuse_call(function, args, keywords)
             raise
 
     return call
 
 
-def _refuse_call(
+def refuse_call(
     function: Callable[..., Any], args: tuple[Any, ...], keywords: Mapping[str, Any]
 ) -> None:
     """Refuse arguments that a function does not have, and the lack of those that it needs.
@@ -742,21 +724,6 @@ def _refuse_call(
         x.name for x in slots.values() if x.default is Parameter.empty and x.name not in done
     ]
     refuse_if(bool(lacking), f"{user} needs {' and '.join(lacking)}; {takes}")
-
-
-def check_fields(value: Any) -> None:
-    """Refuse fields of a dataclass that are of other classes than its annotations name.
-
-    Args:
-        value: The dataclass.
-
-    Raises:
-        InvalidInput: A field is of another class.
-    """
-    own: Any = type(value)
-    for name, kinds in _kinds_by_name(own).items():
-        if not isinstance(getattr(value, name), kinds):
-            refuse_other(own.__name__, getattr(value, name), *kinds, role=name)
 
 
 @cache

@@ -21,8 +21,22 @@ def load_lazily(package: str, home: Mapping[str, Sequence[str]]) -> Callable[[st
         """Load a public name from its module at first use."""
         if name not in module_of:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        value = getattr(import_module(f"{package}.{module_of[name]}"), name)
+        module = module_of[name]
+        inside = module.partition(".")[0] != "armcontour"
+        value = getattr(import_module(f"{package}.{module}" if inside else module), name)
         setattr(sys.modules[package], name, value)
         return value
 
     return load
+
+
+def lazy_names(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], list[str]]:
+    """`__getattr__` and `__all__` of a package whose names are loaded at first use.
+
+    Args:
+        package: Name of the package.
+        home: The public names, separated by spaces, by the modules that have them; modules of
+            other packages have their whole name.
+    """
+    names = {module: x.split() for module, x in home.items()}
+    return load_lazily(package, names), sorted(name for x in names.values() for name in x)

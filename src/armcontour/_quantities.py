@@ -7,6 +7,7 @@ keys of files.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import EllipsisType
 from typing import Annotated, Literal
 
 from armcontour._checks import LARGEST, LONGEST_NAME, SMALLEST, FloatArray
@@ -57,7 +58,7 @@ class Quantity:
     @property
     def words(self) -> str:
         """The unit for messages; empty for plain numbers."""
-        return "" if self.unit == "1" else self.unit
+        return "" if self.unit == "1" else self.unit.replace("^2", "²").replace("^3", "³")
 
     def needed(self, value: float) -> str:
         """What a finite value outside the range must do, after the word "must"."""
@@ -80,12 +81,12 @@ class Axes:
 
     Args:
         axes: Length of each axis, or its name. Axes with the same name have the same length in all
-            fields of a dataclass.
+            fields of a dataclass. `...` alone is any shape.
     """
 
-    axes: tuple[str | int, ...]
+    axes: tuple[str | int | EllipsisType, ...]
 
-    def __init__(self, *axes: str | int) -> None:
+    def __init__(self, *axes: str | int | EllipsisType) -> None:
         object.__setattr__(self, "axes", axes)
 
     def __str__(self) -> str:
@@ -102,9 +103,9 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class AtLeast:
-    """The smallest and the largest allowed whole number: annotates an int."""
+    """The smallest and the largest allowed whole number, None for any: annotates an int."""
 
-    least: int
+    least: int | None
     most: int | None = None
 
 
@@ -125,7 +126,11 @@ class Some:
 
 Name = Annotated[str, Named()]
 NeededName = Annotated[str, Named(needed=True)]
+Seed = Annotated[int, AtLeast(0)]
+Workers = Annotated[int, AtLeast(1, 1024)]
 PlainNumber = Annotated[float, Quantity("")]
+Factor = Annotated[float, Quantity("", sign="positive")]
+NotNegative = Annotated[float, Quantity("", sign="not negative")]
 Direction = Annotated[FloatArray, Quantity(""), Axes(3)]
 Length = Annotated[float, Quantity("m", "5 mm")]
 Distance = Annotated[float, Quantity("m", "5 mm", "not negative")]
@@ -143,18 +148,19 @@ Duration = Annotated[float, Quantity("s", "4 ms", "not negative")]
 Interval = Annotated[float, Quantity("s", "4 ms", "positive")]
 Frequency = Annotated[float, Quantity("1/s", "2 Hz", "positive")]
 Pole = Annotated[float, Quantity("1/s", "-100 1/s", "negative")]
-Mass = Annotated[float, Quantity("kg", "2 kg")]
+Mass = Annotated[float, Quantity("kg", "2 kg", "not negative")]
 Inertia = Annotated[float, Quantity("kg m^2", "0.002 kg m^2")]
 Ratio = Annotated[float, Quantity("1", "10 %")]
-LargestRatio = Annotated[float, Quantity("1", "40 %", "not negative")]
 Reserve = Annotated[float, Quantity("1", "10 %", "share")]
 
 DEAD_TIME = Quantity("s", "4 ms", "not negative")
 VISCOUS = Quantity("N m s/rad", "8 N m s/rad", "not negative")
 COULOMB = Quantity("N m", "6 N m", "not negative")
+STIFFNESS = Quantity("N m/rad", "2e4 N m/rad", "positive")
+DAMPING = Quantity("N m s/rad", "2 N m s/rad", "not negative")
 MORE_PAYLOAD = Quantity("kg", "2 kg")
 SHARE = Quantity("1", "50 %")
-LARGEST_SHARE = Quantity("1", "10 %", "not negative")
+GAIN_ERROR = Quantity("1", "10 %", "share")
 # One value for all joints, or one per joint.
 # Limits, which infinity lifts.
 JointRanges = Annotated[FloatArray, Quantity("rad", "90 deg", endless=True)]
@@ -173,19 +179,11 @@ AngularAccelerationLimit = Annotated[
     float, Quantity("rad/s^2", "720 deg/s^2", "positive", endless=True)
 ]
 JerkLimit = Annotated[float, Quantity("m/s^3", "40 m/s^3", "positive", endless=True)]
-JointInertias = Annotated[FloatArray, Quantity("kg m^2", "1.2 kg m^2", "positive")]
 JointArmatures = Annotated[FloatArray, Quantity("kg m^2", "0.1 kg m^2", "not negative")]
 ViscousFrictions = Annotated[FloatArray, VISCOUS]
 CoulombFrictions = Annotated[FloatArray, COULOMB]
-JointStiffnesses = Annotated[FloatArray, Quantity("N m/rad", "2e4 N m/rad", "positive")]
-JointDampings = Annotated[FloatArray, Quantity("N m s/rad", "2 N m s/rad", "not negative")]
-Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive", endless=True)]
-IntegralGains = Annotated[FloatArray, Quantity("1/s", "5 1/s", "not negative")]
+JointStiffnesses = Annotated[FloatArray, STIFFNESS]
+JointDampings = Annotated[FloatArray, DAMPING]
 OwnAccelerations = Annotated[
     FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", endless=True)
 ]
-AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", "not negative")]
-LoggedVelocities = Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", "not negative")]
-LoggedAccelerations = Annotated[FloatArray, Quantity("rad/s^2", "8 rad/s^2", "not negative")]
-FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", "not negative")]
-DeadTimes = Annotated[FloatArray, DEAD_TIME]

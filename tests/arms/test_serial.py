@@ -259,7 +259,7 @@ PLANE = {"name": "a", "base": 0.1, "links": (0.2, 0.3), "limits": ac.Limits()}
 TUBE = {"outer_diameter": 0.08, "wall": 0.01, "density": 2700}
 ODD_LIMITS = (
     ({"joint_acceleration": 0.0}, "rad/s²", {"limit": "joint_acceleration"}),
-    ({"joint_acceleration": [0.7, -0.1]}, "[0.7, -0.1]", {"limit": "joint_acceleration"}),
+    ({"joint_acceleration": [0.7, -0.1]}, "-0.1 rad", {"limit": "joint_acceleration"}),
     ({"joint_velocity": [[1.0, 1.0, 1.0]]}, "(dof,)", "(dof, 2)", {"limit": "joint_velocity"}),
     ({"joint_velocity": [[0.5, 1.0]]}, "a lower bound below zero", {"limit": "joint_velocity"}),
     ({"joint_torque": [[-1.0, 1.0]]}, "joint_torque", "(dof,)", {"limit": "joint_torque"}),

@@ -1,7 +1,6 @@
 """A figure has one value wherever it is shown: print, command, JSON, report, Studio, batch.
 
-`LABELS` has what stands next to each figure in the text of each presenter; `#` is the number with
-its unit. JSON and batches have names in place of labels.
+`LABELS` has what stands before each figure in texts, `NAMES` where it is in data.
 """
 
 import html
@@ -38,126 +37,78 @@ FIGURES = {
     "demand": lambda x: x.judged.demand_ratio.max() if x.judged.demand_ratio.any() else None,
     "clearance": lambda x: None if x.clearance is None else x.clearance.low,
     "assigned length": lambda x: None if x.explanation is None else x.explanation.assigned_length,
-    "assigned time": lambda x: assigned_time(x.explanation),
+    "assigned time": lambda x: None if x.explanation is None else x.explanation.assigned_time,
+    "share": lambda x: None if x.explanation is None else share(x.explanation),
 }
+# The label of each figure; that of a share of the time is a row of a table.
 LABELS = {
-    "print": {
-        "duration": r"^Run .*: #",
-        "settled": r"at rest after #",
-        "rms": r"^  contour error +# RMS",
-        "largest": r"^  contour error .* RMS, # largest",
-        "demand": r"^  joint demand / limit +#",
-        "clearance": r"^  clearance +#",
-    },
-    "study": {
-        "duration": r"^  \S+ +# ",
-        "rms": r"^  \S+ +\S+ s +# ",
-        "largest": r"^  \S+ +\S+ s +\S+ mm +# ",
-        "demand": r"  #$",
-    },
-    "explanation": {
-        "assigned length": r", # of the length as assigned",
-        "assigned time": r"^  assigned velocity .* s +#",
-    },
-    "command": {
-        "duration": r"^motion #",
-        "settled": r"^at rest #",
-        "rms": r"^RMS error #",
-        "largest": r"^largest #",
-        "demand": r"^demand / limit #",
-        "clearance": r"nearer than #",
-    },
-    "report": {
-        "duration": r"^motion\n#$",
-        "settled": r"^at rest after #",
-        "rms": r"^contour error, RMS\n#",
-        "largest": r"^contour error, largest\n#",
-        "demand": r"^joint demand / limit\n#",
-        "clearance": r"nearer than #",
-        "assigned time": r"^assigned velocity\n.*%\n#",
-    },
-    "JSON": {
-        "duration": "duration",
-        "settled": "settled",
-        "rms": "contour_error.rms",
-        "largest": "contour_error.max",
-        "demand": "demand_ratio",
-        "clearance": "clearance.pairs.nowhere_below",
-        "assigned length": "explanation.assigned_length",
-    },
-    "Studio": {
-        "duration": "duration",
-        "settled": "settled",
-        "rms": "rms",
-        "largest": "max",
-        "demand": "demand",
-        "clearance": "clearance.low",
-        "assigned time": "shares.assigned velocity",
-    },
-    "batch": {
-        "duration": "duration",
-        "settled": "settled",
-        "rms": "contour_error.rms",
-        "largest": "contour_error.max",
-        "demand": "demand_ratio",
-    },
+    "duration": "motion",
+    "settled": "at rest after",
+    "rms": "contour error, RMS",
+    "largest": "contour error, largest",
+    "demand": "joint demand",
+    "clearance": "clearance",
+    "assigned length": "length at the assigned speed",
+    "assigned time": "time at the assigned speed",
+    "share": r"assigned velocity\s+[\d.]+ m?s\s+[\d.]+ mm\s+\d+",
 }
-# What differs where rigid bodies judge the run.
-ON_BODIES = {
-    "print": {
-        "settled": None,
-        "rms": r"^  in the experiment +# RMS",
-        "largest": r"^  in the experiment .* RMS, # largest",
-        "demand": None,
-    },
-    "command": {
-        "rms": r"^experiment: RMS error #",
-        "largest": r"^experiment: largest #",
-        "demand": None,
-    },
-    "report": {
-        "settled": None,
-        "rms": r"^experiment: contour error, RMS\n#",
-        "largest": r"^largest #, on rigid bodies",
-        "demand": None,
-    },
-    "JSON": {x: f"experiment.{LABELS['JSON'][x]}" for x in ("settled", "rms", "largest", "demand")},
-    "batch": {
-        "settled": None,
-        "rms": "experiment.contour_error.rms",
-        "largest": "experiment.contour_error.max",
-        "demand": None,
-    },
+# The figures of each text.
+TEXTS = {
+    "print": set(LABELS) - {"share"},
+    "study": {"duration", "rms", "largest", "clearance"},
+    "explanation": {"assigned length", "assigned time", "share"},
+    "command": set(LABELS) - {"share"},
+    "report": set(LABELS),
+}
+JSON = {
+    "duration": "duration",
+    "settled": "settled",
+    "rms": "contour_error.rms",
+    "largest": "contour_error.max",
+    "demand": "demand_ratio",
+    "clearance": "clearance.low",
+    "assigned length": "explanation.assigned_length",
+    "assigned time": "explanation.assigned_time",
+}
+# Figures that are those of the experiment, where that judges the run.
+JUDGED = ("settled", "rms", "largest", "demand")
+STUDIO = {
+    "duration": "duration",
+    "settled": "settled",
+    "rms": "rms",
+    "largest": "max",
+    "demand": "demand",
+    "clearance": "clearance.low",
+    "share": "shares.assigned velocity",
+}
+BATCH = {
+    "duration": "duration",
+    "settled": "settled",
+    "rms": "contour_error.rms",
+    "largest": "contour_error.max",
+    "demand": "demand_ratio",
 }
 UNITS = {"s": 1.0, "ms": 1e-3, "mm": 1e-3, "m": 1.0, "%": 1e-2, "": 1.0}
-NUMBER = r"(-?\d+(?:\.\d+)?(?:e-?\d+)?)(?: ?(mm|ms|s|m|%)\b)?"
+NUMBER = r"(-?\d+(?:\.\d+)?(?:e-?\d+)?)(?: ?(mm|ms|s|m|%)(?!\w))?"
 
 
-def assigned_time(why):
-    shares = () if why is None else why.shares
-    return next((x.of_time for x in shares if x.name == "assigned velocity"), None)
+def share(why):
+    """The share of the time for which the assigned velocity binds."""
+    return next((x.of_time for x in why.shares if x.name == "assigned velocity"), None)
 
 
-def numbers(text, pattern):
-    """All numbers at a label, in SI units, and half a unit of the last digit of each."""
-    number = NUMBER.replace(r"%)\b", r"%)(?!\w)")
-    for digits, unit in re.findall(pattern.replace("#", number), text, re.MULTILINE):
+def numbers(text, label):
+    """All numbers after a label, in SI units, and half a unit of the last digit of each."""
+    for digits, unit in re.findall(rf"^ *{label}\s+{NUMBER}", text, re.MULTILINE):
         mantissa, _, exponent = digits.partition("e")
         last = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
         yield float(digits) * UNITS[unit], 0.501 * last * UNITS[unit]
 
 
-def with_units(printed):
-    """A table of the command line as lines of headings with their cells and units."""
-    lines = [re.split("[┃│]", x)[1:-1] for x in printed.splitlines() if x[:1] in ("┃", "│")]
-    count = sum(x[:1] == "┃" for x in printed.splitlines())
-    heads = [" ".join(map(str.strip, x)).strip() for x in zip(*lines[:count], strict=True)]
-    for cells in lines[count:]:
-        seen = set()
-        for head, cell in zip(heads, cells, strict=True):
-            name, _, unit = head.rstrip("]").partition(" [")
-            yield f"{'experiment: ' if name in seen else ''}{name} {cell.strip()} {unit}"
-            seen.add(name)
+def side_by_side(table):
+    """A printed table with one row as a line for each cell, with its heading."""
+    heads, cells = (re.split(r"\s{2,}", x.strip()) for x in table.splitlines()[1:3])
+    return "\n".join(f"{head} {cell}" for head, cell in zip(heads, cells, strict=True))
 
 
 def text_of(page):
@@ -167,12 +118,10 @@ def text_of(page):
 
 
 def value_at(data, name):
-    """The figure of a name; of a list the largest, of clearances the least."""
+    """The figure of a name, of several numbers the largest; None if there is none."""
     for key in name.split("."):
-        data = [x[key] for x in data] if isinstance(data, list) and data else data and data[key]
-    if np.ndim(data):
-        return float((np.min if "pairs" in name else np.max)(data))
-    return data
+        data = None if data is None else data.get(key)
+    return None if data is None else float(np.max(data))
 
 
 def studio(text, folder, run):
@@ -201,32 +150,34 @@ def check(data, done, folder):
     study = ac.run(ac.read_job(folder / "job.yaml"))
     ((run, result),) = study.runs.items()
     printed = done("run", folder / "job.yaml", "--out", folder / "out")
-    columns = [x for x in {**LABELS["batch"], **ON_BODIES["batch"]}.values() if x]
-    columns += LABELS["batch"].values()
-    shown = {
+    texts = {
         "print": str(result),
-        "study": str(study),
+        "study": side_by_side(str(study)),
         "explanation": str(result.explanation),
-        "command": "\n".join([*with_units(printed), printed]),
+        "command": printed,
         "report": text_of((folder / "out" / "report.html").read_text("utf-8")),
-        "JSON": json.loads((folder / "out" / "summary.json").read_text("utf-8"))["runs"][run],
-        "Studio": studio(text, folder, run),
-        "batch": {x: figures_of(result, [x], RUN)[0] for x in columns},
     }
+    found = {
+        (presenter, x): list(numbers(texts[presenter], LABELS[x]))
+        for presenter, figures in TEXTS.items()
+        for x in figures
+    }
+    summary = json.loads((folder / "out" / "summary.json").read_text("utf-8"))["runs"][run]
+    frame, on_bodies = studio(text, folder, run), result.run.judge is not None
+    for x, name in JSON.items():
+        part = summary["experiment"] if on_bodies and x in JUDGED else summary
+        found["JSON", x] = [(value_at(part, name), 0.0)]
+    for x, name in STUDIO.items():
+        found["Studio", x] = [(value_at(frame, name), 0.0)]
+    for x, name in BATCH.items():
+        if not (on_bodies and x in JUDGED):
+            found["batch", x] = [(figures_of(result, [name], RUN)[0], 0.0)]
     wrong = []
-    for presenter, labels in LABELS.items():
-        if result.run.judge is not None:
-            labels = labels | ON_BODIES.get(presenter, {})
-        for figure, label in labels.items():
-            value = FIGURES[figure](result)
-            if value is None or label is None:
-                continue
-            if isinstance(shown[presenter], str):
-                found = list(numbers(shown[presenter], label))
-            elif presenter == "batch":
-                found = [(shown[presenter][label], 1e-9 * abs(value))]
-            else:
-                found = [(value_at(shown[presenter], label), 1e-9 * abs(value) + 1e-12)]
-            if not found or any(x is None or abs(x - value) > off for x, off in found):
-                wrong.append(f"{presenter}: {figure} {found}, in the result {value:.9g}")
+    for (presenter, x), values in found.items():
+        expected = FIGURES[x](result)
+        if expected is None:
+            continue
+        rounding = 1e-9 * abs(expected) + 1e-13
+        if not values or any(y is None or abs(y - expected) > off + rounding for y, off in values):
+            wrong.append(f"{presenter}: {x} {values}, in the result {expected:.9g}")
     assert not wrong, "\n".join(wrong)

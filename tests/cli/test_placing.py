@@ -55,7 +55,7 @@ def test_place_writes_maps_a_table_and_a_job_that_runs(job, tmp_path, placed, do
     assert data["places"] == 6 and f"{data['best']['duration']:.4f} s" in shown
     assert f"{data['own_place']['duration']:.4f} s" in shown
     assert set(data["files"]) == {"report.html", "placement.csv", "job.yaml", "summary.json"}
-    assert 'id="placement"' in page and "Places by duration" in page
+    assert 'id="placement"' in page and "Places by motion" in page
     assert "# stays" in text and "../part.svg" in text
     # A drawing in a cell.
     drawn = (tmp_path / "part.svg", "--cell", job, "--speed", "0.1 m/s", "--no-refine")

@@ -149,7 +149,7 @@ path: {orientation: {axis: [0, 0, -1]}} => path.orientation ... in space
 process: {approach: 5 mm} => in the plane
 runs: {one: {until: 9 s}} => until is for a job with a single path
 name: "x\e]52;c;cHduZWQ=\e\\" => name of the job has the character U+001B
-process: {switch: {name: "a\a"}} => process.switch: The name of an event
+process: {switch: {name: "a\a"}} => process.switch: The name of a switch
 """
 
 

@@ -13,7 +13,7 @@ import pytest
 import yaml
 from tests.io.tables import refusals
 
-from armcontour._quantities import AtLeast, Choice, Gains, Ratio, Speed
+from armcontour._quantities import AtLeast, Choice, Ratio, Speed
 from armcontour._yaml import load
 from armcontour.core.render import jsonable
 from armcontour.errors import InvalidInput
@@ -22,6 +22,7 @@ from armcontour.io.job_model import CellModel
 from armcontour.io.json_text import to_json
 from armcontour.io.keys import Given, Keys, read_keys
 from armcontour.io.si_data import in_si
+from armcontour.servo.model import Gains
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -139,7 +139,10 @@ def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):
         (lambda: with_runs(job, first, first), "every run its own name"),
         (lambda: dataclasses.replace(in_space, start=np.zeros(2)), "start has 2 values"),
         (lambda: Experiment(viscous=[1.0, 2.0]).for_joints(6), "viscous has 2 values"),
-        (lambda: Experiment(joint_stiffness=[1e4, 0.0]), "joint_stiffness must be above zero"),
+        (
+            lambda: Experiment(joint_stiffness=[1e4, 0.0]),
+            "joint_stiffness of an experiment must be above zero",
+        ),
         (lambda: Experiment(joint_damping=1.0), "give their joint_stiffness too"),
         (lambda: Experiment(friction=False, coulomb=1.0), "friction"),
     )

@@ -320,11 +320,11 @@ def placed(names, shape, verdicts):
 def test_a_map_shows_the_best_over_other_axes_and_refusals_in_grey():
     assert tuple(GREYS) == KINDS
     section = placement_section(placed("x y yaw", (2, 2, 2), VERDICTS))
-    assert [name for name, _ in section.choices] == ["duration", "least singular value"]
+    assert [name for name, _ in section.choices] == ["motion", "least singular value"]
     (figure,) = section.choices[0][1]
     heat = [x for x in figure.data if x.type == "heatmap"]
     maps = {x.colorbar.title.text if x.colorbar else x.hovertemplate: x for x in heat}
-    values = np.array(maps.pop("duration [s]").z, dtype=float)
+    values = np.array(maps.pop("motion [s]").z, dtype=float)
     # Rows are along y.
     np.testing.assert_array_equal(values, [[2.0, np.nan], [2.2, 3.0]])
     ((words, grey),) = maps.items()

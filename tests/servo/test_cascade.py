@@ -205,7 +205,7 @@ def test_response_is_that_of_a_sine():
 def test_integrators_that_no_model_has_are_refused(plan, refuses):
     for given, words in (
         ({"kp": 5.0, "order": "first", "ki": 1.0}, "integral gain of a velocity loop"),
-        ({"kp": 5.0, "kv": 50.0, "ki": -1.0}, "ki must be from 0"),
+        ({"kp": 5.0, "kv": 50.0, "ki": -1.0}, "ki of a servo model must not be negative"),
         (
             {
                 "kp": 5.0, "kv": 50.0, "ki": 1.0, "interpolation": "cubic",

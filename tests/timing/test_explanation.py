@@ -8,7 +8,8 @@ import pytest
 import armcontour as ac
 from armcontour.motion import Method, PathLaw, Rates
 from armcontour.timing import explain
-from armcontour.timing.constraints import IntervalEnds, SecondOrder, jerks_of
+from armcontour.timing.constraints import IntervalEnds, SecondOrder
+from armcontour.timing.constraints.jerk import jerks_of
 from armcontour.timing.grid import grid_through
 
 SPEED, ACCELERATION = 0.1, 0.2  # m/s, m/s²

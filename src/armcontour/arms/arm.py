@@ -15,6 +15,7 @@ from armcontour._checks import FloatArray, Locked
 from armcontour._describing import several
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import DIRECTED, JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -179,7 +180,7 @@ class Arm(Locked, ABC):
         """Number of joints."""
         return len(self.joint_names)
 
-    @_checks.checked
+    @checked
     def with_limits(self, limits: Limits) -> Self:
         """The arm with other limits.
 
@@ -253,7 +254,7 @@ class Arm(Locked, ABC):
                     f"{self.name} are 0 (the base) to {self.dof}."
                 )
 
-    @_checks.checked
+    @checked
     def with_dynamics(
         self,
         *,

@@ -5,31 +5,35 @@ from __future__ import annotations
 import dataclasses
 from copy import copy
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, Value
-from armcontour._quantities import Mass
+from armcontour._checks import FloatArray
+from armcontour._quantities import (
+    Axes,
+    CoulombFrictions,
+    JointArmatures,
+    Mass,
+    Name,
+    Quantity,
+    ViscousFrictions,
+)
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, rotations
 
 # What is changed in a chain again and again, and checks itself.
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
 GRAVITY = _checks.lock_floats([0.0, 0.0, -9.81])
-# Shapes of the arrays of a chain, of one joint each, and which of them may be missing.
-SHAPES: dict[str, tuple[int, ...]] = {
-    **{"rotations": (3, 3), "positions": (3,), "axes": (3,)},
-    **{"masses": (), "centers": (3,), "inertias": (3, 3)},
-    **{"armature": (), "viscous": (), "coulomb": ()},
-}
-BODIES = ("masses", "centers", "inertias")
+LENGTH, INERTIA = Quantity("m"), Quantity("kg m^2")
 
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Payload(Value):
+class Payload(Checked):
     """A load at the tool, in the frame of the chain's tip.
 
     Args:
@@ -43,23 +47,20 @@ class Payload(Value):
     """
 
     mass: Mass = field(kw_only=False)
-    center: FloatArray = field(default_factory=lambda: np.zeros(3), kw_only=False)
-    inertia: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    center: Annotated[FloatArray, LENGTH, Axes(3)] = field(
+        default_factory=lambda: np.zeros(3), kw_only=False
+    )
+    inertia: Annotated[FloatArray, INERTIA, Axes(3, 3)] = field(
+        default_factory=lambda: np.zeros((3, 3))
+    )
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "mass", _checks.not_negative("payload mass", self.mass, "kg"))
-        center = _checks.numbers("payload centre of mass", self.center, "m")
-        inertia = _checks.numbers("payload inertia", self.inertia, "kg m²")
-        if center.shape != (3,) or inertia.shape != (3, 3):
-            raise InvalidInput("A payload has a centre of 3 coordinates and an inertia of 3 by 3.")
-        refuse_inertia("the payload", inertia)
-        object.__setattr__(self, "center", _checks.lock_floats(center))
-        object.__setattr__(self, "inertia", _checks.lock_floats(inertia))
+    def _check_together(self) -> None:
+        refuse_inertia("the payload", self.inertia)
 
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Chain(Value):
+class Chain(Checked):
     """Revolute joints in series, each with the link after the joint; arrays have one row per joint.
 
     Joint i turns by q[i] about `axes[i]`. The frame of joint i is also the frame of link i; at
@@ -91,58 +92,45 @@ class Chain(Value):
             or inertia of a link.
     """
 
-    joints: tuple[str, ...]
-    rotations: FloatArray
-    positions: FloatArray
-    axes: FloatArray
-    masses: FloatArray | None = None
-    centers: FloatArray | None = None
-    inertias: FloatArray | None = None
-    armature: FloatArray | None = None
-    viscous: FloatArray | None = None
-    coulomb: FloatArray | None = None
+    joints: Annotated[tuple[Name, ...], Axes("joints")]
+    rotations: Annotated[FloatArray, Quantity(""), Axes("joints", 3, 3)]
+    positions: Annotated[FloatArray, LENGTH, Axes("joints", 3)]
+    axes: Annotated[FloatArray, Quantity(""), Axes("joints", 3)]
+    masses: Annotated[FloatArray, Quantity("kg", sign="not negative"), Axes("joints")] | None = None
+    centers: Annotated[FloatArray, LENGTH, Axes("joints", 3)] | None = None
+    inertias: Annotated[FloatArray, INERTIA, Axes("joints", 3, 3)] | None = None
+    armature: Annotated[JointArmatures, Axes("joints")] | None = None
+    viscous: Annotated[ViscousFrictions, Axes("joints")] | None = None
+    coulomb: Annotated[CoulombFrictions, Axes("joints")] | None = None
     base: Frame = field(default_factory=Frame)
     tip: Frame = field(default_factory=Frame)
     tool: Frame = field(default_factory=Frame)
-    gravity: FloatArray = field(default_factory=lambda: GRAVITY)
+    gravity: Annotated[FloatArray, Quantity("m/s^2"), Axes(3)] = field(
+        default_factory=lambda: GRAVITY
+    )
     payload: Payload | None = None
     assumed: str = ""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "joints", _checks.check_names("joints", self.joints))
+    def _check_together(self) -> None:
         n = len(self.joints)
         if n == 0:
             raise InvalidInput("A chain needs at least one revolute joint.")
         if self.masses is not None and (self.centers is None or self.inertias is None):
             raise InvalidInput("A chain with masses needs centres of mass and inertias too.")
-        shapes = {name: (n, *own) for name, own in SHAPES.items()} | {"gravity": (3,)}
-        for name, shape in shapes.items():
-            values = getattr(self, name)
-            if values is None and name in BODIES:
-                continue
-            values = np.zeros(shape) if values is None else values
-            array = _checks.lock_floats(_checks.numbers(f"{name} of a chain", values))
-            if array.shape != shape:
-                raise InvalidInput(f"{name} of a chain must be of shape {shape}.")
-            object.__setattr__(self, name, array)
+        for name in ("armature", "viscous", "coulomb"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, _checks.lock_floats(np.zeros(n)))
         # They are kept as given: only what is no rotation is refused.
         rotations("rotations of a chain", self.rotations)
         if (np.abs(np.linalg.norm(self.axes, axis=1) - 1) > 1e-9).any():
             raise InvalidInput("The axes of a chain must be unit vectors.")
-        for name in ("armature", "viscous", "coulomb"):
-            if (getattr(self, name) < 0).any():
-                raise InvalidInput(f"{name} of a chain must not be negative.")
         self._refuse_bodies()
 
     def _refuse_bodies(self) -> None:
-        """Refuse links with a negative mass, or with an inertia that no body can have."""
+        """Refuse links with an inertia that no body can have."""
         if self.masses is None or self.inertias is None:
             return
-        for name, mass, inertia in zip(self.joints, self.masses, self.inertias, strict=True):
-            if mass < 0:
-                raise InvalidInput(
-                    f"The link after {name} has the mass {mass:g} kg: it must not be negative."
-                )
+        for name, inertia in zip(self.joints, self.inertias, strict=True):
             refuse_inertia(f"the link after {name}", inertia)
 
     def __len__(self) -> int:

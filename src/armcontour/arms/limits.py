@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, Value
+from armcontour._checks import FloatArray
 from armcontour._describing import brief, digits, line_up, to_html
 from armcontour._quantities import (
     AccelerationLimit,
@@ -26,6 +26,7 @@ from armcontour._quantities import (
     JointVelocities,
     SpeedLimit,
 )
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 
 JOINT_LIMITS = {
@@ -55,7 +56,7 @@ UNITS = JOINT_VALUES | TOOL_LIMITS
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Limits(Value):
+class Limits(Checked):
     """Limits of the joints and of the tool.
 
     Limits replace those of an arm value by value: None is the arm's own limit, infinity lifts it.
@@ -106,18 +107,20 @@ class Limits(Value):
             for name in lifted:
                 object.__setattr__(self, name, None)
             object.__setattr__(self, "lifted", frozenset(lifted))
+        Checked.__post_init__(self)
+
+    def _check_together(self) -> None:
+        # Of jerk, which files give for some joints only, infinity is no limit.
         for name in JOINT_LIMITS:
+            if name != "joint_jerk" and getattr(self, name) is not None:
+                _checks.lock_numbers(name, getattr(self, name))
+        # Infinity means no end of the range, whatever its sign.
+        for name, end in (("joint_lower", -np.inf), ("joint_upper", np.inf)):
             values = getattr(self, name)
-            if values is not None:
-                self._check_joints(name, values)
-                object.__setattr__(self, name, _checks.lock_floats(values))
-        for name in JOINT_RANGE:
-            self._check_range(name)
+            if values is not None and np.isinf(values).any():
+                array = np.where(np.isinf(values), end, values)
+                object.__setattr__(self, name, _checks.lock_floats(array))
         self._refuse_empty_range()
-        for name, unit in TOOL_LIMITS.items():
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, _checks.positive(name, value, unit))
 
     def __str__(self) -> str:
         """The limits that are given or lifted, with their units."""
@@ -131,34 +134,6 @@ class Limits(Value):
 
     __repr__ = brief
     _repr_html_ = to_html
-
-    def _check_joints(self, name: str, values: FloatArray) -> None:
-        unit = JOINT_LIMITS[name]
-        # Of jerk, which files give for some joints only, infinity is no limit.
-        if name == "joint_jerk":
-            values = _checks.floats(name, values, unit)
-            values = np.nan_to_num(values, nan=np.nan, posinf=_checks.LARGEST)
-        array = amounts = _checks.numbers(name, values, unit)
-        if name in DIRECTED and array.ndim == 2 and array.shape[1] == 2:
-            amounts = array * (-1.0, 1.0)
-        elif array.ndim > 1:
-            pair = ", or a lower and an upper bound, (dof, 2)" if name in DIRECTED else ""
-            raise InvalidInput(
-                f"{name} has the shape {array.shape}, but takes one value [{unit}] per joint, "
-                f"(dof,), or one for all, which limits both directions{pair}.",
-                limit=name,
-            )
-        if (amounts >= _checks.SMALLEST).all():
-            return
-        needed = f"at least {_checks.SMALLEST:g} {unit}"
-        if (amounts <= 0).any():
-            needed = "above zero"
-        if amounts is not array:
-            needed = "a lower bound below zero and an upper bound above zero"
-        raise InvalidInput(
-            f"{name} must be {needed} for every joint, but is {array.tolist()} {unit}.",
-            limit=name,
-        )
 
     def _refuse_empty_range(self) -> None:
         lower, upper = self.joint_lower, self.joint_upper
@@ -177,25 +152,6 @@ class Limits(Value):
                 f"The range of joint {j + 1} is empty: its joint_lower, {low:g} rad, must lie "
                 f"below its joint_upper, {high:g} rad."
             )
-
-    def _check_range(self, name: str) -> None:
-        values = getattr(self, name)
-        if values is None:
-            return
-        array = _checks.lock_floats(_checks.floats(name, values, "rad"))
-        if array.ndim > 1 or np.isnan(array).any():
-            raise InvalidInput(f"{name} must be one angle per joint in rad.")
-        far = np.isfinite(array) & (np.abs(array) > _checks.LARGEST)
-        if far.any():
-            raise InvalidInput(
-                f"{name} must be between -{_checks.LARGEST:g} and {_checks.LARGEST:g} rad, or "
-                f"infinite where there is none, but is {float(array[far].flat[0]):g} rad."
-            )
-        # Infinity means no end of the range, whatever its sign.
-        sign = -1.0 if name == "joint_lower" else 1.0
-        if np.isinf(array).any():
-            array = _checks.lock_floats(np.where(np.isinf(array), sign * np.inf, array))
-        object.__setattr__(self, name, array)
 
     def replace(self, **changes: Any) -> Limits:
         """The same limits with some of them changed.
@@ -225,7 +181,7 @@ class Limits(Value):
         given = cls().replace(**values)
         return given._without(x for x in UNITS if getattr(given, x) is None)
 
-    @_checks.checked
+    @checked
     def over(self, others: Limits) -> Limits:
         """These limits, and where they have neither a value nor lift one, the others.
 

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._quantities import Length, Name, Quantity, Size
 from armcontour.arms.arm import hint_at_unit
 from armcontour.arms.chain import Chain, Payload
 from armcontour.arms.limits import Limits
 from armcontour.arms.serial import ChainArm
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.frames import Frame
 from armcontour.scene import ArmShapes, Capsule, LinkShape
@@ -25,7 +28,7 @@ SINGULAR_MARGIN = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tube:
+class Tube(Checked):
     """A uniform round tube, which stands for a link whose mass and inertia are not known.
 
     Args:
@@ -37,14 +40,11 @@ class Tube:
         InvalidInput: A value is not above zero, or the wall is thicker than the outer radius.
     """
 
-    outer_diameter: float
-    wall: float
-    density: float
+    outer_diameter: Size
+    wall: Size
+    density: Annotated[float, Quantity("kg/m^3", sign="positive")]
 
-    def __post_init__(self) -> None:
-        units = {"outer_diameter": "m", "wall": "m", "density": "kg/m³"}
-        for name, unit in units.items():
-            object.__setattr__(self, name, _checks.positive(name, getattr(self, name), unit))
+    def _check_together(self) -> None:
         if 2 * self.wall > self.outer_diameter:
             raise InvalidInput(
                 f"The wall of a tube must be at most half its outer diameter of "
@@ -93,29 +93,24 @@ class PlanarTwoLink(ChainArm):
     # Named after the sign of theta2. The paper prints (4) for the first solution only.
     branches = ("positive", "negative")
 
-    @_checks.checked
+    @checked
     def __init__(
         self,
         *,
         name: str,
-        base: float,
-        links: tuple[float, float],
+        base: Length,
+        links: tuple[Size, Size],
         limits: Limits,
         source: str = "",
-        joint_names: tuple[str, str] = ("joint 1", "joint 2"),
+        joint_names: tuple[Name, Name] = ("joint 1", "joint 2"),
         tubes: tuple[Tube, Tube] | None = None,
         payload: Payload | None = None,
         assumed: str = "",
         limits_hint: str = "",
     ) -> None:
-        lengths = _checks.listed("links", links, object, "two lengths in m", 2)
-        self.base = _checks.number("base", base, "m")
-        self.link1 = _checks.positive("first link length", lengths[0], "m")
-        self.link2 = _checks.positive("second link length", lengths[1], "m")
-        joints = _checks.check_names("joint_names", joint_names, 2)
-        if tubes is not None:
-            tubes = _checks.listed("tubes", tubes, Tube, "two Tubes", 2)
-        chain = self._chain(joints, tubes, payload, assumed)
+        self.base = base
+        self.link1, self.link2 = links
+        chain = self._chain(joint_names, tubes, payload, assumed)
         self._describe(name, chain, limits, source, limits_hint)
         if tubes is not None:
             self.shapes = _capsules(tubes, (self.link1, self.link2))

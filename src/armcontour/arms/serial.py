@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +13,12 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms.arm import Arm
 from armcontour.arms.chain import Chain, Payload, link_table
-from armcontour.arms.closed_form import ClosedForm
 from armcontour.arms.limits import Limits
+from armcontour.core.fields import checked
 from armcontour.frames import Frame, Pose, transforms
+
+if TYPE_CHECKING:
+    from armcontour.arms.closed_form import ClosedForm
 
 # Joint axes are parallel if the sine of their angle is below this, for rounding errors.
 PARALLEL = 1e-9
@@ -66,7 +69,7 @@ class ChainArm(Arm):
         parts = np.concatenate([self.chain.positions, end.position[None]])
         return float(np.linalg.norm(parts, axis=1).sum())
 
-    @_checks.checked
+    @checked
     def forward(self, q: npt.ArrayLike) -> FloatArray:
         """Poses of the tool in the work frame as homogeneous transforms, (..., 4, 4).
 
@@ -83,7 +86,7 @@ class ChainArm(Arm):
         """
         return transforms(self.poses(q))
 
-    @_checks.checked
+    @checked
     def inverse(
         self,
         pose: Pose,
@@ -114,7 +117,7 @@ class ChainArm(Arm):
         solvers: Any = import_module("armcontour.arms.inverse")
         return np.asarray(solvers.solve(self, pose, near, every=all))
 
-    @_checks.checked
+    @checked
     def jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Geometric Jacobian: twist of the tool per joint velocity, (..., 6, dof).
 
@@ -234,7 +237,7 @@ class SerialArm(ChainArm):
     dimension = 3
     branches = ()
 
-    @_checks.checked
+    @checked
     def __init__(
         self,
         *,
@@ -251,6 +254,8 @@ class SerialArm(ChainArm):
     @cached_property
     def closed_form(self) -> ClosedForm | None:
         """Closed-form inverse kinematics of the whole pose; None if the arm is of another kind."""
+        from armcontour.arms.closed_form import ClosedForm
+
         return ClosedForm.of(self.chain)
 
     @cached_property
@@ -260,7 +265,7 @@ class SerialArm(ChainArm):
         axes = self.jacobian(np.zeros(self.dof))[3:]
         return bool(np.linalg.matrix_rank(axes, tol=PARALLEL) < 2)
 
-    @_checks.checked
+    @checked
     def with_tool(self, tool: Pose, payload: Payload | None = None) -> SerialArm:
         """A copy of the arm with another tool.
 
@@ -272,7 +277,7 @@ class SerialArm(ChainArm):
         carried = self.chain.payload if payload is None else payload
         return self._with(self.chain.replace(tool=Frame.of(tool), payload=carried))
 
-    @_checks.checked
+    @checked
     def with_work(self, work: Pose) -> SerialArm:
         """A copy of the arm with its tool points in another work frame.
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour import _checks
 from armcontour._describing import digits, line_up, several
 from armcontour._pool import Crew, InProcess, open_executor
 from armcontour._progress import Progress
@@ -18,6 +17,7 @@ from armcontour._warming import warm
 from armcontour.batches.plan import Plan, read_plan
 from armcontour.batches.results import Results
 from armcontour.batches.working import Outcome, Work, killed
+from armcontour.core.fields import checked
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ class Batch:
         return f"Batch({self.plan.name!r}, {len(self.plan)} jobs: {counts})"
 
 
-@_checks.checked
+@checked
 def batch(
     plan: str | FilePath | Mapping[str, Any],
     out: str | FilePath,

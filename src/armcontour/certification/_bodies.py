@@ -20,7 +20,7 @@ from armcontour.certification._uses import (
     planned_uses,
 )
 from armcontour.core.fields import Checked
-from armcontour.core.result import FIRST, Data, Row
+from armcontour.core.result import VERDICT, Data, Row
 from armcontour.execution import RigidBodyPlant, execute
 from armcontour.geometry import Path
 from armcontour.motion import Execution, TaughtData
@@ -60,22 +60,21 @@ class LinearFigures(Checked):
             budget: Largest allowed error [m].
         """
         label = "contour error of all robots of the box"
+        drawn = f"{len(self.drawn)} drawn robots"
         parts = [
-            Row(f"shares.{kind}", x, "m", f"of it {kind}", level=FIRST)
+            Row(f"shares.{kind}", x, "m", f"of it {kind}", level=VERDICT)
             for kind, x in self.shares.items()
         ]
         return Data(
             "Linear model of rigid bodies",
             (
-                Row("bound", self.bound, "m", label, f"worst robot {self.corner}", FIRST),
+                Row("bound", self.bound, "m", label, f"worst robot {self.corner}", VERDICT),
                 *(parts or [Row("shares", {})]),
                 Row("nominal", self.nominal, "m"),
                 Row("corner", self.corner),
                 Row("drawn.robots", len(self.drawn)),
                 Row("drawn.seed", self.seed),
-                Row(
-                    "drawn.max", self.drawn.max(), "m", f"{len(self.drawn)} drawn robots", "", FIRST
-                ),
+                Row("drawn.max", self.drawn.max(), "m", drawn, level=VERDICT),
                 Row("drawn.within", self.within(budget), "1"),
             ),
         )

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._describing import brief, mm, several
+from armcontour._describing import brief, several
 from armcontour.certification._bodies import LinearFigures
 from armcontour.certification._derating import Derating
 from armcontour.certification._rapids import Derated
@@ -32,9 +32,8 @@ from armcontour.program import Program
 from armcontour.robustness.monte_carlo import Spread
 from armcontour.timing import Tracing
 
-# Labels of the bound of the distance from the drawing, and of mean derating.
+# Label of the bound of the distance from the drawing.
 GUARANTEED = "off the drawing, guaranteed"
-DERATED = "acceleration derated, mean"
 
 
 def _part(name: str, data: Data | None) -> tuple[Row, ...]:
@@ -207,13 +206,11 @@ class ContourCertificate(Result):
                 *error_rows("contour_error", "contour error", self.error),
                 *error_rows("missed", "path missed", self.missed),
                 Row("speed_ratio", self.speed_ratio, "1"),
-                Row("headroom.mean", self.headroom, "1", DERATED, joint),
+                Row("headroom.mean", self.headroom, "1", "acceleration derated, mean", joint),
                 Row("headroom.largest", self.largest_headroom, "1"),
                 Row("headroom.others", self.factors, "1"),
                 Row("lowered", [asdict(x) for x in self.lowered], "1"),
-                *_part("corners", None if self.corners is None else self.corners.to_data()),
-                *_part("spread", None if self.spread is None else self.spread.to_data()),
-                *_part("linear", self._linear),
+                *(row for name, x in self._robots.items() for row in _part(name, x)),
                 Row("trials", self.trials),
             ),
         )
@@ -238,14 +235,19 @@ class ContourCertificate(Result):
         return self.duration - self.optimum
 
     @property
-    def _linear(self) -> Data | None:
-        return None if self.linear is None else self.linear.to_data(self.budget.servo_allowed)
+    def _robots(self) -> dict[str, Data | None]:
+        """What is known of robots of the box, by keys in JSON."""
+        linear, allowed = self.linear, self.budget.servo_allowed
+        executed = {"corners": self.corners, "spread": self.spread}
+        return {
+            **{name: None if x is None else x.to_data() for name, x in executed.items()},
+            "linear": None if linear is None else linear.to_data(allowed),
+        }
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on the robots of the box."""
-        parts = [x.to_data() for x in (self.corners, self.spread) if x is not None]
-        return tuple(verdict(x) for x in (*parts, self._linear) if x is not None)
+        return tuple(verdict(x) for x in self._robots.values() if x is not None)
 
     @property
     def headroom(self) -> FloatArray:
@@ -322,7 +324,7 @@ class Certificate(Result):
         )
         return Data(
             title + (f", {several(count, 'contour')}" if count > 1 else ""),
-            (*self._verdict(), *self._figures(), *self._requirements(), *self._repeat()),
+            (*self._verdict(), *self._figures(), *self._repeat()),
             (contours,),
             notes=self.notes,
             warnings=self.warnings,
@@ -338,16 +340,17 @@ class Certificate(Result):
         yield replace(row, note=row.note + self._on(off))
         note = f"limits {self.check.verdict}, between samples too"
         yield Row("kept", self.kept, "", "kept", note, VERDICT)
-        yield Row("duration", self.duration, "s", "motion", level=FIRST)
+        yield Row("duration", self.duration, "s", "motion", level=VERDICT)
         optimum = self.uncertified.duration
         note = f"{number(self.cost / optimum, '1')} of the uncertified {number(optimum, 's')}"
-        yield Row("cost", self.cost, "s", "cost", note, FIRST)
+        yield Row("cost", self.cost, "s", "cost", note, VERDICT)
         left = self.budget.to_data()["left"]
-        yield replace(left, name="budget.left", note=left.note + self._on(self.worst))
+        note = left.note + self._on(self.worst)
+        yield replace(left, name="budget.left", note=note, level=VERDICT)
         yield from warning_rows(self.warnings)
 
     def _figures(self) -> Iterator[Row]:
-        """Parts of the budget, shape, derating and model."""
+        """Parts of the budget, shape, derating, model, goal, and the plan that was not derated."""
         for x in self.budget.to_data().under("budget"):
             # Budgets of several contours are in their table.
             shown = len(self.contours) == 1 and x.name != "budget.total"
@@ -359,20 +362,15 @@ class Certificate(Result):
             others = {x: number(t, "s") for x, t in self.shapes.items() if x != shape}
             note = ", ".join(f"{x} takes at least {t}" for x, t in others.items())
             yield Row("shape", shape, "", "corner shape", note)
-        joint = self.job.arm.joint_names[int(self.headroom.argmax())]
-        yield Row("headroom.mean", self.headroom, "1", DERATED, joint)
-        joint = self.job.arm.joint_names[int(self.largest_headroom.argmax())]
-        label = "acceleration derated, largest"
-        yield Row("headroom.largest", self.largest_headroom, "1", label, joint)
+        for name, shares in ("mean", self.headroom), ("largest", self.largest_headroom):
+            joint = self.job.arm.joint_names[int(shares.argmax())]
+            yield Row(f"headroom.{name}", shares, "1", f"acceleration derated, {name}", joint)
         yield Row("pauses", self.pauses, "s", "pauses after rapids" if self.pauses else "")
         yield Row("limits_used", {x.name: x.ratio for x in self.check.uses}, "1")
         yield Row("not_judged", self.check.not_judged)
         yield Row("trials", self.trials, "", "plans tried")
         yield Row("model", self.model, "", "holds for")
         yield Row("on_bodies", self.on_bodies)
-
-    def _requirements(self) -> Iterator[Row]:
-        """The goal, and the plan that was not derated."""
         yield Row("run", self.run.name)
         yield from field_rows("goal", self.goal)
         yield from self.uncertified.to_data().under("uncertified", FILE)
@@ -403,18 +401,17 @@ class Certificate(Result):
     def comparison(self) -> dict[str, Data]:
         """The uncertified and the certified plan, also in the experiment, with the same figures."""
         before = self.uncertified.to_data()
+        names, box = [x.name for x in before.rows], before["box"]
+        if box.value is not None:
+            box = replace(box, value=max(x.budget.executed for x in self.contours))
         judged = {"certified": self.evaluation}
         if self.experiment is not None:
             judged["certified, on rigid bodies"] = self.experiment.evaluation
-        names = [x.name for x in before.rows]
-        found = {
-            name: Data(name, tuple(x for x in e.to_data().rows if x.name in names))
-            for name, e in judged.items()
-        }
-        if before["box"].value is not None:
-            box = replace(before["box"], value=max(x.budget.executed for x in self.contours))
-            found["certified"] = replace(found["certified"], rows=(*found["certified"].rows, box))
-        return {"uncertified optimum": before, **found}
+        found = {"uncertified optimum": before}
+        for name, e in judged.items():
+            rows = tuple(x for x in e.to_data().rows if x.name in names)
+            found[name] = Data(name, (*rows, box) if e is self.evaluation else rows)
+        return found
 
     @property
     def kept(self) -> bool:
@@ -523,20 +520,18 @@ class Certificate(Result):
         bodies = self.job.arm.has_bodies and self.job.plant_servo.kv is not None and can_simulate()
         if self.goal.plant == "rigid_body" or not bodies:
             return None
-        said = "Valid for independent joint servos only: "
-        if self.experiment is None:
-            said += "coupled dynamics of the arm's rigid bodies can increase the error"
-        else:
-            e = self.experiment.evaluation
+        said = "coupled dynamics of the arm's rigid bodies can increase the error"
+        if self.experiment is not None:
+            e, allowed = self.experiment.evaluation, self.budget.servo_allowed
             off = max(e.contour_error.max, e.missed.max)
-            beyond = "above" if off > self.budget.servo_allowed else "within"
-            said += (
-                f"in the experiment on the arm's rigid bodies the contour error is {mm(off)}, "
-                f"{beyond} the {mm(self.budget.servo_allowed)} allowed for servos"
+            said = (
+                "in the experiment on the arm's rigid bodies the contour error is "
+                f"{number(off, 'm')} of {number(allowed, 'm')} allowed for servos"
             )
+        advice = "plant: rigid_body (--plant rigid_body) certifies for these"
         if len(self.path.moves) > 1:
-            return f"{said}; an experiment of the job measures it."
-        return f"{said}; plant: rigid_body (--plant rigid_body) certifies for these."
+            advice = "an experiment of the job measures it"
+        return f"Valid for independent joint servos only: {said}; {advice}."
 
     @property
     def joint_path(self) -> JointPath:

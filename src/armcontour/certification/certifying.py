@@ -29,6 +29,7 @@ from armcontour.certification.certificate import (
     Uncertified,
 )
 from armcontour.certification.lowering import find_lowered
+from armcontour.core.fields import checked
 from armcontour.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import pieces_of
@@ -48,7 +49,7 @@ CONTINUOUS = 20
 SHORTEST = 1e-4
 
 
-@_checks.checked
+@checked
 def certify(
     job: Job,
     run: str | None = None,

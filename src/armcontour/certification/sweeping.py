@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from armcontour import _checks
 from armcontour._progress import Progress, under
 from armcontour.certification.certifying import certify, goal_of, run_of
+from armcontour.core.fields import checked
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job
@@ -31,7 +32,7 @@ class SweepPoint:
     refusal: str | None
 
 
-@_checks.checked
+@checked
 def sweep(
     job: Job,
     run: str | None = None,

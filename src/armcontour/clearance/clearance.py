@@ -10,11 +10,13 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import brief, clock
+from armcontour._quantities import Tolerance
 from armcontour._sampling import interpolate
 from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.clearance.distances import UNCERTAINTY, Distances
 from armcontour.clearance.pairs import Pair, mounting_pairs, pairs_of
+from armcontour.core.fields import checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 from armcontour.errors import Collision
@@ -255,7 +257,7 @@ class Clearance(Result):
 Motion: TypeAlias = Trajectory | Execution | JointPath
 
 
-@_checks.checked
+@checked
 def check_clearance(
     motion: Motion,
     arm: Arm,
@@ -297,7 +299,7 @@ class Cell:
         InvalidInput: As `check_clearance`.
     """
 
-    @_checks.checked
+    @checked
     def __init__(self, arm: Arm, scene: Scene) -> None:
         self.pairs, self.left_out = pairs_of(arm, scene)
         self._mounting = mounting_pairs(arm, scene)
@@ -305,15 +307,14 @@ class Cell:
         self._distances = Distances(arm.chain, self.pairs) if self.pairs else None
         self._heights = Distances(arm.chain, self._mounting) if self._mounting else None
 
-    @_checks.checked
-    def check(self, motion: Motion, *, resolution: float = 1e-3) -> Clearance:
+    @checked
+    def check(self, motion: Motion, *, resolution: Tolerance = 1e-3) -> Clearance:
         """As `check_clearance`.
 
         Args:
             motion: The motion.
             resolution: How well the least distance of every kind of pairs is known [m].
         """
-        _checks.positive("resolution", resolution, "m")
         below = self.below(motion, resolution)
         if self._distances is None:
             return Clearance(pairs=(), left_out=self.left_out, below=below)
@@ -341,7 +342,7 @@ class Cell:
         found = (x for x in search.results() if x.high < x.margin)
         return tuple(sorted(found, key=lambda x: x.high))
 
-    @_checks.checked
+    @checked
     def stays_above(self, motion: Motion) -> bool:
         """Whether all links stay above the plane in which the base is mounted; True without one.
 

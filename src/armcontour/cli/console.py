@@ -8,9 +8,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path as FilePath
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from armcontour._text import to_line
+
+if TYPE_CHECKING:
+    from armcontour.core.result import Data
 
 # Width of output to a file or another program [characters].
 WIDTH = 120
@@ -60,6 +63,19 @@ class Console:
         for row in lines:
             table.add_row(*(escape(x) for x in row))
         self._rich.print(table)
+
+    def show(self, data: Data) -> None:
+        """Print the figures, tables and notes of a result.
+
+        Args:
+            data: The result.
+        """
+        from armcontour.core.render import text
+
+        for line in text(data).splitlines():
+            self.say(line)
+        for note in data.notes:
+            self.say(note)
 
     def say(self, text: str) -> None:
         """Print a line; the terminal may wrap the line, and markup has no effect."""

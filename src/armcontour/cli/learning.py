@@ -23,12 +23,7 @@ if TYPE_CHECKING:
     from armcontour.learning import Recording
     from armcontour.motion import Log, TaughtData
 
-Found = TypeVar("Found")
-JUDGED_CONTOURS = (
-    *("contour", "RMS [mm]", "largest [mm]", "at t [s]", "at s [m]"),
-    "path missed, largest [mm]",
-)
-JUDGED_JOINTS = ("joint", "RMS [mrad]", "largest [mrad]", "noise [mrad]")
+Found = TypeVar("Found", "JudgedStudy", "LearningStudy")
 
 
 def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None:
@@ -44,16 +39,14 @@ def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None
         ArmContourError: An invalid job, or a log that is not of its taught data; then nothing is
             written.
     """
-    from armcontour.io.learning import judged_json, learning_json
-
     _refuse_missing(x)
     window = read_window(x.start, x.end)
     if x.judge_only:
         judge = partial(_judge, file, job_options, x, window)
-        _do(x, "judging", judge, _write_judged, judged_json, _print_judged)
+        _do(x, "judging", judge, _write_judged, _print_judged)
     else:
         learn = partial(_learn, file, job_options, x, window)
-        _do(x, "learning", learn, _write, learning_json, _print)
+        _do(x, "learning", learn, _write, _print)
 
 
 def _do(
@@ -61,7 +54,6 @@ def _do(
     what: str,
     work: Callable[[Progress], Found],
     write: Callable[[Found, ResultFolder], None],
-    to_json: Callable[[Found], str],
     show: Callable[[Found, FilePath | None], None],
 ) -> None:
     """Do the work of the command, write what it found if there is a folder, and print it.
@@ -71,10 +63,10 @@ def _do(
         what: What is done, for the progress.
         work: Does it.
         write: Writes what was found.
-        to_json: What was found as JSON.
         show: Prints what was found.
     """
     from armcontour.io import ResultFolder
+    from armcontour.io.json_text import data_json
 
     with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
         with search_progress(what) as progress:
@@ -82,7 +74,7 @@ def _do(
         if folder is not None:
             write(found, folder)
     if x.as_json:
-        print(to_json(found), end="")
+        print(data_json(found.to_data()), end="")
     else:
         show(found, x.out)
     if x.out is not None and x.open_report:
@@ -180,7 +172,7 @@ def _write(found: LearningStudy, folder: ResultFolder) -> None:
     import dataclasses
 
     from armcontour.cli.running import write_motions
-    from armcontour.io.learning import learning_json
+    from armcontour.io.json_text import data_json
     from armcontour.io.lesson_file import write_lesson
     from armcontour.io.taught_file import LESSON
     from armcontour.report import render_learning
@@ -189,18 +181,14 @@ def _write(found: LearningStudy, folder: ResultFolder) -> None:
     write_motions(folder, found.job, {name: dataclasses.replace(found.plan, taught=found.lesson)})
     folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=found.lesson))
     folder.write("report.html", render_learning(found))
-    folder.write("summary.json", learning_json(found, [*folder.files, "summary.json"]))
+    folder.write("summary.json", data_json(found.to_data([*folder.files, "summary.json"])))
 
 
 def _print(found: LearningStudy, out: FilePath | None) -> None:
     """Print a table of the runs, whether to go on, and what was written."""
-    from armcontour.report.sections.learning import RUN_HEADER, run_rows
-
     console = Console()
-    title = f"{found.job.title}, run {found.plan.run.name}: error of the tool"
-    console.show_table(RUN_HEADER, run_rows(found), title=title)
-    for note in found.notes:
-        console.say(note)
+    console.say(f"{found.job.title}, run {found.plan.run.name}: error of the tool")
+    console.show(found.to_data().parts["learning"])
     for note in found.job.arm.notes:
         console.say(f"Note: {note}")
     if out is None:
@@ -213,50 +201,17 @@ def _print(found: LearningStudy, out: FilePath | None) -> None:
 
 def _write_judged(study: JudgedStudy, folder: ResultFolder) -> None:
     """Write the summary of a judged run."""
-    from armcontour.io.learning import judged_json
+    from armcontour.io.json_text import data_json
 
-    folder.write("summary.json", judged_json(study, [*folder.files, "summary.json"]))
+    folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
 
 
 def _print_judged(study: JudgedStudy, out: FilePath | None) -> None:
     """Print what the tool and the joints did by a log, and what was written."""
     console = Console()
-    run = study.judged.runs[0]
-    title = f"{study.job.title}, run {study.plan.run.name}: contour error in {run.source}"
-    console.show_table(JUDGED_CONTOURS, _contour_rows(study), title=title)
-    console.show_table(JUDGED_JOINTS, _joint_rows(study), title="Joints, deviation from the plan")
-    console.say(
-        f"The run begins in the log at {-run.offset / run.rate:.2f} s. At the same time the tool "
-        f"is off the plan by {run.tool_rms * 1e3:.4g} mm RMS, {run.tool_max * 1e3:.4g} mm at most."
-    )
-    for note in (*study.notes, *(f"Note: {x}" for x in study.job.arm.notes)):
-        console.say(note)
+    console.say(f"{study.job.title}, run {study.plan.run.name}: the robot by its log")
+    console.show(study.to_data().parts["judged"])
+    for note in study.job.arm.notes:
+        console.say(f"Note: {note}")
     if out is not None:
         console.say(f"Summary: {out / 'summary.json'}")
-
-
-def _contour_rows(study: JudgedStudy) -> list[list[str]]:
-    """Cells of a row for every contour."""
-    return [
-        [
-            name,
-            f"{error.rms * 1e3:.5f}",
-            f"{error.max * 1e3:.5f}",
-            f"{error.t_max:.3f}",
-            f"{error.s_max:.4f}",
-            f"{missed.max * 1e3:.5f}",
-        ]
-        for name, error, missed in study.contours
-    ]
-
-
-def _joint_rows(study: JudgedStudy) -> list[list[str]]:
-    """Cells of a row for every joint: its distance from the plan at the same time."""
-    import numpy as np
-
-    run = study.judged.runs[0]
-    values = np.column_stack([run.joint_rms, run.joint_max, run.noise]) * 1e3
-    names = study.job.arm.joint_names
-    return [
-        [name, *(f"{x:.4g}" for x in row)] for name, row in zip(names, values.tolist(), strict=True)
-    ]

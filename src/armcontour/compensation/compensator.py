@@ -12,6 +12,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.compensation.set_points import SETTLING, set_point_times
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.motion import LONGEST_CLOCK, PERIOD, TaughtData, Trajectory, check_interval
 from armcontour.motion.command_limits import describe_excess, refuse_commands
@@ -23,7 +24,7 @@ METHODS = ("inverse", "pole_placement", "inverse_dynamics", "none")
 OPTIONS = {"pole_placement": ("poles",), "inverse_dynamics": ("gravity_feedforward", "known")}
 
 
-@_checks.checked
+@checked
 def compensate(
     trajectory: Trajectory,
     servo: ServoModel,

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Limits
 from armcontour.compensation.pole_placement import (
@@ -17,7 +16,7 @@ from armcontour.compensation.pole_placement import (
     run_poles,
     transfer,
 )
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import CompensationError, InvalidInput
 from armcontour.motion import PERIOD, Trajectory, check_interval
 from armcontour.servo import ServoModel
@@ -80,7 +79,7 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
     )
 
 
-@_checks.checked
+@checked
 def fastest_poles(
     servo: ServoModel, trajectory: Trajectory, limits: Limits | None = None, period: float = PERIOD
 ) -> FloatArray:

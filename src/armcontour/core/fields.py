@@ -1,31 +1,47 @@
-"""Checks of the fields of dataclasses: type, finiteness, sign, shape and choices by annotations.
+"""Checks of fields and arguments by their annotations: type, finiteness, sign, shape and choices.
 
-An annotation such as `speed: Speed | None` is the only declaration: `check` reads it here, and
-`io/keys.py` makes keys of files, their JSON schema and their tables from it.
+An annotation such as `speed: Speed | None` is the only declaration: `check` and `checked` read it
+here, and `io/keys.py` makes keys of files, their JSON schema and their tables from it.
 """
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from functools import cache
+from dataclasses import fields
+from functools import cache, wraps
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    ParamSpec,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, Value
+from armcontour._checks import Value
 from armcontour._quantities import AtLeast, Axes, Choice, Named, Quantity
 from armcontour._text import capitalise, shorten, show
 from armcontour.errors import InvalidInput
 
-# Reads a value: the checked one, or the value itself if nothing had to be converted.
+P = ParamSpec("P")
+R = TypeVar("R")
+# Reads a value: gives the checked one, or the value itself if nothing had to be converted.
 Reader = Callable[[Any], Any]
-# Axes of arrays with one value for all joints or one per joint; and with a pair of bounds for each.
-PER_JOINT: tuple[tuple[str | int, ...], ...] = ((), ("joints",))
-BOUNDS = ("joints", 2)
+# Shapes of one number; of one for all joints or one per joint, then also with bounds; of any array.
+SINGLE = (Axes(),)
+PER_JOINT = (Axes(), Axes("joints"))
+BOUNDED = (*PER_JOINT, Axes("joints", 2))
+ANY_SHAPE = (Axes(...),)
 
 
 class Checked(Value):
@@ -50,10 +66,8 @@ def check(value: Any) -> None:
     kind: Any = type(value)
     readers, shapes = _readers(kind)
     try:
-        for name, read, optional in readers:
+        for name, read in readers:
             given = getattr(value, name)
-            if given is None and optional:
-                continue
             checked = read(given)
             if checked is not given:
                 object.__setattr__(value, name, checked)
@@ -66,15 +80,28 @@ def check(value: Any) -> None:
         raise error.at(shorten(where, _checks.LONGEST_NAME)) from None
 
 
-@dataclass(frozen=True, slots=True)
-class _Field:
-    """A field of a class, for messages.
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a public function: it checks its arguments by their annotations, as fields."""
+    code = function.__code__
+    names = code.co_varnames[: code.co_argcount]
 
-    Args:
-        user: Name of the class, such as "A payload".
-        role: Name of the field.
-        who: Both, such as "mass of a payload".
-    """
+    @wraps(function)
+    def call(*args: Any, **keywords: Any) -> R:
+        known = _readers_of_arguments(function)
+        given = [known[k](x) if k in known else x for k, x in zip(names, args, strict=False)]
+        named = {k: known[k](x) if k in known else x for k, x in keywords.items()}
+        # No second wrapper: warnings name the line so many calls above.
+        try:
+            return function(*given, *args[len(names) :], **named)
+        except TypeError:
+            _checks.refuse_call(function, args, keywords)
+            raise
+
+    return call
+
+
+class _Field(NamedTuple):
+    """A field or an argument: its user, such as "A payload", its role, and both in one phrase."""
 
     user: str
     role: str
@@ -82,26 +109,37 @@ class _Field:
 
 
 @cache
-def _readers(
-    kind: Any,
-) -> tuple[tuple[tuple[str, Reader, bool], ...], tuple[tuple[str, Axes], ...]]:
-    """Readers of the fields of a dataclass, and those with axes that other fields have, too."""
+def _readers(kind: Any) -> tuple[list[tuple[str, Reader]], list[tuple[str, Axes]]]:
+    """Readers of the fields of a dataclass, and shapes with axes that other fields have, too."""
     hints = get_type_hints(kind, include_extras=True)
-    found, shapes = [], []
-    for x in fields(kind):
-        if not x.init:
-            continue
-        hint, optional = _without_none(hints[x.name])
-        user = _noun(kind)
-        field = _Field(capitalise(user), x.name, f"{x.name} of {user}")
-        # None is named by a message on a wrong class, as other classes are.
-        read = _reader(hints[x.name] if _checks.kinds_of(hint) else hint, field)
-        if read is not None:
-            found.append((x.name, read, optional))
-        shape = next((y for y in getattr(hint, "__metadata__", ()) if isinstance(y, Axes)), None)
-        if shape is not None and any(isinstance(y, str) for y in shape.axes):
-            shapes.append((x.name, shape))
-    return tuple(found), tuple(shapes)
+    user = _noun(kind)
+    readers, shapes = [], []
+    for name in (x.name for x in fields(kind) if x.init):
+        field = _Field(capitalise(user), name, f"{name} of {user}")
+        if (read := _reader(hints[name], field)) is not None:
+            readers.append((name, read))
+        for hint in (hints[name], *get_args(hints[name])):
+            axes = _find(Axes, getattr(hint, "__metadata__", ()))
+            if axes is not None:
+                shapes.append((name, axes))
+    # Others have no axis that another field has.
+    names: Counter[Any] = Counter(
+        x for _, shape in shapes for x in shape.axes if isinstance(x, str)
+    )
+    return readers, [(x, shape) for x, shape in shapes if any(names[n] > 1 for n in shape.axes)]
+
+
+@cache
+def _readers_of_arguments(function: Callable[..., Any]) -> dict[str, Reader]:
+    """Readers of the arguments of a function by their names; arrays are left to the function."""
+    user = function.__qualname__.removesuffix(".__init__")
+    hints = get_type_hints(function, include_extras=True)
+    found = {
+        name: _reader(hint, _Field(user, name, name))
+        for name, hint in hints.items()
+        if name != "return" and np.ndarray not in [get_origin(x) for x in (hint, *get_args(hint))]
+    }
+    return {name: read for name, read in found.items() if read is not None}
 
 
 def _noun(kind: type) -> str:
@@ -111,16 +149,22 @@ def _noun(kind: type) -> str:
     return words if several else f"{'an' if words[0] in 'aeio' else 'a'} {words}"
 
 
-def _without_none(hint: Any) -> tuple[Any, bool]:
-    """An annotation without None, and whether it has None."""
-    parts = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-    others = tuple(x for x in parts if x is not type(None))
-    return (Union[others] if others else hint), len(others) < len(parts)  # noqa: UP007
+def _find(kind: type[R], marks: tuple[Any, ...]) -> R | None:
+    """The metadata of a class among those of an annotation."""
+    return next((x for x in marks if isinstance(x, kind)), None)
 
 
 def _reader(hint: Any, field: _Field) -> Reader | None:
     """The reader of values with an annotation; None if all values fit."""
-    origin, parts = get_origin(hint), get_args(hint)
+    kinds, origin, parts = _checks.kinds_of(hint), get_origin(hint), get_args(hint)
+    if origin in (dict, Mapping):
+        return _read_mapping(parts[1], field)
+    if kinds and (Mapping not in kinds or hint is Mapping):
+        return lambda value: (
+            value
+            if isinstance(value, kinds)
+            else _checks.refuse_other(field.user, value, *kinds, role=field.role)
+        )
     if origin is Annotated:
         return _read_annotated(parts[0], parts[1:], field)
     if origin in (Union, UnionType):
@@ -128,36 +172,42 @@ def _reader(hint: Any, field: _Field) -> Reader | None:
     if origin is Literal:
         return lambda value: _checks.choice(field.who, value, parts)
     if origin is np.ndarray:
-        return _read_array(get_args(parts[1])[0], field)
+        return _read_numbers(hint, None, ANY_SHAPE, field)
     if origin is tuple:
         return _read_tuple(parts, field)
-    if origin in (dict, Mapping):
-        return _read_mapping(parts[1], field)
     if hint is float:
-        return _read_float(field)
-    if hint is int:
-        return _read_whole(field.who)
-    kinds = _checks.kinds_of(hint)
-    return _read_kinds(kinds, field) if kinds else None
+        return _read_numbers(hint, None, SINGLE, field)
+    return _read_whole(AtLeast(None), field.who) if hint is int else None
 
 
 def _read_annotated(of: Any, marks: tuple[Any, ...], field: _Field) -> Reader | None:
     """The reader of values with metadata."""
-    who = field.who
-    quantity = next((x for x in marks if isinstance(x, Quantity)), None)
-    shape = next((x for x in marks if isinstance(x, Axes)), None)
-    if quantity is not None:
-        return _read_number(quantity, who) if of is float else _read_numbers(quantity, shape, who)
-    if shape is not None:
-        return _read_shaped(_reader(of, field), shape, who)
+    who, quantity, axes = field.who, _find(Quantity, marks), _find(Axes, marks)
+    if quantity is not None or (axes is not None and get_origin(of) is np.ndarray):
+        shapes: tuple[Axes, ...] = BOUNDED if quantity and quantity.bounds else PER_JOINT
+        shapes = SINGLE if of is float else (axes,) if axes is not None else shapes
+        return _read_numbers(of, quantity, shapes, field)
     for mark in marks:
-        if isinstance(mark, Choice) and of is str:
-            return lambda value: _checks.choice(who, value, mark.known)
+        if isinstance(mark, Choice):
+            return _read_choice(mark.known, of is str, who)
         if isinstance(mark, AtLeast):
-            return _read_whole(who, mark.least, mark.most)
+            return _read_whole(mark, who)
         if isinstance(mark, Named):
             return lambda value: _read_name(value, mark, who)
     return _reader(of, field)
+
+
+def _read_choice(known: tuple[str, ...], single: bool, who: str) -> Reader:
+    """The reader of one of several texts, or of a list of them."""
+
+    def read(value: Any) -> Any:
+        if single or isinstance(value, str):
+            return _checks.choice(who, value, known)
+        values = _checks.listed(who, value, str, "texts")
+        _checks.refuse_if(not values, f"{who} must not be empty.")
+        return tuple(_checks.choice(who, x, known) for x in values)
+
+    return read
 
 
 def _read_name(value: Any, mark: Named, who: str) -> str:
@@ -167,68 +217,45 @@ def _read_name(value: Any, mark: Named, who: str) -> str:
     return name
 
 
+def _read_whole(mark: AtLeast, who: str) -> Reader:
+    """The reader of a whole number."""
+    return lambda value: _checks.whole(who, value, mark.least, mark.most)
+
+
 def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
-    """The reader of one of several kinds: of classes, or of a text or another kind."""
-    kinds = [_checks.kinds_of(x) for x in parts]
-    if all(kinds):
-        return _read_kinds(sum(kinds, ()), field)
+    """The reader of None, a text or another kind; any value if there are several other kinds."""
     texts = [x for x in parts if x is str or _is_text(x)]
-    others = [x for x in parts if x not in (*texts, bool)]
-    if not texts or len(others) != 1:
+    others = [x for x in parts if x not in (*texts, bool, type(None))]
+    if len(texts) > 1 or len(others) > 1:
         return None
-    text, other = _reader(texts[0], field), _reader(others[0], field)
-    assert text is not None
+    passing: tuple[type, ...] = (type(None),) if type(None) in parts else ()
+    passing += (bool, np.bool_) if bool in parts else ()
+    text, other = (_reader(x[0], field) if x else None for x in (texts, others))
 
     def read(value: Any) -> Any:
-        if isinstance(value, str):
-            return text(value)
-        if other is None or (bool in parts and isinstance(value, bool | np.bool_)):
+        if isinstance(value, passing):
             return value
-        return other(value)
+        use = text if not others or (texts and isinstance(value, str)) else other
+        return value if use is None else use(value)
 
     return read
 
 
 def _is_text(hint: Any) -> bool:
     """Whether an annotation allows texts only."""
-    parts = get_args(hint)
-    return (get_origin(hint) is Annotated and parts[0] is str) or (
-        get_origin(hint) is Literal and all(isinstance(x, str) for x in parts)
+    return get_origin(hint) is Literal or (
+        get_origin(hint) is Annotated and get_args(hint)[0] is str
     )
-
-
-def _read_kinds(kinds: tuple[type, ...], field: _Field) -> Reader:
-    """The reader of objects of some classes."""
-
-    def read(value: Any) -> Any:
-        if not isinstance(value, kinds):
-            _checks.refuse_other(field.user, value, *kinds, role=field.role)
-        return value
-
-    return read
-
-
-def _read_array(kind: Any, field: _Field) -> Reader:
-    """The reader of an array of any shape, finite or not, which is locked."""
-    if kind is np.float64:
-        return lambda value: _checks.lock_floats(value, field.who)
-    whole = kind is np.intp
-
-    def read(value: Any) -> Any:
-        array = _checks.indices(field.who, value) if whole else np.asarray(value, kind)
-        flags = array.flags
-        return array if flags.owndata and not flags.writeable else _checks.lock_copy(array)
-
-    return read
 
 
 def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
     """The reader of a list as a tuple."""
     many = parts[1:] == (...,)
     each = [_reader(x, field) for x in (parts[:1] if many else parts)]
-    kinds = _checks.kinds_of(parts[0]) if many else ()
-    count = None if many else len(parts)
-    names = [f"{x.__name__}s" for x in kinds if x is not str]
+    kinds, count = _checks.kinds_of(parts[0]) if many else (), None if many else len(parts)
+    names = [
+        f"{x.__name__}{'es' if x.__name__.endswith('ch') else 's'}" for x in kinds if x is not str
+    ]
     plain = "texts" if kinds else "names" if _is_text(parts[0]) else "values"
     what = f"{f'{count} ' if count else ''}{' or '.join(names) or plain}"
 
@@ -236,125 +263,81 @@ def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
         values = _checks.listed(field.who, value, kinds or object, what, count)
         if kinds:
             return values
-        every = each * len(values) if many else each
-        return tuple(x if item is None else item(x) for item, x in zip(every, values, strict=True))
+        every = zip(each * len(values) if many else each, values, strict=True)
+        return tuple(x if item is None else item(x) for item, x in every)
 
     return read
 
 
 def _read_mapping(of: Any, field: _Field) -> Reader:
     """The reader of a mapping, whose values are of one kind."""
-    each = _reader(of, field)
+    each = _reader(of, field) or (lambda value: value)
 
     def read(value: Any) -> Any:
-        if not isinstance(value, Mapping):
-            _checks.refuse_other(field.user, value, Mapping, role=field.role)
-        if each is not None:
-            for key, x in value.items():
-                try:
-                    each(x)
-                except InvalidInput as error:
-                    raise error.at(show(key)) from None
+        _checks.refuse_other(field.user, value, Mapping, role=field.role)
+        for key, x in value.items():
+            try:
+                each(x)
+            except InvalidInput as error:
+                raise error.at(show(key)) from None
         return value
 
     return read
 
 
-def _read_whole(who: str, low: int | None = None, high: int | None = None) -> Reader:
-    """The reader of a whole number."""
-    most = _checks.MOST_WHOLE if high is None else high
+def _read_numbers(
+    of: Any, quantity: Quantity | None, shapes: tuple[Axes, ...], field: _Field
+) -> Reader:
+    """The reader of a number, or of an array, which is locked, of a shape and within a range."""
+    (low, high), unit = (quantity.range, quantity.words) if quantity else ((-np.inf, np.inf), "")
+    limit = field.role if quantity is not None and quantity.endless else None
+    # The type of other arrays than those of floats.
+    kind = get_args(get_args(of)[1])[0] if get_origin(of) is np.ndarray else np.float64
+    needed = "be one number" if shapes is SINGLE else f"have shape {shapes[0]}"
+    per_joint = shapes in (PER_JOINT, BOUNDED)
+    if per_joint:
+        pair = " or a lower and an upper bound per joint" if shapes is BOUNDED else ""
+        needed = f"be one value for all joints or one per joint{pair}"
 
-    def read(value: Any) -> int:
-        if type(value) is int and (low is None or low <= value) and value <= most:
-            return value
-        return _checks.whole(who, value, low, high)
+    # Numbers of axes, and the axes with a fixed length.
+    lengths = [
+        (len(x.axes), [(i, n) for i, n in enumerate(x.axes) if isinstance(n, int)]) for x in shapes
+    ]
 
-    return read
-
-
-def _read_float(field: _Field) -> Reader:
-    """The reader of one number, finite or not."""
+    def lock(value: Any) -> Any:
+        return _lock(value, kind, field.who, unit)
 
     def read(value: Any) -> Any:
-        if type(value) is float:
-            return value
-        array = _checks.floats(field.who, value)
-        if array.ndim:
-            raise InvalidInput(f"{field.who} must be one number, not an array of {array.size}.")
-        return float(array)
-
-    return read
-
-
-def _read_number(quantity: Quantity, who: str) -> Reader:
-    """The reader of one number within the range of its quantity."""
-    low, high = quantity.range
-
-    def read(value: Any) -> float:
         # NaN fails the comparison.
-        if type(value) is float and low <= value <= high:
+        if shapes is SINGLE and type(value) is float and low <= value <= high:
             return value
-        array = np.asarray(_checks.floats(who, value, quantity.words))
-        if array.ndim:
+        array = lock(value)
+        fits = shapes[0].axes == (...,) or any(
+            array.ndim == n and all(array.shape[i] == x for i, x in fixed) for n, fixed in lengths
+        )
+        if not fits or (per_joint and not array.size):
             raise InvalidInput(
-                f"{who} must be one number{_checks.in_unit(quantity.words)}, not an array of "
-                f"{array.size}."
+                f"{field.who} must {needed}{_checks.in_unit(unit)}, but has shape {array.shape}.",
+                limit=limit,
             )
-        _refuse_outside(array, quantity, who)
-        return float(array)
+        if quantity is not None:
+            paired = quantity.bounds and array.ndim == 2
+            _refuse_outside(array * (-1.0, 1.0) if paired else array, quantity, field, limit)
+        return float(array) if shapes is SINGLE else array
 
-    return read
-
-
-def _read_numbers(quantity: Quantity, shape: Axes | None, who: str) -> Reader:
-    """The reader of an array within the range of its quantity, which is locked."""
-    unit, axes = quantity.words, PER_JOINT
-    if shape is not None:
-        axes = (shape.axes,)
-    elif quantity.bounds:
-        axes = (*PER_JOINT, BOUNDS)
-
-    def read(value: Any) -> FloatArray:
-        array = _checks.lock_floats(value, who, unit)
-        if not any(_fits(array, x) for x in axes) or (shape is None and not array.size):
-            _refuse_shape(array, shape, unit, who)
-        _refuse_outside(array, quantity, who)
-        return array
-
-    return read
+    return lock if quantity is None and shapes is ANY_SHAPE else read
 
 
-def _read_shaped(read: Reader | None, shape: Axes, who: str) -> Reader:
-    """The reader of an array of a shape, with any numbers."""
-    assert read is not None
-
-    def read_shaped(value: Any) -> Any:
-        array = read(value)
-        if not _fits(array, shape.axes):
-            _refuse_shape(array, shape, "", who)
-        return array
-
-    return read_shaped
+def _lock(value: Any, kind: Any, who: str, unit: str) -> Any:
+    """An array of a type that is locked; the value itself if it is one."""
+    if kind is np.float64:
+        return _checks.lock_floats(value, who, unit)
+    array = _checks.indices(who, value) if kind is np.intp else value
+    _checks.refuse_if(not isinstance(array, np.ndarray), f"{who} must be an array.")
+    return array if array.flags.owndata and not array.flags.writeable else _checks.lock_copy(array)
 
 
-def _fits(array: FloatArray, axes: tuple[str | int, ...]) -> bool:
-    """Whether the shape of an array is that of some axes; an axis with a name has any length."""
-    return array.ndim == len(axes) and all(
-        isinstance(x, str) or x == n for x, n in zip(axes, array.shape, strict=True)
-    )
-
-
-def _refuse_shape(array: FloatArray, shape: Axes | None, unit: str, who: str) -> None:
-    """Refuse an array of another shape.
-
-    Raises:
-        InvalidInput: Always.
-    """
-    needed = f"of shape {shape}" if shape else "one number for all joints or one per joint"
-    raise InvalidInput(f"{who} must be {needed}{_checks.in_unit(unit)}, not of {array.shape}.")
-
-
-def _refuse_outside(array: FloatArray, quantity: Quantity, who: str) -> None:
+def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | None) -> None:
     """Refuse numbers outside the range of their quantity.
 
     Raises:
@@ -372,28 +355,30 @@ def _refuse_outside(array: FloatArray, quantity: Quantity, who: str) -> None:
     value, more = float(array[where]), _checks.suffix(quantity.words)
     place = f" at index {', '.join(str(x) for x in where)}" if where else ""
     needed = quantity.needed(value) if np.isfinite(value) else "be finite"
+    if quantity.bounds and array.ndim == 2:
+        needed = "be a lower bound below zero and an upper bound above zero"
+        value = -value if where[1] == 0 else value
     raise InvalidInput(
-        f"{who} must {needed}, but is {value:g}{more}{place}.", index=where[0] if where else None
+        f"{field.who} must {needed}, but is {value:g}{more}{place}.",
+        index=where[0] if where else None,
+        limit=limit,
     )
 
 
-def _refuse_misfits(value: Any, shapes: tuple[tuple[str, Axes], ...]) -> None:
+def _refuse_misfits(value: Any, shapes: list[tuple[str, Axes]]) -> None:
     """Refuse arrays whose axes have the same name, but another length.
 
     Raises:
         InvalidInput: An axis has two lengths.
     """
-    lengths: dict[str, tuple[int, str]] = {}
-    for name, shape in shapes:
+    known: dict[str, tuple[int, str]] = {}
+    for name, shape in ((name, x) for name, x in shapes if getattr(value, name) is not None):
         array = getattr(value, name)
-        if array is None:
-            continue
-        for axis, n in zip(shape.axes, array.shape, strict=True):
-            if isinstance(axis, int):
-                continue
-            known, first = lengths.setdefault(axis, (n, name))
-            if n != known:
+        lengths = (len(array),) if isinstance(array, tuple) else array.shape
+        for axis, n in zip(shape.axes, lengths, strict=True):
+            if isinstance(axis, str) and known.setdefault(axis, (n, name))[0] != n:
+                needed, first = known[axis]
                 raise InvalidInput(
-                    f"{name} of {_noun(type(value))} has shape {array.shape}, but must have "
-                    f"shape {shape} with {axis} = {known}, as {first} has."
+                    f"{name} of {_noun(type(value))} has shape {lengths}, but must have shape "
+                    f"{shape} with {axis} = {needed}, as {first} has."
                 )

@@ -14,7 +14,7 @@ from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table, nest
 
 # Units in which people read quantities, and their sizes in SI units.
 SHOWN = {
-    "s": ("ms", 1e-3),
+    "1": ("%", 1e-2),
     "m": ("mm", 1e-3),
     "m/s": ("mm/s", 1e-3),
     "rad": ("deg", math.pi / 180),
@@ -47,13 +47,22 @@ def split(value: Any, unit: str = "") -> tuple[str, str]:
     if isinstance(value, str | int) and not (unit and isinstance(value, int)):
         return str(value), ""
     value = float(value)
-    if unit == "1":
-        return (f"{value * 100:z.2f}" if abs(value) < 10 else digits(value * 100)), "%"
+    if unit == "1" and abs(value) < 10:
+        return f"{value * 100:z.2f}", "%"
     if unit == "s" and (abs(value) >= SHORT or not value):
         return f"{value:.4f}", "s"
-    name, size = SHOWN.get(unit, (WRITTEN.get(unit, unit), 1.0))
+    name, size = ("ms", 1e-3) if unit == "s" else scale(unit)
     value /= size
     return (digits(value) if abs(value) >= FINE or not value else f"{value:z.6f}"), name
+
+
+def scale(unit: str) -> tuple[str, float]:
+    """The unit in which people read a quantity, and its size in the SI unit.
+
+    Args:
+        unit: The SI unit.
+    """
+    return SHOWN.get(unit, (WRITTEN.get(unit, unit), 1.0))
 
 
 def number(value: Any, unit: str = "") -> str:

@@ -84,7 +84,7 @@ class Table:
 
     @staticmethod
     def of(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
-        """Results with the same figures, one a row; those of the first level are shown.
+        """Results with the same figures, one a row; those of the first screen are shown.
 
         Args:
             name: As in `Table`.
@@ -92,7 +92,7 @@ class Table:
             level: As in `Table`.
         """
         columns = tuple(
-            replace(x, value=None, label=x.label if x.level == FIRST else "")
+            replace(x, value=None, label=x.label if x.level <= FIRST else "")
             for x in (results[0].rows if results else ())
         )
         return Table(name, columns, [[x.value for x in data.rows] for data in results], level)

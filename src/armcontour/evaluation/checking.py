@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any, Protocol, cast
+from typing import Annotated, Any, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import clock, line_up, mm
+from armcontour._quantities import AngularRate, AtLeast, NotNegative, Quantity, Seed, Tolerance
 from armcontour._sampling import (
     LARGEST,
     LATEST,
@@ -28,11 +29,11 @@ from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits, SerialArm, resolve_limits
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
-from armcontour.evaluation.checking_samples import judge_samples
+from armcontour.evaluation.checking_samples import Log, judge_samples
 from armcontour.evaluation.contour_windows import find_windows
 from armcontour.evaluation.following import follow_path
-from armcontour.evaluation.sample_windows import Log
 from armcontour.evaluation.tally import (
     CANNOT_TELL,
     KEPT,
@@ -163,21 +164,21 @@ class Check:
         raise KeyError(name)
 
 
-@_checks.checked
+@checked
 def check(
     samples: TimeSamples | Law,
     arm: Arm,
     limits: Limits | None = None,
     path: Path | Program | None = None,
     *,
-    deviation: float | None = None,
-    missed: float | None = None,
-    orientation_deviation: float | None = None,
+    deviation: Tolerance | None = None,
+    missed: Tolerance | None = None,
+    orientation_deviation: Annotated[float, Quantity("rad", sign="positive")] | None = None,
     resolution: Mapping[str, npt.ArrayLike] | None = None,
-    tolerance: float = 1e-9,
-    velocity_step: float = 1e-4,
-    points: int = 50,
-    seed: int = 0,
+    tolerance: NotNegative = 1e-9,
+    velocity_step: AngularRate = 1e-4,
+    points: Annotated[int, AtLeast(0, 10_000)] = 50,
+    seed: Seed = 0,
 ) -> Check:
     """Check a joint trajectory of any source against limits and a path.
 
@@ -232,13 +233,9 @@ def check(
     _refuse_path(arm, on, deviation, missed, orientation_deviation)
     bounds = resolve_limits("check", arm, limits, _limits_of_plan(samples))
     tally = Tally(arm, bounds, on, deviation, orientation_deviation)
-    tolerance = _checks.not_negative("tolerance", tolerance)
-    points = _checks.whole("points", points, 0, 10_000)
-    seed = _checks.whole("seed", seed, 0, 2**63 - 1)
     if callable(samples) and hasattr(samples, "breaks"):
-        step = _checks.positive("velocity_step", velocity_step, "rad/s")
         motion: Any = samples
-        judged = _judge_law(samples, tally, points, seed, step)
+        judged = _judge_law(samples, tally, points, seed, velocity_step)
     else:
         motion = _check_samples(samples, arm.dof, resolution)
         judged = _judge_log(motion, tally)
@@ -418,15 +415,14 @@ def _refuse_path(
             f"{arm.dimension}."
         )
     for name, value in (("deviation", deviation), ("missed", missed)):
-        if value is not None and _checks.positive(name, value, "m") and path is None:
+        if value is not None and path is None:
             raise InvalidInput(f"A largest {name} needs the path that the tool was to follow.")
-    if orientation_deviation is not None:
-        _checks.positive("orientation_deviation", orientation_deviation, "rad")
-        if path is None or path.orientation is None or not isinstance(arm, SerialArm):
-            raise InvalidInput(
-                "A largest orientation_deviation needs a path with a tool orientation, and an arm "
-                "in space."
-            )
+    oriented = path is not None and path.orientation is not None and isinstance(arm, SerialArm)
+    if orientation_deviation is not None and not oriented:
+        raise InvalidInput(
+            "A largest orientation_deviation needs a path with a tool orientation, and an arm in "
+            "space."
+        )
 
 
 def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[str, ...]:

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray, Value
 from armcontour._describing import brief, draw
+from armcontour._quantities import Interval
 from armcontour.arms import Limits, resolve_limits
 from armcontour.arms.limits import or_unlimited
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, FIRST, Data, Row, Table
 from armcontour.errors import InvalidInput
@@ -225,14 +225,14 @@ class Judged(Value):
     limits: Limits
 
 
-@_checks.checked
+@checked
 def evaluate(
     executed: Execution,
     path: Path | Program,
     *,
     objective: Path | Program | None = None,
     limits: Limits | None = None,
-    until: float | None = None,
+    until: Interval | None = None,
     limit_use: bool = False,
 ) -> Evaluation:
     """Evaluate an execution against the path that it was to follow.
@@ -270,8 +270,6 @@ def evaluate(
     t, speed, duration = executed.t, executed.tool_speed, trajectory.duration
     moved = (t >= 0) & (t <= duration)
     settled = settling_time(executed, speed)
-    if until is not None:
-        until = _checks.positive("until", until, "s")
     _, end = evaluated_times(executed, until)
     pieces = pieces_of(executed, program, before, until)
     contours = tuple(x.contour_error for x in pieces)

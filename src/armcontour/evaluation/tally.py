@@ -262,23 +262,27 @@ class Tally:
             self._highest[name] = occurrence(i)
         return float(slack.max())
 
-    def joint_acceleration(
-        self, t: FloatArray, ddq: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0
+    def rates(
+        self, name: str, t: FloatArray, rates: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0
     ) -> float:
-        """Offer joint accelerations, each with the limit of its direction."""
-        if self.limits.joint_acceleration is None:
-            return 0.0
-        amounts, most = by_direction(ddq, self.limits.acceleration_bounds(self.arm.dof))
-        return self.offer("joint_acceleration", t, amounts, most, q, error)
+        """Offer rates of joints, (n, dof), or vectors of the tool, (n, d), to their limit, if any.
 
-    def joint_velocity(
-        self, t: FloatArray, dq: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0
-    ) -> float:
-        """Offer joint velocities, each with the limit of its direction."""
-        if self.limits.joint_velocity is None:
+        Joint velocities and accelerations have the limit of their direction. Arguments are as of
+        `offer`; errors of vectors are those of their lengths.
+        """
+        limits, dof = self.limits, self.arm.dof
+        limit = getattr(limits, name)
+        if limit is None:
             return 0.0
-        amounts, most = by_direction(dq, self.limits.velocity_bounds(self.arm.dof))
-        return self.offer("joint_velocity", t, amounts, most, q, error)
+        if name == "joint_velocity":
+            rates, limit = by_direction(rates, limits.velocity_bounds(dof))
+        elif name == "joint_acceleration":
+            rates, limit = by_direction(rates, limits.acceleration_bounds(dof))
+        elif name == "joint_jerk":
+            rates = np.abs(rates)
+        else:
+            rates, error = np.linalg.norm(rates, axis=1), np.ravel(error)
+        return self.offer(name, t, rates, limit, q, error)
 
     def joint_range(self, t: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0) -> None:
         """Offer joint positions to both ends of their ranges."""
@@ -328,23 +332,18 @@ class Tally:
             return
         if limits.angular_speed is not None:
             rate, error = self.bounded(x, angular(arm.tool_twist), 1)
-            size = np.linalg.norm(rate, axis=1)
-            self.offer("angular_speed", x.t, size, limits.angular_speed, x.q, error)
+            self.rates("angular_speed", x.t, rate, x.q, error)
         if limits.angular_acceleration is not None and x.ddq is not None:
-            found, error = self.bounded(x, angular(arm.tool_twist_rate), 2)
-            size = np.linalg.norm(found, axis=1)
-            self.offer("angular_acceleration", x.t, size, limits.angular_acceleration, x.q, error)
+            rate, error = self.bounded(x, angular(arm.tool_twist_rate), 2)
+            self.rates("angular_acceleration", x.t, rate, x.q, error)
 
     def jerk(self, x: States) -> None:
         """Offer the jerks of joints and tool, where a law knows them."""
-        limits = self.limits
         if x.dddq is None or x.ddq is None:
             return
-        if limits.joint_jerk is not None:
-            self.offer("joint_jerk", x.t, np.abs(x.dddq), limits.joint_jerk, x.q)
-        if limits.tool_jerk is not None:
-            found = self.arm.tool_jerk(x.q, x.dq, x.ddq, x.dddq)
-            self.offer("tool_jerk", x.t, np.linalg.norm(found, axis=1), limits.tool_jerk, x.q)
+        self.rates("joint_jerk", x.t, x.dddq, x.q)
+        if self.limits.tool_jerk is not None:
+            self.rates("tool_jerk", x.t, self.arm.tool_jerk(x.q, x.dq, x.ddq, x.dddq), x.q)
 
     def states(self, x: States) -> None:
         """Offer all quantities of joints and tool at given states."""
@@ -352,9 +351,9 @@ class Tally:
         self.torque(x)
         self.turning(x)
         self.jerk(x)
-        self.joint_velocity(x.t, x.dq, x.q, x.errors[1])
+        self.rates("joint_velocity", x.t, x.dq, x.q, x.errors[1])
         if x.ddq is not None:
-            self.joint_acceleration(x.t, x.ddq, x.q, x.errors[2])
+            self.rates("joint_acceleration", x.t, x.ddq, x.q, x.errors[2])
         self.tool_motion(x)
 
     def tool_motion(self, x: States) -> None:
@@ -368,18 +367,15 @@ class Tally:
             velocity = self.arm.tool_velocity(x.q, x.dq)
         else:
             velocity, acceleration = self.arm.tool_motion(x.q, x.dq, ddq)
-        speed = np.linalg.norm(velocity, axis=1)
-        velocity_error = self._spread(x, self.arm.tool_velocity, velocity, 1)
-        if limits.speed is not None:
-            self.offer("speed", x.t, speed, limits.speed, x.q, velocity_error)
+        off = self._spread(x, self.arm.tool_velocity, velocity, 1)
+        self.rates("speed", x.t, velocity, x.q, off)
         if ddq is None:
             return
-        size = np.linalg.norm(acceleration, axis=1)
         error = self._spread(x, self.arm.tool_acceleration, acceleration, 2)
-        if limits.tool_acceleration is not None:
-            self.offer("tool_acceleration", x.t, size, limits.tool_acceleration, x.q, error)
+        self.rates("tool_acceleration", x.t, acceleration, x.q, error)
+        speed, size = np.linalg.norm(velocity, axis=1), np.linalg.norm(acceleration, axis=1)
         # An error of the direction of motion makes a normal part of tangential acceleration.
-        turned = size * np.minimum(1.0, velocity_error / np.maximum(speed, SLOWEST))
+        turned = size * np.minimum(1.0, off / np.maximum(speed, SLOWEST))
         self.centripetal(x.t, velocity, acceleration, x.q, error + turned, speed > SLOWEST)
 
     def centripetal(

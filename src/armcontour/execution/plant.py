@@ -10,8 +10,10 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray, Locked
+from armcontour._quantities import Interval
 from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.limits import or_unlimited
+from armcontour.core.fields import checked
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.motion import Execution, FineMotion, TaughtData
 from armcontour.servo import ServoModel
@@ -81,7 +83,7 @@ class LimitedPlant(Locked, Plant):
     def _drives(self, planned: Limits | None) -> dict[str, Any]:
         """What saturates, by the names of the attributes, with the limits of a plan."""
 
-    @_checks.checked
+    @checked
     def for_plan(self, taught: TaughtData) -> Self:
         """The plant with the limits of a plan, where it was given none.
 
@@ -96,12 +98,12 @@ class LimitedPlant(Locked, Plant):
         return other
 
 
-@_checks.checked
+@checked
 def execute(
     taught: TaughtData,
     plant: Plant,
     *,
-    resolution: float = 1e-3,
+    resolution: Interval = 1e-3,
 ) -> Execution:
     """Execute taught data on a plant.
 
@@ -115,7 +117,7 @@ def execute(
             the command interval, or there would be too many results.
         ExecutionError: Rigid bodies do not come to rest, or a drive is too weak to hold the arm.
     """
-    fine = _checks.positive("resolution", resolution, "s")
+    fine = resolution
     span = (len(taught.q) - 1) * taught.period
     _checks.refuse_too_many(
         f"The simulation of {span:.4g} s of set-points with results every {fine:g} s",
@@ -361,7 +363,7 @@ class ServoPlant(LimitedPlant):
     acceleration: FloatArray
     torque_limit: FloatArray | None
 
-    @_checks.checked
+    @checked
     def __init__(
         self,
         arm: Arm,

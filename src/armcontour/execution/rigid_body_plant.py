@@ -5,15 +5,17 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
+from armcontour._quantities import DAMPING, STIFFNESS, AtLeast, Quantity
 from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.chain import Chain
+from armcontour.core.fields import checked
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.execution import _mujoco, _stepping
 from armcontour.execution._mujoco import Springs
@@ -40,6 +42,8 @@ STEP = 2.5e-4
 STEPS = (1e-6, 0.1)
 # Largest noise of a position measurement [rad]; no encoder is worse.
 LARGEST_NOISE = 0.1
+DriveCycle = Annotated[float, Quantity("s", "4 ms", within=STEPS)]
+PositionNoise = Annotated[float, Quantity("rad", "2 deg", within=(0.0, LARGEST_NOISE))]
 # After the last set-point the joints are at rest when each stays within this range [rad], a micron
 # at 1 m, for this time [s] and for the slowest position loop's time constant. The test does not
 # depend on where the joints stop, because friction and gravity decide that.
@@ -122,21 +126,21 @@ class RigidBodyPlant(LimitedPlant):
     torque_limit: FloatArray
     _on_top: bool
 
-    @_checks.checked
+    @checked
     def __init__(
         self,
         arm: Arm,
         servo: ServoModel,
         limits: Limits | None = None,
         *,
-        step: float = STEP,
+        step: DriveCycle = STEP,
         gravity_feedforward: bool = True,
         friction: bool = True,
-        noise: float = 0.0,
-        seed: int = 0,
+        noise: PositionNoise = 0.0,
+        seed: Annotated[int, AtLeast(0)] = 0,
         known: Arm | None = None,
-        joint_stiffness: npt.ArrayLike | None = None,
-        joint_damping: npt.ArrayLike | None = None,
+        joint_stiffness: Annotated[npt.ArrayLike, STIFFNESS] | None = None,
+        joint_damping: Annotated[npt.ArrayLike, DAMPING] | None = None,
     ) -> None:
         self.arm = arm
         self.chain = _bodies(arm)
@@ -156,11 +160,11 @@ class RigidBodyPlant(LimitedPlant):
             )
         assert self.servo.kv is not None
         self.kv = self.servo.kv
-        self.step = check_drive_cycle(step)
+        self.step = step
         self.gravity_feedforward = gravity_feedforward
         self.friction = friction
-        self.noise = check_noise(noise)
-        self.seed = _checks.whole("seed", seed, 0, 2**63 - 1)
+        self.noise = noise
+        self.seed = seed
         self.reference = arm.limits.middle(arm.dof)
         own_inertia = self.servo.inertia
         self.nominal_inertia = (
@@ -587,48 +591,17 @@ def rest_window(servo: ServoModel) -> float:
     return min(max(REST_TIME, float(slowest.max())), PATIENCE)
 
 
-def check_drive_cycle(step: float) -> float:
-    """Return a cycle time of the drives [s] if it is valid.
+def refuse_undriven_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None) -> None:
+    """Refuse damping of joints without their stiffness.
 
     Raises:
-        InvalidInput: The value is not a number, or outside STEPS.
+        InvalidInput: There is damping alone.
     """
-    return _checks.between("step of the experiment's drives", step, *STEPS, "s")
-
-
-def check_noise(noise: float) -> float:
-    """Return a standard deviation of measured positions [rad] if it is valid.
-
-    Raises:
-        InvalidInput: The value is not a number, negative, or above LARGEST_NOISE.
-    """
-    return _checks.between("noise of measured positions", noise, 0.0, LARGEST_NOISE, "rad")
-
-
-def check_springs(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None) -> None:
-    """Check the stiffness [N m/rad] and damping [N m s/rad] of joints, one or one per joint.
-
-    Raises:
-        InvalidInput: A stiffness is not above zero, a damping is negative, or there is damping
-            without stiffness.
-    """
-    if stiffness is None:
-        if damping is not None:
-            raise InvalidInput(
-                "joint_damping is that of springs between drives and links: give their "
-                "joint_stiffness too."
-            )
-        return
-    least = _checks.numbers("joint_stiffness", stiffness, "N m/rad").min(initial=np.inf)
-    if least <= 0:
+    if stiffness is None and damping is not None:
         raise InvalidInput(
-            f"joint_stiffness must be above zero, but is {least:g} N m/rad: leave it out for rigid "
-            "joints."
+            "joint_damping is that of springs between drives and links: give their "
+            "joint_stiffness too."
         )
-    if damping is not None:
-        least = _checks.numbers("joint_damping", damping, "N m s/rad").min(initial=np.inf)
-        if least < 0:
-            raise InvalidInput(f"joint_damping must not be negative, but is {least:g} N m s/rad.")
 
 
 def _straight(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
@@ -668,7 +641,7 @@ def _springs(
         InvalidInput: Damping without stiffness, values out of range or for another number of
             joints, or a drive without inertia.
     """
-    check_springs(stiffness, damping)
+    refuse_undriven_damping(stiffness, damping)
     if stiffness is None:
         return None
     dof = len(chain)

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._quantities import Tolerance
 from armcontour._sampling import number_parts
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry.biarcs import length
 from armcontour.geometry.connecting import bound_deviation, connect, draw_connections
@@ -47,7 +48,8 @@ HALF = 0.5
 FEW, MANY, AT_A_TIME = 2, 16, 4000
 
 
-def smooth_curvature(path: Path, tolerance: float) -> tuple[Path, FloatArray]:
+@checked
+def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray]:
     """The path with transitions where its curvature jumps without a corner.
 
     Args:
@@ -62,7 +64,7 @@ def smooth_curvature(path: Path, tolerance: float) -> tuple[Path, FloatArray]:
     Raises:
         InvalidInput: The tolerance is not above zero, or the path's tool orientation was rounded.
     """
-    allowed = _checks.positive("tolerance of transitions", tolerance, "m")
+    allowed = tolerance
     if isinstance(path, ShapedPath):
         raise InvalidInput(
             "A shaped path bends as its timing wants it, and cannot be given another curvature: "

@@ -7,14 +7,17 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray, Value
+from armcontour._checks import FloatArray, IntArray
 from armcontour._describing import brief, several
+from armcontour._quantities import Axes, Quantity
 from armcontour._quintics import re_expand
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp, log
 
@@ -32,7 +35,7 @@ LINEAR = _checks.lock_floats([0.0, 1.0, 0.0, 0.0])
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Orientation(Value):
+class Orientation(Checked):
     """Tool orientation along a path, in n pieces.
 
     On piece i, at distance u after its start, the tool's axes are the columns of
@@ -57,12 +60,12 @@ class Orientation(Value):
         InvalidInput: The arrays have wrong shapes, are not finite, or breaks do not increase.
     """
 
-    breaks: FloatArray
-    starts: FloatArray
-    first: FloatArray
-    second: FloatArray
-    f: FloatArray
-    g: FloatArray
+    breaks: Annotated[FloatArray, Quantity("m"), Axes("breaks")]
+    starts: Annotated[FloatArray, Quantity(""), Axes("n", 3, 3)]
+    first: Annotated[FloatArray, Quantity(""), Axes("n", 3)]
+    second: Annotated[FloatArray, Quantity(""), Axes("n", 3)]
+    f: Annotated[FloatArray, Quantity(""), Axes("n", "terms")]
+    g: Annotated[FloatArray, Quantity(""), Axes("n", "terms")]
     axis_only: bool = False
     follows: bool = False
     fixed: bool = field(init=False, repr=False)
@@ -77,21 +80,13 @@ class Orientation(Value):
 
     __repr__ = brief
 
-    def __post_init__(self) -> None:
-        starts, f = (_checks.floats("starts, f", x) for x in (self.starts, self.f))
-        n = len(np.atleast_1d(starts))
-        for name, shape in (
-            ("breaks", (n + 1,)),
-            ("starts", (n, 3, 3)),
-            ("first", (n, 3)),
-            ("second", (n, 3)),
-            ("f", (n, 6 if f.shape[-1:] == (6,) else 4)),
-            ("g", f.shape),
-        ):
-            array = _checks.lock_floats(getattr(self, name), name)
-            if array.shape != shape or not np.isfinite(array).all():
-                raise InvalidInput(f"{name} of an orientation must be finite, of shape {shape}.")
-            object.__setattr__(self, name, array)
+    def _check_together(self) -> None:
+        n = len(self.starts)
+        if len(self.breaks) != n + 1 or self.f.shape[1] not in (4, 6):
+            raise InvalidInput(
+                f"An orientation of {n} intervals needs {n + 1} breaks, and f and g of 4 or 6 "
+                "columns."
+            )
         object.__setattr__(self, "fixed", not (self.first.any() or self.second.any()))
         if n == 0 or self.breaks[0] != 0 or not (self.breaks[1:] > self.breaks[:-1]).all():
             raise InvalidInput("The breaks of an orientation must start at 0 and increase.")

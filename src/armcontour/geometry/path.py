@@ -11,11 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray, Value
+from armcontour._checks import FloatArray, IntArray
 from armcontour._describing import brief, digits, line_up, several
+from armcontour._quantities import Factor, Tolerance
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose, angle_between
-from armcontour.geometry import orienting
 from armcontour.geometry.nearest import Projection, find_nearest
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_DEMAND, Arc, Demand, Line, tabulate
@@ -32,7 +33,7 @@ SAME_BREAK = 1e-12
 # No slots: with slots, Python's frozen classes give no clear error for setting a property.
 @_checks.explain_calls
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Path(Value):
+class Path(Checked):
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
 
     Rounding and smoothing put transitions between them, along which the curvature changes. Splines
@@ -60,8 +61,7 @@ class Path(Value):
     orientation: Orientation | None = None
     breaks: FloatArray = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        _checks.check_fields(self)
+    def _check_together(self) -> None:
         object.__setattr__(self, "segments", self.segments.check())
         n = len(self.segments)
         if self.waypoints is EVERY_VERTEX:
@@ -75,7 +75,7 @@ class Path(Value):
             object.__setattr__(self, "orientation", self._fitting(self.orientation))
 
     @classmethod
-    @_checks.checked
+    @checked
     def polyline(cls, points: npt.ArrayLike, *, demand: Demand = NO_DEMAND) -> Path:
         """The path of straight lines through `points`.
 
@@ -112,12 +112,12 @@ class Path(Value):
         return Path(segments=tabulate(segments))
 
     @classmethod
-    @_checks.checked
+    @checked
     def spline(
         cls,
         points: npt.ArrayLike,
         *,
-        tolerance: float = 1e-6,
+        tolerance: Tolerance = 1e-6,
         closed: bool = False,
         demand: Demand = NO_DEMAND,
     ) -> Path:
@@ -138,7 +138,7 @@ class Path(Value):
         kept = _without_repeats(given)
         if len(kept) < 2:
             raise InvalidInput("A spline needs at least two different points.")
-        if _checks.positive("spline tolerance", tolerance, "m") < REPEATED_POINT:
+        if tolerance < REPEATED_POINT:
             raise InvalidInput(
                 f"The spline tolerance must be at least {REPEATED_POINT:g} m, but is "
                 f"{tolerance:g} m."
@@ -165,6 +165,8 @@ class Path(Value):
             InvalidInput: The path lies in the plane, the rotations are not valid or not as many
                 as the waypoints, or neighbours differ by half a turn.
         """
+        from armcontour.geometry import orienting
+
         found = orienting.orient(
             self.segments, self.waypoints, self.merged, rotations, axis_only=axis_only
         )
@@ -181,6 +183,8 @@ class Path(Value):
         Raises:
             InvalidInput: The path lies in the plane, or a direction is not a vector with a length.
         """
+        from armcontour.geometry import orienting
+
         found = orienting.point(self.segments, self.waypoints, self.merged, directions)
         return dataclasses.replace(self, orientation=found)
 
@@ -199,12 +203,15 @@ class Path(Value):
             InvalidInput: The path lies in the plane, `up` lies along the first tangent, or the
                 path turns back by 180°.
         """
+        from armcontour.geometry import orienting
+
         if self.dimension != 3:
             raise InvalidInput(PLANE)
         found = orienting.follow(self.segments, up, tool, axis_only=axis_only)
         return dataclasses.replace(self, orientation=found)
 
-    def placed(self, frame: Pose, *, scale: float = 1.0) -> Path:
+    @checked
+    def placed(self, frame: Pose, *, scale: Factor = 1.0) -> Path:
         """The path moved from the coordinates of a frame to those of the frame's parent.
 
         Speeds, tolerances and tool orientation move with it. A path in the plane becomes one in
@@ -219,7 +226,7 @@ class Path(Value):
         Raises:
             InvalidInput: It is no frame, or the scale is not above zero.
         """
-        frame, factor = Frame.of(frame), _checks.positive("scale", scale)
+        frame, factor = Frame.of(frame), scale
         path = self if frame.keeps_plane else self.lifted()
         d, orientation = path.dimension, path.orientation
         if orientation is not None:

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, number, numbers, positive
+from armcontour._checks import FloatArray, number, numbers
 from armcontour._quantities import Distance, Speed
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import Segments
 
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Demand:
+class Demand(Checked):
     """Process requirements of one segment; stricter limits of the job override them.
 
     Args:
@@ -29,14 +30,6 @@ class Demand:
     speed: Speed | None = None
     tolerance: Distance | None = None
     tag: str | None = None
-
-    def __post_init__(self) -> None:
-        if self.speed is not None:
-            positive("segment speed", self.speed, "m/s")
-        if self.tolerance is not None and number("segment tolerance", self.tolerance, "m") < 0:
-            raise InvalidInput(
-                f"segment tolerance must not be negative, but is {self.tolerance:g} m."
-            )
 
     def columns(self, n: int) -> dict[str, Any]:
         """The requirements as columns of a table of segments.

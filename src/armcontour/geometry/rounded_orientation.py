@@ -25,7 +25,6 @@ from armcontour.geometry.orientation import (
     turns_between,
     with_degree,
 )
-from armcontour.geometry.orienting import follow_on
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import Segments
 
@@ -150,6 +149,8 @@ def follow_rounded(
             [rad].
         smooth: Whether the derivative of the angular rate must not jump.
     """
+    from armcontour.geometry.orienting import follow_on
+
     own = objective.orientation
     assert own is not None
     # The corner's curve has turned the frame into that of the next segment, up to rounding.

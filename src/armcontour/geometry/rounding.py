@@ -21,9 +21,8 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import brief, line_up, mm, several
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
-from armcontour.geometry.blends import CONNECTION, PAIR
 from armcontour.geometry.corner_curves import (
     ARC,
     PARABOLA,
@@ -220,7 +219,7 @@ def round_corners(
     return _round_all(path, (tolerance, speed, acceleration), angular_tolerance, curve)
 
 
-@_checks.checked
+@checked
 def round_with_parabolas(
     path: Path, *, tolerance: npt.ArrayLike, angular_tolerance: float | None = None
 ) -> RoundedPath:
@@ -378,8 +377,12 @@ def _round(
     free = (bounds.error > 0) & (bounds.radius > 0) & flat & ~turns_back
     bent = (bounds.before.curvatures > 0) | (bounds.after.curvatures > 0)
     # A connection that is too short or not possible leaves the corner to a pair of arcs.
-    kinds: list[tuple[CornerKind, float]] = [(curve, 0.0), (PAIR, 0.0)]
-    kinds[1:1] = [(CONNECTION, SHORTEST_SMOOTH)] if curve.smooth else []
+    kinds: list[tuple[CornerKind, float]] = [(curve, 0.0)]
+    if (free & bent).any():
+        from armcontour.geometry.blends import CONNECTION, PAIR
+
+        kinds += [(CONNECTION, SHORTEST_SMOOTH)] if curve.smooth else []
+        kinds.append((PAIR, 0.0))
     fitted, least, parts = np.zeros(n), np.zeros(n), []
     for kind, shortest in kinds:
         part = np.flatnonzero(free & (bent != isinstance(kind, LineCorner)))

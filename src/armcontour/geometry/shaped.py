@@ -27,7 +27,7 @@ ARCS, PARABOLAS, STOPS = "arcs", "parabolas", "stops"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Outcome:
+class Outcome(Checked):
     """How the shape of a path was found.
 
     Args:
@@ -48,7 +48,7 @@ class Outcome:
     joints: tuple[float, ...] | None = None
     unfinished: bool = False
 
-    def __post_init__(self) -> None:
+    def _check_together(self) -> None:
         object.__setattr__(self, "durations", MappingProxyType(dict(self.durations)))
 
     def __reduce__(self) -> tuple[partial[Outcome], tuple[()]]:
@@ -115,8 +115,8 @@ class ShapedPath(Path):
     # The quintic of the curve that each segment belongs to, (n,).
     _piece: IntArray = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check_together(self) -> None:
+        super()._check_together()
         piece = np.zeros(0, dtype=np.intp)
         if self.curve is not None:
             middle = (self.breaks[:-1] + self.breaks[1:]) / 2

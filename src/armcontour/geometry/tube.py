@@ -32,6 +32,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry.nearest import pack, pad
 from armcontour.geometry.path import Path
@@ -78,7 +79,7 @@ class Proof:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tube:
+class Tube(Checked):
     """All points within a tolerance of an objective path, piece by piece.
 
     Args:
@@ -98,10 +99,7 @@ class Tube:
     vertex_tolerance: FloatArray
     _pieces: tuple[FloatArray, FloatArray, BoolArray] = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        for name in ("breaks", "tolerance", "vertex_tolerance"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
-        object.__setattr__(self, "vertex", _checks.lock_copy(self.vertex))
+    def _check_together(self) -> None:
         _refuse_transitions(self.segments)
         rows = pack(self.segments)
         rows[:, 11] = self.breaks[:-1]

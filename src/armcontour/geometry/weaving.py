@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._quantities import (
+    Axes,
+    Choice,
+    Duration,
+    Frequency,
+    Quantity,
+    Size,
+    Speed,
+    Tolerance,
+)
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import log
 from armcontour.geometry.cutting import cut_path, join_paths
-from armcontour.geometry.fit import fit_through
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.orienting import carry
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
-from armcontour.geometry.spline import fit_spline
 
 SHAPES = ("sine", "zigzag")
 UP = _checks.lock_floats([0.0, 0.0, 1.0])
@@ -68,17 +76,18 @@ def weave_path(path: Path, **wishes: Any) -> Path:
     return weave_seam(path, **wishes)[0]
 
 
+@checked
 def weave_seam(
     path: Path,
     *,
-    width: float,
-    pitch: float | None = None,
-    frequency: float | None = None,
-    dwell: float = 0.0,
-    speed: float | None = None,
-    shape: str = "sine",
-    up: npt.ArrayLike | None = None,
-    tolerance: float = 1e-5,
+    width: Size,
+    pitch: Size | None = None,
+    frequency: Frequency | None = None,
+    dwell: Duration = 0.0,
+    speed: Speed | None = None,
+    shape: Annotated[str, Choice(SHAPES)] = "sine",
+    up: Annotated[npt.ArrayLike, Quantity(""), Axes(3)] | None = None,
+    tolerance: Tolerance = 1e-5,
 ) -> tuple[Path, Woven]:
     """The path that weaves along a seam, perpendicular to the seam and to the tool axis.
 
@@ -108,20 +117,15 @@ def weave_seam(
             long enough, it has no single assigned velocity for a frequency or dwell, the dwells
             leave no room for the waves, or its radius is no more than half the width.
     """
-    _checks.positive("width of a weave", width, "m")
-    _checks.choice("shape of a weave", shape, SHAPES)
-    _checks.positive("tolerance of a weave", tolerance, "m")
     if speed is not None:
-        _checks.positive("speed of a weave", speed, "m/s")
         same = path.segments.replace(speeds=np.full(len(path), speed))
         path = dataclasses.replace(path, segments=same)
     pitch, edge = _pitch_and_edge(path, pitch, frequency, dwell)
     direction = None
     if up is not None:
-        direction = _checks.numbers("up", up)
-        if direction.shape != (3,) or not np.linalg.norm(direction) > 0:
-            raise InvalidInput("up must be a direction in space.")
-        direction = direction / np.linalg.norm(direction)
+        length = np.linalg.norm(up)
+        _checks.refuse_if(length == 0, "up must be a direction in space.")
+        direction = np.asarray(up) / length
     if path.length / pitch * SAMPLES > MOST_POINTS:
         raise InvalidInput(
             f"A weave with a pitch of {pitch * 1e3:.4g} mm has {path.length / pitch:.3g} waves on "
@@ -177,7 +181,6 @@ def _pitch_and_edge(
     """Length of the seam per wave and per dwell at an edge [m]."""
     if (pitch is None) == (frequency is None):
         raise InvalidInput("A weave needs either a pitch or a frequency.")
-    _checks.not_negative("dwell of a weave", dwell, "s")
     speed = float(path.speeds[0])
     if (frequency is not None or dwell) and not (path.speeds == speed).all():
         raise InvalidInput(
@@ -186,9 +189,8 @@ def _pitch_and_edge(
             "counted over time."
         )
     if frequency is not None:
-        pitch = speed / _checks.positive("frequency of a weave", frequency, "1/s")
+        pitch = speed / frequency
     assert pitch is not None
-    _checks.positive("pitch of a weave", pitch, "m")
     edge = speed * dwell if dwell else 0.0
     if 2 * edge > MOST_DWELL * pitch:
         raise InvalidInput(
@@ -216,6 +218,8 @@ def _smooth(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
         The seam without orientation, and arc lengths of the seam and of the path that belong
         together [m], (n, 2).
     """
+    from armcontour.geometry.spline import fit_spline
+
     bare = dataclasses.replace(path, orientation=None)
     ends = np.repeat([[0.0], [path.length]], 2, axis=1)
     if not (path.turns > TANGENT_TOLERANCE).any():
@@ -319,6 +323,8 @@ class _Wave:
 
 def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
     """The woven path of a part, with speeds, tolerances, tags and orientation of the part."""
+    from armcontour.geometry.orienting import carry
+
     part, seam = wave.part, wave.seam
     turning = wave.turning_points()
     if shape == "zigzag":
@@ -365,6 +371,8 @@ def _fit_sine(
         InvalidInput: The tolerance is too small.
     """
     from scipy.interpolate import CubicSpline
+
+    from armcontour.geometry.fit import fit_through
 
     length = wave.seam.length
     ends = wave.seam([0.0, length], 1, side="left")

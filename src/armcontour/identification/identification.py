@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import overload
+from typing import Annotated, overload
 
 from armcontour import _checks
 from armcontour._progress import Progress, Step, under
+from armcontour._quantities import Choice, Interval
 from armcontour.arms import Arm
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.identification.bodies import GRAVITIES, RobotIdentification, identify_robot
 from armcontour.identification.bodies.checking import arranged
@@ -62,18 +64,18 @@ def identify(
 ) -> RobotIdentification: ...
 
 
-@_checks.checked
+@checked
 def identify(
     log: Log | Sequence[Log],
     *,
     arm: Arm | None = None,
     servo: ServoModel | None = None,
-    gravity: str | None = None,
+    gravity: Annotated[str, Choice(GRAVITIES)] | None = None,
     drive_cycle: float | None = None,
-    model: str = "auto",
+    model: Annotated[str, Choice(tuple(MODELS))] = "auto",
     kinematics: Arm | None = None,
-    interpolation: str | None = None,
-    longest_dead_time: float = LONGEST_DELAY,
+    interpolation: Annotated[str, Choice(INTERPOLATIONS)] | None = None,
+    longest_dead_time: Interval = LONGEST_DELAY,
     progress: Progress | None = None,
 ) -> Identification | RobotIdentification:
     """Identify a servo from a log, or with an arm its payload, friction and drives from logs.
@@ -113,8 +115,7 @@ def identify(
         InvalidInput: An unknown option, samples too far apart, a log in which command and
             measurement cannot belong together, or logs that are not of the arm.
     """
-    longest = _checks.positive("longest dead time", longest_dead_time, "s")
-    _checks.choice("model", model, tuple(MODELS))
+    longest = longest_dead_time
     logs = _checks.listed("log", (log,) if isinstance(log, Log) else log, Log, "Logs")
     if arm is None:
         for name, value in (("servo", servo), ("gravity", gravity)):
@@ -129,8 +130,6 @@ def identify(
         _checks.refuse_if(given, joints)
     _checks.refuse_if(not logs, "There is no log to identify from: give at least one.")
     every = [arranged(x, arm) for x in logs]
-    if gravity is not None:
-        _checks.choice("gravity", gravity, GRAVITIES)
     cycle = DRIVE_CYCLE
     if drive_cycle is not None:
         cycle = _checks.between("cycle of the drives", drive_cycle, 0.0, LONGEST_CYCLE, "s")
@@ -198,7 +197,6 @@ def _choose_interpolation(log: Log, interpolation: str | None) -> str:
         InvalidInput: An unknown interpolation, or another one than in the log.
     """
     if interpolation is not None:
-        _checks.choice("interpolation", interpolation, INTERPOLATIONS)
         _checks.refuse_if(
             log.interpolation not in (None, interpolation),
             f"{log.source} says that its interpolation is {log.interpolation}, but "

@@ -12,7 +12,7 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._describing import brief, digits, line_up
 from armcontour.arms import Arm
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.identification.fitting import predict, split_logs
 from armcontour.identification.residuals import fastest_motion
@@ -298,7 +298,7 @@ class Identification:
             **given,
         )
 
-    @_checks.checked
+    @checked
     def predict(self, log: Log) -> Prediction:
         """Simulate the servo that is written with the commands of a log.
 

@@ -17,6 +17,7 @@ from armcontour._progress import Progress
 from armcontour._text import show
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits, resolve_limits
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
 from armcontour.io.job_arm import arm_of, equipped
@@ -44,7 +45,7 @@ from armcontour.servo import ServoModel
 Model = TypeVar("Model", bound=JobModel)
 
 
-@_checks.checked
+@checked
 def read_job(
     file: str | FilePath,
     *,
@@ -85,7 +86,7 @@ def job_text(file: FilePath) -> str:
     return read_text(file, "job file")
 
 
-@_checks.checked
+@checked
 def parse_job(
     text: str,
     *,

@@ -33,7 +33,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from armcontour._quantities import WHOLE_TURN, AtLeast, Choice, Named, Quantity, Some
+from armcontour._quantities import WHOLE_TURN, AtLeast, Axes, Choice, Named, Quantity, Some
 from armcontour._text import describe_fields
 from armcontour.errors import InvalidInput
 from armcontour.io.forms import FORMS, Form
@@ -254,6 +254,11 @@ def _annotated(of: Any, *marks: Any) -> Any:
         if of is float:
             return number if mark.unit else Number
         each: Any = number | list[number]  # type: ignore[valid-type]
+        lengths = next((x.axes for x in marks[1:] if isinstance(x, Axes)), ())
+        match lengths:
+            case (int(n),):
+                exact: Any = Annotated[list[number], Field(min_length=n, max_length=n)]  # type: ignore[valid-type]
+                return exact
         bound: Any = _number(dataclasses.replace(mark, sign="any"))
         pair = Annotated[list[bound], Field(min_length=2, max_length=2)]
         return each | list[pair] if mark.bounds else each

@@ -14,6 +14,7 @@ from armcontour import _checks
 from armcontour._describing import several
 from armcontour._files import LARGE, read_text
 from armcontour._text import list_some, show
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.io.joint_table import (
     JointColumns,
@@ -36,7 +37,7 @@ _INTERPOLATION = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)\s*", re.I
 BOTH = ("command", "measured")
 
 
-@_checks.checked
+@checked
 def read_log(
     file: str | FilePath,
     *,

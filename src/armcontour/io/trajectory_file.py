@@ -13,7 +13,7 @@ from armcontour._checks import FloatArray
 from armcontour._describing import several
 from armcontour._files import LARGE, read_text
 from armcontour._text import show
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.io.joint_table import (
     JointColumns,
@@ -71,7 +71,7 @@ class TrajectoryFile(Checked):
         return Trajectory(laws=(law,), method="samples")
 
 
-@_checks.checked
+@checked
 def read_trajectory(
     file: str | FilePath,
     joint_names: Sequence[str] = (),

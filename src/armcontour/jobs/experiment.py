@@ -10,10 +10,8 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._quantities import (
-    AngularDistance,
     AtLeast,
     CoulombFrictions,
-    Interval,
     JointArmatures,
     JointDampings,
     JointStiffnesses,
@@ -21,9 +19,14 @@ from armcontour._quantities import (
 )
 from armcontour.arms import Arm, Limits
 from armcontour.arms.chain import Payload
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.execution import RigidBodyPlant
-from armcontour.execution.rigid_body_plant import check_drive_cycle, check_noise, check_springs
+from armcontour.execution.rigid_body_plant import (
+    DriveCycle,
+    PositionNoise,
+    refuse_undriven_damping,
+)
 from armcontour.servo import ServoModel
 
 # What a robot can have per joint, with its unit and its name in sentences.
@@ -37,7 +40,7 @@ PER_JOINT = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Experiment:
+class Experiment(Checked):
     """Options of a simulation of the arm as rigid bodies, by `RigidBodyPlant`.
 
     The simulated robot can have another payload, friction or drive inertia than the arm, and joints
@@ -70,10 +73,10 @@ class Experiment:
             stiffness that is not above zero, or friction that is given and left out.
     """
 
-    step: Interval = 2.5e-4
+    step: DriveCycle = 2.5e-4
     gravity_feedforward: bool = True
     friction: bool = True
-    noise: AngularDistance = 0.0
+    noise: PositionNoise = 0.0
     seed: Annotated[int, AtLeast(0)] = 0
     payload: Payload | None = None
     armature: JointArmatures | None = None
@@ -82,15 +85,8 @@ class Experiment:
     joint_stiffness: JointStiffnesses | None = None
     joint_damping: JointDampings | None = None
 
-    def __post_init__(self) -> None:
-        check_drive_cycle(self.step)
-        check_noise(self.noise)
-        _checks.whole("seed", self.seed, 0, 2**63 - 1)
-        for name, (unit, _) in PER_JOINT.items():
-            values = getattr(self, name)
-            if values is not None:
-                object.__setattr__(self, name, _checks.each_not_negative(name, values, unit))
-        check_springs(self.joint_stiffness, self.joint_damping)
+    def _check_together(self) -> None:
+        refuse_undriven_damping(self.joint_stiffness, self.joint_damping)
         if not self.friction and (self.viscous is not None or self.coulomb is not None):
             raise InvalidInput(
                 "The experiment has friction (viscous or coulomb) and leaves it out (friction: "

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from armcontour import _checks
-from armcontour._quantities import Choice, Tolerance
+from armcontour._quantities import AtLeast, Choice, PlainNumber, Tolerance
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.robustness.box import Box
 
@@ -16,7 +17,7 @@ PLANTS = ("servo", "rigid_body")
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Goal:
+class Goal(Checked):
     """Requirements that a certified plan meets.
 
     Args:
@@ -50,18 +51,14 @@ class Goal:
     plant: Annotated[str, Choice(PLANTS)] = "servo"
     saturation: Annotated[str, Choice(SATURATION)] = "refuse"
     box: Box | None = None
-    samples: int = 10_000
-    bodies: int = 200
-    corners: int = 256
-    seed: int = 0
+    samples: Annotated[int, AtLeast(1, 10**7)] = 10_000
+    bodies: Annotated[int, AtLeast(1, 10**6)] = 200
+    corners: Annotated[int, AtLeast(1, 10**6)] = 256
+    seed: Annotated[int, AtLeast(0)] = 0
     run: str | None = None
-    slowest: float = 2.0
+    slowest: PlainNumber = 2.0
 
-    def __post_init__(self) -> None:
-        for name in ("tolerance", "servo", "rms"):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, _checks.positive(name, value, "m"))
+    def _check_together(self) -> None:
         if self.tolerance is None and self.servo is None:
             raise InvalidInput(
                 "A certificate needs a tolerance, the largest distance from the objective path, "
@@ -74,9 +71,6 @@ class Goal:
                 f"servo is {self.servo:g} m, but must be below the tolerance of "
                 f"{self.tolerance:g} m: the corners need a part of the tolerance."
             )
-        _checks.check_fields(self)
-        _checks.choice("saturation", self.saturation, SATURATION)
-        _checks.choice("plant", self.plant, PLANTS)
         _checks.refuse_if(
             self.plant == "rigid_body" and self.saturation == "report",
             "A certificate on rigid bodies does not allow drives to saturate: leave saturation "
@@ -87,10 +81,5 @@ class Goal:
                 f"The box has {', '.join(self.box.of_bodies)}, which only rigid bodies have: leave "
                 "them out, or certify with plant: rigid_body."
             )
-        _checks.whole("samples", self.samples, 1, 10**7)
-        _checks.whole("bodies", self.bodies, 1, 10**6)
-        _checks.whole("corners", self.corners, 1, 10**6)
-        _checks.whole("seed", self.seed, 0, 2**63 - 1)
-        object.__setattr__(self, "slowest", _checks.positive("slowest", self.slowest))
         if self.slowest <= 1:
             raise InvalidInput(f"slowest must be above 1, but is {self.slowest:g}.")

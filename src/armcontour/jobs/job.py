@@ -16,11 +16,15 @@ from armcontour._quantities import (
     AtLeast,
     Choice,
     Distance,
+    Interval,
+    Name,
+    Named,
     Speed,
     Tolerance,
 )
 from armcontour.arms import Arm, Limits
 from armcontour.clearance import Cell, CellOnce
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.frames import Frame
 from armcontour.geometry import Path
@@ -52,7 +56,7 @@ INVERSE_DYNAMICS, NONE = "inverse_dynamics", "none"
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rounding:
+class Rounding(Checked):
     """How corners are rounded: by `tolerance`, or by `speed` and `acceleration`.
 
     Args:
@@ -139,7 +143,6 @@ class Rounding:
         Raises:
             InvalidInput: Such values.
         """
-        _checks.choice(f"{key}.shape", self.shape, SHAPES)
         self._check_continuity(timing, key)
         self._check_single(key)
         if not self.free:
@@ -209,7 +212,6 @@ class Rounding:
             )
         if self.continuity is None:
             return
-        _checks.choice(f"{key}.continuity", self.continuity, CONTINUITIES)
         if self.free:
             raise InvalidInput(
                 f"{key}.continuity is for the shape arc, but the shape is free: leave continuity "
@@ -230,7 +232,7 @@ OF_FREE = ("line_tolerance", "zone", "iterations")
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
+class Run(Checked):
     """A run: limits and methods for one plan of the job, to be compared with other runs.
 
     Args:
@@ -255,7 +257,7 @@ class Run:
             that is not for the timing method.
     """
 
-    name: str
+    name: Name
     timing: str
     compensation: str
     limits: Limits
@@ -264,21 +266,16 @@ class Run:
     timing_options: Mapping[str, Any] = field(default_factory=dict)
     compensation_options: Mapping[str, Any] = field(default_factory=dict)
     command_limits: Limits | None = None
-    until: float | None = None
+    until: Interval | None = None
     reserve: float = 0.0
-    duration: float | None = None
+    duration: Interval | None = None
     experiment: Experiment | None = None
     accuracy: Distance | None = None
 
-    def __post_init__(self) -> None:
-        _checks.check_fields(self)
+    def _check_together(self) -> None:
         check_interval(self.period)
         if self.rounding is not None:
             self.rounding.check(self.timing)
-        if self.duration is not None:
-            _checks.positive("duration", self.duration, "s")
-        if self.until is not None:
-            _checks.positive("until", self.until, "s")
 
     def refuse_until(self, program: Program) -> None:
         """Refuse an end of the evaluation for a program of several moves.
@@ -335,7 +332,7 @@ class Run:
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Job:
+class Job(Checked):
     """A path, an arm, a servo, and the runs to compare.
 
     Its `program` is the path as a program; runs add leads, overlaps and events of the process.
@@ -366,8 +363,8 @@ class Job:
             placement that the arm has not, or a process that the program cannot have.
     """
 
-    name: str
-    title: str
+    name: Name
+    title: Annotated[str, Named(LONGEST_TITLE)]
     arm: Arm
     path: Path | Program
     servo: ServoModel
@@ -387,15 +384,13 @@ class Job:
     def __post_init__(self) -> None:
         if self.plant_servo is None:
             object.__setattr__(self, "plant_servo", self.servo)
-        _checks.check_fields(self)
+        Checked.__post_init__(self)
+
+    def _check_together(self) -> None:
         program = Program.of(self.path, "A job needs a Path or a Program")
         object.__setattr__(self, "program", program)
         object.__setattr__(self, "_cell", CellOnce(self.arm, self.scene))
-        _checks.check_name("name of the job", self.name)
-        _checks.check_name("title of the job", self.title, most=LONGEST_TITLE)
-        object.__setattr__(self, "runs", _checks.listed("runs", self.runs, Run, "Runs"))
         for x in self.runs:
-            _checks.check_name("name of a run", x.name)
             with locate_errors(f"Run {x.name}"):
                 self.servo.refuse_too_fast(x.period)
                 self.plant_servo.refuse_too_fast(x.period)

@@ -10,12 +10,13 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress
 from armcontour._sampling import interpolate
+from armcontour.core.result import FILE, FIRST, TABLE, Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.evaluation import ErrorProfile
-from armcontour.evaluation.error_profile import Missed
+from armcontour.evaluation.error_profile import Missed, error_rows
 from armcontour.evaluation.pieces import Piece, pieces_of
 from armcontour.jobs.job import Job, Run, choose_run
-from armcontour.jobs.results import RunResult
+from armcontour.jobs.results import RunResult, Study
 from armcontour.jobs.study import run
 from armcontour.learning import LearnedRun, Lesson, Recording, judge_run, learn
 from armcontour.learning.aligning import fit_to
@@ -46,6 +47,17 @@ class LearningStudy:
     job: Job
     plan: RunResult
     lesson: Lesson
+
+    def to_data(self, files: Sequence[str] = ()) -> Data:
+        """The summary of the plan, and what was learned from its runs.
+
+        Args:
+            files: The files of the result, relative to its folder.
+        """
+        name, data = self.plan.run.name, self.lesson.to_data()
+        rows = (Row("run", name), *data.rows, Row("notes", self.notes))
+        learned = replace(data, title=f"Run {name}", rows=rows, notes=tuple(self.notes))
+        return Study(job=self.job, runs={name: self.plan}).to_data(files, {"learning": learned})
 
     def errors(self, k: int) -> tuple[float, float]:
         """RMS and largest error of the tool in a run [m].
@@ -135,6 +147,52 @@ class JudgedStudy:
     job: Job
     plan: RunResult
     judged: Lesson
+
+    def to_data(self, files: Sequence[str] = ()) -> Data:
+        """The summary of the plan, and what its log shows.
+
+        Args:
+            files: The files of the result, relative to its folder.
+        """
+        name, run, contours = self.plan.run.name, self.judged.runs[0], self.contours
+        profile = ErrorProfile.join([x for _, x, _ in contours])
+        data = run.to_data()
+        errors = [
+            Data(
+                name,
+                (
+                    Row("name", name, "", "contour", level=FIRST),
+                    *error_rows("", "contour error", error, FIRST, FIRST),
+                    *error_rows("missed", "path missed", missed, most=FIRST),
+                ),
+            )
+            for name, error, missed in contours
+        ]
+        columns = ("joint", "", "joint"), ("rms", "rad", "RMS"), ("max", "rad", "largest")
+        joints = Table(
+            "joints",
+            tuple(Row(x, None, y, z) for x, y, z in (*columns, ("noise", "rad", "noise"))),
+            list(
+                zip(
+                    *(self.job.arm.joint_names, run.joint_rms, run.joint_max, run.noise),
+                    strict=True,
+                )
+            ),
+            TABLE,
+        )
+        judged = Data(
+            f"Run {name}",
+            (
+                Row("run", name),
+                *data.rows,
+                Row("delay", self.judged.delay, "s", "further dead time"),
+                *error_rows("contour_error", "", profile, FILE, FILE),
+                Row("notes", self.notes),
+            ),
+            (Table.of("contours", errors), joints),
+            notes=tuple(self.notes),
+        )
+        return Study(job=self.job, runs={name: self.plan}).to_data(files, {"judged": judged})
 
     @property
     def profile(self) -> ErrorProfile:

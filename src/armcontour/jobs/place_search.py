@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Annotated, Any
 
 from armcontour import _checks
+from armcontour._quantities import Choice
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.jobs.axes import AXES, FARTHEST, read_axes, read_uncertainty
 from armcontour.scene.scene import BASE, PART
@@ -21,7 +23,7 @@ SPACE = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PlaceSearch:
+class PlaceSearch(Checked):
     """Where a placement looks, and what is best.
 
     Args:
@@ -48,20 +50,17 @@ class PlaceSearch:
     """
 
     over: Mapping[str, Sequence[Any]] = field(default_factory=dict)
-    objective: str = CYCLE
+    objective: Annotated[str, Choice(OBJECTIVES)] = CYCLE
     uncertainty: Mapping[str, float] = field(default_factory=dict)
-    what: str = PART
+    what: Annotated[str, Choice(WHAT)] = PART
     absolute: bool = False
     about: str | Sequence[float] = MIDDLE
     every: bool = False
     refined: bool = True
     run: str | None = None
 
-    def __post_init__(self) -> None:
-        _checks.check_fields(self)
+    def _check_together(self) -> None:
         self.check(SPACE)
-        _checks.choice("objective", self.objective, OBJECTIVES)
-        _checks.choice("what", self.what, WHAT)
         if isinstance(self.about, str):
             _checks.choice("about", self.about, POINTS)
             return
@@ -84,7 +83,7 @@ class PlaceSearch:
             read_axes(self.over, dimension)
         read_uncertainty(self.uncertainty, dimension)
 
-    @_checks.checked
+    @checked
     def replaced(self, given: Mapping[str, Any]) -> PlaceSearch:
         """The same with some fields replaced; of `over` and `uncertainty` only the axes given.
 

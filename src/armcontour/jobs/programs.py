@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
+from armcontour._checks import FloatArray
 from armcontour._progress import Progress
 from armcontour.arms import PlanarTwoLink
-from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, locate_errors
+from armcontour.errors import ArmContourError, InvalidInput, locate_errors
 from armcontour.geometry import Path
 from armcontour.jobs.job import TANGENT, Job, Rounding, Run
 from armcontour.jobs.single_corners import corner_tolerances, refuse_missing
@@ -34,15 +38,14 @@ from armcontour.timing import (
 )
 from armcontour.timing.program_tracing import ends_of
 
-# Automatic leads: the first length that is tried [m], and how often the length is doubled.
-FIRST_LEAD = 2e-3
-MOST_DOUBLINGS = 12
+# Automatic leads: the first length that is tried [m], and the shortest and longest ones.
+FIRST_LEAD, SHORTEST_LEAD, LONGEST_LEAD = 32e-3, 2e-3, 16.0
 # Under limits of jerk the speed goes on growing a little, the flatter the lead's arc gets: twice a
 # lead that gives less than this share more is not worth its length.
 LEAST_GAIN = 0.05
-# Resolution of the search for the shortest lead: a share of its length, and a length [m].
-LEAD_RESOLUTION = 0.05
-FINEST_LEAD = 1e-4
+# A lead is short enough if this share of its length does not suffice; the next length that is tried
+# is longer than estimated by this factor; and the speed along a lead is known at so many places.
+SHORT_ENOUGH, LONGER, PLACES = 0.98, 1.005, 401
 # Values of the process without which automatic leads are found.
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
 
@@ -158,7 +161,7 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
 
     Full speed is the assigned velocity. If no lead within the arm's reach gives the assigned
     velocity, full speed is the largest speed that a lead gives. Corners of the shape free count as
-    arcs here: dozens of leads are tried, and shaping takes long.
+    arcs here, because several leads are tried, and shaping takes long.
 
     Returns:
         The lengths of lead-in and lead-out per contour [m]; 0 where the length is not automatic.
@@ -166,20 +169,14 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
     rounding = None if this.rounding is None else this.rounding.with_arcs
     this = dataclasses.replace(this, rounding=rounding, duration=None)
     process = job.process
-    layers = {
-        layer: {key: x for key, x in given.items() if key not in UNLED}
-        for layer, given in process.by_layer.items()
-    }
+    unled: dict[str, Any] = dict.fromkeys(UNLED)
     plain = dataclasses.replace(
         process,
-        lead_in=None,
-        lead_out=None,
-        pierce=None,
+        **unled,
         approach=0.0,
         retract=0.0,
         order="drawn",
-        kerf=None,
-        by_layer=layers,
+        by_layer={layer: {**given, **unled} for layer, given in process.by_layer.items()},
     )
     gain = LEAST_GAIN if this.limits.jerk_limits else SAME_SPEED
     found = []
@@ -191,93 +188,93 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
         job = dataclasses.replace(job, branch=job.arm.branch_of(begin))
     for x in contours:
         contour = dataclasses.replace(x, events=(), work=None)
-
-        def end_speeds(before: float, after: float, x: Contour = contour) -> tuple[float, float]:
-            return _end_speeds(job, this, x, Leads(before=before, after=after))
-
         own = process.of_layer(x.layer)
         lengths = []
-        with locate_errors("leads"):
-            for lead, s, side, speed in (
-                (own.lead_in, 0.0, "right", lambda x: end_speeds(x, 0.0)[0]),
-                (own.lead_out, x.path.length, "left", lambda x: end_speeds(0.0, x)[1]),
-            ):
-                automatic = lead is not None and lead.length is None
+        for lead, s, side, name in (
+            (own.lead_in, 0.0, "right", "before"),
+            (own.lead_out, x.path.length, "left", "after"),
+        ):
+            automatic = lead is not None and lead.length is None
+            speeds = partial(_lead_speeds, job, this, contour, name)
+            with locate_errors("leads"):
                 assigned = assigned_speed(x, s, side, this)
-                lengths.append(_shortest_lead(speed, assigned, gain) if automatic else 0.0)
+                lengths.append(_shortest_lead(speeds, assigned, gain) if automatic else 0.0)
         found.append(Leads(before=lengths[0], after=lengths[1]))
     return found
 
 
-def _end_speeds(job: Job, this: Run, contour: Contour, leads: Leads) -> tuple[float, float]:
-    """Speeds where the process goes on and off [m/s], of one contour that is planned alone."""
+def _lead_speeds(
+    job: Job, this: Run, contour: Contour, name: str, length: float
+) -> FloatArray | None:
+    """Speeds along the lead "before" or "after" a contour that is planned alone [m/s].
+
+    They are at evenly spaced places, from the end where the tool rests to the contour. None if the
+    arm does not reach that end, but may reach that of a shorter lead.
+    """
     own = job.process.of_layer(contour.layer)
-    ends = Process(
-        begin="drawn",
-        lead_in=own.lead_in if leads.before else None,
-        lead_out=own.lead_out if leads.after else None,
-        up=own.up,
-    )
-    alone = round_program(job, this, prepare(Program(moves=(contour,)), ends, [leads]))
+    used = "lead_in" if name == "before" else "lead_out"
+    ends = Process(begin="drawn", up=own.up, **{used: getattr(own, used)})
+    leads = dataclasses.replace(Leads(before=0.0, after=0.0), **{name: length})
+    try:
+        alone = round_program(job, this, prepare(Program(moves=(contour,)), ends, [leads]))
+        traced = trace_run(job, this, alone)
+        motion = plan(traced, job.arm, this.limits, **this.plan_options)
+    except ArmContourError:
+        if length <= SHORTEST_LEAD:
+            raise
+        return None
     (only,) = alone.contours
     assert only.work is not None
-    traced = trace_run(job, this, alone)
-    on, off = plan(traced, job.arm, this.limits, **this.plan_options).speed_at(only.work)
-    return float(on), float(off)
+    rest, work = (0.0, only.work[0]) if name == "before" else (only.path.length, only.work[1])
+    return np.asarray(motion.speed_at(np.linspace(rest, work, PLACES)))
 
 
-def _shortest_lead(speed: Callable[[float], float], assigned: float, gain: float) -> float:
+def _shortest_lead(
+    speeds: Callable[[float], FloatArray | None], assigned: float, gain: float
+) -> float:
     """The shortest lead [m] with the assigned velocity, or with the largest speed of any lead.
 
-    The length is doubled until the speed suffices, does not grow or the arm does not reach; then
-    the length is bisected.
+    A long lead shows in which share of it the tool gets fast enough, which is the next length.
 
     Args:
-        speed: Gives the speed at the contour's end [m/s] with a lead of a length [m].
+        speeds: Gives the speeds along a lead of a length [m], as `_lead_speeds`.
         assigned: The assigned velocity [m/s].
         gain: Twice the length must give the assigned velocity, or more speed by this share at
             least, or it is not taken.
-
-    Raises:
-        NotRealizable: The speed still grows at the longest lead.
     """
     # Half of the tolerance of `slow_ends`, so that no warning is given for the result.
     enough = assigned * (1 - SAME_SPEED / 2)
-    short, length, now = 0.0, FIRST_LEAD, speed(FIRST_LEAD)
-    found: float | None = None
-    for _ in range(MOST_DOUBLINGS):
-        if now >= enough:
-            found = length
+    long, beyond = FIRST_LEAD, LONGEST_LEAD
+    while (found := speeds(long)) is None:
+        long, beyond = long / 2, long
+    # A longer lead, until the speed suffices, does not grow or the arm does not reach: `short` has
+    # a speed that is too low.
+    short, low = 0.0, enough
+    while found[-1] < enough and long < SHORT_ENOUGH * beyond:
+        length = min(2 * long, (long + beyond) / 2)
+        longer = speeds(length)
+        if longer is None:
+            beyond = length
+        elif longer[-1] < min(enough, found[-1] * (1 + gain)) and length == 2 * long:
             break
-        try:
-            longer = speed(2 * length)
-        except ArmContourError:
-            # The arm does not reach the end of this lead, but may reach that of a shorter one.
-            short, length = length, 2 * length
-            break
-        if longer < enough and longer <= now * (1 + gain):
-            enough, found = now * (1 - SAME_SPEED / 2), length
-            break
-        short, length, now = length, 2 * length, longer
-    else:
-        raise NotRealizable(
-            f"with {length:.3g} m the tool still gets faster, {now:.3g} m/s now: give the lead a "
-            "length, or the contour a lower speed.",
-            limit="speed",
-            needed=length,
-        )
-    while length - short > max(LEAD_RESOLUTION * length, FINEST_LEAD):
-        middle = (short + length) / 2
-        try:
-            suffices = speed(middle) >= enough
-        except ArmContourError:
-            length = middle
-            continue
-        if suffices:
-            length = found = middle
         else:
-            short = middle
-    return short if found is None else found
+            short, low, long, found = long, found[-1], length, longer
+    enough = min(enough, found[-1] * (1 - SAME_SPEED / 2))
+    # A shorter one: along lines and on arcs, speeds grow with the root of the length. Where they
+    # grow less, as at the end of an acceleration with a limit of jerk, steps are doubled.
+    step = 0.0
+    while True:
+        share = np.argmax(found >= enough) / (PLACES - 1)
+        length = LONGER * max(short * (enough / low) ** 2, share * long)
+        length = max(length, min(short + step, (short + long) / 2))
+        if length >= SHORT_ENOUGH * long:
+            return long
+        tried = speeds(length)
+        if tried is not None and tried[-1] >= enough:
+            long, found, step = length, tried, 0.0
+        else:
+            step = 2 * (length - short) if short else 0.0
+            short, low = length, enough if tried is None else tried[-1]
 
 
 def trace_run(

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 from armcontour._describing import brief, draw, milliseconds, mm, several, to_html
@@ -388,11 +389,14 @@ class Study:
             "demand": [e and float(e.demand_ratio.max()) for e in judged],
         }
 
-    def to_data(self, files: Sequence[str] = ()) -> Data:
+    def to_data(
+        self, files: Sequence[str] = (), parts: Mapping[str, Data] = MappingProxyType({})
+    ) -> Data:
         """The job, its arm and its runs, as the summary of a result has them.
 
         Args:
             files: The files of the result, relative to its folder.
+            parts: What else is in the summary, by its keys.
         """
         job, arm = self.job, self.job.arm
         warnings = warnings_of(self.runs.values())
@@ -411,10 +415,10 @@ class Study:
                 Row("arm.assumed", (arm.chain and arm.chain.assumed) or None),
                 Row("arm.notes", arm.notes),
                 Row("simulated", self.simulated),
-                Row("units", units(runs.values())),
+                Row("units", units([*runs.values(), *parts.values()])),
                 Row("files", list(files)),
             ),
-            parts={"runs": Data("Runs", parts=runs)},
+            parts={"runs": Data("Runs", parts=runs), **parts},
             warnings=warnings,
         )
 

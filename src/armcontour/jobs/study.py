@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._progress import Progress, Step, under
 from armcontour.arms import Limits, compare_limits
 from armcontour.clearance import Clearance
 from armcontour.compensation.compensator import teach
+from armcontour.core.fields import checked
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import ServoPlant, execute
@@ -57,7 +57,7 @@ PLANNED = ("objective", "path", "trajectory", "traced", "exceeded", "clearance",
 RESOLUTION = 1e-3
 
 
-@_checks.checked
+@checked
 def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) -> Study:
     """Do every run of a job, from the objective path to the evaluation.
 

@@ -13,6 +13,7 @@ from armcontour import _checks
 from armcontour._bounded_differences import differences
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.learning import aligning
 from armcontour.learning.estimating import UNTESTED, Estimate, smooth_error, unexplained
@@ -52,7 +53,7 @@ FITTED = 0.1
 SURE = 3.0
 
 
-@_checks.checked
+@checked
 def learn(
     taught: TaughtData,
     executed: Runs,

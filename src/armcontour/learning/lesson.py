@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._describing import brief, clock, joint_rows, line_up, mm, several
+from armcontour._describing import brief, clock, joint_rows, line_up, several
+from armcontour._quantities import Axes, Quantity
 from armcontour._sampling import GAP, describe_bursts
 from armcontour.core.fields import Checked
+from armcontour.core.render import Result, number
+from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.learning.lifted import Lifted
 from armcontour.motion import Execution, Log, TaughtData
@@ -26,7 +30,7 @@ MOST_MISSED = 0.1
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recording:
+class Recording(Checked):
     """Measured joint positions over time.
 
     Args:
@@ -43,29 +47,17 @@ class Recording:
         InvalidInput: The arrays are not finite numbers, or do not fit each other.
     """
 
-    t: FloatArray = field(kw_only=False)
-    q: FloatArray = field(kw_only=False)
-    command: FloatArray | None = None
+    t: Annotated[FloatArray, Quantity("s"), Axes("times")] = field(kw_only=False)
+    q: Annotated[FloatArray, Quantity("rad"), Axes("times", "joints")] = field(kw_only=False)
+    command: Annotated[FloatArray, Quantity("rad"), Axes("times", "joints")] | None = None
     in_plan_time: bool = False
     exact: bool = False
     source: str = "the log"
     notes: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        t = _checks.numbers(f"{self.source}: t", self.t, "s")
-        if t.ndim != 1 or len(t) < 2 or (np.diff(t) <= 0).any():
+    def _check_together(self) -> None:
+        if len(self.t) < 2 or (np.diff(self.t) <= 0).any():
             raise InvalidInput(f"{self.source} needs at least two times, which must increase.")
-        object.__setattr__(self, "t", _checks.lock_floats(t))
-        for name in ("q", "command"):
-            if getattr(self, name) is None:
-                continue
-            values = _checks.numbers(f"{self.source}: {name}", getattr(self, name), "rad")
-            if values.ndim != 2 or len(values) != len(t):
-                raise InvalidInput(
-                    f"{self.source}: {name} has shape {values.shape}, but must have one row for "
-                    f"each of the {len(t)} times."
-                )
-            object.__setattr__(self, name, _checks.lock_floats(values))
 
     def __str__(self) -> str:
         """Where it comes from, its times, and where the joints were."""
@@ -158,7 +150,7 @@ def _refuse_many_gaps(recording: Recording) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LearnedRun(Checked):
+class LearnedRun(Result, Checked):
     """One run, as learning saw it.
 
     Errors are those that a disturbance of the drives explains; white noise is taken out.
@@ -205,20 +197,32 @@ class LearnedRun(Checked):
     encoder_shift: FloatArray | None = None
     outliers: int = 0
 
-    def __str__(self) -> str:
+    def to_data(self) -> Data:
         """Errors of the run, and what was predicted."""
-        contour = ""
-        if self.contour_rms is not None and self.contour_max is not None:
-            contour = f"{mm(self.contour_rms)} RMS, {mm(self.contour_max)} largest"
-        return line_up(
-            f"Learned run from {self.source}",
-            [
-                ("contour error", contour),
-                ("off the plan", f"{mm(self.tool_rms)} RMS, {mm(self.tool_max)} largest"),
-                ("predicted", "" if self.predicted is None else f"{mm(self.predicted)} RMS"),
-                ("joints, RMS", " ".join(f"{x * 1e3:.3g}" for x in self.joint_rms) + " mrad"),
-                ("noise", " ".join(f"{x * 1e3:.3g}" for x in self.noise) + " mrad"),
-            ],
+        off = FIRST if self.contour_rms is None else TABLE
+        rms, largest = (
+            ("contour error, RMS", "contour error, largest") if off == TABLE else ("", "")
+        )
+        return Data(
+            f"Run from {self.source}",
+            (
+                Row("source", self.source, "", "from", level=FIRST),
+                Row("contour_rms", self.contour_rms, "m", rms, "", FIRST),
+                Row("contour_max", self.contour_max, "m", largest, "", FIRST),
+                Row("tool_rms", self.tool_rms, "m", "off the plan, RMS", level=off),
+                Row("tool_max", self.tool_max, "m", "off the plan, largest", level=off),
+                Row("predicted", self.predicted, "m", "expected, RMS", level=FIRST),
+                Row("offset", self.offset, "s"),
+                Row("begin", -self.offset / self.rate, "s", "begins in the log at", "", FIRST),
+                Row("rate", self.rate),
+                Row("joint_rms", self.joint_rms, "rad", "joint error, RMS"),
+                Row("joint_max", self.joint_max, "rad", "joint error, largest"),
+                Row("noise", self.noise, "rad", "noise"),
+                Row("loop_noise", self.loop_noise, "rad"),
+                Row("set_points_off", self.set_points_off, "rad"),
+                Row("encoder_shift", self.encoder_shift, "rad"),
+                Row("outliers", self.outliers),
+            ),
         )
 
     __repr__ = brief
@@ -230,7 +234,7 @@ class LearnedRun(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Lesson(TaughtData):
+class Lesson(Result, TaughtData):
     """Taught data for the next run, and what the runs before it have taught.
 
     Args:
@@ -268,30 +272,31 @@ class Lesson(TaughtData):
     reason: str = ""
     lifted: Lifted | None = field(default=None, repr=False)
 
-    def __post_init__(self) -> None:
-        TaughtData.__post_init__(self)
-        runs = _checks.listed("runs", self.runs, LearnedRun, "LearnedRuns")
-        object.__setattr__(self, "runs", runs)
-        if not runs:
+    def _check_together(self) -> None:
+        TaughtData._check_together(self)
+        if not self.runs:
             raise InvalidInput("A lesson needs at least one run from which it was learned.")
 
-    def __str__(self) -> str:
+    def to_data(self) -> Data:
         """What the runs had, what the next one is to have, and whether to go on."""
-        errors = [x.rms for x in self.runs]
-        learned = " ".join(f"{x * 1e3:.4g}" for x in errors[-MOST_LISTED:])
-        following = "none: finished" if self.finished else f"{mm(self.predicted)} expected"
-        left = f"{len(errors) - MOST_LISTED} runs, then " if len(errors) > MOST_LISTED else ""
-        return line_up(
+        best = f"run {self.best + 1}"
+        share = f"{number(self.noise_share, '1')} of the square"
+        return Data(
             self._title(f"Lesson of {several(len(self.runs), 'run')}"),
-            [
-                ("RMS errors", f"{left}{learned} mm"),
-                ("best run", f"run {self.best + 1}, {mm(self.remaining)}"),
-                ("next run", following),
-                ("does not repeat", f"{mm(self.noise)}, {self.noise_share:.0%} of the square"),
-                ("setbacks", f"{self.setbacks}" if self.setbacks else ""),
-                ("reason", self.reason),
-                *self._rows,
-            ],
+            (
+                Row("finished", self.finished, "", "finished", self.reason, VERDICT),
+                Row("first", self.runs[0].rms, "m", "before learning, RMS", level=FIRST),
+                Row("remaining", self.remaining, "m", "best run, RMS", best, FIRST),
+                Row("predicted", self.predicted, "m", "next run, expected RMS", "", FIRST),
+                Row("repeats", self.repeats, "m", "repeats, RMS", best),
+                Row("does_not_repeat", self.noise, "m", "does not repeat, RMS", share, FIRST),
+                Row("noise_share", self.noise_share, "1"),
+                Row("best", self.best + 1),
+                Row("setbacks", self.setbacks, "", "setbacks"),
+                Row("delay", self.delay, "s", "further dead time"),
+                Row("reason", self.reason),
+            ),
+            (Table.of("runs", [x.to_data() for x in self.runs]),),
         )
 
     __repr__ = brief

@@ -9,7 +9,7 @@ from armcontour.arms import Limits
 from armcontour.arms.limits import by_direction
 from armcontour.errors import CompensationError
 from armcontour.motion.execution import TaughtData
-from armcontour.motion.nearest_commands import SLACK
+from armcontour.motion.trajectory import COMMAND_SLACK
 
 
 def refuse_commands(taught: TaughtData, limits: Limits | None = None) -> None:
@@ -89,7 +89,7 @@ def _worst(values: FloatArray, most: FloatArray) -> tuple[int, int] | None:
     """Row and column of the value with the largest excess over its limit; None without excess."""
     if not values.size:
         return None
-    room = np.where(np.isfinite(most), SLACK * np.maximum(np.abs(most), 1.0), 0.0)
+    room = np.where(np.isfinite(most), COMMAND_SLACK * np.maximum(np.abs(most), 1.0), 0.0)
     over = values - most - room
     k, j = (int(x) for x in np.unravel_index(int(np.argmax(over)), over.shape))
     return (k, j) if over[k, j] > 0 else None

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray, Value
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import (
     brief,
     draw,
@@ -19,11 +19,11 @@ from armcontour._describing import (
     several,
     to_html,
 )
+from armcontour._quantities import Axes, Quantity, Time
 from armcontour._quintics import evaluate, quintic
 from armcontour.arms import Arm, Limits
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
-from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import Trajectory, to_columns
 
 # A plant's motion ends at a result if it is as near to it as this [rad].
@@ -51,7 +51,7 @@ class Between(Protocol):
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Execution(Value):
+class Execution(Checked):
     """Motion of the joints of a plant, from the first set-point until rest.
 
     Args:
@@ -93,14 +93,9 @@ class Execution(Value):
     unexplained: FloatArray | None = None
     plant: Between | None = None
 
-    def __post_init__(self) -> None:
+    def _check_together(self) -> None:
         if (self.torque is None) != (self.torque_demand is None):
             raise InvalidInput("An execution has both torque and torque_demand, or neither.")
-        for name in ("t", "q", "dq", "ddq", "demand", "demand_range", "saturated_time"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name), name))
-        for name in ("torque", "torque_demand", "motor_q", "unsettled", "unexplained"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, _checks.lock_floats(getattr(self, name), name))
 
     def __str__(self) -> str:
         """How every joint moved: ranges, and largest amounts."""
@@ -137,7 +132,7 @@ class Execution(Value):
         return to_columns(self)
 
     @classmethod
-    @_checks.checked
+    @checked
     def of_plan(cls, trajectory: Trajectory, arm: Arm) -> Execution:
         """The motion of joints that follow a plan exactly.
 
@@ -317,7 +312,7 @@ class LimitCost(Checked):
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TaughtData(Value):
+class TaughtData(Checked):
     """Joint set-points at regular times.
 
     Args:
@@ -339,29 +334,23 @@ class TaughtData(Value):
     """
 
     period: float
-    q: FloatArray
+    q: Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
     trajectory: Trajectory
     method: str
-    start_time: float = 0.0
+    start_time: Time = 0.0
     cut_off: FloatArray | None = None
     command_limits: Limits | None = None
     limit_cost: LimitCost | None = None
 
-    def __post_init__(self) -> None:
-        _checks.check_fields(self)
+    def _check_together(self) -> None:
         check_interval(self.period)
-        values = _checks.numbers("set-points", self.q, "rad")
-        if values.ndim != 2 or len(values) == 0:
+        if not len(self.q):
             raise InvalidInput("Taught data needs at least one row of set-points, one per joint.")
-        object.__setattr__(self, "q", _checks.lock_floats(values))
-        start = _checks.number("start_time", self.start_time, "s")
-        if start > 0:
+        if self.start_time > 0:
             raise InvalidInput(
-                f"start_time must not be above zero, when the plan starts, but is {start:g} s."
+                "start_time must not be above zero, when the plan starts, but is "
+                f"{self.start_time:g} s."
             )
-        object.__setattr__(self, "start_time", start)
-        if self.cut_off is not None:
-            object.__setattr__(self, "cut_off", _checks.lock_floats(self.cut_off, "cut_off"))
 
     def __str__(self) -> str:
         """Number and interval of the set-points, and where the joints are sent."""
@@ -393,6 +382,8 @@ class TaughtData(Value):
         Velocities, accelerations and jerks are differences of the set-points over the command
         interval, as controllers check them. Empty without command limits.
         """
+        from armcontour.motion.nearest_commands import command_use
+
         if self.command_limits is None:
             return {}
         return command_use(self.q, self.period, self.command_limits)

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray, Value
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import brief, digits, joint_rows, line_up, several
+from armcontour._quantities import Axes, Choice
 from armcontour._quintics import evaluate, quintic
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.motion._joint_path import examine
+from armcontour.motion._joint_path import examine, spline_pieces
 from armcontour.motion._laws import Motion, joint_motions
-from armcontour.motion._spline import spline_pieces
 
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)
@@ -31,7 +32,7 @@ NO_STOPS = _checks.lock_floats([])
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointPath(Value):
+class JointPath(Checked):
     """Joint positions as a function of arc length, a quintic per interval, with derivatives.
 
     In interval i, `q(s) = sum_k coefficients[i, k] x^k` with `x = (s - breaks[i]) / width_i`.
@@ -48,19 +49,14 @@ class JointPath(Value):
             stop is not an inner break, or a position jumps.
     """
 
-    breaks: FloatArray
-    coefficients: FloatArray
-    stops: FloatArray = field(default_factory=lambda: NO_STOPS)
+    breaks: Annotated[FloatArray, Axes("breaks")]
+    coefficients: Annotated[FloatArray, Axes("intervals", 6, "joints")]
+    stops: Annotated[FloatArray, Axes("stops")] = field(default_factory=lambda: NO_STOPS)
     tool_path: Path | None = None
 
-    def __post_init__(self) -> None:
-        for name in ("breaks", "coefficients", "stops"):
-            values = _checks.floats(f"{name} of a joint path", getattr(self, name))
-            object.__setattr__(self, name, _checks.lock_floats(values))
-        if self.breaks.ndim != 1 or self.stops.ndim != 1:
-            raise InvalidInput("breaks and stops of a joint path must be rows of numbers.")
+    def _check_together(self) -> None:
         n = len(self.breaks) - 1
-        if n < 1 or self.coefficients.ndim != 3 or self.coefficients.shape[:2] != (n, 6):
+        if n < 1 or len(self.coefficients) != n:
             raise InvalidInput("coefficients of a joint path must be of shape (intervals, 6, dof).")
         kinks = np.empty(n - 1, dtype=np.bool_)
         sound, jump = examine(self.breaks, self.coefficients, LARGEST_KINK, NO_DIRECTION, kinks)
@@ -146,8 +142,13 @@ class JointPath(Value):
         )
 
     @classmethod
+    @checked
     def spline(
-        cls, points: npt.ArrayLike, s: npt.ArrayLike | None = None, *, ends: str = "natural"
+        cls,
+        points: npt.ArrayLike,
+        s: npt.ArrayLike | None = None,
+        *,
+        ends: Annotated[str, Choice(("natural", "clamped"))] = "natural",
     ) -> JointPath:
         """The cubic spline through joint positions.
 
@@ -161,7 +162,7 @@ class JointPath(Value):
             InvalidInput: There are fewer than two points, the parameters do not increase, or `ends`
                 is none of these.
         """
-        clamped = _checks.choice("ends", ends, ("natural", "clamped")) == "clamped"
+        clamped = ends == "clamped"
         knots = _checks.numbers("joint positions", points, "rad")
         if knots.ndim != 2 or len(knots) < 2:
             raise InvalidInput("A spline needs at least two rows of joint positions.")

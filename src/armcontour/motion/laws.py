@@ -10,8 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray, Value
+from armcontour._checks import FloatArray, IntArray
+from armcontour._quantities import Interval
 from armcontour.arms import Arm
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.motion._intervals import interval_times, write_law
 from armcontour.motion._laws import Motion, joint_motions, path_motions
@@ -21,7 +23,7 @@ from armcontour.motion.joint_path import JointPath
 HALVINGS = 50
 
 
-class Law(Value, ABC):
+class Law(Checked, ABC):
     """Joint positions over time, from 0 to the last break; smooth between breaks.
 
     Attributes:
@@ -99,9 +101,7 @@ class LapLaw(Law):
     dq: FloatArray
     ddq: FloatArray
 
-    def __post_init__(self) -> None:
-        for name in ("breaks", "q", "dq", "ddq"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+    def _check_together(self) -> None:
         _refuse_disorder(self.breaks)
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
@@ -123,8 +123,8 @@ class LapLaw(Law):
         return tuple(found[: order + 1])
 
 
-@_checks.checked
-def stand_still(q: FloatArray, duration: float) -> LapLaw:
+@checked
+def stand_still(q: FloatArray, duration: Interval) -> LapLaw:
     """The law of joints that stand still.
 
     Args:
@@ -135,8 +135,8 @@ def stand_still(q: FloatArray, duration: float) -> LapLaw:
         InvalidInput: No row of joint positions, or no duration above zero.
     """
     at = _checks.shaped("joint positions", _checks.numbers("joint positions", q, "rad"), (None,))
-    rest, end = np.zeros((1, len(at))), _checks.positive("duration", duration, "s")
-    return LapLaw(breaks=np.array([0.0, end]), q=np.tile(at, (2, 1)), dq=rest, ddq=rest)
+    rest = np.zeros((1, len(at)))
+    return LapLaw(breaks=np.array([0.0, duration]), q=np.tile(at, (2, 1)), dq=rest, ddq=rest)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -159,11 +159,9 @@ class LineLaw(LapLaw, LawAlongPath):
     direction: FloatArray
     s: FloatArray = field(init=False)
 
-    def __post_init__(self) -> None:
+    def _check_together(self) -> None:
         # `super` without arguments does not work in a dataclass with slots.
-        LapLaw.__post_init__(self)
-        for name in ("point", "direction"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+        LapLaw._check_together(self)
         # The knots of a traced path are on the line, up to rounding errors.
         s = np.maximum.accumulate(np.clip(self._along(self.q), *self.ends))
         s[0], s[-1] = self.ends
@@ -237,9 +235,7 @@ class PathLaw(LawAlongPath):
     s: FloatArray
     rates: Rates
 
-    def __post_init__(self) -> None:
-        for name in ("breaks", "s"):
-            object.__setattr__(self, name, _checks.lock_floats(getattr(self, name)))
+    def _check_together(self) -> None:
         _refuse_disorder(self.breaks)
         n = len(self.breaks) - 1
         rates = [_checks.lock_floats(x) for x in self.rates]

@@ -6,12 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
+from typing import Annotated
 
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray, Value
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import brief, clock, joint_rows, line_up, milliseconds, several
+from armcontour._quantities import Axes, Choice, Name, Quantity
 from armcontour._sampling import (
     GAP,
     LARGEST,
@@ -23,6 +25,7 @@ from armcontour._sampling import (
     find_short_step,
 )
 from armcontour._text import show
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 
 # What is known of a command between two samples of a log: not more.
@@ -36,7 +39,7 @@ NEAR_A_TURN = 0.6
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Log(Value):
+class Log(Checked):
     """Set-points and measured positions of joints at the same times.
 
     Args:
@@ -55,22 +58,20 @@ class Log(Value):
             samples.
     """
 
-    t: FloatArray = field(kw_only=False)
-    command: FloatArray = field(kw_only=False)
-    measured: FloatArray
-    joint_names: tuple[str, ...] = ()
-    interpolation: str | None = None
+    t: Annotated[FloatArray, Quantity("s"), Axes("n")] = field(kw_only=False)
+    command: Annotated[FloatArray, Quantity("rad"), Axes(...)] = field(kw_only=False)
+    measured: Annotated[FloatArray, Quantity("rad"), Axes(...)]
+    joint_names: tuple[Name, ...] = ()
+    interpolation: Annotated[str, Choice(INTERPOLATIONS)] | None = None
     source: str = "the log"
     notes: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        t = _checks.numbers(f"{self.source}: t", self.t, "s")
-        if t.ndim != 1 or len(t) < FEWEST:
+    def _check_together(self) -> None:
+        if len(self.t) < FEWEST:
             raise InvalidInput(
-                f"{self.source} has {t.size} samples, but at least {FEWEST} are needed: record "
-                "more."
+                f"{self.source} has {len(self.t)} samples, but at least {FEWEST} are needed: "
+                "record more."
             )
-        object.__setattr__(self, "t", _checks.lock_floats(t))
         for name in POSITIONS:
             object.__setattr__(self, name, self._check_rows(name))
         dof = self.dof
@@ -79,14 +80,11 @@ class Log(Value):
                 f"{self.source} has commands for {dof} joints, but measured positions of "
                 f"{self.measured.shape[1]}."
             )
-        given = _checks.check_names(f"{self.source}: joint_names", self.joint_names)
-        names = given or tuple(f"joint {j + 1}" for j in range(dof))
+        names = self.joint_names or tuple(f"joint {j + 1}" for j in range(dof))
         if len(names) != dof or len(set(names)) != dof:
             raise InvalidInput(
                 f"{self.source} needs {dof} different joint names, not {', '.join(names)}."
             )
-        if self.interpolation is not None:
-            _checks.choice("interpolation", self.interpolation, INTERPOLATIONS)
         object.__setattr__(self, "joint_names", names)
         self._clip_times()
         for name in POSITIONS:
@@ -159,7 +157,7 @@ class Log(Value):
 
     def _check_rows(self, name: str) -> FloatArray:
         """Positions as a locked array with one row for each time."""
-        values = _checks.numbers(f"{self.source}: {name}", getattr(self, name), "rad")
+        values = getattr(self, name)
         values = values[:, None] if values.ndim == 1 else values
         if values.ndim != 2 or len(values) != len(self.t) or values.shape[1] == 0:
             raise InvalidInput(

@@ -9,10 +9,8 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Limits
 from armcontour.arms.limits import JOINT_RANGE, UNITS
 from armcontour.errors import InvalidInput
+from armcontour.motion.trajectory import COMMAND_SLACK
 
-# A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
-# rounding errors.
-SLACK = 1e-9
 # Limits of commands by the order of the differences that they bound; order 0 has two.
 BY_ORDER = ("", "joint_velocity", "joint_acceleration", "joint_jerk")
 COMMAND_LIMITS = (*BY_ORDER[1:], *JOINT_RANGE)
@@ -84,7 +82,7 @@ def excess(q: FloatArray, period: float, bounds: FloatArray) -> tuple[int, int, 
     Returns:
         The row is that of the last set-point of the difference. None if all bounds are satisfied.
     """
-    worst, found = SLACK, None
+    worst, found = COMMAND_SLACK, None
     for order, (low, high) in enumerate(bounds):
         if not (np.isfinite(low).any() or np.isfinite(high).any()):
             continue
@@ -121,7 +119,7 @@ def nearest_commands(
         if excess(one, period, own[:, :, None]) is None:
             continue
         steps, digit = period ** np.arange(len(own))[:, None], 10.0**-DECIMALS
-        margin = digit * 2.0 ** np.arange(len(own))[:, None] + SLACK * np.abs(own * steps)
+        margin = digit * 2.0 ** np.arange(len(own))[:, None] + COMMAND_SLACK * np.abs(own * steps)
         inside = own * steps + np.where(np.isfinite(own), margin, 0.0) * (1.0, -1.0)
         nearest = nearest_within(one[:, 0], [(float(x), float(y)) for x, y in inside])
         if nearest is None:

@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray, Value
+from armcontour._checks import FloatArray, IntArray
 from armcontour._describing import brief, count_kinds, digits, draw, line_up, several, to_html
+from armcontour._quantities import Interval
 from armcontour.arms import Arm, Limits
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._laws import Motion, joint_motions, path_motions
@@ -33,6 +34,9 @@ MANY = 4
 KEPT, MORE = 100, 3
 # Arc lengths and times may be outside by this fraction of the whole, due to rounding errors.
 SLACK = 1e-12
+# A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
+# rounding errors.
+COMMAND_SLACK = 1e-9
 # Along one path, the end of a law and the start of the next differ by less than this [m].
 SAME_PLACE = 1e-9
 
@@ -143,7 +147,7 @@ def to_columns(samples: Any) -> dict[str, FloatArray]:
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Trajectory(Value):
+class Trajectory(Checked):
     """Joint positions over time, made of consecutive time laws; two-sided at breaks.
 
     Args:
@@ -180,9 +184,7 @@ class Trajectory(Value):
     _ends: FloatArray = field(init=False, repr=False)
     _joined: list[tuple[int, int, JoinedLaws]] = field(default_factory=list, init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "laws", _checks.listed("laws", self.laws, Law, "Laws"))
-        object.__setattr__(self, "spans", _checks.listed("spans", self.spans, Span, "Spans"))
+    def _check_together(self) -> None:
         if not self.laws:
             raise InvalidInput("A trajectory needs at least one law of motion.")
         starts = [0.0, *accumulate(float(law.breaks[-1]) for law in self.laws)]
@@ -228,7 +230,7 @@ class Trajectory(Value):
         """
         return to_columns(self.sample(period))
 
-    @_checks.checked
+    @checked
     def limited(self, limits: Limits, reserve: float = 0.0, arm: Arm | None = None) -> Trajectory:
         """The trajectory with the limits of its plan; rapids have the limits of the joints only.
 
@@ -260,7 +262,7 @@ class Trajectory(Value):
             raise InvalidInput("This trajectory does not know its arm: plan it with an arm.")
         return self.arm
 
-    @_checks.checked
+    @checked
     def limits_for(self, limits: Limits | None) -> Limits:
         """The given limits, and where they give none, those of the plan, one value per joint.
 
@@ -533,14 +535,14 @@ class Trajectory(Value):
                 found[of] = law.path_position(i, local, 1)
         return found.reshape(at.shape)
 
-    def sample(self, period: float) -> Samples:
+    @checked
+    def sample(self, period: Interval) -> Samples:
         """The trajectory sampled every `period` [s], and at its end.
 
         Args:
             period: Time between two samples [s]; the last interval may be shorter.
         """
-        step = _checks.positive("sampling period", period, "s")
-        t = np.append(np.arange(0, self.duration - 1e-9 * step, step), self.duration)
+        t = np.append(np.arange(0, self.duration - 1e-9 * period, period), self.duration)
         orders = self.motion(t)
         for values in orders:
             # No copies: a long motion has gigabytes of samples.

@@ -13,11 +13,13 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief
 from armcontour._version import __version__
+from armcontour.core.fields import checked
 from armcontour.core.render import Result, number
-from armcontour.core.result import FIRST, TABLE, Data, Row, Table
+from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
 from armcontour.frames import Frame, quaternions
 from armcontour.jobs.axes import UNITS, Axis
 from armcontour.jobs.job import Job, Run
+from armcontour.jobs.place_search import CYCLE
 from armcontour.placement.judging import COMPARED, Verdict
 from armcontour.placement.moving import Moves, place_job
 from armcontour.scene.scene import PART
@@ -109,7 +111,7 @@ class Placement(Result):
         at = np.unravel_index(_checks.whole("index", index, 0, len(self.verdicts) - 1), self.shape)
         return {x.name: float(x.values[k]) for x, k in zip(self.axes, at, strict=True)}
 
-    @_checks.checked
+    @checked
     def frame(self, place: Place | None = None) -> Frame:
         """Where the part, or the base, is taken, in the coordinates of the job's path.
 
@@ -118,7 +120,7 @@ class Placement(Result):
         """
         return self.moves.frame((place or self.refined).values)
 
-    @_checks.checked
+    @checked
     def placed(self, place: Place | None = None) -> Job:
         """The job with its part or base in a place.
 
@@ -143,7 +145,7 @@ class Placement(Result):
                     name=f"{key}.{x.name}",
                     label=f"{x.label}, {label}" if x.name in (compared, "refusal") else "",
                     note=str(place or ""),
-                    level=TABLE if key == "best_of_grid" else FIRST,
+                    level=TABLE if key == "best_of_grid" else VERDICT,
                 )
                 for x in verdict.to_data().rows
             ]
@@ -152,10 +154,11 @@ class Placement(Result):
         note = ", ".join([f"{self.planned} planned", *refused])
         if self.own.planned:
             gain = 1 - self.refined.verdict.duration / self.own.duration
-            rows.append(Row("gain", gain, "1", "time saved", level=FIRST))
+            level = VERDICT if self.objective == CYCLE else TABLE
+            rows.append(Row("gain", gain, "1", "time saved", level=level))
         frame = self.frame()
         rows += [
-            Row("places", len(self.verdicts), "", "places", note, FIRST),
+            Row("places", len(self.verdicts), "", "places", note, VERDICT),
             Row("planned", self.planned),
             Row("refused", self.refusals),
             Row("armcontour", __version__),

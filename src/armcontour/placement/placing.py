@@ -14,7 +14,9 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, under
+from armcontour._quantities import Workers
 from armcontour.arms import SerialArm
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_errors
 from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
 from armcontour.jobs.job import Job, Run, choose_run
@@ -36,7 +38,7 @@ SAMPLES = 200
 MOST_EXPLAINED = 40
 
 
-@_checks.checked
+@checked
 def place(
     job: Job,
     run: str | None = None,
@@ -49,7 +51,7 @@ def place(
     about: str | npt.ArrayLike | None = None,
     every: bool | None = None,
     refined: bool | None = None,
-    processes: int | None = None,
+    processes: Workers | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Placement:
@@ -95,10 +97,8 @@ def place(
         NotRealizable: No place has a plan that keeps limits and margins.
         ExecutionError: The executor takes no work, has lost a worker, or its workers cannot work.
     """
-    if processes is not None:
-        _checks.whole("processes", processes, 1, 1024)
-        if executor is not None:
-            raise InvalidInput("An executor has its own workers: leave processes out.")
+    if processes is not None and executor is not None:
+        raise InvalidInput("An executor has its own workers: leave processes out.")
     asked = (job.placement or PlaceSearch()).replaced(
         {"run": run, "over": over, "objective": objective, "uncertainty": uncertainty}
         | {"what": what, "absolute": absolute, "about": about, "every": every, "refined": refined}

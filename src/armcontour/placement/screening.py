@@ -20,9 +20,10 @@ from armcontour.program import Contour, Dwell, Program
 from armcontour.timing.program_tracing import bound_duration
 from armcontour.tracing.configurations import MOST_STARTS, OUT_OF_REACH, follow_ways, subdivide
 from armcontour.tracing.knots import PLACES, first_knots
+from armcontour.tracing.numeric import SINGULAR
 from armcontour.tracing.poses import FirstPoses, row_of_poses, task_dimension, tool_errors
 from armcontour.tracing.ranges import ROUNDING
-from armcontour.tracing.solver import SINGULAR, Ends
+from armcontour.tracing.solver import Ends
 
 # Quintics through the first knots stand for the joint path if they keep the tool this near to its
 # path [m, rad]; else nothing is known of a duration.

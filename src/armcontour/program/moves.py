@@ -26,7 +26,7 @@ from armcontour._quantities import (
     Time,
 )
 from armcontour._text import list_some, make_printable, shorten
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose
 from armcontour.geometry import Path
@@ -328,7 +328,7 @@ class Program(Checked):
         lengths = [x.path.length for x in self.contours]
         return np.concatenate([[0.0], np.cumsum(lengths)])
 
-    @_checks.checked
+    @checked
     def mapped(self, change: Callable[[Path], Path]) -> Program:
         """The program with changed paths; events keep their relative positions.
 
@@ -415,7 +415,7 @@ class Program(Checked):
         """
         return self.mapped(lambda path: path.placed(frame, scale=scale))
 
-    @_checks.checked
+    @checked
     def repeated(
         self,
         *,

@@ -12,6 +12,7 @@ from armcontour import _checks
 from armcontour._checks import LONGEST_NAME, FloatArray
 from armcontour._describing import several
 from armcontour._text import shorten
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand, Path
 from armcontour.geometry.cutting import cut_path, join_paths
@@ -43,7 +44,7 @@ CLEAR = 1.0
 CORNER = np.radians(20)
 
 
-@_checks.checked
+@checked
 def prepare(
     program: Path | Program, process: Process, lengths: Sequence[Leads] | None = None
 ) -> Program:

@@ -28,7 +28,7 @@ from armcontour._quantities import (
     Time,
     Tolerance,
 )
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand
 from armcontour.geometry.weaving import SHAPES as WEAVES
@@ -370,7 +370,7 @@ class Process(Checked):
         given |= {"by_layer": dict(self.by_layer), "layers": dict(self.layers)}
         return partial(type(self), **given), ()
 
-    @_checks.checked
+    @checked
     def of_layer(self, layer: str) -> Process:
         """The process of the contours of a layer, without `by_layer`.
 

@@ -11,13 +11,11 @@ from typing import overload
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._text import capitalise
+from armcontour.core.fields import checked
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
-from armcontour.geometry.curvature import smooth_curvature as smooth_path
-from armcontour.geometry.fit import draw_with_arcs as draw_path
 from armcontour.geometry.rounding import Continuity
 from armcontour.program.moves import Contour, Program
 
@@ -45,7 +43,7 @@ def round_corners(
     angular_tolerance: float | None = None,
     continuity: Continuity = "tangent",
 ) -> Program: ...
-@_checks.checked
+@checked
 def round_corners(
     path: Path | Program,
     *,
@@ -122,7 +120,7 @@ def doubt_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
 def smooth_curvature(path: Path, *, tolerance: float) -> Path: ...
 @overload
 def smooth_curvature(path: Program, *, tolerance: float) -> Program: ...
-@_checks.checked
+@checked
 def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Program:
     """Put transitions where the curvature of a path, or of a program's contours, jumps.
 
@@ -144,6 +142,8 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
         InvalidInput: The tolerance is not above zero; or a path was shaped, or its tool orientation
             was rounded.
     """
+    from armcontour.geometry.curvature import smooth_curvature as smooth_path
+
     program = Program.of(path, "smooth_curvature needs a Path or a Program")
     moves = []
     for x in program.moves:
@@ -157,6 +157,8 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
 
 def draw_with_arcs(contour: Contour) -> Contour:
     """The contour with arcs for the transitions of its path, where there are any."""
+    from armcontour.geometry.fit import draw_with_arcs as draw_path
+
     if not contour.path.segments.bent.any():
         return contour
     path, places = draw_path(contour.path)

@@ -8,6 +8,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour import _checks, _staging
+from armcontour.core.fields import checked
 from armcontour.evaluation import Evaluation
 from armcontour.jobs import Job, RunResult, Study
 from armcontour.motion import Execution, Trajectory
@@ -133,7 +134,7 @@ def _page(
     )
 
 
-@_checks.checked
+@checked
 def write_report(
     study: Study | RunResult | Evaluation | Execution | Trajectory, file: str | FilePath
 ) -> None:

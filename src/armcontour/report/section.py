@@ -11,6 +11,9 @@ from armcontour.core.render import cells, compare, figure
 from armcontour.core.result import FIRST, TABLE, Data
 from armcontour.jobs import RunResult, Study
 
+# Longer values are sentences [characters].
+LONGEST = 40
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
@@ -58,12 +61,18 @@ class Section:
 
 
 def tiles(data: Data) -> tuple[Tile, ...]:
-    """The figures of the first level in large print."""
-    return tuple(Tile(label=x.label, value=figure(x), note=x.note) for x in data.shown(FIRST))
+    """The figures of the first level in large print, and its sentences in small print."""
+    found = []
+    for x in data.shown(FIRST):
+        value, note = figure(x), x.note
+        if len(value) > LONGEST:
+            value, note = "", f"{value} {note}".strip()
+        found.append(Tile(label=x.label, value=value, note=note))
+    return tuple(found)
 
 
 def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str = "") -> Table:
-    """A row for every figure, and a column for every result.
+    """A row for every figure that is no sentence, and a column for every result.
 
     Args:
         results: The results, by their names.
@@ -72,7 +81,7 @@ def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str =
     """
     header, *rows = compare(results, level, texts=True)
     columns = zip(header, *rows, strict=True)
-    _, *figures = columns
+    figures = [x for x in list(columns)[1:] if max(map(len, x[1:])) <= LONGEST]
     if len(rows) == 1:
         notes = {x.label: x.note for data in results.values() for x in data.shown(level)}
         figures = [(*x, notes[x[0]]) for x in figures]

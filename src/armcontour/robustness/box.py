@@ -6,27 +6,28 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._quantities import (
     COULOMB,
     DEAD_TIME,
-    LARGEST_SHARE,
+    GAIN_ERROR,
     MORE_PAYLOAD,
     SHARE,
     VISCOUS,
+    Axes,
     Duration,
 )
 from armcontour.arms import Arm
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.servo import ServoModel
 
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Box:
+class Box(Checked):
     """The uncertainty set: ranges of the errors of a robot's parameters.
 
     Errors are distributed uniformly over their ranges. Friction and armature are those of rigid
@@ -63,7 +64,7 @@ class Box:
             not below 1, or a range is not in order.
     """
 
-    gains: FloatArray | float = 0.0
+    gains: Annotated[FloatArray | float, GAIN_ERROR, Axes(...)] = 0.0
     dead_time: Annotated[FloatArray | float, DEAD_TIME] = 0.0
     dead_time_shared: bool = True
     payload: Annotated[FloatArray | float, MORE_PAYLOAD] = 0.0
@@ -73,31 +74,16 @@ class Box:
     coulomb: Annotated[FloatArray | float, COULOMB] = 0.0
     friction: Annotated[FloatArray | float, SHARE] = (0.0, 1.0)  # type: ignore[assignment]
     friction_shared: bool = False
-    armature: Annotated[FloatArray | float, LARGEST_SHARE] = 0.0
+    armature: Annotated[FloatArray | float, GAIN_ERROR] = 0.0
 
-    def __post_init__(self) -> None:
-        gains = _checks.lock_floats(_checks.numbers("gains of a box", self.gains))
-        if gains.ndim > 2 or gains.size == 0 or (gains < 0).any() or (gains >= 1).any():
+    def _check_together(self) -> None:
+        shape = np.shape(self.gains)
+        if len(shape) > 2 or 0 in shape:
             raise InvalidInput(
-                "gains of a box must be relative errors from 0 to below 1, as 0.1 for 10 %, but "
-                f"are {gains.tolist()}."
+                f"gains of a box must have shape (), (dof,) or (2, dof), not {shape}."
             )
-        object.__setattr__(self, "gains", gains)
-        for name, unit in (("dead_time", "s"), ("viscous", "N m s/rad"), ("coulomb", "N m")):
-            object.__setattr__(
-                self, name, _checks.each_not_negative(f"{name} of a box", getattr(self, name), unit)
-            )
-        armature = _checks.each_not_negative("armature of a box", self.armature)
-        if (armature >= 1).any():
-            raise InvalidInput(
-                "armature of a box must be a relative error below 1, as 0.1 for 10 %, but is "
-                f"{armature.tolist()}."
-            )
-        object.__setattr__(self, "armature", armature)
-        object.__setattr__(self, "payload", _range("payload", self.payload, "kg"))
-        object.__setattr__(self, "friction", _range("friction", self.friction, ""))
-        jitter = _checks.not_negative("jitter of a box", self.jitter, "s")
-        object.__setattr__(self, "jitter", jitter)
+        for name in ("payload", "friction"):
+            object.__setattr__(self, name, _range(name, getattr(self, name)))
 
     def gains_of(self, dof: int) -> FloatArray:
         """Largest errors of kp and of kv, (2, dof).
@@ -165,19 +151,16 @@ class Box:
         return (*found, "payload_known") if self.payload_known else tuple(found)
 
 
-def _range(name: str, values: npt.ArrayLike, unit: str) -> FloatArray:
+def _range(name: str, values: FloatArray) -> FloatArray:
     """The least and the largest error, (2,), from both or from one number for plus and minus.
 
     Raises:
         InvalidInput: There are other numbers of values, or the least is above the largest.
     """
-    found = _checks.numbers(f"{name} of a box", values, unit)
-    if found.ndim == 0:
-        most = _checks.not_negative(f"{name} of a box", float(found), unit)
-        found = np.array([-most, most])
+    found = np.array([-values, values]) if values.ndim == 0 else values
     if found.shape != (2,) or found[0] > found[1]:
         raise InvalidInput(
-            f"{name} of a box must be one number for plus and minus, or the least and the largest "
-            f"error, but is {found.tolist()}{' ' * bool(unit)}{unit}."
+            f"{name} of a box must be one number that is not negative, for plus and minus, or the "
+            f"least and the largest error, but is {values.tolist()}."
         )
     return _checks.lock_floats(found)

@@ -6,17 +6,19 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
 from armcontour._describing import brief
+from armcontour._quantities import AtLeast, Interval, Seed, Time, Workers
 from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.serial import ChainArm
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.core.render import Result
-from armcontour.core.result import FIRST, Data, Row
+from armcontour.core.result import VERDICT, Data, Row
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.geometry import Path, angle_between
 from armcontour.geometry.biarcs import draw_arcs
@@ -100,17 +102,18 @@ class Spread(Result, Checked):
         drawn = "corners of the box" if self.seed is None else f"drawn robots (seed {self.seed})"
         worst = self.worst_deviations
         most = sorted(worst, key=lambda x: -abs(worst[x]))[:MOST_NAMED]
+        demand = self.demand_ratio.max()
         robot = ", ".join(f"{x} {worst[x]:+.3g}" for x in most)
         return Data(
             f"{len(self)} {drawn}",
             (
                 Row("executions", len(self)),
                 Row("seed", self.seed),
-                Row("max", self.max.max(), "m", "contour error, largest", robot, FIRST),
+                Row("max", self.max.max(), "m", "contour error, largest", robot, VERDICT),
                 Row("quantile_95", self.quantile(0.95), "m", "contour error, in 95 % of them"),
                 Row("rms", self.rms.max(), "m", "contour error, RMS, largest"),
                 Row("saturated", self.saturated.max(), "1", "saturated"),
-                Row("demand_ratio", self.demand_ratio.max(), "1", "demand of the limit", "", FIRST),
+                Row("demand_ratio", demand, "1", "demand of the limit", level=VERDICT),
                 Row("worst", worst),
                 Row("nominal.max", self.nominal_max, "m", "nominal robot, largest"),
                 Row("nominal.rms", self.nominal_rms, "m", "nominal robot, RMS"),
@@ -155,7 +158,7 @@ class Spread(Result, Checked):
         return float(np.mean(self.max <= budget))
 
 
-@_checks.checked
+@checked
 def spread(
     taught: TaughtData,
     path: Path,
@@ -164,11 +167,11 @@ def spread(
     limits: Limits | None,
     box: Box,
     *,
-    samples: int = 1000,
-    seed: int = 0,
-    since: float | None = None,
-    until: float | None = None,
-    threads: int | None = None,
+    samples: Annotated[int, AtLeast(1, 10**7)] = 1000,
+    seed: Seed = 0,
+    since: Time | None = None,
+    until: Interval | None = None,
+    threads: Workers | None = None,
 ) -> Spread:
     """Execute taught data on robots with random errors (Monte Carlo), each as `ServoPlant` does.
 
@@ -195,17 +198,15 @@ def spread(
             in the memory.
         ExecutionError: A joint cannot be simulated with its gains.
     """
-    number = _checks.whole("samples", samples, 1, 10**7)
     _checks.refuse_too_many(
-        f"The spread over {number} samples", number * (3 * arm.dof + 1), "take fewer samples"
+        f"The spread over {samples} samples", samples * (3 * arm.dof + 1), "take fewer samples"
     )
-    started = _checks.whole("seed", seed, 0, 2**63 - 1)
     model = _Model(taught, path, arm, servo, limits, box, since, until)
-    unit = np.random.default_rng(started).uniform(-1, 1, size=(number, 3 * arm.dof + 1))
-    return model.executed(unit, started, _threads(threads))
+    unit = np.random.default_rng(seed).uniform(-1, 1, size=(samples, 3 * arm.dof + 1))
+    return model.executed(unit, seed, threads or os.cpu_count() or 1)
 
 
-@_checks.checked
+@checked
 def worst_corner(
     taught: TaughtData,
     path: Path,
@@ -214,9 +215,9 @@ def worst_corner(
     limits: Limits | None,
     box: Box,
     *,
-    since: float | None = None,
-    until: float | None = None,
-    threads: int | None = None,
+    since: Time | None = None,
+    until: Interval | None = None,
+    threads: Workers | None = None,
 ) -> Spread:
     """Execute taught data on robots in the corners of a box, without jitter.
 
@@ -227,7 +228,7 @@ def worst_corner(
     Arguments and exceptions are those of `spread`.
     """
     model = _Model(taught, path, arm, servo, limits, box, since, until)
-    use = _threads(threads)
+    use = threads or os.cpu_count() or 1
     k = int(model.varies.sum())
     if 2**k <= MOST_CORNERS:
         signs = np.where(np.arange(2**k)[:, None] >> np.arange(k) & 1, -1.0, 1.0)
@@ -289,10 +290,10 @@ class _Model:
         own = resolve_limits("spread", arm, limits, taught.trajectory.limits)
         lower, upper = self.servo.saturate(*own.acceleration_bounds(dof))
         duration = taught.trajectory.duration
-        end = duration if until is None else _checks.positive("until", until, "s")
+        end = duration if until is None else until
         steps = self._steps()
         last = taught.start_time + len(taught.q) * taught.period
-        begin = taught.start_time if since is None else _checks.number("since", since, "s")
+        begin = taught.start_time if since is None else since
         if not begin < end:
             raise InvalidInput(
                 f"Errors cover no time: they start at {begin:g} s and end at {end:g} s."
@@ -488,13 +489,6 @@ def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> Float
     left = MOST_CORNERS - count
     seen.append(np.random.default_rng(0).choice([-1.0, 1.0], size=(left, k)))
     return np.concatenate(seen)
-
-
-def _threads(threads: int | None) -> int:
-    """The number of threads, by default the number of processors."""
-    if threads is None:
-        return os.cpu_count() or 1
-    return _checks.whole("threads", threads, 1, 1024)
 
 
 def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray:

@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, Value
-from armcontour._quantities import (
-    AngularErrors,
-    AtLeast,
-    Choice,
-    DeadTimes,
-    Duration,
-    FeedForwards,
-    Gains,
-    IntegralGains,
-    JointInertias,
-    LargestRatio,
-    LoggedAccelerations,
-    LoggedVelocities,
-    OwnAccelerations,
-)
+from armcontour._checks import BoolArray, FloatArray
+from armcontour._quantities import DEAD_TIME, AtLeast, Choice, OwnAccelerations, Quantity
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 
 INTERPOLATIONS = ("linear", "step", "cubic")
@@ -51,30 +38,22 @@ MOST_TIME_CONSTANTS = 1000.0
 # Compensation that leaves a larger share of the contour error where the servo was not fitted may be
 # worse than none on other programs.
 TRUSTED = 0.5
-# Largest logged velocity or acceleration [rad/s, rad/s²], and the ratio that is exceeded.
-MOST_LOGGED, EXCEEDED = 1e6, 1.02
-# Names in messages.
-NAMES = {"kp": "servo gain kp", "kv": "servo gain kv", "inertia": "servo inertia"}
-# Unit, smallest and largest value of parameters with one value for all joints, or one per joint;
-# and those that may be None.
-RANGES = {
-    "ki": ("1/s", 0.0, GAINS[1]),
-    "dead_time": ("s", 0.0, LONGEST_DEAD_TIME),
-    "inertia": ("kg m²", *INERTIAS),
-    "velocity_feedforward": ("", 0.0, MOST_FEEDFORWARD),
-    "acceleration_feedforward": ("", 0.0, MOST_FEEDFORWARD),
-    "friction": ("rad", 0.0, MOST_FRICTION),
-    "unexplained": ("rad", 0.0, np.pi),
-    "logged_velocity": ("rad/s", 0.0, MOST_LOGGED),
-    "logged_acceleration": ("rad/s²", 0.0, MOST_LOGGED),
-}
-OPTIONAL = ("inertia", "unexplained", "logged_velocity", "logged_acceleration")
-PER_JOINT = ("kp", "kv", "acceleration_limit", *RANGES)
+# Range of logged velocities and accelerations [rad/s, rad/s²], and the ratio that is exceeded.
+LOGGED, EXCEEDED = (0.0, 1e6), 1.02
+PER_JOINT = (
+    *("kp", "kv", "acceleration_limit", "ki", "dead_time", "inertia", "velocity_feedforward"),
+    *("acceleration_feedforward", "friction", "unexplained", "logged_velocity"),
+    "logged_acceleration",
+)
+
+Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive", endless=True, within=GAINS)]
+FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", within=(0.0, MOST_FEEDFORWARD))]
+AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, np.pi))]
 
 
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ServoModel(Value):
+class ServoModel(Checked):
     """The joint servos: response of each joint to its command u, with dead time `tau`.
 
     - order "second": `ddq = K_v (K_p (u - q) + f du - dq) + g ddu`, a velocity loop inside a
@@ -159,21 +138,23 @@ class ServoModel(Value):
 
     kp: Gains
     kv: Gains | None
-    ki: IntegralGains
+    ki: Annotated[FloatArray, Quantity("1/s", "5 1/s", within=(0.0, GAINS[1]))]
     order: Annotated[str | tuple[str, ...], Choice(ORDERS)]
-    dead_time: DeadTimes
+    dead_time: Annotated[FloatArray, replace(DEAD_TIME, within=(0.0, LONGEST_DEAD_TIME))]
     interpolation: Annotated[str, Choice(INTERPOLATIONS)]
-    inertia: JointInertias | None
+    inertia: Annotated[FloatArray, Quantity("kg m^2", "1.2 kg m^2", within=INERTIAS)] | None
     velocity_feedforward: FeedForwards
     acceleration_feedforward: FeedForwards
-    friction: AngularErrors
+    friction: Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, MOST_FRICTION))]
     acceleration_limit: OwnAccelerations | None
-    cycle: Duration
+    cycle: Annotated[float, Quantity("s", "4 ms", within=(0.0, LONGEST_CYCLE))]
     unexplained: AngularErrors | None
-    logged_velocity: LoggedVelocities | None
-    logged_acceleration: LoggedAccelerations | None
-    contour_ratio: LargestRatio | None
-    programs: Annotated[int, AtLeast(1)] | None
+    logged_velocity: Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", within=LOGGED)] | None
+    logged_acceleration: (
+        Annotated[FloatArray, Quantity("rad/s^2", "8 rad/s^2", within=LOGGED)] | None
+    )
+    contour_ratio: Annotated[float, Quantity("1", "40 %", within=(0.0, 1e9))] | None
+    programs: Annotated[int, AtLeast(1, 10**9)] | None
 
     def __init__(
         self,
@@ -196,59 +177,43 @@ class ServoModel(Value):
         contour_ratio: float | None = None,
         programs: int | None = None,
     ) -> None:
-        every = locals()
-        _checks.choice("interpolation", interpolation, INTERPOLATIONS)
-        orders = (order,) if isinstance(order, str) else _checks.check_names("order", order)
-        _checks.refuse_if(not orders, "A servo needs an order, such as second.")
-        for x in orders:
-            _checks.choice("order", x, ORDERS)
+        given = locals()
+        for x in fields(self):
+            object.__setattr__(self, x.name, given[x.name])
+        self.__post_init__()
+
+    def _check_together(self) -> None:
+        orders = (self.order,) if isinstance(self.order, str) else self.order
         same = len(set(orders)) == 1
         second = np.array([x == "second" for x in orders])
         lagged = second | np.array([x == "first" for x in orders])
-        gain = _check_gain("kp", kp, lagged, same)
-        if (kv is None) == bool(second.any()):
+        if (self.kv is None) == bool(second.any()):
             raise InvalidInput(
                 "A servo of order second needs the velocity loop gain kv [1/s] beside kp."
-                if kv is None
+                if self.kv is None
                 else f"A servo of order {orders[0]} has no velocity loop: leave its gain kv out."
             )
-        if inertia is not None and not second.all():
+        if self.inertia is not None and not second.all():
             lagging = orders[int(np.argmin(second))]
             raise InvalidInput(
                 f"A servo of order {lagging} has no velocity loop: leave its inertia out."
             )
-        given: dict[str, Any] = {name: _check_range(name, every[name]) for name in RANGES}
-        feed = given["acceleration_feedforward"]
-        _refuse_integrator(given["ki"], second, interpolation, feed)
-        if feed.any() and interpolation == "step":
+        feed = self.acceleration_feedforward
+        _refuse_integrator(self.ki, second, self.interpolation, feed)
+        if feed.any() and self.interpolation == "step":
             raise InvalidInput(
                 "A servo with held set-points has no acceleration of the command: leave "
                 "acceleration_feedforward out."
             )
-        if ((feed > 0) & (given["velocity_feedforward"] == 0)).any():
+        if ((feed > 0) & (self.velocity_feedforward == 0)).any():
             raise InvalidInput(
                 "acceleration_feedforward without velocity_feedforward would swing for a long "
                 "time: give velocity_feedforward, too, such as 1."
             )
-        if acceleration_limit is not None:
-            limit = _finite_ones("acceleration_limit", acceleration_limit, "rad/s²")
-            shown = f"acceleration_limit must be above zero, but is {limit.tolist()} rad/s²."
-            _checks.refuse_if((limit <= 0).any(), shown)
-            acceleration_limit = _checks.lock_floats(limit)
-        if contour_ratio is not None:
-            contour_ratio = _checks.between("contour_ratio", contour_ratio, 0.0, 1e9, "")
-        given |= {
-            "kp": gain,
-            "kv": None if kv is None else _check_gain("kv", kv, second, same),
-            "interpolation": interpolation,
-            "order": orders[0] if same else orders,
-            "acceleration_limit": acceleration_limit,
-            "cycle": _checks.between("cycle of the drives", cycle, 0.0, LONGEST_CYCLE, "s"),
-            "contour_ratio": contour_ratio,
-            "programs": None if programs is None else _checks.whole("programs", programs, 1, 10**9),
-        }
-        for name, value in given.items():
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "order", orders[0] if same else orders)
+        object.__setattr__(self, "kp", _needed_gain("kp", self.kp, lagged, same))
+        if self.kv is not None:
+            object.__setattr__(self, "kv", _needed_gain("kv", self.kv, second, same))
 
     def __str__(self) -> str:
         """Gains, dead time and feed-forward, such as "kp 25 1/s, kv 150 1/s"."""
@@ -285,7 +250,7 @@ class ServoModel(Value):
                 continue
             if values.ndim:
                 # Infinite values are none, and their number is refused.
-                _checks.per_joint(NAMES.get(x, x), np.where(np.isinf(values), 0.0, values), dof)
+                _checks.per_joint(x, np.where(np.isinf(values), 0.0, values), dof)
             given[x] = np.full(dof, values)
         if not isinstance(self.order, str) and len(self.order) != dof:
             raise InvalidInput(
@@ -570,63 +535,20 @@ def _per_joint(shown: str | Sequence[str]) -> str:
     return shown[0] if len(set(shown)) == 1 else ", ".join(shown)
 
 
-def _finite_ones(name: str, values: npt.ArrayLike, unit: str) -> FloatArray:
-    """Values of which some may be infinite, one for all joints or one per joint."""
-    array = np.array(_checks.floats(name, values, unit))
-    endless = np.isposinf(array)
-    found = _checks.numbers(name, np.where(endless, 1.0, array), unit)
-    found[endless] = np.inf
-    if found.ndim > 1 or found.size == 0:
-        raise InvalidInput(f"{name} must be one value for all joints or one per joint.")
-    return found
-
-
-def _check_gain(name: str, values: npt.ArrayLike, needed: BoolArray, same: bool) -> FloatArray:
+def _needed_gain(name: str, array: FloatArray, needed: BoolArray, same: bool) -> FloatArray:
     """Gains as a locked array, one for all joints or one per joint; infinite where not needed.
 
     Raises:
-        InvalidInput: A gain is not a number, missing, not above zero, or outside GAINS.
+        InvalidInput: A gain is missing.
     """
-    full = NAMES[name]
-    array = _finite_ones(full, values, "1/s")
-    if (array <= 0).any():
-        raise InvalidInput(
-            f"{full} must be above zero, one for all joints or one per joint, but is "
-            f"{array.tolist()} 1/s."
-        )
     if not same:
         array = np.array(np.broadcast_to(array, needed.shape))
     used = np.broadcast_to(needed, array.shape) if array.ndim else needed[0]
     if (np.isinf(array) & used).any():
-        raise InvalidInput(f"{full} is missing: give one for all joints or one per joint.")
-    array = np.where(used, array, np.inf)
-    low, high = GAINS
-    outside = np.isfinite(array) & ((array < low) | (array > high))
-    if outside.any():
         raise InvalidInput(
-            f"{full} must be from {low:g} to {high:g} 1/s, but is "
-            f"{float(array[outside].flat[0]):g} 1/s."
+            f"servo gain {name} is missing: give one for all joints or one per joint."
         )
-    return _checks.lock_floats(array)
-
-
-def _check_range(name: str, values: npt.ArrayLike | None) -> FloatArray | None:
-    """Values within RANGES as a locked array, one for all joints or one per joint.
-
-    Raises:
-        InvalidInput: One is not a number, or outside the range.
-    """
-    if values is None and name in OPTIONAL:
-        return None
-    unit, low, high = RANGES[name]
-    full, more = NAMES.get(name, name), _checks.suffix(unit)
-    array = _checks.numbers(full, values, unit)  # type: ignore[arg-type]
-    if array.ndim > 1 or array.size == 0 or not ((array >= low) & (array <= high)).all():
-        raise InvalidInput(
-            f"{full} must be from {low:g} to {high:g}{more}, one for all joints or one per joint, "
-            f"but is {array.tolist()}{more}."
-        )
-    return _checks.lock_floats(array)
+    return _checks.lock_floats(np.where(used, array, np.inf))
 
 
 def _refuse_integrator(

@@ -11,12 +11,13 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm, Limits, resolve_limits
+from armcontour.core.fields import checked
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.timing.common import with_reserve
-from armcontour.timing.constraints import Constraint, IntervalEnds, ToolSpeed, jerks_of
+from armcontour.timing.constraints import Constraint, IntervalEnds, ToolSpeed
 from armcontour.timing.grid import Grid
 from armcontour.timing.optimal import constraints_of
 
@@ -215,7 +216,7 @@ class Explanation(Result):
         return tuple(sorted(found, key=lambda x: -x.time))
 
 
-@_checks.checked
+@checked
 def explain(
     trajectory: Trajectory,
     arm: Arm | Any,
@@ -294,6 +295,8 @@ def _explain_law(
     offsets: tuple[float, float],
 ) -> _LawExplanation:
     """Explain one law; `offsets` are its start time [s] and start arc length [m] in the motion."""
+    from armcontour.timing.constraints.jerk import jerks_of
+
     jerks = jerks_of(bounds, arm.dof)
     active = [*constraints_of(law.joint_path, arm, bounds), *jerks, *constraints]
     middle = (law.s[:-1] + law.s[1:]) / 2

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._pool import map_in_order
 from armcontour._progress import Progress, Step
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
@@ -28,8 +27,6 @@ from armcontour.motion import (
 )
 from armcontour.program import Contour, Dwell, Event
 from armcontour.timing.constraints import RapidSpeed
-from armcontour.timing.conventional import plan_conventional
-from armcontour.timing.mac import plan_mac
 from armcontour.timing.optimal import plan_optimal
 from armcontour.timing.program_tracing import TracedMove, Tracing, ends_of
 
@@ -73,6 +70,8 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
     Raises:
         ArmContourError: A move cannot be planned; the message starts with the name of the contour.
     """
+    from armcontour._pool import map_in_order
+
     number, count = 0, len(traced.program.contours)
     rapid_speed = traced.program.rapid_speed
     joined = JoinedMoves(traced, timing.arm)
@@ -104,8 +103,12 @@ def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
     """Plan the motion along a contour."""
     how = joint_path, timing.arm, timing.limits
     if timing.method == Method.CONVENTIONAL:
+        from armcontour.timing.conventional import plan_conventional
+
         return plan_conventional(*how)
     if timing.method == Method.MAC:
+        from armcontour.timing.mac import plan_mac
+
         return plan_mac(*how, **timing.options)
     found = plan_optimal(*how, **timing.options)
     return found if timing.method == Method.OPTIMAL else replace(found, method=Method.SHAPED)

@@ -8,28 +8,18 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour.arms import Arm, PlanarTwoLink, SerialArm, _newton
+from armcontour.arms import Arm, PlanarTwoLink
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, quintic
-from armcontour.tracing.configurations import Solution
 from armcontour.tracing.knots import MIDDLE, PLACES, Knots
 from armcontour.tracing.poses import (
-    FirstPoses,
-    motion_at,
-    poses_at,
-    tool_errors,
     turning_too_fast,
     what_helps,
 )
-from armcontour.tracing.redundancy import Guide, null_space
 
 # If an interval this short still leaves the path, the cause is a singularity [m].
 SMALLEST_INTERVAL = 1e-9
-# Largest angle between the tool and its required orientation between knots [rad].
-ANGULAR_TOLERANCE = 1e-9
-# Smallest ratio of pivots in elimination; below it the Jacobian counts as singular.
-SINGULAR = 1e-9
 # Powers of the places of an interval, (places, 6).
 POWERS = PLACES[:, None] ** np.arange(6)
 # q, dq_ds and d2q_ds2 at the starts, or at the ends, of n intervals, (n, dof) each.
@@ -184,111 +174,6 @@ class Analytic(Solver[PlanarTwoLink]):
         """Distances of the tool from its position on the path, over the tolerance, (n,)."""
         off = self.arm.tool_position(q) - self.path.on_segment(knots.segment, u)
         return np.asarray(np.linalg.norm(off, axis=1) / self.tolerance)
-
-
-class Numeric(Solver[SerialArm]):
-    """Exact joint positions and derivatives at knots, by Newton's method from nearby guesses.
-
-    Args:
-        path: The tool path.
-        arm: The arm.
-        task: Task dimension: 6, 5 or 3, see `task_dimension`.
-        first: What the path demands at the first knots.
-        solution: Joint positions at the first knots.
-        tolerance: Largest distance of the tool from the path between knots [m].
-    """
-
-    def __init__(
-        self,
-        path: Path,
-        arm: SerialArm,
-        task: int,
-        first: FirstPoses,
-        solution: Solution,
-        tolerance: float,
-    ) -> None:
-        super().__init__(path, arm)
-        self.task, self.tolerance = task, tolerance
-        self._solution, self._first = solution, first
-        self._guide: Guide | None = None
-        if task < arm.dof:
-            w = null_space(arm, first.row, task, solution.q)
-            s = np.append(first.knots.s0, path.length)
-            self._guide = Guide.through(s, solution.q, w, first.stops)
-
-    def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
-        """As of every solver, once where an interval ends and the next one starts."""
-        first, q = self._first, self._solution.q
-        alone = first.ends >= len(knots)
-        guess = np.concatenate([q[:-1], q[1:][alone]])
-        found = self._solve(first.places, first.u, guess, first.poses, first.rates)
-        q, dq_ds, d2q_ds2 = (x[: len(knots)] for x in found)
-        end_q, end_dq_ds, end_d2q_ds2 = (x[first.ends] for x in found)
-        return (q, dq_ds, d2q_ds2), (end_q, end_dq_ds, end_d2q_ds2)
-
-    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots.
-
-        Raises:
-            Unreachable: The arm is singular there; with the arc length.
-        """
-        assert guess is not None
-        return self._solve(knots, u, np.array(guess, order="C"), *motion_at(self.path, knots, u))
-
-    def _solve(
-        self, knots: Knots, u: FloatArray, q: FloatArray, poses: FloatArray, rates: FloatArray
-    ) -> Ends:
-        """What `ends` gives, for tool poses and their derivatives; q are guesses, overwritten."""
-        w, g = self._rows(knots, u)
-        links = self.arm.link_table
-        found = _newton.newton(links, self.task, q, poses, w, g)
-        dq_ds, d2q_ds2, pivot_ratio = _newton.path_derivatives(
-            links, self.task, q, poses, rates, w, g
-        )
-        bad = ~(found & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
-        if bad.any():
-            self._refuse_singularity(knots, u, int(np.argmax(bad)))
-        return q, dq_ds, d2q_ds2
-
-    def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
-        """As of every solver; poses at the places of the first knots are those of all solutions."""
-        if knots is not self._first.knots:
-            return super().errors_between(knots, start, end)
-        q = quintics_at_places(knots, start, end)
-        errors = self._errors(self._first.between, q.reshape(-1, self.arm.dof))
-        return largest_errors(errors, len(knots)), q[MIDDLE]
-
-    def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
-        """Larger of position error and orientation error of the tool, over its tolerance, (n,)."""
-        return self._errors(poses_at(self.path, knots, u), q)
-
-    def _errors(self, targets: FloatArray, q: FloatArray) -> FloatArray:
-        """The errors of `tool_errors` from target poses, (n, 3, 4)."""
-        return tool_errors(self.arm, q, targets, self.task, (self.tolerance, ANGULAR_TOLERANCE))
-
-    def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof).
-
-        The second axis is the order of the derivative along s, see `redundancy`.
-        """
-        n, dof = len(u), self.arm.dof
-        if self._guide is None:
-            return np.zeros((n, 3, 0, dof)), np.zeros((n, 3, dof))
-        return self._guide.at(knots.at(u), knots.at((knots.u0 + knots.u1) / 2))
-
-    def _refuse_singularity(self, knots: Knots, u: FloatArray, i: int) -> None:
-        """Raise Unreachable for knot i, with its arc length and position."""
-        s = float(knots.at(u)[i])
-        point = self.path(s).tolist()
-        raise Unreachable(
-            turning_too_fast(self.path, s)
-            or f"At {s:.6g} m of {self.path.length:.6g} m along the path, at "
-            f"{tuple(round(x, 6) for x in point)} m, the arm {self.arm.name} is singular: "
-            f"{what_helps(self.path)}.",
-            point=point,
-            s=s,
-            limit="singularity",
-        )
 
 
 def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:

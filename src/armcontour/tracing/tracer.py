@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,11 +15,13 @@ from armcontour.arms import Arm, Limits, PlanarTwoLink, SerialArm
 from armcontour.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.tracing.configurations import CHORD_TURN, Solution, find_solutions
 from armcontour.tracing.knots import Knots, first_knots
 from armcontour.tracing.poses import FirstPoses, row_of_poses, task_dimension
 from armcontour.tracing.ranges import refuse_out_of_range, turn_into_range
-from armcontour.tracing.solver import Analytic, Numeric, refine
+from armcontour.tracing.solver import Analytic, refine
+
+if TYPE_CHECKING:
+    from armcontour.tracing.configurations import Solution
 
 # With redundant degrees of freedom the first knots lie closer together by this factor, as the
 # null-space motion is interpolated between them.
@@ -153,6 +156,8 @@ def sketch_all(
         Unreachable: No configuration gets along these places.
         InvalidInput: The path does not fit the arm.
     """
+    from armcontour.tracing.configurations import find_solutions
+
     if limits is not None:
         arm = arm.with_limits(limits)
     _refuse_flat(arm)
@@ -171,6 +176,8 @@ def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
         knots: The knots.
         step: Distance along the path [m].
     """
+    from armcontour.tracing.configurations import CHORD_TURN
+
     turn = np.linalg.norm(np.diff(row_of_poses(path, knots)[:, :, :3], axis=0), axis=(1, 2))
     done = knots.s0 / step + np.cumsum(turn) / CHORD_TURN
     fresh = np.diff(np.floor(done), prepend=-1.0) > 0
@@ -202,6 +209,9 @@ def _trace_serial(
         Unreachable: As in `trace`.
         InvalidInput: As in `trace`.
     """
+    from armcontour.tracing.configurations import find_solutions
+    from armcontour.tracing.numeric import Numeric
+
     task = task_dimension(path, arm)
     knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)
     first = FirstPoses.of(path, knots)

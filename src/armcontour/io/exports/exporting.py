@@ -11,6 +11,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, refuse_if
 from armcontour._text import show
 from armcontour.arms import Arm
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.destination import put
 from armcontour.io.exports.ros import write_mcap, write_ros_yaml
@@ -45,7 +46,7 @@ def formats() -> dict[str, str]:
     return dict(FORMATS)
 
 
-@_checks.checked
+@checked
 def export(
     data: TaughtData | Trajectory,
     file: str | FilePath,

@@ -6,13 +6,16 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour._banded import solve_banded
 from armcontour._checks import FloatArray, IntArray
+from armcontour._quantities import Axes, Interval, Quantity
 from armcontour.arms import Arm, Limits, SerialArm
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import quaternions
 from armcontour.motion import LONGEST_CLOCK, PERIOD, Samples, TaughtData, TimedEvent, Trajectory
@@ -29,7 +32,7 @@ AT_ONCE = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Table:
+class Table(Checked):
     """Joint positions over time, with events.
 
     Args:
@@ -54,33 +57,27 @@ class Table:
     """
 
     name: str
-    joint_names: tuple[str, ...]
-    period: float
-    t: FloatArray
-    q: FloatArray
-    dq: FloatArray | None = None
-    ddq: FloatArray | None = None
+    joint_names: Annotated[tuple[str, ...], Axes("joints")]
+    period: Interval
+    t: Annotated[FloatArray, Quantity(""), Axes("n")]
+    q: Annotated[FloatArray, Quantity(""), Axes("n", "joints")]
+    dq: Annotated[FloatArray, Quantity(""), Axes("n", "joints")] | None = None
+    ddq: Annotated[FloatArray, Quantity(""), Axes("n", "joints")] | None = None
     events: tuple[TimedEvent, ...] = ()
-    tool: FloatArray | None = None
-    tool_rotation: FloatArray | None = None
-    tool_speed: FloatArray | None = None
+    tool: Annotated[FloatArray, Quantity(""), Axes("n", "dimension")] | None = None
+    tool_rotation: Annotated[FloatArray, Quantity(""), Axes("n", 4)] | None = None
+    tool_speed: Annotated[FloatArray, Quantity(""), Axes("n")] | None = None
     start_time: float = 0.0
     analog: Mapping[str, FloatArray] = field(default_factory=dict)
     contours: tuple[tuple[float, str], ...] = ()
     command_limits: Limits | None = None
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "joint_names", tuple(str(x) for x in self.joint_names))
-        for name in ("t", "q", "dq", "ddq", "tool", "tool_rotation", "tool_speed"):
-            if getattr(self, name) is not None:
-                values = _checks.lock_numbers(f"{name} of {self.name!r}", getattr(self, name))
-                object.__setattr__(self, name, values)
+    def _check_together(self) -> None:
         analog = {
             key: _checks.lock_numbers(f"analog output {key} of {self.name!r}", x)
             for key, x in self.analog.items()
         }
         object.__setattr__(self, "analog", MappingProxyType(analog))
-        _checks.positive("period", self.period, "s")
         self._check_shapes()
         self._check_names()
         events = tuple(sorted((_clean(x) for x in self.events), key=lambda x: x.t))
@@ -99,28 +96,14 @@ class Table:
         Raises:
             InvalidInput: There is such an array.
         """
-        if self.t.ndim != 1:
-            raise InvalidInput(f"t of {self.name!r} must be a list of times.")
-        n, dof = len(self.t), len(self.joint_names)
-        if self.q.ndim == 2 and self.q.shape[1] != dof:
-            raise InvalidInput(
-                f"{self.name} has {self.q.shape[1]} joints, but {dof} joint names are given."
-            )
-        shapes: dict[str, tuple[int, ...]] = {name: (n, dof) for name in ("q", "dq", "ddq")}
-        shapes |= {"tool_rotation": (n, 4), "tool_speed": (n,)}
-        for name, shape in shapes.items():
-            values = getattr(self, name)
-            if values is not None and values.shape != shape:
-                raise InvalidInput(
-                    f"{name} of {self.name!r} has shape {values.shape}, but must have {shape}."
-                )
+        n = len(self.t)
         for key, values in self.analog.items():
             if values.shape != (n,):
                 raise InvalidInput(
                     f"The analog output {key} of {self.name!r} has shape {values.shape}, but must "
                     f"have {(n,)}."
                 )
-        if self.tool is not None and self.tool.shape not in ((n, 2), (n, 3)):
+        if self.tool is not None and self.tool.shape[1] not in (2, 3):
             raise InvalidInput(
                 f"tool of {self.name!r} has shape {self.tool.shape}, but must have {(n, 3)}."
             )

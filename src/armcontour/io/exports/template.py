@@ -17,7 +17,8 @@ from armcontour._text import list_some, show
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import Table
 from armcontour.io.exports.text import DECIMALS, format_event
-from armcontour.motion.nearest_commands import SLACK, command_use
+from armcontour.motion.nearest_commands import command_use
+from armcontour.motion.trajectory import COMMAND_SLACK
 
 ENDING = ".j2"
 SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
@@ -179,7 +180,7 @@ def _describe_rounding(table: Table, name: str | FilePath) -> list[str]:
     rounded = np.round(table.q / digit) * digit
     uses = command_use(rounded, table.period, table.command_limits)
     most, worst = max(((float(x.max()), name) for name, x in uses.items()), default=(0.0, ""))
-    if most <= 1 + SLACK:
+    if most <= 1 + COMMAND_SLACK:
         return []
     return [
         f"joint positions are rounded to {digit:.2g} rad, with which set-points need "

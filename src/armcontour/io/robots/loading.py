@@ -21,6 +21,7 @@ from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.arms.planar import PlanarTwoLink, Tube
 from armcontour.arms.serial import SerialArm
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose, from_rpy
 from armcontour.io.robots import derived
@@ -73,7 +74,7 @@ def arm_names() -> tuple[str, ...]:
     return tuple(sorted(x.name[:-5] for x in folder.iterdir() if x.name.endswith(".yaml")))
 
 
-@_checks.checked
+@checked
 def load_arm(
     name: str | FilePath | Any,
     *,

@@ -12,13 +12,11 @@ import numpy as np
 from armcontour import _checks, _files
 from armcontour._text import list_some
 from armcontour.arms.chain import Chain
-from armcontour.arms.dynamics import pinocchio
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.io.robots.joint_limits import Table, limits_of, override
-from armcontour.io.robots.tip import TOOL_FRAMES
 from armcontour.io.robots.tree import MOST_NAMED
 from armcontour.io.robots.urdf import HINT, assume_accelerations
 
@@ -53,6 +51,9 @@ def arm_of_model(
     Raises:
         InvalidInput: There is no such frame or joint, or a joint of the arm does not turn.
     """
+    from armcontour.arms.dynamics import pinocchio
+    from armcontour.io.robots.tip import TOOL_FRAMES
+
     pin, names = pinocchio(), [x.name for x in model.frames]
     tip = next((x for x in TOOL_FRAMES if x in names), None) if tip is None else tip
     if tip not in names:
@@ -169,6 +170,8 @@ def read_mjcf(file: FilePath) -> Any:
     Raises:
         InvalidInput: MuJoCo is not installed, or the file is none of its models.
     """
+    from armcontour.arms.dynamics import pinocchio
+
     pin = pinocchio()
     _files.read_bytes(str(file), "robot description")
     try:

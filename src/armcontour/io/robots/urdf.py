@@ -7,19 +7,21 @@ import re
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
 
 from armcontour import _files
 from armcontour._text import list_some
 from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
-from armcontour.io.robots.collision import Packages, link_shapes, missing_meshes
-from armcontour.io.robots.description import Description
 from armcontour.io.robots.joint_limits import KINDS, SOFT, Table, limits_of, narrow, override
-from armcontour.io.robots.tip import choose_tip
 from armcontour.io.robots.tree import MOST_NAMED, TURNING, Joint, Tree, read_tree
-from armcontour.io.robots.xacro_file import Value, expand_xacro
 from armcontour.scene import ArmShapes
+
+if TYPE_CHECKING:
+    from armcontour.io.robots.collision import Packages
+    from armcontour.io.robots.description import Description
+    from armcontour.io.robots.xacro_file import Value
 
 LINK = re.compile(r"<link[\s>/]")
 DESCRIPTIONS = (".urdf", ".xacro")
@@ -68,6 +70,10 @@ def arm_of_tree(
     Raises:
         InvalidInput: A description that gives no serial arm.
     """
+    from armcontour.io.robots.collision import missing_meshes
+    from armcontour.io.robots.description import Description
+    from armcontour.io.robots.tip import choose_tip
+
     file, positions = tree.file, dict(locked or {})
     for name in positions:
         if name not in tree.joints:
@@ -102,6 +108,8 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
     """The shapes of the links of a description; what hangs on its last link is the tool's."""
     # Loaded with the compiled code of motions, which an arm alone does not need.
     from armcontour.clearance.touching import leave_out_touching
+    from armcontour.io.robots.collision import link_shapes
+    from armcontour.io.robots.description import Description
 
     tree, carried = description.tree, description.carried()
     # Links that the base does not carry stand still, with all joints locked.
@@ -140,6 +148,8 @@ def read_description(
                 "this computer: if you trust it, say so with --trust-xacro (in Python, "
                 "trust_xacro=True)."
             )
+        from armcontour.io.robots.xacro_file import expand_xacro
+
         content = expand_xacro(file, packages=packages, arguments=arguments)
         if LINK.search(content) is None:
             raise InvalidInput(

@@ -17,10 +17,8 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour import _files
-from armcontour._process import import_path
 from armcontour._text import make_printable
 from armcontour.errors import InvalidInput
-from armcontour.io.robots.packages import find_near
 
 # Time limit [s]; the largest public descriptions take about 2 s.
 SECONDS = 10.0
@@ -57,6 +55,8 @@ def expand_xacro(
             f"{file} needs the package xacro, which is not installed: pip install "
             "'armcontour[ros]', or expand it to a .urdf elsewhere."
         )
+    from armcontour._process import import_path
+
     place = os.path.abspath(file)
     wishes = {"packages": _folders(packages or {}), "arguments": _texts(arguments or {})}
     try:
@@ -160,6 +160,8 @@ def _expand(file: str, packages: dict[str, str], arguments: dict[str, str]) -> s
     """
     import xacro
     from xacro import substitution_args as substitution
+
+    from armcontour.io.robots.packages import find_near
 
     in_ros, absolute = substitution._eval_find, xacro.abs_filename_spec
 

@@ -31,7 +31,7 @@ def certificate(found: Certificate) -> Section:
     return Section(
         key="certificate",
         title="Certificate",
-        text=TEXT + (OF_PROGRAMS if _several(found) else ""),
+        text=f"{TEXT} {found.model}." + (OF_PROGRAMS if _several(found) else ""),
         tiles=((found.run.name, tiles(data)),),
         tables=(
             side_by_side({found.run.name: data}),
@@ -64,7 +64,7 @@ def _contours(found: Certificate) -> Table:
 LEAST_RANGE = 1.0
 TEXT = (
     "The fastest plan found whose execution keeps the tolerance. It does not cover collisions, "
-    "flexibility, or any model but the stated one."
+    "flexibility, or any model but this one:"
 )
 OF_PROGRAMS = (
     " Every contour is certified while the process is on, in the execution of the whole program; "

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armcontour.core.render import number
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.section import Section, Table, Tile
+from armcontour.report.section import Section, table_of, tiles
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
@@ -23,10 +24,6 @@ from armcontour.report.style import (
 if TYPE_CHECKING:
     from armcontour.jobs.learning import LearningStudy
 
-# Titles of the columns of `run_rows`.
-RUN_HEADER = (
-    *("run", "RMS [mm]", "largest [mm]", "predicted RMS [mm]", "begins in the log at [s]"),
-)
 # Smallest error on a logarithmic axis [mm].
 SMALLEST_ERROR = 1e-6
 # Marks tell joints apart where colours repeat.
@@ -39,6 +36,7 @@ def learning(study: LearningStudy) -> Section:
     Args:
         study: The runs, and what was learned from them.
     """
+    data = study.to_data().parts["learning"]
     figures = [_over_runs(study), _of_joints(study)]
     if study.has_path:
         figures.append(_over_time(study))
@@ -46,9 +44,9 @@ def learning(study: LearningStudy) -> Section:
         key="learning",
         title="Learning",
         text=_introduction(study),
-        tiles=((study.plan.run.name, _tiles(study)),),
+        tiles=((study.plan.run.name, tiles(data)),),
         figures=tuple(figures),
-        tables=(_table(study),),
+        tables=(table_of(data.tables[0]),),
         notes=tuple(study.notes[:MOST_SENTENCES]),
     )
 
@@ -61,34 +59,6 @@ def _introduction(study: LearningStudy) -> str:
         "run has the set-points that were learned from those before it. What the encoders do not "
         "see, such as links that bend, is not in it."
     )
-
-
-def _tiles(study: LearningStudy) -> tuple[Tile, ...]:
-    """Tiles of the errors before and after, of what is expected, and of the noise."""
-    lesson = study.lesson
-    first, best = study.errors(0), study.errors(lesson.best)
-    found = [
-        Tile(label="before learning, RMS", value=_mm(first[0]), note=f"largest {_mm(first[1])}"),
-        Tile(
-            label=f"best so far, run {lesson.best + 1}, RMS",
-            value=_mm(best[0]),
-            note=f"largest {_mm(best[1])}",
-        ),
-    ]
-    if lesson.finished:
-        found.append(Tile(label="next run", value="not needed", note=lesson.reason))
-    else:
-        found.append(
-            Tile(label="next run, expected RMS", value=_mm(lesson.predicted), note=lesson.reason)
-        )
-    found.append(
-        Tile(
-            label="does not repeat, RMS",
-            value=_mm(lesson.noise),
-            note="noise, which no learning takes away",
-        )
-    )
-    return tuple(found)
 
 
 def _over_runs(study: LearningStudy) -> Any:
@@ -173,7 +143,7 @@ def _over_time(study: LearningStudy) -> Any:
         t, values, s = thin(profile.t, profile.values * 1e3, profile.s)
         name = "before learning" if k == 0 else f"run {k + 1}"
         rms, largest = study.errors(k)
-        label = f"{name}: RMS {_mm(rms)}, largest {_mm(largest)}"
+        label = f"{name}: RMS {number(rms, 'm')}, largest {number(largest, 'm')}"
         curve = line(t, np.maximum(values, SMALLEST_ERROR), label, colour, width=1.5)
         curve.customdata = s.astype(np.float32)
         curve.hovertemplate = "%{y:.4f} mm at %{x:.3f} s, s = %{customdata:.4f} m<extra></extra>"
@@ -181,32 +151,3 @@ def _over_time(study: LearningStudy) -> Any:
     figure.update_xaxes(title="time [s]")
     figure.update_yaxes(title="contour error [mm]", type="log")
     return finish(figure, title="Contour error as measured, over time", height=460)
-
-
-def _table(study: LearningStudy) -> Table:
-    """Table of all runs."""
-    rows = [tuple(row) for row in run_rows(study)]
-    return Table(header=RUN_HEADER, rows=tuple(rows))
-
-
-def run_rows(study: LearningStudy) -> list[list[str]]:
-    """Cells of a row for every run, and of one for the next."""
-    lesson, rows = study.lesson, []
-    for k, x in enumerate(lesson.runs):
-        mark = " (best)" if k == lesson.best and k else ""
-        errors = [f"{1e3 * e:.5f}" for e in study.errors(k)]
-        begun = f"{-x.offset / x.rate:z.2f}"
-        rows.append([f"{k + 1}: {x.source}{mark}", *errors, _cell(x.predicted), begun])
-    if not lesson.finished:
-        rows.append(["next", "", "", _cell(lesson.predicted), ""])
-    return rows
-
-
-def _cell(length: float | None) -> str:
-    """A length in mm without its unit."""
-    return "" if length is None else f"{length * 1e3:.5f}"
-
-
-def _mm(length: float) -> str:
-    """A length in mm as text."""
-    return f"{length * 1e3:.3g} mm"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.core.render import scale
+from armcontour.core.result import Row
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Section, Table, side_by_side, tiles
 from armcontour.report.style import EXECUTED_COLOUR, PLANNED_COLOUR, finish
@@ -34,24 +35,6 @@ OBJECTIVES = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shown:
-    """A value of a map: its name, title, factor from SI, and whether small values are good."""
-
-    name: str
-    title: str
-    factor: float = 1.0
-    small: bool = False
-
-
-MAPS = (
-    Shown(name="duration", title="duration [s]", small=True),
-    Shown(name="singular", title="least singular value [m/rad]"),
-    Shown(name="clearance", title="clearance [mm]", factor=1e3),
-    Shown(name="torque_margin", title="torque margin [%]", factor=1e2),
-)
-
-
 def placement(found: Placement) -> Section:
     """Maps over two axes, the best place, and how the others were refused.
 
@@ -59,10 +42,9 @@ def placement(found: Placement) -> Section:
         found: The placement.
     """
     choices = []
-    for x in MAPS:
-        values = _values(found, x)
-        if np.isfinite(values).any():
-            choices.append((x.title.split(" [")[0], (_figure(found, x, values),)))
+    for x in found.own.to_data().rows:
+        if x.label and x.unit and np.isfinite(values := _values(found, x)).any():
+            choices.append((x.label, (_figure(found, x, values),)))
     return Section(
         key="placement",
         title="Placement",
@@ -106,7 +88,7 @@ def _varied(found: Placement) -> list[Axis]:
     return [x for x in found.axes if len(x.values) > 1] or [found.axes[0]]
 
 
-def _values(found: Placement, x: Shown) -> FloatArray:
+def _values(found: Placement, x: Row) -> FloatArray:
     """Values of a map, not a number where a place is refused or nothing is known."""
     values = found.values(x.name)
     if x.name == "duration":
@@ -114,17 +96,17 @@ def _values(found: Placement, x: Shown) -> FloatArray:
         values = np.where(np.isnan(values) & (bounds > 0), bounds, values)
     refused = np.array([bool(v.refusal) for v in found.verdicts]).reshape(found.shape)
     values[refused | np.isinf(values)] = np.nan
-    return values * x.factor
+    return values / scale(x.unit)[1]
 
 
-def _figure(found: Placement, x: Shown, values: FloatArray) -> Any:
+def _figure(found: Placement, x: Row, values: FloatArray) -> Any:
     """A heat map over the first two axes that vary, or a line over the only one."""
     axes = _varied(found)[:2]
     kept = [k for k, a in enumerate(found.axes) if any(a is b for b in axes)]
     others = tuple(k for k in range(len(found.axes)) if k not in kept)
-    worst = np.inf if x.small else -np.inf
+    worst = np.inf if _small(x) else -np.inf
     filled = np.where(np.isnan(values), worst, values)
-    best = filled.min(axis=others) if x.small else filled.max(axis=others)
+    best = filled.min(axis=others) if _small(x) else filled.max(axis=others)
     best = np.where(np.isinf(best), np.nan, best)
     numbers = {kind: k for k, kind in enumerate(GREYS)}
     kinds = np.array([numbers.get(v.refusal, -1) for v in found.verdicts])
@@ -135,10 +117,10 @@ def _figure(found: Placement, x: Shown, values: FloatArray) -> Any:
 
 
 def _map(
-    found: Placement, x: Shown, axes: list[Axis], values: FloatArray, refused: FloatArray
+    found: Placement, x: Row, axes: list[Axis], values: FloatArray, refused: FloatArray
 ) -> Any:
     """A heat map; refused places in tones of grey, with a legend."""
-    at = [_scaled(a) for a in axes]
+    at = [a.values / scale(a.unit)[1] for a in axes]
     figure = Figure()
     for k, kind in enumerate(GREYS):
         if (refused == k).any():
@@ -162,12 +144,12 @@ def _map(
             y=at[1],
             z=values.T,
             colorscale=SCALE,
-            reversescale=x.small,
-            colorbar={"title": {"text": x.title, "side": "right"}},
+            reversescale=_small(x),
+            colorbar={"title": {"text": _title(x.label, x.unit), "side": "right"}},
             hovertemplate="%{x:.4g}, %{y:.4g}<br>%{z:.5g}<extra></extra>",
         )
     )
-    best = [found.refined.values[a.name] * _factor(a) for a in axes]
+    best = [found.refined.values[a.name] / scale(a.unit)[1] for a in axes]
     figure.add_trace(
         make_trace(
             "scatter",
@@ -178,12 +160,12 @@ def _map(
             marker={"symbol": "x", "size": 12, "color": PLANNED_COLOUR},
         )
     )
-    figure.update_xaxes(title=_title(axes[0]))
-    figure.update_yaxes(title=_title(axes[1]))
+    figure.update_xaxes(title=_title(axes[0].name, axes[0].unit))
+    figure.update_yaxes(title=_title(axes[1].name, axes[1].unit))
     if all(a.unit == "m" for a in axes):
         figure.update_xaxes(constrain="domain")
         figure.update_yaxes(constrain="domain", scaleanchor="x", scaleratio=1)
-    return finish(figure, title=f"Places by {x.title.split(' [')[0]}", height=620)
+    return finish(figure, title=f"Places by {x.label}", height=620)
 
 
 def _key(kind: str, colour: str) -> Any:
@@ -195,17 +177,17 @@ def _key(kind: str, colour: str) -> Any:
 
 
 def _line(
-    found: Placement, x: Shown, axes: list[Axis], values: FloatArray, refused: FloatArray
+    found: Placement, x: Row, axes: list[Axis], values: FloatArray, refused: FloatArray
 ) -> Any:
     """Values along the only axis that varies; refused places as squares below."""
-    at, figure = _scaled(axes[0]), Figure()
+    at, figure = axes[0].values / scale(axes[0].unit)[1], Figure()
     figure.add_trace(
         make_trace(
             "scatter",
             x=at,
             y=values,
             mode="lines+markers",
-            name=x.title,
+            name=_title(x.label, x.unit),
             line={"color": EXECUTED_COLOUR, "width": 1.5},
         )
     )
@@ -216,21 +198,16 @@ def _line(
             entry = _key(kind, GREYS[kind])
             entry.x, entry.y = at[which], np.full(which.sum(), floor)
             figure.add_trace(entry)
-    figure.update_xaxes(title=_title(axes[0]))
-    figure.update_yaxes(title=x.title)
-    return finish(figure, title=f"Places by {x.title.split(' [')[0]}", height=420)
+    figure.update_xaxes(title=_title(axes[0].name, axes[0].unit))
+    figure.update_yaxes(title=_title(x.label, x.unit))
+    return finish(figure, title=f"Places by {x.label}", height=420)
 
 
-def _factor(axis: Axis) -> float:
-    """From SI to the unit of figures."""
-    return 1e3 if axis.unit == "m" else float(np.degrees(1.0))
+def _small(x: Row) -> bool:
+    """Whether small values of a map are good."""
+    return x.unit == "s"
 
 
-def _scaled(axis: Axis) -> FloatArray:
-    """The places on an axis, in mm or degrees."""
-    return axis.values * _factor(axis)
-
-
-def _title(axis: Axis) -> str:
-    """Name and unit of an axis in figures."""
-    return f"{axis.name} [{'mm' if axis.unit == 'm' else '°'}]"
+def _title(label: str, unit: str) -> str:
+    """The title of an axis."""
+    return f"{label} [{scale(unit)[0]}]"

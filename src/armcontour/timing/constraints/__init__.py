@@ -1,7 +1,6 @@
 """Constraints of the optimal planner: one subclass of `Constraint` for each kind of limit."""
 
 from armcontour.timing.constraints.base import Constraint, IntervalEnds, limits_on
-from armcontour.timing.constraints.jerk import jerks_of
 from armcontour.timing.constraints.joints import JointMotion, JointTorque
 from armcontour.timing.constraints.second_order import SecondOrder
 from armcontour.timing.constraints.tool import (
@@ -29,6 +28,5 @@ __all__ = [
     "ToolAcceleration",
     "ToolMetric",
     "ToolSpeed",
-    "jerks_of",
     "limits_on",
 ]

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray, for_kernel
 from armcontour.arms.limits import UNITS
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.timing.constraints.base import Constraint
 from armcontour.timing.grid import Grid
@@ -35,7 +36,7 @@ class SecondOrder(Constraint):
         InvalidInput: A lower bound exceeds its upper bound, or their numbers differ.
     """
 
-    @_checks.checked
+    @checked
     def __init__(
         self,
         name: str,
