@@ -51,7 +51,7 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
                     "place needs --over for each axis along which to place, such as 'x: -300 mm .. "
                     "300 mm, 25', or the key placement.over of the job."
                 )
-            found = place(job, x.run_name, executor=executor, progress=progress)
+            found = place(job, run=x.run_name, executor=executor, progress=progress)
         folder.write("report.html", render_placement(found))
         folder.write("placement.csv", placement_csv(found))
         unwritten = ""

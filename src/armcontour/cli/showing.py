@@ -58,18 +58,14 @@ def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -
     Raises:
         InvalidInput: The drawing cannot be read.
     """
-    from armcontour._quantities import Length
     from armcontour.cli.opening import read_patch
-    from armcontour.cli.quantities import read_option
+    from armcontour.io.drawings.options import ReadOptions
     from armcontour.io.drawings.read import read_path
+    from armcontour.io.keys import Keys, read_keys
 
     patch, _ = read_patch(drawing)
-    options = {str(key): value for (_, key), value in patch.items()}
-    if "tools" in options:
-        options["tools"] = {
-            k: read_option("--tool", x, Length) for k, x in options["tools"].items()
-        }
-    return read_path(file, **options, progress=progress)
+    data = {str(key): value for (_, key), value in patch.items()}
+    return read_path(file, read_keys(Keys(ReadOptions), data, "path"), progress=progress)
 
 
 def _describe(program: Program) -> dict[str, Any]:

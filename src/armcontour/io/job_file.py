@@ -26,7 +26,6 @@ from armcontour.io.job_model import (
     ExperimentModel,
     JobModel,
     PathModel,
-    PlacementModel,
     RunModel,
     TimingModel,
 )
@@ -34,8 +33,7 @@ from armcontour.io.job_path import part_of, path_of
 from armcontour.io.keys import Keys, read_keys, schema_of
 from armcontour.io.patch import COMPENSATION_OPTIONS, TIMING_OPTIONS, Patch, apply
 from armcontour.io.scene import scene_of
-from armcontour.jobs import Experiment, Job, PlaceSearch, Rounding, Run
-from armcontour.jobs.axes import AXES
+from armcontour.jobs import Experiment, Job, Rounding, Run
 from armcontour.motion import check_interval
 from armcontour.motion.nearest_commands import check_command_limits
 from armcontour.program import Event, Process, Program
@@ -255,7 +253,7 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
         runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),
         certificate=model.certificate,
-        placement=None if model.placement is None else _place_search(model.placement),
+        placement=model.placement,
         scene=scene,
         ignore_collisions=model.ignore_collisions,
         part=part_of(model.path),
@@ -366,24 +364,6 @@ def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment
     given = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
     with locate_errors("experiment"):
         return Experiment(**given).for_joints(arm.dof)
-
-
-def _place_search(model: PlacementModel) -> PlaceSearch:
-    """Where a placement looks."""
-    axes = {name: getattr(model.over, name) for name in AXES}
-    off = {name: getattr(model.uncertainty, name) for name in AXES}
-    with locate_errors("placement"):
-        return PlaceSearch(
-            over={name: (x.start, x.end, x.places) for name, x in axes.items() if x is not None},
-            objective=model.objective,
-            uncertainty={name: x for name, x in off.items() if x is not None},
-            what=model.move,
-            absolute=model.absolute,
-            about=model.about,
-            every=model.every,
-            refined=model.refine,
-            run=model.run,
-        )
 
 
 def _refuse_unknown(key: str, names: Sequence[str], job: JobModel) -> None:

@@ -11,7 +11,7 @@ import inspect
 import re
 import types
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -41,7 +41,10 @@ from armcontour.io.problems import first_problem
 from armcontour.io.units import read_quantity
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-PLAIN: dict[Any, Any] = {bool: StrictBool, int: StrictInt, float: Number}
+PLAIN: dict[Any, Any] = {
+    **{bool: StrictBool, int: StrictInt, float: Number},
+    **{Mapping: dict, Sequence: list},
+}
 BOUNDS: dict[str, dict[str, float]] = {
     "any": {},
     "positive": {"exclusiveMinimum": 0},
@@ -171,7 +174,9 @@ def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseMod
     hints = {**get_type_hints(of, include_extras=True), **form.types}
     described = {**_descriptions(of), **form.texts}
     fields: dict[str, Any] = {}
-    for x in dataclasses.fields(of):
+    own = inspect.get_annotations(of)
+    # Keys of the class come before those of the options that it extends.
+    for x in sorted(dataclasses.fields(of), key=lambda x: x.name not in own):
         if x.name in form.omit or not x.init:
             continue
         kind = _type_of(hints[x.name])
@@ -237,8 +242,7 @@ def _type_of(hint: Any) -> Any:
         return _annotated(*parts)
     if origin in (Union, types.UnionType):
         return Union[tuple(_type_of(x) for x in parts)]  # noqa: UP007
-    if origin is Mapping:
-        origin = dict
+    origin = PLAIN.get(origin, origin)
     if origin in (list, dict, tuple):
         return origin[tuple(_type_of(x) for x in parts)]
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
