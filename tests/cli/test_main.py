@@ -76,6 +76,33 @@ def test_runs_a_job(tmp_path, run, refused):
     run(JOB, "--no-simulation", "--force")
 
 
+def test_any_key_of_the_job_is_set(tmp_path, run, refused):
+    sets = ("corners.tolerance=1 mm", "runs.compensated.timing={method: optimal}", "title=A, B")
+    _, found = run(JOB, "--no-simulation", *(x for text in sets for x in ("--set", text)))
+    assert found["title"] == "A, B"
+    assert found["runs"]["compensated"]["timing"] == "optimal"
+    assert found["runs"]["planned"]["corners"][0]["error"] == pytest.approx(1e-3)
+    for options, words in (
+        (
+            ("--set", "limits.sped=1"),
+            ["--set: job.yaml: unknown key limits.sped: did you mean spe"],
+        ),
+        (("--set", "units=mm"), ["--set: job.yaml: unknown key units: did you mean path.units?"]),
+        (("--set", "limits.speed=1 mm"), ["--set: job.yaml: limits.speed: must be", "m/s"]),
+        (("--tolerance", "1 s"), ["--tolerance: job.yaml: corners.tolerance: must be"]),
+        (("--set", "limits.speed=1", "--speed", "1 m/s"), ["--speed and --set limits.speed"]),
+        (("--set", "limits.speed"), ["--set: 'limits.speed' sets no key: write one such as"]),
+        (("--set", "runs.plan.until=1"), ["--set: job.yaml: runs.plan.until names no run"]),
+        # The tolerance is not what is wrong.
+        (
+            ("--set", "path.points=[[1, 2]]", "--tolerance", "1 mm"),
+            ["--set: job.yaml: path.points"],
+        ),
+    ):
+        begin = ("run", "job.yaml", "--out", "no")
+        assert refused(tmp_path, [(options, words)], codes=(2,), begin=begin) == []
+
+
 def test_shapes_of_corners_from_the_command_line(tmp_path, run, refused):
     free = ("--corner-shape", "free", "--iterations", "2")
     lines = ("--line-tolerance", "0.1 mm", "--zone", "8 mm")

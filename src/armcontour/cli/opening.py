@@ -79,7 +79,9 @@ def name_options(options: Mapping[str, str]) -> Iterator[None]:
         yield
     except InvalidInput as error:
         for key, option in options.items():
-            if re.search(rf"\b{re.escape(key)}\b", str(error)):
+            # A name without dots may be another word elsewhere in the sentence.
+            begin = r"\b" if "." in key else ": (unknown key )?"
+            if re.search(rf"{begin}{re.escape(key)}\b", str(error)):
                 raise error.at(option).with_traceback(error.__traceback__) from None
         raise
 

@@ -45,69 +45,68 @@ def to_quantity(text: str) -> str | int:
 
 def to_quantities(text: str) -> list[str | int]:
     """Quantities that are separated by commas."""
-    return [to_quantity(x) for x in text.split(",")]
+    return [to_quantity(part) for part in text.split(",")]
 
 
 def to_point(text: str) -> list[str | int]:
     """A point; without z it is zero."""
-    found = to_quantities(text)
-    return [*found, 0] if len(found) == 2 else found
+    coordinates = to_quantities(text)
+    return [*coordinates, 0] if len(coordinates) == 2 else coordinates
 
 
-def to_words(given: list[str]) -> dict[str, list[str]]:
+def to_words(texts: list[str]) -> dict[str, list[str]]:
     """Words to skip, separated by commas, in one option or several."""
-    return {"skip": [x.strip() for text in given for x in text.split(",") if x.strip()]}
+    return {"skip": [word.strip() for text in texts for word in text.split(",") if word.strip()]}
 
 
-def _named(given: list[str], example: str) -> dict[str, str]:
-    """What options such as 'x: 2 mm' say, by the names before their colons.
-
-    Raises:
-        ValueError: Text of another form, or a name twice.
-    """
-    found: dict[str, str] = {}
-    for text in given:
-        name, colon, value = (x.strip() for x in text.partition(":"))
-        if not (name and colon and value):
-            raise ValueError(f"takes a name and a value, such as {example!r}, not {show(text)}")
-        if name in found:
-            raise ValueError(f"names {show(name)} twice: give it once")
-        found[name] = value
-    return found
-
-
-def to_tools(given: list[str]) -> dict[int, str | int]:
+def to_tools(texts: list[str]) -> dict[int, str | int]:
     """Diameters of tools by their numbers."""
     example = "1: 3 mm"
-    found = _named([x for text in given for x in text.split(",")], example)
-    for x in found:
-        if not (x.isascii() and x.isdigit() and len(x) <= 8):
-            raise ValueError(f"takes the number of a tool, as in {example!r}, not {show(x)}")
-    return {int(x): to_quantity(diameter) for x, diameter in found.items()}
+    diameters = _named([part for text in texts for part in text.split(",")], example)
+    for name in diameters:
+        if not (name.isascii() and name.isdigit() and len(name) <= 8):
+            raise ValueError(f"takes the number of a tool, as in {example!r}, not {show(name)}")
+    return {int(name): to_quantity(diameter) for name, diameter in diameters.items()}
 
 
-def to_axes(given: list[str]) -> dict[str, dict[str, str | int]]:
+def to_axes(texts: list[str]) -> dict[str, dict[str, str | int]]:
     """Ranges of axes."""
-    example = "x: -300 mm .. 300 mm, 25"
-    found = dict[str, dict[str, str | int]]()
-    for name, text in _named(given, example).items():
+    example, axes = "x: -300 mm .. 300 mm, 25", dict[str, dict[str, str | int]]()
+    for name, text in _named(texts, example).items():
         span, _, count = text.rpartition(",")
         low, dots, high = span.partition("..")
         number = plain_number(count)
         if not dots or number is None or number != int(number):
             raise ValueError(f"takes an axis, a range and a number, such as {example!r}")
-        found[name] = {"from": to_quantity(low), "to": to_quantity(high), "places": int(number)}
-    return found
+        axes[name] = {"from": to_quantity(low), "to": to_quantity(high), "places": int(number)}
+    return axes
 
 
-def to_offsets(given: list[str]) -> dict[str, str | int]:
+def to_offsets(texts: list[str]) -> dict[str, str | int]:
     """By how much the part may be off along axes."""
-    return {name: to_quantity(x) for name, x in _named(given, "x: 2 mm").items()}
+    return {name: to_quantity(text) for name, text in _named(texts, "x: 2 mm").items()}
 
 
 def to_anchor(text: str) -> str | list[str | int]:
     """The name of a point, or its coordinates."""
     return to_quantities(text) if "," in text else text
+
+
+def _named(texts: list[str], example: str) -> dict[str, str]:
+    """Texts such as 'x: 2 mm', by the names before their colons.
+
+    Raises:
+        ValueError: Text of another form, or a name twice.
+    """
+    values: dict[str, str] = {}
+    for text in texts:
+        name, colon, value = (part.strip() for part in text.partition(":"))
+        if not (name and colon and value):
+            raise ValueError(f"takes a name and a value, such as {example!r}, not {show(text)}")
+        if name in values:
+            raise ValueError(f"names {show(name)} twice: give it once")
+        values[name] = value
+    return values
 
 
 def _read(option: str, text: str, kind: Any) -> float:

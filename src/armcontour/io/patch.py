@@ -51,16 +51,16 @@ def parse_set(text: str) -> Patch:
     return {key_of(key.strip()): load(value, key.strip())}
 
 
-def key_of(given: Any) -> Keys:
+def key_of(key: Any) -> Keys:
     """The keys of a text such as `limits.speed`, or of a list of them.
 
     Raises:
         InvalidInput: Neither of them.
     """
-    parts = given.split(".") if isinstance(given, str) else given
-    known = isinstance(parts, list | tuple) and all(type(x) in (str, int) for x in parts)
-    if not known or not parts or "" in parts:
-        raise InvalidInput(f"{show(given)} is no key: write one such as limits.speed.")
+    parts = key.split(".") if isinstance(key, str) else key
+    listed = isinstance(parts, list | tuple) and all(type(part) in (str, int) for part in parts)
+    if not listed or not parts or "" in parts:
+        raise InvalidInput(f"{show(key)} is no key: write one such as limits.speed.")
     return tuple(parts)
 
 
@@ -86,18 +86,19 @@ def place(keys: Keys, data: Any, run: str | None = None) -> Keys:
         hint = suggest("".join(map(str, keys[1:2])), names, f"it has {', '.join(names)}.")
         raise InvalidInput(f"{'.'.join(map(str, keys))} names no run of the job: {hint}")
     if run is not None and keys[0] in IN_RUN:
-        own = value_at(data, ("runs", run, keys[0]))
+        value = value_at(data, ("runs", run, keys[0]))
         merged = keys[0] in MERGED and len(keys) > 1
-        seen = isinstance(own, Mapping) and keys[1] in own if merged else own is not None
-        if seen or keys[0] not in IN_JOB:
+        hides = isinstance(value, Mapping) and keys[1] in value if merged else value is not None
+        if hides or keys[0] not in IN_JOB:
             keys = ("runs", run, *keys)
-    found: list[Any] = []
-    for x in keys:
+    numbered: list[Any] = []
+    for part in keys:
         # A number is a position in a list, or a key of a mapping, unless that has such a text.
-        named = isinstance(data, Mapping) and x in data
-        found.append(int(x) if isinstance(x, str) and x.isdecimal() and not named else x)
-        data = value_at(data, (found[-1],))
-    return tuple(found)
+        named = isinstance(data, Mapping) and part in data
+        whole = isinstance(part, str) and part.isdecimal() and not named
+        numbered.append(int(part) if whole else part)
+        data = value_at(data, (numbered[-1],))
+    return tuple(numbered)
 
 
 def resolve(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
@@ -150,12 +151,12 @@ def arm_keys(arm: str) -> dict[str, str]:
 
 def _resolved(data: Any, patch: Patch, run: str | None) -> tuple[Any, list[Change]]:
     """The data with the values of a patch, and the changes that lead there."""
-    found: list[Change] = []
+    changes: list[Change] = []
     for keys in sorted(patch, key=_rank):
-        changes = list(_changes(keys, patch[keys], data, run))
-        data = change_data(data, changes)
-        found += changes
-    return data, found
+        more = list(_changes(keys, patch[keys], data, run))
+        data = change_data(data, more)
+        changes += more
+    return data, changes
 
 
 def _rank(keys: Keys) -> tuple[bool, int]:
@@ -174,11 +175,10 @@ def _changes(keys: Keys, value: Any, data: Any, run: str | None) -> Iterator[Cha
         if keys[0] in IN_JOB:
             yield from _set(place(keys, data), value, data)
         for name in runs:
-            there = place(keys, data, name)
-            if keys[0] not in IN_JOB or (
-                there[0] == "runs" and value_at(data, there, None) is not None
-            ):
-                yield from _set(there, value, data)
+            keys_of_run = place(keys, data, name)
+            replaces = keys_of_run[0] == "runs" and value_at(data, keys_of_run) is not None
+            if replaces or keys[0] not in IN_JOB:
+                yield from _set(keys_of_run, value, data)
 
 
 def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iterator[Change]:
@@ -187,7 +187,7 @@ def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iter
     Raises:
         InvalidInput: There is no such run.
     """
-    none = True
+    refused = True
     for name in runs:
         inherited = place(("corners",), data, name)
         corners = value_at(data, inherited)
@@ -196,12 +196,13 @@ def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iter
             continue
         if SHAPE_OPTIONS.get(str(keys[1])) == ARC and corners.get("shape") == FREE:
             continue
-        none, own = False, ("runs", name, "corners")
-        if inherited != own:
-            yield Change(own, dict(corners))
-            data = change_data(data, [Change(own, dict(corners))])
-        yield from _set((*own, *keys[1:]), value, data)
-    if none:
+        refused, keys_of_run = False, ("runs", name, "corners")
+        if inherited != keys_of_run:
+            copy = Change(keys_of_run, dict(corners))
+            yield copy
+            data = change_data(data, [copy])
+        yield from _set((*keys_of_run, *keys[1:]), value, data)
+    if refused:
         raise InvalidInput(
             f"No run takes {'.'.join(map(str, keys))}, which goes with rounded corners and the "
             "timing optimal: give a run timing: {method: optimal}, or set corners.tolerance if "
@@ -222,18 +223,19 @@ def _set(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
             yield Change(keys[:k], change_data(arm_keys(here), [Change(rest, value)]))
             return
         if keys[:k] == ("path", "layers") and isinstance(here, list):
-            yield Change(keys[:k], change_data({x: {} for x in here}, [Change(rest, value)]))
+            layers: dict[str, Any] = {str(name): {} for name in here}
+            yield Change(keys[:k], change_data(layers, [Change(rest, value)]))
             return
         listed = isinstance(here, list) and isinstance(keys[k], int)
         if not (here is None or here == "sharp" or isinstance(here, Mapping) or listed):
-            there = ".".join(map(str, keys[:k]))
+            outer = ".".join(map(str, keys[:k]))
             raise InvalidInput(
-                f"{there} is {show(here)} there, which has no key {keys[k]}: give {there} whole."
+                f"{outer} is {show(here)} there, which has no key {keys[k]}: give {outer} whole."
             )
     old = value_at(data, keys)
     if keys == ("path", "layers") and isinstance(old, Mapping) and isinstance(value, list):
         # Chosen layers keep their speeds and tolerances.
-        value = {x: old.get(x) or {} for x in map(str, value)}
+        value = {name: old.get(name) or {} for name in map(str, value)}
     yield Change(keys, value)
     beside = value_at(data, keys[:-1])
     for name, choice in CHOICES.get(keys[-2:], {}).items():

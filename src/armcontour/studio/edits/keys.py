@@ -29,14 +29,14 @@ def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Set a key, to a text as typed, a number in SI units, or null."""
     keys, value = place(key_of(edit["key"]), state.data, state.run), edit["value"]
     *outer, last = keys
-    of = value_at(state.data, tuple(outer))
+    values = value_at(state.data, tuple(outer))
     if keys[-2:] == ("corners", "shape"):
         # Sharp corners are no shape in the file, and have no tolerance.
-        if value == SHARP or not isinstance(of, Mapping):
-            given = {"shape": value, "tolerance": FIRST_TOLERANCE}
-            keys, value = tuple(outer), SHARP if value == SHARP else given
-    elif isinstance(last, int) and not isinstance(of, list | dict):
-        keys, value = tuple(outer), _for_joints(keys, value, of, state)
+        if value == SHARP or not isinstance(values, Mapping):
+            arcs = {"shape": value, "tolerance": FIRST_TOLERANCE}
+            keys, value = tuple(outer), SHARP if value == SHARP else arcs
+    elif isinstance(last, int) and not isinstance(values, list | dict):
+        keys, value = tuple(outer), _for_joints(keys, value, values, state)
     else:
         value = written(value, value_at(state.data, keys), keys)
     return resolve(state.data, {keys: value}, state.run)
