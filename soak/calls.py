@@ -188,6 +188,11 @@ def instances() -> Iterator[Any]:
     yield ac.Obstacle(name="ball", shape=scene.Sphere(radius=0.1))
     yield SecondOrder("own", nothing, [-0.05], [0.05])
     yield robustness.Box(dead_time=1e-3)
+    yield from (
+        ac.ReadOptions(units="mm"),
+        ac.ArmOptions(tip="t"),
+        ac.PlaceSearch(over={"x": (0.0, 0.1, 2)}),
+    )
     yield from (ac.Recording(t=x["t"], q=x["wave"]), ac.Cell(x["arm"], ac.Scene()))
     contour = ac.Contour(path=x["path"])
     yield from (contour, ac.Program(moves=(contour,)))

@@ -5,18 +5,22 @@ import importlib
 import inspect
 import re
 import textwrap
+from contextlib import nullcontext
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tools.kernels import to_text
 
 import armcontour
 import armcontour as ac
+from armcontour import _warming
 from armcontour._kernels import KERNELS, compiled
-from armcontour._signatures import from_text, to_text
-from armcontour._warming import Order, read_list
+from armcontour._pool import InProcess
+from armcontour._process import pack, unpack
+from armcontour._warming import Order, from_text, read_list
 
 
 @compiled(inner=True)
@@ -122,42 +126,73 @@ def kernels():
 
 
 def test_calls_of_the_list_fit_their_functions_and_all_that_python_calls_are_listed(kernels):
-    for listed in read_list("all"):
-        kernel = kernels[listed.key]
-        for text in listed.arguments:
+    listed = read_list("all")
+    for key, arguments in listed.items():
+        for text in arguments:
             kinds = from_text(text)
             assert to_text(kinds) == text
-            assert len(kinds) == len(signature(kernel.py_func).parameters), listed
-    listed = {x.key for x in read_list("all")}
+            assert len(kinds) == len(signature(kernels[key].py_func).parameters), key
     called = {key for key, x in kernels.items() if not x.targetoptions["no_cpython_wrapper"]}
-    assert called - listed == {("armcontour._warming", "_kept")}
+    assert called <= listed.keys()
 
 
 def test_usual_runs_leave_out_what_they_do_not_need():
     usual, everything = read_list("usual"), read_list("all")
     assert 0 < len(usual) < len(everything)
-    names = {x.module for x in usual}
+    names = {module for module, _ in usual}
     assert "armcontour.servo._simulation" in names
     assert not any(".jerk." in x or ".robustness." in x for x in names)
-    assert all("_newton" not in x.module for x in read_list("plane"))
-    assert any("_newton" in x.module for x in read_list("space"))
+    assert all("_newton" not in module for module, _ in read_list("plane"))
+    assert any("_newton" in module for module, _ in read_list("space"))
 
 
-def test_a_function_comes_after_those_that_it_calls(kernels):
-    listed = read_list("usual")
-    order = Order(listed, lambda step: None)
-    taken = []
-    while (item := order.take()) is not None:
-        taken.append(item)
-        order.finish(item, 1)
-    assert len(taken) == len(listed) == order.compiled
-    place = {item.key: k for k, item in enumerate(taken)}
-    for item in taken:
-        function = kernels[item.key].py_func
+class Watched(InProcess):
+    """Notes what is compiled here in place of compiling it."""
+
+    def __init__(self):
+        self.taken = []
+
+    def submit(self, fn, /, *arguments):
+        (key, _) = unpack(arguments[-1])
+        self.taken.append(key)
+        return super().submit(pack, 1)
+
+
+def test_a_function_comes_after_those_that_it_calls(kernels, monkeypatch):
+    watched = Watched()
+    monkeypatch.setattr(_warming, "open_executor", lambda workers: nullcontext(watched))
+    listed, steps = read_list("usual"), []
+    order = Order(listed, steps.append)
+    order.work_off()
+    assert set(watched.taken) == set(listed) and order.is_done and order.compiled == len(listed)
+    assert steps[0].done == 0.0 and steps[-1].done == 1.0
+    place = {key: k for k, key in enumerate(watched.taken)}
+    for key in watched.taken:
+        function = kernels[key].py_func
         for name in function.__code__.co_names:
             callee = getattr(function.__globals__.get(name), "py_func", None)
-            key = (getattr(callee, "__module__", None), name)
-            assert place.get(key, -1) <= place[item.key]
+            called = (getattr(callee, "__module__", None), name)
+            assert place.get(called, -1) <= place[key]
+
+
+def test_a_function_whose_files_are_incomplete_is_compiled_anew():
+    def last(values: np.ndarray) -> float:
+        return values[-1]
+
+    def compile_or_load():
+        """Whether a function comes from its files."""
+        kernel = compiled()(last)
+        assert kernel(np.arange(4.0)) == 3.0
+        return kernel, bool(sum(kernel.stats.cache_hits.values()))
+
+    kernel, _ = compile_or_load()
+    for ending in ("nbi", "nbc"):
+        assert compile_or_load()[1]
+        (file,) = Path(kernel.stats.cache_path).glob(
+            f"{kernel._cache._impl.filename_base}*.{ending}"
+        )
+        file.write_bytes(file.read_bytes()[:30])
+        assert not compile_or_load()[1]
 
 
 def test_what_is_kept_of_a_function_ends_with_the_files_of_those_that_it_calls(kernels):

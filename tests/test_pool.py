@@ -105,12 +105,16 @@ def test_a_pool_is_an_executor_of_other_processes():
         tell = "__import__('armcontour._process', fromlist=['tell']).tell"
         work = partial(eval, f"[{tell}(x) for x in 'ab'] and 3")
         assert pool.submit_heard(told.append, work).result() == 3 and told == ["a", "b"]
+        # An answer that is not read to its end is not taken for that of the next work.
+        with pytest.raises(ZeroDivisionError):
+            pool.submit_heard(lambda told: 1 / 0, work).result()
+        assert pool.submit(abs, -5).result() == 5
         # A process that ends costs its work only.
         ended = pool.submit(eval, "__import__('os')._exit(3)")
         assert pool.submit(abs, -4).result() == 4
         with pytest.raises(ProcessEnded, match="has ended"):
             ended.result()
-    with pytest.raises(RuntimeError, match="shut down"):
+    with pytest.raises(RuntimeError, match="shutdown"):
         pool.submit(abs, 1)
 
 

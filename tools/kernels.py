@@ -12,10 +12,11 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from armcontour._signatures import to_text
+from numba import types
 
 ROOT = Path(__file__).parents[1]
 LIST = ROOT / "src" / "armcontour" / "_kernels.txt"
@@ -24,6 +25,43 @@ RUNS = {
     "space": ["run", str(ROOT / "examples" / "drawings" / "gasket.dxf"), "--cell", "ur5e"],
 }
 TESTS = "-"
+
+
+def to_text(arguments: Sequence[Any]) -> str:
+    """Types of arguments as text, which `armcontour._warming.from_text` reads.
+
+    Raises:
+        ValueError: A type that has no text.
+    """
+    return ", ".join(map(_text, arguments))
+
+
+def _text(kind: Any) -> str:
+    """One type as text."""
+    if isinstance(kind, types.Array):
+        axes = {
+            "C": [":"] * (kind.ndim - 1) + ["::1"],
+            "F": ["::1"] + [":"] * (kind.ndim - 1),
+            "A": [":"] * kind.ndim,
+        }[kind.layout]
+        text = f"{_text(kind.dtype)}[{', '.join(axes)}]"
+        return text if kind.mutable else f"const({text})"
+    if isinstance(kind, types.BaseNamedTuple):
+        parts = "".join(f", {_text(x)}" for x in kind)
+        made = kind.instance_class
+        return f'named("{made.__module__}", "{made.__qualname__}"{parts})'
+    if isinstance(kind, types.BaseTuple):
+        return f"Tuple(({''.join(f'{_text(x)}, ' for x in kind)}))"
+    if isinstance(kind, types.Literal):
+        return f"literal({kind.literal_value!r})"
+    if isinstance(kind, types.Omitted):
+        return f"Omitted({kind.value!r})"
+    if kind == types.boolean:
+        # Its own name differs between versions of numba.
+        return "boolean"
+    if str(kind) == "Vector" or getattr(types, str(kind), None) == kind:
+        return str(kind)
+    raise ValueError(f"The type {kind} of an argument has no text yet.")
 
 
 def calls() -> set[str]:

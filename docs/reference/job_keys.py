@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 from armcontour import _quantities
 from armcontour.io import json_schema
+from armcontour.servo import ServoModel
 
 HERE = Path(__file__).parent
 SCHEMA, PAGE = HERE / "job.schema.json", HERE / "job_keys.md"
@@ -21,10 +22,15 @@ mapping, whose keys have a table of their own. What is neither needed nor has a 
 out. `NAME` stands for a name of your own.
 """
 # The unit of SI for each example of a quantity. Quantities with one example have one unit.
+KINDS = (
+    *vars(_quantities).values(),
+    *get_type_hints(ServoModel, include_extras=True).values(),
+)
 UNITS = {
     x.example: x.unit
-    for kind in vars(_quantities).values()
-    for x in (kind, *getattr(kind, "__metadata__", ()))
+    for kind in KINDS
+    for part in (kind, *get_args(kind))
+    for x in (kind, *getattr(part, "__metadata__", ()))
     if isinstance(x, _quantities.Quantity)
 } | {"10 deg": "rad, m"}
 WORDS = {

@@ -50,11 +50,21 @@ if TYPE_CHECKING:
     )
     from armcontour.identification import Identification, RobotIdentification, identify
     from armcontour.io import read_job, read_trajectory
+    from armcontour.io.drawings.options import ReadOptions
     from armcontour.io.drawings.read import read_path
-    from armcontour.io.exports import export
+    from armcontour.io.exports import (
+        CsvFormat,
+        McapFormat,
+        NpzFormat,
+        RosYamlFormat,
+        TemplateFormat,
+        URScriptFormat,
+        export,
+    )
     from armcontour.io.log_file import read_log
     from armcontour.io.robots.loading import arm_names, load_arm
-    from armcontour.jobs import Goal, Job, Rounding, Run, Study, run
+    from armcontour.io.robots.options import ArmOptions
+    from armcontour.jobs import Goal, Job, PlaceSearch, Rounding, Run, Study, run
     from armcontour.learning import (
         LearnedRun,
         Lesson,
@@ -129,11 +139,21 @@ _HOME = {
     ),
     "identification": ("Identification", "RobotIdentification", "identify"),
     "io": ("read_job", "read_trajectory"),
+    "io.drawings.options": ("ReadOptions",),
     "io.drawings.read": ("read_path",),
-    "io.exports": ("export",),
+    "io.exports": (
+        "CsvFormat",
+        "McapFormat",
+        "NpzFormat",
+        "RosYamlFormat",
+        "TemplateFormat",
+        "URScriptFormat",
+        "export",
+    ),
     "io.log_file": ("read_log",),
     "io.robots.loading": ("arm_names", "load_arm"),
-    "jobs": ("Goal", "Job", "Rounding", "Run", "Study", "run"),
+    "io.robots.options": ("ArmOptions",),
+    "jobs": ("Goal", "Job", "PlaceSearch", "Rounding", "Run", "Study", "run"),
     "learning": (
         "LearnedRun",
         "Lesson",
@@ -179,6 +199,7 @@ __all__ = [
     "Arc",
     "Arm",
     "ArmContourError",
+    "ArmOptions",
     "Batch",
     "Cell",
     "Certificate",
@@ -187,6 +208,7 @@ __all__ = [
     "Collision",
     "CompensationError",
     "Contour",
+    "CsvFormat",
     "Demand",
     "Dwell",
     "Evaluation",
@@ -207,21 +229,26 @@ __all__ = [
     "Limits",
     "Line",
     "Log",
+    "McapFormat",
     "NotRealizable",
+    "NpzFormat",
     "Obstacle",
     "Orientation",
     "Path",
     "Payload",
     "Pierce",
+    "PlaceSearch",
     "Placement",
     "PlanarTwoLink",
     "Plant",
     "Process",
     "Program",
     "Rapid",
+    "ReadOptions",
     "Recording",
     "RigidBodyPlant",
     "RobotIdentification",
+    "RosYamlFormat",
     "RoundedPath",
     "Rounding",
     "Run",
@@ -235,7 +262,9 @@ __all__ = [
     "Tabs",
     "Tally",
     "TaughtData",
+    "TemplateFormat",
     "Trajectory",
+    "URScriptFormat",
     "Unreachable",
     "Weave",
     "__version__",

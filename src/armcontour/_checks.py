@@ -594,13 +594,16 @@ def refuse_if(wrong: bool | np.bool_, message: str) -> None:
 # How to get an object of a class, for messages.
 ORIGINS = {
     "Arm": "such as load_arm('ur5e')",
+    "ArmOptions": "such as ArmOptions(tip='tool0')",
     "Demand": "such as Demand(speed=0.1)",
     "Execution": "as execute gives it",
     "Frame": "such as Frame(position=(0.4, 0, 0.1))",
     "Job": "as read_job gives it",
     "Limits": "such as arm.limits",
     "Payload": "such as Payload(mass=2.0)",
+    "PlaceSearch": "such as PlaceSearch(over={'x': (-0.1, 0.1, 11)})",
     "Plant": "such as ServoPlant(arm, servo)",
+    "ReadOptions": "such as ReadOptions(units='mm')",
     "ServoModel": "such as ServoModel(kp=25, kv=150)",
     "Study": "as run gives it",
     "TaughtData": "as compensate gives it",

@@ -6,17 +6,22 @@ answers signals while the work is done in another.
 
 from __future__ import annotations
 
+import functools
 import logging
+import re
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 from numba import njit, types
 from numba.core import event
+from numba.core.caching import FunctionCache
+from numba.core.runtime.nrt import rtsys
 
-from armcontour import _kernel_files, _progress
+from armcontour import _progress
 
 # For `fastmath`: products may be added without rounding in between, which is faster and no less
 # exact.
@@ -27,6 +32,9 @@ KERNELS: dict[tuple[str, str], Any] = {}
 _waiting: list[Callable[[Any], None]] = []
 # Where nobody listens, the log tells of compiling that goes on for longer than this [s].
 PATIENCE = 2.0
+ROOT = Path(__file__).parent
+IMPORT = re.compile(r"^from (armcontour\.[\w.]+) import", re.MULTILINE)
+COMPILED = re.compile(r"^@compiled\(", re.MULTILINE)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -61,7 +69,7 @@ def compiled(
         kernel: Function = decorate(function)
         # Typing does not see that the decorator makes an object of numba.
         made: Any = kernel
-        made._cache = _kernel_files.files_of(function, _waiting, inner=inner)
+        made._cache = _Files(function)
         _take_no_literals(kernel)
         if inner:
             _refuse_calls(kernel, function.__name__)
@@ -69,6 +77,47 @@ def compiled(
         return kernel
 
     return keep
+
+
+class _Files(FunctionCache):
+    """Files of a compiled function, loaded without the modules that only compiling needs.
+
+    Numba stamps the files with the state of the function's source only. Here the stamp includes
+    the sources of the compiled functions that it calls.
+    """
+
+    def __init__(self, function: Function) -> None:
+        super().__init__(function)
+        source = Path(function.__code__.co_filename)
+        files = sorted({source} | _sources(source))
+        index: Any = self._cache_file
+        index._source_stamp = tuple((x.name, x.stat().st_mtime, x.stat().st_size) for x in files)
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """The compiled function; None if its files are missing, incomplete or out of date."""
+        for wait in tuple(_waiting):
+            wait(self._py_func)
+        # Compiled code needs this to count references. A refresh of the whole target would import
+        # hundreds of modules; numba refreshes it before it compiles.
+        rtsys.initialize(target)
+        try:
+            return self._load_overload(signature, target)
+        except Exception:
+            # Numba would read the index again before it writes the new files.
+            with suppress(OSError):
+                self.flush()
+        return None
+
+
+@functools.cache
+def _sources(file: Path) -> frozenset[Path]:
+    """A file with compiled functions and those that it imports; nothing for other files."""
+    text = file.read_text(encoding="utf-8")
+    if COMPILED.search(text) is None:
+        return frozenset()
+    names = (x.split(".")[1:] for x in IMPORT.findall(text))
+    files = (ROOT.joinpath(*x).with_suffix(".py") for x in names)
+    return frozenset({file}).union(*(_sources(x) for x in files if x.is_file()))
 
 
 def _take_no_literals(kernel: Any) -> None:

@@ -19,20 +19,18 @@ from functools import lru_cache, partial
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import islice
-from queue import SimpleQueue
-from threading import Lock, Thread
+from threading import Lock
 from typing import Any, Generic, TypeVar, cast
 
 from armcontour._process import (
     Packed,
     ProcessEnded,
+    call,
     can_start,
     end,
     is_other,
     pack,
     processors,
-    receive,
-    send,
     start,
     unpack,
     working_for_another,
@@ -100,8 +98,8 @@ class InProcess(Executor):
         return future
 
 
-class ProcessPool(Executor):
-    """Other processes that do one piece of work after the other.
+class ProcessPool(ThreadPoolExecutor):
+    """Other processes; a thread of this process gives each of them one piece of work at a time.
 
     Scripts that use it need no guard against being imported. A process that ends costs what it was
     working on: that raises `ProcessEnded`, and another process takes its place. Other errors of
@@ -114,107 +112,64 @@ class ProcessPool(Executor):
 
     def __init__(self, processes: int | None = None) -> None:
         self.processes = processes or processors()
-        self._given = SimpleQueue[tuple[Future[Any], partial[Any], Callable[[Any], None]] | None]()
-        self._lock, self._open, self._ended, self._kills = Lock(), True, False, 0
+        super().__init__(self.processes, "pool")
+        # Number of calls of `kill`; the processes, and those of them that wait for work.
+        self._lock, self._kills = Lock(), 0
         self._children = set[subprocess.Popen[bytes]]()
-        # A program may end without these threads, and then their processes end too.
-        self._threads = [
-            Thread(target=self._feed, name="pool", daemon=True) for _ in range(self.processes)
-        ]
-        for x in self._threads:
-            x.start()
+        self._idle = list[subprocess.Popen[bytes]]()
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
         """Have a process call a function; function, arguments and result can be pickled."""
         return self.submit_heard(lambda told: None, partial(fn, *args, **kwargs))
 
     def submit_heard(self, heard: Callable[[Any], None], work: partial[R]) -> Future[R]:
-        """Have a process do some work, and hear what that tells by `tell` before its result."""
-        future: Future[R] = Future()
-        with self._lock:
-            if not self._open:
-                raise RuntimeError("The pool is shut down, and takes no more work.")
-            self._given.put((future, work, heard))
-        return future
+        """Have a process do some work, and hear what it reports by `tell` before its result."""
+        return super().submit(self._have_done, self._kills, heard, work)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes after the work that is given, or after what they are at."""
-        with self._lock:
-            if self._open:
-                self._open = False
-                while cancel_futures and not self._given.empty():
-                    left = self._given.get()
-                    assert left is not None
-                    left[0].cancel()
-                for _ in self._threads:
-                    self._given.put(None)
+        super().shutdown(wait, cancel_futures=cancel_futures)
         if wait:
-            for x in self._threads:
-                x.join()
+            self.kill()
 
     def kill(self) -> None:
-        """End what the processes are at; others take their place."""
+        """End the work that is given so far, whatever the processes are at; others replace them."""
         with self._lock:
             self._kills += 1
             for child in self._children:
                 child.kill()
+            while self._idle:
+                self._end(self._idle.pop())
 
     def end(self) -> None:
-        """End the processes at once, whatever they are at; work that is not done is lost."""
-        self.shutdown(wait=False, cancel_futures=True)
-        with self._lock:
-            self._ended = True
+        """End the processes at once; work that is not done is lost."""
+        super().shutdown(wait=False, cancel_futures=True)
         self.kill()
         if can_start():
-            for x in self._threads:
-                x.join()
+            self.shutdown()
 
-    def _feed(self) -> None:
-        """Give work to one process, and to another if it ends."""
-        child: subprocess.Popen[bytes] | None = None
-        while (given := self._given.get()) is not None:
-            future, work, heard = given
-            kills = self._kills
-            if not future.set_running_or_notify_cancel():
-                continue
-            try:
-                if not can_start():
-                    future.set_result(work())
-                    continue
-                child = child or self._start(kills)
-                assert child.stdin is not None and child.stdout is not None
-                send(child.stdin, work)
-                future.set_result(receive(child.stdout, heard))
-            except BaseException as error:
-                if isinstance(error, ProcessEnded) and child is not None:
-                    self._end(child)
-                    child = None
-                future.set_exception(error)
-        if child is not None:
-            self._end(child)
-
-    def _start(self, kills: int) -> subprocess.Popen[bytes]:
-        """Start a process, unless its work was killed meanwhile."""
+    def _have_done(self, kills: int, heard: Callable[[Any], None], work: partial[R]) -> R:
+        """Have a process do some work that was given after so many calls of `kill`."""
+        if not can_start():
+            return work()
         with self._lock:
-            if self._ended or self._kills > kills:
-                raise ProcessEnded("The work was ended before its process was started.")
-            child = start()
+            if self._kills > kills:
+                raise ProcessEnded("The work was ended before a process began it.")
+            child = self._idle.pop() if self._idle else start()
             self._children.add(child)
-        assert child.stdin is not None
-        send(child.stdin, _call)
-        return child
+        try:
+            return cast(R, call(child, work, heard))
+        finally:
+            with self._lock:
+                if self._kills == kills and child.poll() is None:
+                    self._idle.append(child)
+                else:
+                    self._end(child)
 
     def _end(self, child: subprocess.Popen[bytes]) -> None:
-        """End a process."""
-        with self._lock:
-            self._children.discard(child)
-        child.kill()
+        """End a process, with the lock."""
+        self._children.discard(child)
         end(child)
-
-
-def _call(work: Callable[[], Any]) -> Any:
-    """Do a piece of work of a pool."""
-    return work()
 
 
 @contextmanager
@@ -316,7 +271,7 @@ class Crew(Generic[T, R]):
         # A subclass may do otherwise.
         self._alone = type(executor) is InProcess
         self._work, self._executor, self._lost = work, executor, lost
-        self._call = None if self._alone else partial(_on, _frozen(pack(work)))
+        self._call = None if self._alone else partial(_on, pack(work))
         self._done: list[tuple[T, R]] = []
         self._away: dict[Future[Packed], T] = {}
 
@@ -410,12 +365,7 @@ class Crew(Generic[T, R]):
         return cast(R, found)
 
 
-def _frozen(packed: Packed) -> tuple[bytes, tuple[bytes, ...]]:
-    """Packed work as a key of a cache."""
-    return packed[0], tuple(packed[1])
-
-
-def _on(work: tuple[bytes, tuple[bytes, ...]], item: Packed) -> Packed:
+def _on(work: Packed, item: Packed) -> Packed:
     """Do packed work on an item; arrays are read-only as in this package's own processes.
 
     An error of this package is a result, which keeps its kind on every way.
@@ -428,9 +378,9 @@ def _on(work: tuple[bytes, tuple[bytes, ...]], item: Packed) -> Packed:
 
 
 @lru_cache(maxsize=2)
-def _unpacked(work: tuple[bytes, tuple[bytes, ...]]) -> Callable[[Any], Any]:
+def _unpacked(work: Packed) -> Callable[[Any], Any]:
     """The work, which is made once in each process."""
-    return cast(Callable[[Any], Any], unpack((work[0], list(work[1]))))
+    return cast(Callable[[Any], Any], unpack(work))
 
 
 def map_in_processes(

@@ -23,7 +23,7 @@ from typing import IO, Any, TypeAlias
 from armcontour._progress import hear_compiling
 from armcontour.errors import ExecutionError
 
-Packed: TypeAlias = tuple[bytes, list[bytes]]
+Packed: TypeAlias = tuple[bytes, tuple[bytes, ...]]
 SERVE = "from armcontour._process import serve; serve()"
 # How many more objects than are freed make Python look for garbage in cycles, and how many looks at
 # young objects go before one at older ones: a program of thousands of contours has millions, none
@@ -135,18 +135,18 @@ def start() -> subprocess.Popen[bytes]:
 
 
 def end(child: subprocess.Popen[bytes]) -> None:
-    """Wait for the end of a killed process, and close its pipes."""
+    """End a process, and close its pipes."""
+    child.kill()
     child.wait()
     for pipe in (child.stdin, child.stdout):
         assert pipe is not None
-        try:
+        # What was not written has no reader any more.
+        with suppress(OSError):
             pipe.close()
-        except OSError:  # what was not written has no reader any more
-            pass
 
 
 def serve() -> None:
-    """The other process: do the work on the items that come in, until none comes."""
+    """The other process: do the work that comes in, until none comes."""
     _Serving.here = True
     look_for_garbage_less()
     # The terminal interrupts all processes; the first one decides what that means.
@@ -156,74 +156,64 @@ def serve() -> None:
     os.dup2(2, 1)
     # What is compiled here is no news to the user.
     with hear_compiling(lambda name: None), suppress(EOFError, OSError):
-        packed, work = pickle.load(sys.stdin.buffer), None
         while True:
-            item = pickle.load(sys.stdin.buffer)
+            work = pickle.load(sys.stdin.buffer)
             try:
-                if work is None:
-                    work = unpack(packed)
-                answer = pickle.dumps((True, work(unpack(item))))
+                answer = pickle.dumps((True, unpack(work)()))
             except Exception as error:
                 answer = pickle.dumps((False, f"{type(error).__name__}: {error}"))
             _write(answers, answer)
 
 
 def tell(value: Any) -> None:
-    """Tell the process that this one works for something before the answer.
+    """Report something to the process that this one works for, before the answer.
 
     Args:
-        value: What is told; it can be pickled. It is not for work that nobody listens to.
+        value: The report; it can be pickled. Work that nobody hears must not report.
     """
     if _Serving.answers is not None:
         _write(_Serving.answers, pickle.dumps((None, value)))
 
 
-def send(pipe: IO[bytes], value: Any) -> None:
-    """Write a value to a pipe, with arrays that are read-only at its other end.
-
-    Raises:
-        ProcessEnded: The other process has ended.
-    """
-    _write(pipe, pickle.dumps(pack(value)))
-
-
-def receive(pipe: IO[bytes], heard: Callable[[Any], None]) -> Any:
-    """Read an answer from a pipe.
+def call(
+    child: subprocess.Popen[bytes], work: Callable[[], Any], heard: Callable[[Any], None]
+) -> Any:
+    """Have a process do some work, whose arrays are read-only there.
 
     Args:
-        pipe: The pipe.
-        heard: Called with what is told before the answer.
+        child: The process.
+        work: The work; it can be pickled.
+        heard: Called with what the process reports before its answer.
 
     Raises:
-        ProcessEnded: The other process has ended.
+        ProcessEnded: The process has ended before it gave an answer.
+        RuntimeError: The work failed.
     """
-    while True:
-        try:
-            worked, value = pickle.load(pipe)
-        except (EOFError, OSError, pickle.UnpicklingError):
-            raise ProcessEnded(
-                "Another process of this work has ended before it gave an answer, as when memory "
-                "runs out: take fewer processes, or free some memory."
-            ) from None
-        if worked is not None:
-            break
-        heard(value)
-    if not worked:
-        raise RuntimeError(f"Another process of this work failed: {value}")
-    return value
+    assert child.stdin is not None and child.stdout is not None
+    packed = pickle.dumps(pack(work))
+    try:
+        _write(child.stdin, packed)
+        while (answer := pickle.load(child.stdout))[0] is None:
+            heard(answer[1])
+    except BaseException as error:
+        # The rest of its answer would be read as the next one.
+        child.kill()
+        child.wait()
+        if not isinstance(error, EOFError | OSError | pickle.UnpicklingError):
+            raise
+        raise ProcessEnded(
+            "Another process of this work has ended before it gave an answer, as when memory "
+            "runs out: take fewer processes, or free some memory."
+        ) from None
+    if not answer[0]:
+        raise RuntimeError(f"Another process of this work failed: {answer[1]}")
+    return answer[1]
 
 
 def _write(pipe: IO[bytes], data: bytes) -> None:
-    """Write bytes to a pipe.
-
-    Raises:
-        ProcessEnded: The other process has ended.
-    """
-    try:
-        pipe.write(data)
-        pipe.flush()
-    except OSError as error:
-        raise ProcessEnded(f"Another process of this work has ended: {error}.") from None
+    """Write bytes to a pipe at once."""
+    pipe.write(data)
+    pipe.flush()
 
 
 def pack(value: Any) -> Packed:
@@ -233,7 +223,7 @@ def pack(value: Any) -> Packed:
     """
     buffers: list[pickle.PickleBuffer] = []
     data = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
-    return data, [bytes(x.raw()) for x in buffers]
+    return data, tuple(bytes(x.raw()) for x in buffers)
 
 
 def unpack(packed: Packed) -> Any:

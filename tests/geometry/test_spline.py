@@ -146,7 +146,7 @@ def test_what_makes_no_spline_is_refused():
     options = (
         ([(0, 0)], {}, "at least two different points"),
         ([(0, 0), (0, 0)], {}, "at least two different points"),
-        ([(0, 0), (1, 0)], {"tolerance": 0.0}, "spline tolerance"),
+        ([(0, 0), (1, 0)], {"tolerance": 0.0}, "tolerance must"),
         ([(0, 0), (1, 0), (1, 1)], {"closed": True}, "must end at its first point"),
         ([(0, 0), (1, np.inf)], {}, "finite"),
         ([(0, 0), (1, 0), (0, 0)], {}, "turns back on the spot near"),

@@ -148,7 +148,7 @@ path: {frame: {position: [0.3, 0.1, 0], rpy: [0.1, 0, 0]}} => path.frame
 path: {orientation: {axis: [0, 0, -1]}} => path.orientation ... in space
 process: {approach: 5 mm} => in the plane
 runs: {one: {until: 9 s}} => until is for a job with a single path
-name: "x\e]52;c;cHduZWQ=\e\\" => name of the job has the character U+001B
+name: "x\e]52;c;cHduZWQ=\e\\" => name of a job has the character U+001B
 process: {switch: {name: "a\a"}} => process.switch: The name of a switch
 """
 
@@ -156,8 +156,8 @@ process: {switch: {name: "a\a"}} => process.switch: The name of a switch
 def test_refuses_in_one_sentence(folder):
     refusals(lambda x: job(folder, x), BAD, "plate.yaml")
     long = [
-        ({"name": "x" * 81}, "name of the job has 81 characters, more than 80"),
-        ({"title": "x" * 201}, "title of the job has 201 characters, more than 200"),
+        ({"name": "x" * 81}, "name of a job has 81 characters, more than 80"),
+        ({"title": "x" * 201}, "title of a job has 201 characters, more than 200"),
     ]
     refusals(lambda x: job(folder, **x), long, "plate.yaml")
     # What is said of files needs one.

@@ -49,7 +49,7 @@ def test_a_pool_that_is_ended_waits_for_nothing():
     begin = time.monotonic()
     pool.end()
     assert time.monotonic() - begin < 60 and all(x.done() for x in away)
-    with pytest.raises(RuntimeError, match="shut down"):
+    with pytest.raises(RuntimeError, match="shutdown"):
         pool.submit(abs, 1)
     # Work that has not begun can be given up.
     pool = ProcessPool(1)
@@ -83,7 +83,7 @@ def test_executors_of_processes(own):
         map_in_processes(halve, [1], executor=pool)
     with open_executor(2) as opened:
         assert workers_of(opened) == 2
-    with pytest.raises(RuntimeError, match="shut down"):
+    with pytest.raises(RuntimeError, match="shutdown"):
         opened.submit(abs, 1)
 
 

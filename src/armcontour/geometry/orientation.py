@@ -33,6 +33,10 @@ ROUNDING = 1e-15
 LINEAR = _checks.lock_floats([0.0, 1.0, 0.0, 0.0])
 
 
+# Terms of fast rotations are large; only those that no float can have are refused.
+FINITE = Quantity("", within=(-np.finfo(np.float64).max, np.finfo(np.float64).max))
+
+
 @_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Orientation(Checked):
@@ -60,12 +64,12 @@ class Orientation(Checked):
         InvalidInput: The arrays have wrong shapes, are not finite, or breaks do not increase.
     """
 
-    breaks: Annotated[FloatArray, Quantity("m"), Axes("breaks")]
-    starts: Annotated[FloatArray, Quantity(""), Axes("n", 3, 3)]
-    first: Annotated[FloatArray, Quantity(""), Axes("n", 3)]
-    second: Annotated[FloatArray, Quantity(""), Axes("n", 3)]
-    f: Annotated[FloatArray, Quantity(""), Axes("n", "terms")]
-    g: Annotated[FloatArray, Quantity(""), Axes("n", "terms")]
+    breaks: Annotated[FloatArray, FINITE, Axes("breaks")]
+    starts: Annotated[FloatArray, FINITE, Axes("n", 3, 3)]
+    first: Annotated[FloatArray, FINITE, Axes("n", 3)]
+    second: Annotated[FloatArray, FINITE, Axes("n", 3)]
+    f: Annotated[FloatArray, FINITE, Axes("n", "terms")]
+    g: Annotated[FloatArray, FINITE, Axes("n", "terms")]
     axis_only: bool = False
     follows: bool = False
     fixed: bool = field(init=False, repr=False)

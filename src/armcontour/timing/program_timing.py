@@ -70,13 +70,18 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
     Raises:
         ArmContourError: A move cannot be planned; the message starts with the name of the contour.
     """
-    from armcontour._pool import map_in_order
-
     number, count = 0, len(traced.program.contours)
     rapid_speed = traced.program.rapid_speed
     joined = JoinedMoves(traced, timing.arm)
     moves = [(x.joint_path, traced.is_contour(x)) for x in traced.steps if x.joint_path is not None]
-    with closing(map_in_order(partial(_time_move, timing, rapid_speed), moves)) as plans:
+    time_move = partial(_time_move, timing, rapid_speed)
+    if len(moves) > 1:
+        from armcontour._pool import map_in_order
+
+        timed = map_in_order(time_move, moves)
+    else:
+        timed = (time_move(x) for x in moves)
+    with closing(timed) as plans:
         for step in traced.steps:
             found = None
             if step.joint_path is not None:
