@@ -77,14 +77,16 @@ class Switch(Checked):
     Args:
         name: Name of the output.
         value: Value of the output while it is on, such as a power.
-        on_lead: Time by which it is switched on before the tool is at the start [s].
-        off_lead: Time by which it is switched off before the tool is at the end [s].
+        on_lead: Time by which it is switched on before the tool is at the start [s]; after it if
+            negative.
+        off_lead: Time by which it is switched off before the tool is at the end [s]; after it if
+            negative.
     """
 
     name: NeededName = field(default="tool", kw_only=False)
     value: Value = field(default=True, kw_only=False)
-    on_lead: Duration = 0.0
-    off_lead: Duration = 0.0
+    on_lead: Time = 0.0
+    off_lead: Time = 0.0
 
     def _check_together(self) -> None:
         if self.value is False:
