@@ -594,14 +594,17 @@ def refuse_if(wrong: bool | np.bool_, message: str) -> None:
 # How to get an object of a class, for messages.
 ORIGINS = {
     "Arm": "such as load_arm('ur5e')",
+    "CompensationOptions": "such as Inverse()",
     "Demand": "such as Demand(speed=0.1)",
     "Execution": "as execute gives it",
     "Frame": "such as Frame(position=(0.4, 0, 0.1))",
     "Job": "as read_job gives it",
     "Limits": "such as arm.limits",
     "Payload": "such as Payload(mass=2.0)",
+    "PlanOptions": "such as Optimal(reserve=0.1)",
     "Plant": "such as ServoPlant(arm, servo)",
     "ServoModel": "such as ServoModel(kp=25, kv=150)",
+    "Shaped": "such as Shaped(tolerance=1e-3)",
     "Study": "as run gives it",
     "TaughtData": "as compensate gives it",
     "Trajectory": "as plan gives it",

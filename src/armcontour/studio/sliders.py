@@ -58,8 +58,8 @@ SLIDERS = (
     Slider("timing.reserve", "reserve", "run", 0.0, 0.9, log=False),
 )
 CHOICES = (
-    ("timing.method", "timing", "run", METHODS),
-    ("compensation.method", "compensation", "run", compensator.METHODS),
+    ("timing.method", "timing", "run", tuple(METHODS)),
+    ("compensation.method", "compensation", "run", tuple(compensator.METHODS)),
     ("corners.shape", "corners", "path", (SHARP, *SHAPES)),
 )
 
@@ -158,7 +158,7 @@ def _value(key: str, job: Job, run: Run) -> Any:
     if keys == ("command_interval",):
         return run.period
     if keys == ("timing", "reserve"):
-        return run.reserve
+        return run.timing.reserve
     if keys[0] == "corners":
         return None if run.rounding is None else run.rounding.tolerance
     values = joint_values(keys, job, run.name)
@@ -178,7 +178,10 @@ def _choice(
 ) -> dict[str, Any]:
     """What can be chosen from a few."""
     corners = SHARP if run.rounding is None else run.rounding.shape
-    values = {"timing.method": run.timing, "compensation.method": run.compensation}
+    values = {
+        "timing.method": run.timing.method,
+        "compensation.method": run.compensation.method,
+    }
     value = values.get(key, corners)
     keys = place_of(key, data, run.name)
     return {

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
+from armcontour import _checks, compensation, timing
 from armcontour._checks import FloatArray
 from armcontour._quantities import Quantity
 from armcontour._text import plain_number, show
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change, Key, Keys, value_at
-from armcontour.io.job_file import COMPENSATION_OPTIONS, TIMING_OPTIONS
 from armcontour.io.job_model import JobModel
 from armcontour.io.si_data import quantity_of
 from armcontour.io.units import unit_of, write_like
@@ -83,12 +83,12 @@ def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     if isinstance(joint, int) and not isinstance(of, list | dict):
         return [Change(keys[:-1], _for_joints(keys, value, of, state))]
     changes = [Change(keys, written(value, value_at(state.data, keys), keys))]
-    for name, options in (("timing", TIMING_OPTIONS), ("compensation", COMPENSATION_OPTIONS)):
-        if keys[-2:] == (name, "method"):
+    for name, methods in (("timing", timing.METHODS), ("compensation", compensation.METHODS)):
+        if keys[-2:] == (name, "method") and value in methods:
             # What goes with another method would be refused.
-            others = (x for x, method in options.items() if method != value)
+            own = {"method", *(x.name for x in dataclasses.fields(methods[value]))}
             there = value_at(state.data, keys[:-1]) or {}
-            changes += [Change((*keys[:-1], x)) for x in others if x in there]
+            changes += [Change((*keys[:-1], x)) for x in there if x not in own]
     return changes
 
 
