@@ -7,7 +7,8 @@ import armcontour as ac
 
 drawing = Path(__file__).parent / "drawings" / "gasket.dxf"
 # The drawing's origin lies here on the table, in reach of the arm [m].
-gasket = ac.read_path(drawing, layers=["CUT"], frame=ac.Frame(position=(0.28, 0.08, 0.0)))
+place = ac.Frame(position=(0.28, 0.08, 0.0))
+gasket = ac.read_path(drawing, ac.ReadOptions(layers=["CUT"]), frame=place)
 print(f"{gasket.source}: {len(gasket.contours)} contours, {gasket.length * 1e3:.0f} mm")
 
 # A quarter of a circle leads onto every contour and off it, in what is waste.

@@ -25,7 +25,8 @@ job = ac.Job(
 )
 
 # The part moves by so much from where it is [m]: first value, last value, number of values.
-placed = ac.place(job, over={"x": (-0.1, 0.4, 6), "y": (0.0, 0.3, 4)}, refined=False)
+search = ac.PlaceSearch(over={"x": (-0.1, 0.4, 6), "y": (0.0, 0.3, 4)}, refined=False)
+placed = ac.place(job, search)
 print(f"here: {placed.own.duration:.3f} s")
 print(f"best of the grid: {placed.best}: {placed.best.verdict.duration:.3f} s")
 for kind, count in placed.refusals.items():

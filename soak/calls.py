@@ -194,6 +194,11 @@ def instances() -> Iterator[Any]:
     yield robustness.Box(dead_time=1e-3)
     yield from (ac.Optimal(), ac.Shaped(tolerance=1e-3), ac.Paper(), ac.Conventional())
     yield from (ac.Inverse(), ac.PolePlacement(), ac.InverseDynamics(), ac.NoCompensation())
+    yield from (
+        ac.ReadOptions(units="mm"),
+        ac.ArmOptions(tip="t"),
+        ac.PlaceSearch(over={"x": (0.0, 0.1, 2)}),
+    )
     yield from (ac.Recording(t=x["t"], q=x["wave"]), ac.Cell(x["arm"], ac.Scene()))
     contour = ac.Contour(path=x["path"])
     yield from (contour, ac.Program(moves=(contour,)))

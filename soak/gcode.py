@@ -15,6 +15,7 @@ from pathlib import Path
 from types import ModuleType
 
 from armcontour.errors import InvalidInput
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.drawings.read import read_path
 
 ORACLES = Path(__file__).parents[1] / "tests" / "oracle"
@@ -50,7 +51,7 @@ def compare(program: object, text: str, judges: ModuleType) -> str:
 def judge_file(file: Path, judges: ModuleType) -> str:
     """What came of a file; a refusal is no fault, for files may be anything."""
     try:
-        program = read_path(file, mend_vertices=0.0)
+        program = read_path(file, ReadOptions(mend_vertices=0.0))
     except InvalidInput:
         return "refused"
     text = file.read_bytes().decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")

@@ -79,7 +79,7 @@ def run(seed: int) -> Outcome:
     """Find the best place of a random grid, and plan all of its places."""
     job, over = random_problem(seed)
     try:
-        found = ac.place(job, over=over, processes=1)
+        found = ac.place(job, ac.PlaceSearch(over=over), processes=1)
     except Unreachable as error:
         notes = [] if "is feasible" in str(error) else [str(error)]
         return Outcome(result="none", notes=notes)

@@ -19,7 +19,7 @@ import armcontour as ac
 from armcontour._checks import LONGEST_NAME
 from armcontour._text import LONGEST_SENTENCE
 from armcontour.io.drawings.endings import READERS
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 from soak import Outcome
 from soak.samples import samples
 
@@ -132,8 +132,8 @@ def read(kind: str, seed: int) -> Outcome:
     of = samples(kind)
     data = mutated(of[int(rng.integers(len(of)))], rng)
     name, notes = f"part{KINDS[kind]}", []
-    how = Reading(
-        unit=None if rng.random() < 0.5 else 1e-3,
+    how = ReadOptions(
+        units=None if rng.random() < 0.5 else 1e-3,
         unknown="refuse" if rng.random() < 0.5 else "skip",
     )
     try:
@@ -153,7 +153,7 @@ def read(kind: str, seed: int) -> Outcome:
     return Outcome(kind=kind, result="read", notes=notes)
 
 
-def _read_as(kind: str, name: str, data: bytes, how: Reading) -> tuple[float, list[str]]:
+def _read_as(kind: str, name: str, data: bytes, how: ReadOptions) -> tuple[float, list[str]]:
     """Length of what is read [m], and all names in it."""
     if kind in BODIES:
         return _read_bodies(kind, name, data)
@@ -167,7 +167,7 @@ def _read_as(kind: str, name: str, data: bytes, how: Reading) -> tuple[float, li
     else:
         module, function = READERS[KINDS[kind]]
         reader: Any = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), function)
-        path = reader(data, source=name, reading=how)
+        path = reader(data, source=name, options=how)
     names = [text for x in path.contours for text in (x.name, x.layer)]
     return path.length, [*names, *(e.name for x in path.contours for e in x.events)]
 

@@ -147,12 +147,12 @@ STATED = [
     (
         "docs/guides/gcode.md",
         r"tolerance \((\S+) (um) by default\)",
-        default_of(ac.read_path, "chord_tolerance"),
+        field(ac.ReadOptions, "chord_tolerance"),
     ),
     (
         "docs/guides/export.md",
-        r"`derivatives` \| `(\d)` \(default\)",
-        default_of(ac.export, "derivatives"),
+        r"`derivatives` \|.*\| `(\d)` \(default\)",
+        field(ac.CsvFormat, "derivatives"),
     ),
     (
         "docs/guides/checking.md",

@@ -183,7 +183,7 @@ def test_the_first_arguments_need_no_names():
 OTHERS = (None, "text", 3.5, [1, 2], {"a": 1}, np.zeros((2, 2)), object())
 # Objects among them that are right.
 TAKEN = {
-    ("export", "file"): str, ("export", "name"): str, ("write_report", "file"): str,
+    ("export", "file"): str, ("write_report", "file"): str,
     ("Payload", "mass"): float, ("Process", "layers"): dict, ("shape", "limits"): type(None),
 }  # fmt: skip
 
@@ -221,7 +221,7 @@ def test_other_objects_are_refused_in_one_sentence(
         (ac.evaluate, (None, objective), {"limits": limits}),
         (ac.explain, (planned, arm), {"limits": limits}),
         (ac.check, (planned, arm), {"limits": limits}),
-        (ac.export, (taught, "a.csv"), {"arm": arm, "name": "a", "outputs": {}}),
+        (ac.export, (taught, "a.csv"), {"arm": arm, "format": ac.CsvFormat()}),
         (ac.prepare, (objective, ac.Process()), {}),
         *((x, (job,), {}) for x in (ac.run, ac.certify, ac.sweep, ac.place)),
         (ac.read_job, ("a.yaml",), {}),

@@ -144,14 +144,13 @@ def main(words: list[str]) -> int:
     given.add_argument("--rename", default="=")
     given.add_argument("--excess", type=float, default=EXCESS)
     told = given.parse_args(words)
-    arm = ac.load_arm(
-        told.description,
+    options = ac.ArmOptions(
         base=told.base,
         tip=told.tip,
         packages=dict(x.split("=") for x in told.package),
         arguments=dict(x.split("=") for x in told.argument),
-        trust_xacro=True,
     )
+    arm = ac.load_arm(told.description, options, trust_xacro=True)
     _compare(ac.load_arm(told.name), arm)
     assert isinstance(arm.shapes, ArmShapes)
     old, new = told.rename.split("=")

@@ -57,11 +57,21 @@ if TYPE_CHECKING:
     )
     from armcontour.identification import Identification, RobotIdentification, identify
     from armcontour.io import read_job, read_trajectory
+    from armcontour.io.drawings.options import ReadOptions
     from armcontour.io.drawings.read import read_path
-    from armcontour.io.exports import export
+    from armcontour.io.exports import (
+        CsvFormat,
+        McapFormat,
+        NpzFormat,
+        RosYamlFormat,
+        TemplateFormat,
+        URScriptFormat,
+        export,
+    )
     from armcontour.io.log_file import read_log
     from armcontour.io.robots.loading import arm_names, load_arm
-    from armcontour.jobs import Goal, Job, Rounding, Run, Study, run
+    from armcontour.io.robots.options import ArmOptions
+    from armcontour.jobs import Goal, Job, PlaceSearch, Rounding, Run, Study, run
     from armcontour.learning import (
         LearnedRun,
         Lesson,
@@ -153,11 +163,21 @@ _HOME = {
     ),
     "identification": ("Identification", "RobotIdentification", "identify"),
     "io": ("read_job", "read_trajectory"),
+    "io.drawings.options": ("ReadOptions",),
     "io.drawings.read": ("read_path",),
-    "io.exports": ("export",),
+    "io.exports": (
+        "CsvFormat",
+        "McapFormat",
+        "NpzFormat",
+        "RosYamlFormat",
+        "TemplateFormat",
+        "URScriptFormat",
+        "export",
+    ),
     "io.log_file": ("read_log",),
     "io.robots.loading": ("arm_names", "load_arm"),
-    "jobs": ("Goal", "Job", "Rounding", "Run", "Study", "run"),
+    "io.robots.options": ("ArmOptions",),
+    "jobs": ("Goal", "Job", "PlaceSearch", "Rounding", "Run", "Study", "run"),
     "learning": (
         "LearnedRun",
         "Lesson",
@@ -213,6 +233,7 @@ __all__ = [
     "Arc",
     "Arm",
     "ArmContourError",
+    "ArmOptions",
     "Batch",
     "Cell",
     "Certificate",
@@ -223,6 +244,7 @@ __all__ = [
     "CompensationOptions",
     "Contour",
     "Conventional",
+    "CsvFormat",
     "Demand",
     "Dwell",
     "Evaluation",
@@ -245,8 +267,10 @@ __all__ = [
     "Limits",
     "Line",
     "Log",
+    "McapFormat",
     "NoCompensation",
     "NotRealizable",
+    "NpzFormat",
     "Obstacle",
     "Optimal",
     "Orientation",
@@ -254,6 +278,7 @@ __all__ = [
     "Path",
     "Payload",
     "Pierce",
+    "PlaceSearch",
     "Placement",
     "PlanOptions",
     "PlanarTwoLink",
@@ -262,9 +287,11 @@ __all__ = [
     "Process",
     "Program",
     "Rapid",
+    "ReadOptions",
     "Recording",
     "RigidBodyPlant",
     "RobotIdentification",
+    "RosYamlFormat",
     "RoundedPath",
     "Rounding",
     "Run",
@@ -279,7 +306,9 @@ __all__ = [
     "Tabs",
     "Tally",
     "TaughtData",
+    "TemplateFormat",
     "Trajectory",
+    "URScriptFormat",
     "Unreachable",
     "Weave",
     "__version__",

@@ -594,6 +594,7 @@ def refuse_if(wrong: bool | np.bool_, message: str) -> None:
 # How to get an object of a class, for messages.
 ORIGINS = {
     "Arm": "such as load_arm('ur5e')",
+    "ArmOptions": "such as ArmOptions(tip='tool0')",
     "CompensationOptions": "such as Inverse()",
     "Demand": "such as Demand(speed=0.1)",
     "Execution": "as execute gives it",
@@ -601,8 +602,10 @@ ORIGINS = {
     "Job": "as read_job gives it",
     "Limits": "such as arm.limits",
     "Payload": "such as Payload(mass=2.0)",
+    "PlaceSearch": "such as PlaceSearch(over={'x': (-0.1, 0.1, 11)})",
     "PlanOptions": "such as Optimal(reserve=0.1)",
     "Plant": "such as ServoPlant(arm, servo)",
+    "ReadOptions": "such as ReadOptions(units='mm')",
     "ServoModel": "such as ServoModel(kp=25, kv=150)",
     "Shaped": "such as Shaped(tolerance=1e-3)",
     "Study": "as run gives it",

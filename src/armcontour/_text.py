@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import inspect
 import math
+import re
 import reprlib
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -70,6 +72,17 @@ def suggest(name: str, known: Iterable[str], otherwise: str) -> str:
     ]
     near = alike or difflib.get_close_matches(name, known, n=1)
     return f"did you mean {near[0]}?" if near else otherwise
+
+
+def describe_fields(cls: type) -> dict[str, str]:
+    """Descriptions of the fields of a dataclass, from its docstring and those of its bases."""
+    texts: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        _, _, rest = inspect.cleandoc(base.__doc__ or "").partition("\nArgs:\n")
+        for entry in filter(None, re.split(r"\n(?= {4}\w)", rest.split("\n\n")[0])):
+            names, _, text = entry.strip().partition(": ")
+            texts |= dict.fromkeys(names.split(", "), " ".join(text.split()))
+    return texts
 
 
 def _escape(character: str) -> str:

@@ -163,8 +163,8 @@ WRONG = [
     ({"do": "teach", "columns": ["contour_error.rms"]}, {}, ["do: run", "does teach"]),
     ({"columns": ["duration", "duration"]}, {}, ["item 2", "twice"]),
     ({"columns": []}, {}, ["columns is empty"]),
-    ({}, {"arm.tool": [{}]}, ["bend.yaml", "arm is 'pmk3s'", "no key tool"]),
-    ({}, {"runs.other.duration": [1]}, ["no effect", "only"]),
+    ({}, {"command_interval.x": [1]}, ["bend.yaml", "command_interval is", "no key x"]),
+    ({}, {"runs.other.duration": [1]}, ["names no run of the job: it has only"]),
     ({}, {x: between(1, 2, 9999) for x in (SPEED, TOLERANCE)}, ["99980001 jobs"]),
     ({}, {SPEED: ["50 mm/s", 0.05]}, ["jobs 1 and 2", "the same"]),
     ({"limits": {"time": "1 s"}}, {}, ["limits"]),
@@ -189,15 +189,16 @@ def test_wrong_plans_are_refused_in_one_sentence(planned):
     assert faults == []
 
 
-def test_a_key_that_the_run_has_itself_has_no_effect(planned, jobs, refuses):
+def test_a_key_is_that_of_the_run_if_it_has_it_itself(planned, jobs):
     text = (jobs / "bend.yaml").read_text()
     own = text.replace("only: {", "only: {limits: {speed: 0.2 m/s}, corners: {tolerance: 2 mm}, ")
     (jobs / "own.yaml").write_text(own)
-    for key in (SPEED, TOLERANCE):
-        data = planned({key: [0.1]}) | {"job": str(jobs / "own.yaml")}
-        refuses(lambda data=data: read_plan(data), InvalidInput, "no effect", f"runs.only.{key}")
-    # Another limit than the one that the run has.
-    assert len(read_plan(planned({"limits.tool_acceleration": [1, 2]}) | {"job": data["job"]})) == 2
+    over = {SPEED: ["80 mm/s"], TOLERANCE: [1e-4], "timing.reserve": ["2 %"]}
+    plan = read_plan(planned(over) | {"job": str(jobs / "own.yaml")})
+    (run,) = plan.bases[0].job(plan.data(0)).runs
+    assert run.limits.speed == pytest.approx(0.08) and run.rounding.tolerance == 1e-4
+    assert run.reserve == pytest.approx(0.02) and plan.units["timing.reserve"] == "1"
+    assert plan.data(0)["limits"]["speed"] == pytest.approx(0.1)
 
 
 def test_values_that_only_go_together_are_not_refused_alone(planned):

@@ -42,7 +42,10 @@ def test_options_replace_the_keys_of_the_job(job, refused, tmp_path, done):
     assert json.loads(shown)["certificate"]["goal"]["servo"] == 5e-5
     rows = [
         (("--servo", "5 kg"), ["--servo"]),
-        (("--servo", "-0.5 mm"), ["--servo: must be above zero, but is -0.5 mm."]),
+        (
+            ("--servo", "-0.5 mm"),
+            ["--servo: ", "certificate.servo: must be above zero, but is -0.5 mm."],
+        ),
         (("--plant", "rigid_body"), ["saturation"]),
     ]
     assert refused(tmp_path, rows, codes=(2,), begin=("certify", job)) == []

@@ -15,10 +15,10 @@ from tests.cli.helpers import summary
 from typer.testing import CliRunner
 
 import armcontour as ac
-from armcontour._quantities import Angle, Length, Speed, Tolerance
+from armcontour._quantities import Speed, Time, Tolerance
 from armcontour.cli.commands import app
 from armcontour.cli.interrupts import run_interruptibly
-from armcontour.cli.quantities import read_option, read_option_list
+from armcontour.cli.quantities import read_option
 from armcontour.errors import InvalidInput
 from armcontour.io.cell import cell_names
 
@@ -168,13 +168,8 @@ def test_removed_options_of_identify_are_refused(command, option):
 
 def test_a_quantity_has_a_unit_unless_it_is_zero():
     assert read_option("--speed", None, Speed) is None
-    assert read_option_list("--turn", "0, -0.0, 0e3", Angle) == (0.0, 0.0, 0.0)
+    assert read_option("--speed", "0e3", Time) == 0.0
     assert read_option("--speed", " 50 mm/s ", Speed) == 0.05
-    assert read_option_list("--speeds", "0.1 m/s, 0.2m/s,50 mm/s", Speed) == (0.1, 0.2, 0.05)
-    assert read_option_list("--speeds", None, Speed) is None
-    assert read_option_list("--at", "1 m, 2 m", Length, counts=(2, 3)) == (1.0, 2.0)
-    (turn,) = read_option_list("--turn", "90 deg", Angle) or ()
-    assert turn == pytest.approx(1.5707963267948966, rel=1e-15)
 
 
 def test_other_texts_are_refused_with_the_option():
@@ -185,13 +180,9 @@ def test_other_texts_are_refused_with_the_option():
     ):
         with pytest.raises(InvalidInput, match=words):
             read_option("--speed", text, Speed)
-        with pytest.raises(InvalidInput, match=words):
-            read_option_list("--speed", f"0.1 m/s, {text}", Speed)
     # The unit is that of the text.
     with pytest.raises(InvalidInput, match="^--servo: must be above zero, but is -0.5 mm.$"):
         read_option("--servo", " -0.5 mm ", Tolerance)
-    with pytest.raises(InvalidInput, match="--at takes 2 or 3 values"):
-        read_option_list("--at", "1 m", Length, counts=(2, 3), example="1 m, 2 m")
 
 
 @pytest.mark.parametrize("line", [["--help"], ["check", "--help"]])

@@ -216,8 +216,8 @@ def test_only_limits_of_joints_limit_commands(square):
 
 
 def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
-    for name in ("taught.csv", "taught.npz"):
-        export(limited, tmp_path / name, arm=arm, derivatives=0)
+    for name, form in (("taught.csv", ac.CsvFormat), ("taught.npz", ac.NpzFormat)):
+        export(limited, tmp_path / name, form(derivatives=0), arm=arm)
     table = np.genfromtxt(tmp_path / "taught.csv", delimiter=",", skip_header=1)
     with np.load(tmp_path / "taught.npz") as arrays:
         exact = arrays["q"]

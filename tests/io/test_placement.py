@@ -12,7 +12,6 @@ from tests.io.tables import refusals
 
 import armcontour as ac
 from armcontour.io import parse_job, placed_job_text, placement_csv
-from armcontour.io.job_overrides import JobOverrides
 from armcontour.scene import Obstacle, Scene, Sphere
 
 SQUARE = """\
@@ -39,7 +38,7 @@ runs: {only: {compensation: {method: none}}}
 @pytest.fixture(scope="module")
 def placed():
     over = {"x": (0.0, 0.9, 3), "yaw": (0.0, 0.2, 2)}
-    return ac.place(parse_job(SQUARE), over=over, refined=False)
+    return ac.place(parse_job(SQUARE), ac.PlaceSearch(over=over, refined=False))
 
 
 def written(found, text=SQUARE, **options):
@@ -63,7 +62,7 @@ def test_the_table_has_a_row_per_place(placed):
 
 def test_the_job_file_gets_a_work_frame_and_keeps_its_comments():
     over = {"x": (-0.1, -0.1, 1), "tilt": (0.1, 0.1, 1)}
-    found = ac.place(parse_job(SQUARE), over=over, refined=False)
+    found = ac.place(parse_job(SQUARE), ac.PlaceSearch(over=over, refined=False))
     text = written(found)
     kept = [x for x in text.splitlines() if x in SQUARE.splitlines()]
     assert kept == [x for x in SQUARE.splitlines() if not x.startswith("arm: ")]
@@ -81,7 +80,9 @@ def test_the_path_of_an_arm_in_the_plane_gets_a_frame():
     text = PLANE
     for _ in range(2):
         # The second time on top of the first.
-        found = ac.place(parse_job(text), over={"yaw": (0.2, 0.2, 1)}, refined=False)
+        found = ac.place(
+            parse_job(text), ac.PlaceSearch(over={"yaw": (0.2, 0.2, 1)}, refined=False)
+        )
         text = written(found, text)
         again = parse_job(text)
         assert duration(again) == pytest.approx(found.best.verdict.duration, rel=1e-5)
@@ -94,18 +95,17 @@ def test_the_path_of_an_arm_in_the_plane_gets_a_frame():
 
 
 def test_options_that_replaced_values_are_in_the_file(placed):
-    replaced = JobOverrides(speed=0.1, corner_tolerance=1e-3)
-    text = written(placed, overrides=replaced)
+    patch = {("limits", "speed"): 0.1, ("corners", "tolerance"): 1e-3, ("corners", "shape"): "free"}
+    text = written(placed, patch=patch)
     again = parse_job(text)
     assert again.runs[0].limits.speed == 0.1 and again.runs[0].rounding.tolerance == 1e-3
-    shaped = [(JobOverrides(corner_shape="free"), "--corner-shape is of the runs")]
-    refusals(lambda x: written(placed, overrides=x), shaped)
+    assert again.runs[0].rounding.free and "# on the table" in text
 
 
 def test_a_base_that_moves_among_obstacles_writes_no_job():
     far = Obstacle(name="far", shape=Sphere(radius=0.1), place=ac.Frame(position=[0, 0, 3]))
     job = replace(parse_job(SQUARE), scene=Scene(obstacles=(far,)))
-    found = ac.place(job, over={"x": (0.0, 0.0, 1)}, what="base", refined=False)
+    found = ac.place(job, ac.PlaceSearch(over={"x": (0.0, 0.0, 1)}, what="base", refined=False))
     refusals(written, [(found, "stay where they are when it moves")])
 
 
@@ -114,7 +114,9 @@ def test_a_part_in_the_plane_takes_its_obstacles_along():
         "scene: {spheres: [{name: pin, radius: 1 mm, at: [0.3, 0.3, 0], fixed_to: part}]}\n"
     )
     job = parse_job(text)
-    found = ac.place(job, over={"x": (0.0, 0.05, 2), "yaw": (0.1, 0.1, 1)}, refined=False)
+    found = ac.place(
+        job, ac.PlaceSearch(over={"x": (0.0, 0.05, 2), "yaw": (0.1, 0.1, 1)}, refined=False)
+    )
     again = parse_job(written(found, text))
     (there,) = again.scene.obstacles
     (moved,) = found.placed().scene.obstacles

@@ -11,7 +11,7 @@ from tests.io.tables import refusals
 
 from armcontour.errors import InvalidInput
 from armcontour.io import read_trajectory, ros_files
-from armcontour.io.exports import write_table
+from armcontour.io.exports.formats import FORMATS
 from armcontour.io.exports.table import Table
 from armcontour.io.log_file import read_log
 
@@ -78,7 +78,7 @@ def test_exports_come_back(tmp_path, mac, arm, form):
     q = np.column_stack([np.sin(t), np.cos(t)])
     names, file = ("shoulder", "elbow"), tmp_path / f"a.{form.removeprefix('ros-')}"
     table = Table(name="arm", joint_names=names, period=4e-3, t=t, q=q, dq=2 * q, ddq=3 * q)
-    write_table(table, file, format=form)
+    FORMATS[form]().write(table, file)
     found = read_trajectory(file)
     assert found.joints == names
     np.testing.assert_allclose(found.t, table.t, rtol=0, atol=1e-12)
@@ -94,7 +94,7 @@ def test_exports_come_back(tmp_path, mac, arm, form):
     x = mac.sample(4e-3)
     plan = Table(name="mac", joint_names=arm.joint_names, period=4e-3, t=x.t, q=x.q)
     place = file.with_stem("mac")
-    write_table(plan, place, format=form)
+    FORMATS[form]().write(plan, place)
     again = read_trajectory(place, arm.joint_names)
     np.testing.assert_allclose(again.q, x.q, atol=1e-12)
     assert form == "mcap" or again.resolution["q"] == pytest.approx(1e-12)

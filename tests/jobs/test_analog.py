@@ -12,7 +12,7 @@ import armcontour as ac
 from armcontour.geometry import Path
 from armcontour.io import parse_job
 from armcontour.io.drawings.gcode import read_gcode
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.jobs import analog_outputs, programs_of
 from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.program import Analog, Contour, Event, Lead, Process, Program, Switch, prepare
@@ -122,8 +122,8 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_p
     assert taught.start_time < 0
     expected = np.column_stack([of(taught.t) for of in analog.values()])
     assert expected.any(axis=0).all()
-    for ending in ("csv", "npz"):
-        ac.export(taught, tmp_path / f"a.{ending}", analog=analog)
+    ac.export(taught, tmp_path / "a.csv", ac.CsvFormat(analog=analog))
+    ac.export(taught, tmp_path / "a.npz", ac.NpzFormat(analog=analog))
     columns = [f"analog {x.name}" for x in PROCESS.analog]
     found = pd.read_csv(tmp_path / "a.csv")
     np.testing.assert_allclose(found[columns], expected, rtol=0, atol=1e-12)
@@ -133,13 +133,12 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_p
         assert stored["analog_name"].tolist() == [x.name for x in PROCESS.analog]
     text = "{% for p in points %}{{ p.analog.power|fixed(6) }}\n{% endfor %}"
     (tmp_path / "own.j2").write_text(text)
-    ac.export(taught, tmp_path / "a.txt", analog=analog, template=tmp_path / "own.j2")
+    own = ac.TemplateFormat(template=tmp_path / "own.j2", analog=analog)
+    ac.export(taught, tmp_path / "a.txt", own)
     np.testing.assert_allclose(np.loadtxt(tmp_path / "a.txt"), expected[:, 0], atol=1e-6)
     short = {"power": lambda t: t[1:]}
-    refused(
-        (lambda: ac.export(taught, tmp_path / "a.yaml", analog=analog), "ros-yaml", "power"),
-        (lambda: ac.export(taught, tmp_path / "b.csv", analog=short), "shape"),
-    )
+    form = ac.CsvFormat(analog=short)
+    refused((lambda: ac.export(taught, tmp_path / "b.csv", form), "shape"))
 
 
 def test_refuses_outputs_without_a_full_speed_and_odd_ones(plan):
@@ -160,7 +159,7 @@ CUT = b"G1 X310 Y200 F1200\nM8\nM3\nG1 X320\nM9\nM5\nG1 X340\nM3\nG1 X360\n"
 
 @each("text, travels", [(PRINT, [(0, 310), (320, 340)]), (CUT, [(320, 340)])])
 def test_values_are_off_where_the_file_is_off(text, travels):
-    program = read_gcode(b"G21 G90\nG0 X300 Y200\n" + text, source="a", reading=Reading())
+    program = read_gcode(b"G21 G90\nG0 X300 Y200\n" + text, source="a", options=ReadOptions())
     process = Process(analog=(POWER, Analog(name="mist", rest=2.0, full=2.0, follows="coolant")))
     program = prepare(program, process)
     trajectory = ac.plan(program, ARM, LIMITS)

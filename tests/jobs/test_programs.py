@@ -14,7 +14,6 @@ from armcontour.errors import Unreachable
 from armcontour.frames import from_rpy
 from armcontour.geometry import Arc, Path
 from armcontour.io.cell import read_cell
-from armcontour.io.job_overrides import JobOverrides
 from armcontour.jobs import Rounding, run, warnings_of
 from armcontour.jobs.programs import programs_of, trace_run
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
@@ -280,8 +279,8 @@ def test_transitions_spare_the_stops_within_their_tolerance():
 
 def test_set_points_of_a_drawing_change_no_faster_than_the_arm_may():
     """An ellipse of 37 arcs on the UR5e, with acceleration and jerk of a joint_limits.yaml."""
-    one = JobOverrides(names=("handle 38",))
-    drawn = read_cell(DRAWINGS / "gentle.yaml", DRAWINGS / "gasket.dxf", overrides=one)
+    one = {"names": ["handle 38"]}
+    drawn = read_cell(DRAWINGS / "gentle.yaml", DRAWINGS / "gasket.dxf", path=one)
     as_planned, compensated = run(drawn, simulate=False).runs.values()
     assert as_planned.full_stops == {} and as_planned.warnings == ()
     limits, taught = drawn.runs[0].limits, as_planned.taught

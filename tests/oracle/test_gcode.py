@@ -10,7 +10,7 @@ from tests.oracle import gcode_author
 from tests.oracle import gcode_interpreter as oracle
 
 from armcontour.io.drawings.gcode import read_gcode
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.program import Contour, Dwell, Event, Rapid
 
 CORPUS = Path(__file__).parents[1] / "io" / "drawings" / "gcode"
@@ -22,8 +22,8 @@ PROGRAMS = 40
 
 def read(text, **options):
     """The program as it is printed: what mending does to it has tests of its own."""
-    reading = Reading(mend_vertices=0.0, **options)
-    return read_gcode(text.encode("latin-1"), source="part.ngc", reading=reading)
+    given = ReadOptions(mend_vertices=0.0, **options)
+    return read_gcode(text.encode("latin-1"), source="part.ngc", options=given)
 
 
 def compare(program, moves, chord_tolerance=1e-5):
@@ -96,7 +96,7 @@ def test_corpus_is_read_as_the_oracle_reads_it():
     for file, data in accepted.items():
         if file.parent.name not in ("skipped", "refused"):
             print(file)  # pytest shows it of a failure
-            program = read_gcode(data, source=file.name, reading=Reading(mend_vertices=0.0))
+            program = read_gcode(data, source=file.name, options=ReadOptions(mend_vertices=0.0))
             text = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
             compare(program, oracle.interpret(text.removeprefix("\xef\xbb\xbf")))
 

@@ -28,7 +28,7 @@ from armcontour.placement import UNITS, Moves
 from armcontour.placement.judging import Trail, Verdict
 from armcontour.placement.reach import beyond_links, longest_reach
 from armcontour.placement.screening import Screened
-from armcontour.placement.searching import best_of, search
+from armcontour.placement.searching import best_of, search_grid
 from armcontour.scene import ArmShapes, Box, LinkShape, Obstacle, Scene, Sphere
 
 GRID = {"x": (-0.35, 0.45, 5), "y": (-0.25, 0.25, 3)}
@@ -72,7 +72,7 @@ def durations(found, job, anchor):
 
 @pytest.fixture(scope="module")
 def placed(square):
-    return ac.place(square, over=GRID)
+    return ac.place(square, ac.PlaceSearch(over=GRID))
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +117,7 @@ def test_a_refined_place_is_better_and_planned_in_full(placed, square):
 
 def test_every_place_can_be_planned(square):
     over = {"z": (0.0, 0.1, 2), "tilt": (-0.2, 0.2, 2)}
-    found = ac.place(square, over=over, every=True, refined=False)
+    found = ac.place(square, ac.PlaceSearch(over=over, every=True, refined=False))
     assert found.planned == 4 and found.refined is found.best
     known = durations(found, square, MIDDLE)
     np.testing.assert_allclose(found.values("duration").ravel(), known, rtol=SAME)
@@ -131,8 +131,10 @@ def test_every_place_can_be_planned(square):
 
 def test_the_worst_corner_counts(square):
     off = {"x": 0.02, "yaw": 0.1}
-    found = ac.place(square, over={"x": (0.0, 0.1, 2)}, uncertainty=off, refined=False)
-    plain = ac.place(square, over={"x": (0.0, 0.1, 2)}, refined=False)
+    found = ac.place(
+        square, ac.PlaceSearch(over={"x": (0.0, 0.1, 2)}, uncertainty=off, refined=False)
+    )
+    plain = ac.place(square, ac.PlaceSearch(over={"x": (0.0, 0.1, 2)}, refined=False))
 
     def worst(x):
         frames = [
@@ -146,12 +148,17 @@ def test_the_worst_corner_counts(square):
     assert found.best.values["x"] == (0.0, 0.1)[int(np.argmin(known))]
     assert found.best.verdict.duration > plain.best.verdict.duration
     over = {"x": (0.0, 0.2, 2)}
-    found = ac.place(square, over=over, uncertainty={"x": 0.2}, every=True, refined=False)
+    found = ac.place(
+        square, ac.PlaceSearch(over=over, uncertainty={"x": 0.2}, every=True, refined=False)
+    )
     assert found.refusals == {"reach": 1} and found.best.values == {"x": 0.0}
 
 
 def test_the_largest_manipulability_is_found(square):
-    found = ac.place(square, over={"x": (-0.2, 0.2, 3)}, objective="manipulability", refined=False)
+    found = ac.place(
+        square,
+        ac.PlaceSearch(over={"x": (-0.2, 0.2, 3)}, objective="manipulability", refined=False),
+    )
     values = []
     for k in range(3):
         job = moved(square, Moves(anchor=MIDDLE).frame(found.place(k)))
@@ -186,22 +193,24 @@ def post(fixed_to, x):
 
 
 def test_obstacles_of_the_cell_refuse_places_and_those_of_the_part_move_with_it(square):
-    options = {"over": {"y": (-0.05, 0.0, 2)}, "refined": False}
-    cell = ac.place(with_ball(square, post("base", 0.53)), every=True, **options)
+    own = ac.PlaceSearch(over={"y": (-0.05, 0.0, 2)}, refined=False)
+    cell = ac.place(with_ball(square, post("base", 0.53)), replace(own, every=True))
     assert [x.refusal for x in cell.verdicts] == ["clearance", ""]
     assert "post" in cell.verdicts[0].reason
     # The ball runs along y = 0: 50 mm from the post's middle, less 5 and 20 mm.
     assert cell.best.verdict.clearance == pytest.approx(0.025, abs=1.1e-3)
-    part = ac.place(with_ball(square, post("part", 0.53)), objective="clearance", **options)
+    clear = replace(own, objective="clearance")
+    part = ac.place(with_ball(square, post("part", 0.53)), clear)
     np.testing.assert_allclose(part.values("clearance"), 0.025, atol=1.1e-3)
     # A base that moves leaves both behind.
-    base = ac.place(with_ball(square, post("base", 0.53)), what="base", every=True, **options)
+    moved_base = replace(own, what="base", every=True)
+    base = ac.place(with_ball(square, post("base", 0.53)), moved_base)
     np.testing.assert_allclose(base.values("clearance"), 0.025, atol=1.1e-3)
 
 
 def test_a_base_that_moves_sees_the_part_move_back(square):
     one = {"x": (0.1, 0.1, 1), "yaw": (0.3, 0.3, 1)}
-    found = ac.place(square, over=one, what="base", refined=False)
+    found = ac.place(square, ac.PlaceSearch(over=one, what="base", refined=False))
     frame = Moves(anchor=np.zeros(3)).frame({"x": 0.1, "yaw": 0.3})
     expected = plan(moved(square, frame.inverse)).duration
     assert found.best.verdict.duration == pytest.approx(expected, rel=SAME)
@@ -210,7 +219,7 @@ def test_a_base_that_moves_sees_the_part_move_back(square):
 
 def test_an_arm_in_the_plane_is_placed_too(plane):
     over = {"x": (-0.04, 0.04, 3), "yaw": (-0.5, 0.5, 2)}
-    found = ac.place(plane, over=over, refined=False)
+    found = ac.place(plane, ac.PlaceSearch(over=over, refined=False))
     known = durations(found, plane, np.array([0.33, 0.22, 0.0]))
     assert found.best.values == found.place(int(np.argmin(known)))
     assert found.best.verdict.duration == pytest.approx(known.min(), rel=SAME)
@@ -219,32 +228,36 @@ def test_an_arm_in_the_plane_is_placed_too(plane):
 
 def test_no_feasible_place_says_how_far_out_of_reach_it_is(square):
     with pytest.raises(Unreachable, match=r"None of 4 places is feasible \(4 by reach\)") as caught:
-        ac.place(square, over={"x": (1.0, 2.0, 4)})
+        ac.place(square, ac.PlaceSearch(over={"x": (1.0, 2.0, 4)}))
     # The corner of the path that is the farthest from the base.
     assert 0.5 < caught.value.needed < 1.0
     with pytest.raises(Unreachable, match=r"The place x 1000 mm is refused: .* stays .* away"):
-        ac.place(square, over={"x": (1.0, 1.0, 1)})
+        ac.place(square, ac.PlaceSearch(over={"x": (1.0, 1.0, 1)}))
     with pytest.raises(Unreachable, match="a corner of its uncertainty is refused by reach"):
-        ac.place(square, over={"x": (0.2, 0.2, 1)}, uncertainty={"x": 0.3})
+        ac.place(square, ac.PlaceSearch(over={"x": (0.2, 0.2, 1)}, uncertainty={"x": 0.3}))
     with pytest.raises(NotRealizable, match="by clearance.*post"):
-        ac.place(with_ball(square, post("base", 0.5)), over={"y": (-0.06, -0.04, 2)})
+        ac.place(
+            with_ball(square, post("base", 0.5)), ac.PlaceSearch(over={"y": (-0.06, -0.04, 2)})
+        )
 
 
 def test_wrong_wishes_are_refused(square):
     (run,) = square.runs
     slow = replace(square, runs=(replace(run, timing=ac.Optimal(duration=5.0)),))
     for job, wrong, words in (
-        (square, {"objective": "beauty"}, "objective must be one of cycle, manipulability"),
+        (square, {"objective": "beauty"}, "must be one of cycle, manipulability"),
         (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),
         (square, {"run": "first"}, "no run 'first': its runs are taught"),
         (square, {"what": "base", "about": "origin"}, "A base turns about its own origin"),
         (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base is not tilted"),
         (square, {"processes": 0}, "processes"),
         (slow, {}, "given duration of 5 s"),
-        (parse_job(CORNER), {"over": None}, "they are the key placement.over"),
+        (parse_job(CORNER), {"over": {}}, "they are the key placement.over"),
     ):
+        processes = wrong.pop("processes", None)
         with pytest.raises(InvalidInput, match=words):
-            ac.place(job, **{"over": {"x": (0, 0.1, 2)}, **wrong})
+            search = ac.PlaceSearch(**{"over": {"x": (0, 0.1, 2)}, **wrong})
+            ac.place(job, search, processes=processes)
 
 
 def test_the_job_holds_the_question():
@@ -252,23 +265,26 @@ def test_the_job_holds_the_question():
         "placement: {over: {x: {from: 0 mm, to: 20 mm, places: 2}}, refine: false, about: origin}\n"
     )
     own = ac.place(parse_job(CORNER + asked))
-    given = ac.place(parse_job(CORNER), over={"x": (0.0, 0.02, 2)}, refined=False, about="origin")
+    given = ac.place(
+        parse_job(CORNER), ac.PlaceSearch(over={"x": (0.0, 0.02, 2)}, refined=False, about="origin")
+    )
     # Figures that are not computed are NaN, which equals nothing.
     assert repr(own.verdicts) == repr(given.verdicts) and own.refined.values == given.refined.values
     assert own.moves.anchor.tolist() == [0, 0, 0] == given.moves.anchor.tolist()
-    more = ac.place(parse_job(CORNER + asked), over={"yaw": (0.0, 0.1, 2)}, about=(0.3, 0.2, 0.0))
-    assert [x.name for x in more.axes] == ["x", "yaw"]
-    assert more.moves.anchor.tolist() == [0.3, 0.2, 0.0]
+    search = ac.PlaceSearch(over={"yaw": (0.0, 0.1, 2)}, about=(0.3, 0.2, 0.0))
+    other = ac.place(parse_job(CORNER + asked), search)
+    assert [x.name for x in other.axes] == ["yaw"]
+    assert other.moves.anchor.tolist() == [0.3, 0.2, 0.0]
 
 
 def test_a_best_place_at_the_end_of_a_range_is_said(square):
-    wide = ac.place(square, over={"x": (-0.2, 0.2, 3)}, refined=False)
+    wide = ac.place(square, ac.PlaceSearch(over={"x": (-0.2, 0.2, 3)}, refined=False))
     inside = wide.refined.values["x"] == 0.0
     assert inside == (not any("at the end of the range of x" in x for x in wide.notes))
     # A range that lies beside its best place ends there.
     best = wide.refined.values["x"]
     for first, last in ((best + 0.02, best + 0.06), (best - 0.06, best - 0.02)):
-        found = ac.place(square, over={"x": (first, last, 2)}, refined=False)
+        found = ac.place(square, ac.PlaceSearch(over={"x": (first, last, 2)}, refined=False))
         (note,) = (x for x in found.notes if "range" in x)
         assert note.startswith("The best place is at the end of the range of x: a wider range")
 
@@ -371,8 +387,10 @@ def test_the_order_of_answers_changes_nothing(given, every, seed):
     judge = Known(tuple(float(b) for b, _ in given), tuple(float(b + more) for b, more in given))
     grid = [{"x": float(k)} for k in range(len(given))]
     tell = []
-    alone = search(judge, grid, every=every, processes=1, progress=lambda x: tell.append(x.done))
-    shuffled = partial(search, judge, grid, every=every, progress=lambda x: None)
+    alone = search_grid(
+        judge, grid, every=every, processes=1, progress=lambda x: tell.append(x.done)
+    )
+    shuffled = partial(search_grid, judge, grid, every=every, progress=lambda x: None)
     found, _ = untidily(seed, shuffled)
     # As text, as what is unknown is not a number.
     assert str(found) == str(alone)
@@ -395,8 +413,9 @@ def test_the_order_of_answers_changes_nothing(given, every, seed):
     ],
 )
 def test_the_table_is_the_same_byte_for_byte(square, more):
-    alone = ac.place(square, processes=1, refined=False, **more)
-    found, count = untidily(3, partial(ac.place, square, refined=False, **more))
+    search = ac.PlaceSearch(refined=False, **more)
+    alone = ac.place(square, search, processes=1)
+    found, count = untidily(3, partial(ac.place, square, search))
     assert placement_csv(found) == placement_csv(alone) and count > 1
     assert found.best.values == alone.best.values and str(found) == str(alone)
 
@@ -420,6 +439,6 @@ def test_a_lost_worker_is_an_error(square, refuses):
     lost = "A worker of the executor has ended before"
     for after in (0, 2):
         with pytest.raises(ExecutionError, match=lost):
-            ac.place(square, over=FEW, executor=Losing(after))
+            ac.place(square, ac.PlaceSearch(over=FEW), executor=Losing(after))
     with pytest.raises(InvalidInput, match="An executor has its own workers"):
-        ac.place(square, over=FEW, executor=InProcess(), processes=2)
+        ac.place(square, ac.PlaceSearch(over=FEW), executor=InProcess(), processes=2)

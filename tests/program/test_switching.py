@@ -5,7 +5,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.io.drawings.gcode import read_gcode
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 
 LASER = b"""G21 G90 F1200
 M4 S800
@@ -23,7 +23,7 @@ SWITCH = ac.Switch(name="laser")
 
 
 def laser(**options):
-    program = read_gcode(LASER, source="laser.nc", reading=Reading())
+    program = read_gcode(LASER, source="laser.nc", options=ReadOptions())
     return ac.prepare(program, ac.Process(**options))
 
 
@@ -62,7 +62,7 @@ def test_what_is_on_over_rapids_is_off_between_them():
 
 
 def test_a_switch_of_an_output_that_the_file_switches_adds_its_leads_only():
-    program = read_gcode(PRINT, source="part.gcode", reading=Reading())
+    program = read_gcode(PRINT, source="part.gcode", options=ReadOptions())
     switch = ac.Switch(name="extruder", on_lead=0.02, off_lead=0.01)
     (contour,) = ac.prepare(program, ac.Process(switch=switch)).contours
     expected = [(True, 0.0), (False, 0.01), (True, 0.02), (False, 0.03)]

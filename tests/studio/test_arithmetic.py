@@ -53,7 +53,7 @@ def test_the_page_has_links_and_tool_where_the_library_has_them():
     arms = [
         *map(ac.load_arm, ac.arm_names()),
         ac.load_arm("ur5e").with_work(work).with_tool(tool),
-        ac.load_arm(URDF, tip="tcp", locked={"lift": 0.2}),
+        ac.load_arm(URDF, ac.ArmOptions(tip="tcp", locked={"lift": 0.2})),
     ]
     random = np.random.default_rng(19)
     postures = [random.uniform(-3.0, 3.0, (40, arm.dof)) for arm in arms]

@@ -13,8 +13,10 @@ from armcontour import _checks
 from armcontour._checks import FloatArray, refuse_if
 from armcontour._quantities import Quantity
 from armcontour._text import show, suggest
-from armcontour.errors import InvalidInput
+from armcontour.errors import InvalidInput, locate_errors
+from armcontour.io.job_edits import Change, Keys, change_data, value_at
 from armcontour.io.job_model import JobModel
+from armcontour.io.patch import full_key, key_of
 from armcontour.io.si_data import in_si, quantity_of
 from armcontour.io.units import parse, read_quantity
 
@@ -45,9 +47,9 @@ class Parameter:
     sampled: bool = False
 
     @property
-    def parts(self) -> tuple[str, ...]:
+    def parts(self) -> Keys:
         """The keys that lead to its key, and the last one."""
-        return tuple(self.key.split("."))
+        return key_of(self.key)
 
     @property
     def numeric(self) -> bool:
@@ -75,9 +77,8 @@ def read_parameter(key: str, given: Any, *, sampled: bool) -> Parameter:
         InvalidInput: A wrong range, or no value.
     """
     place = f"over.{key}"
-    form = f"{place}: a key has names with dots between them, like limits.speed."
-    refuse_if(not all(key.split(".")), form)
-    quantity = quantity_of(JobModel, key.split("."))
+    with locate_errors("over"):
+        quantity = quantity_of(JobModel, full_key(key_of(key)))
     unit = None if quantity is None else quantity.unit
     if isinstance(given, Mapping):
         low, high, count, log = _read_range(place, given, quantity, sampled)
@@ -153,13 +154,8 @@ def _read_end(place: str, value: Any, quantity: Quantity | None) -> float:
 
 def _in_si(key: str, value: Any) -> Any:
     """A value of a key in SI units; what is no quantity stays as it is."""
-    nested = value
-    for name in reversed(key.split(".")):
-        nested = {name: nested}
-    nested = in_si(nested, JobModel)
-    for name in key.split("."):
-        nested = nested[name]
-    return nested
+    keys = full_key(key_of(key))
+    return value_at(in_si(change_data({}, [Change(keys, value)]), JobModel), keys)
 
 
 def _between(low: float, high: float, shares: FloatArray, *, log: bool) -> FloatArray:

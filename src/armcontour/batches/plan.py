@@ -23,7 +23,6 @@ from armcontour.batches.resolving import (
     named_files,
     read_base,
     refuse_unplaced,
-    refuse_without_effect,
 )
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.io.keys import Keys, read_keys
@@ -123,7 +122,7 @@ class Plan:
         return len(self.bases) * self.each
 
     @property
-    def keys(self) -> tuple[tuple[str, ...], ...]:
+    def keys(self) -> tuple[tuple[str | int, ...], ...]:
         """For each parameter, the keys that lead to its values."""
         return tuple(x.parts for x in self.parameters)
 
@@ -229,7 +228,6 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
         for x in ([model.job] if model.job is not None else model.jobs or [])
     )
     for base in bases:
-        refuse_without_effect(base, [x.key for x in parameters])
         if model.do == PLACE:
             refuse_unplaced(base, _first(base, parameters))
         _refuse_unreadable(base, parameters)
@@ -312,7 +310,7 @@ def _refuse_unreadable(base: Base, parameters: Sequence[Parameter]) -> None:
 
 
 def _problem(
-    base: Base, keys: Sequence[tuple[str, ...]], values: Sequence[Any]
+    base: Base, keys: Sequence[tuple[str | int, ...]], values: Sequence[Any]
 ) -> InvalidInput | None:
     """Why some values are not valid in a job; None if they are."""
     try:

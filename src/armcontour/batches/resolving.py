@@ -14,16 +14,16 @@ from armcontour import _files
 from armcontour._checks import refuse_if
 from armcontour._text import show
 from armcontour._version import __version__
-from armcontour._yaml import load
 from armcontour.arms import Arm
 from armcontour.batches.columns import CERTIFY, PLACE
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
 from armcontour.io.cell import cell_data
 from armcontour.io.job_arm import ARM_FILES
-from armcontour.io.job_file import job_on, job_text, parts_of, read_model
+from armcontour.io.job_edits import Keys
+from armcontour.io.job_file import job_on, job_text, model_of, parts_of, read_data
 from armcontour.io.job_model import JobModel
-from armcontour.io.keys import Keys, read_keys
+from armcontour.io.patch import apply
 from armcontour.io.si_data import in_si
 from armcontour.jobs import Job
 from armcontour.program import Program
@@ -58,7 +58,7 @@ class Base:
     files: tuple[str, ...] = ()
     dimension: int = 0
 
-    def at(self, keys: Sequence[tuple[str, ...]], values: Sequence[Any]) -> dict[str, Any]:
+    def at(self, keys: Sequence[Keys], values: Sequence[Any]) -> dict[str, Any]:
         """The data with values of parameters.
 
         Args:
@@ -68,10 +68,8 @@ class Base:
         Raises:
             InvalidInput: A key inside of something that has no keys.
         """
-        data = dict(self.data)
-        for parts, value in zip(keys, values, strict=True):
-            with locate_errors(self.source):
-                _put(data, parts, value)
+        with locate_errors(self.source):
+            data: dict[str, Any] = apply(self.data, dict(zip(keys, values, strict=True)), self.run)
         return data
 
     def model(self, data: Mapping[str, Any]) -> JobModel:
@@ -80,8 +78,7 @@ class Base:
         Raises:
             InvalidInput: An unknown key, or an invalid value.
         """
-        model: JobModel = read_keys(Keys(JobModel), dict(data), self.source)
-        return model
+        return model_of(JobModel, data, self.source)
 
     def job(self, data: Mapping[str, Any], *, trust_xacro: bool = False) -> Job:
         """The job of some data; arm and path are made once while their data stay the same.
@@ -172,9 +169,7 @@ def read_base(job: str | Mapping[str, str], folder: FilePath, run: str | None, w
     """
     if isinstance(job, str):
         place = folder / job
-        text = job_text(place)
-        read_model(JobModel, text, place.name)
-        data, source, home = load(text, place.name), place.name, place.parent
+        data, source, home = read_data(job_text(place), place.name), place.name, place.parent
         name = place.stem
     else:
         cell = job["cell"]
@@ -182,6 +177,7 @@ def read_base(job: str | Mapping[str, str], folder: FilePath, run: str | None, w
         drawing = folder / job["drawing"]
         data, source, home = cell_data(cell, drawing)
         name = drawing.stem
+    model_of(JobModel, data, source)
     reduced, chosen = _with_run(data, source, run, work)
     found = in_si(reduced, JobModel)
     return Base(name=name, source=source, folder=home.absolute(), data=found, run=chosen)
@@ -224,36 +220,6 @@ def _without(data: Mapping[str, Any], name: str) -> dict[str, Any]:
     return {key: x for key, x in data.items() if key != name}
 
 
-def refuse_without_effect(base: Base, keys: Sequence[str]) -> None:
-    """Refuse parameters that the run of a job does not see, since it has values of its own.
-
-    Args:
-        base: The job.
-        keys: The parameters.
-
-    Raises:
-        InvalidInput: There is such a parameter.
-    """
-    if base.run is None:
-        return
-    own = base.data["runs"][base.run] or {}
-    for key in keys:
-        first, *rest = key.split(".")
-        if first == "runs" and (not rest or rest[0] != base.run):
-            raise InvalidInput(
-                f"over.{key} has no effect, because the run of {base.source} is {base.run}: write "
-                f"runs.{base.run}, or name another run."
-            )
-        hidden = own.get(first)
-        if first == "limits" and rest:
-            hidden = (hidden or {}).get(rest[0])
-        if first in ("limits", "corners", "command_interval") and hidden is not None:
-            raise InvalidInput(
-                f"over.{key} has no effect, because the run {base.run} of {base.source} has its "
-                f"own: write runs.{base.run}.{key}."
-            )
-
-
 def refuse_unplaced(base: Base, data: Mapping[str, Any]) -> None:
     """Refuse a job that does not say where its part is to be placed.
 
@@ -270,21 +236,6 @@ def refuse_unplaced(base: Base, data: Mapping[str, Any]) -> None:
             f"do: place needs the key placement.over of {base.source}, which says where to look, "
             "such as placement: {over: {x: {from: -100 mm, to: 100 mm, places: 5}}}."
         )
-
-
-def _put(data: dict[str, Any], parts: Sequence[str], value: Any) -> None:
-    """Put a value into data, whose inner mappings are copied; missing mappings are made."""
-    for k, name in enumerate(parts[:-1]):
-        inner = data.get(name)
-        if inner is not None and not isinstance(inner, dict):
-            raise InvalidInput(
-                f"{'.'.join(parts[: k + 1])} is {show(inner)} there, which has no key "
-                f"{parts[k + 1]}: give {'.'.join(parts[: k + 1])} whole, as a list of mappings."
-            )
-        own = dict(inner or {})
-        data[name] = own
-        data = own
-    data[parts[-1]] = value
 
 
 def named_files(data: Mapping[str, Any]) -> Iterator[str]:

@@ -78,7 +78,7 @@ def _do(work: str, job: Job, run: str | None) -> Any:
         from armcontour.placement import place
 
         # Others have jobs of their own.
-        return place(job, run, processes=1)
+        return place(job, run=run, processes=1)
     from armcontour import jobs
 
     return jobs.run(job, simulate=work != TEACH).runs[str(run)]

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from armcontour._progress import under
 from armcontour.cli.console import Console, open_page
-from armcontour.cli.quantities import read_option
 
 if TYPE_CHECKING:
     from armcontour.certification import Certificate
@@ -29,7 +28,6 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
         ArmContourError: An invalid job, or no plan that meets the goal; then nothing is written.
     """
     from armcontour._pool import open_executor
-    from armcontour._quantities import Tolerance
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import search_progress
     from armcontour.errors import InvalidInput
@@ -37,12 +35,6 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
 
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    lengths = {
-        "tolerance": read_option("--total-tolerance", x.total_tolerance, Tolerance),
-        "servo": read_option("--servo", x.servo, Tolerance),
-    }
-    given = {**lengths, "plant": x.plant}
-    overrides = {name: value for name, value in given.items() if value is not None}
     shared = x.workers is not None or x.cluster is not None
     with (
         open_executor(x.workers, x.cluster) if shared else nullcontext() as executor,
@@ -52,11 +44,10 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
         from armcontour.certification.certifying import goal_of
 
         with search_progress("certifying") as progress:
-            job = open_job(file, job_options, under(progress, "reading"))
-            goal = goal_of(job, **overrides)
+            job = open_job(file, job_options, under(progress, "reading"), x)
             if shared:
-                _refuse_nothing_shared(goal)
-            found = certify(job, x.run_name, goal=goal, executor=executor, progress=progress)
+                _refuse_nothing_shared(goal_of(job))
+            found = certify(job, x.run_name, executor=executor, progress=progress)
         if folder is not None:
             _write(found, folder)
     if x.as_json:

@@ -149,17 +149,17 @@ def _arm(x: CheckOptions, own: Arm | None) -> Arm:
 
 def named_arm(name: str, x: ArmOptions) -> Arm:
     """The arm of a name or file, by the options of robot descriptions."""
+    from armcontour.io.robots import options
     from armcontour.io.robots.loading import load_arm
 
-    return load_arm(
-        name,
+    given = options.ArmOptions(
         tip=x.tip,
         base=x.base,
         joint_limits=x.joint_limits,
         packages=_pairs("--package", x.package),
         arguments=_pairs("--xacro-arg", x.xacro_arg),
-        trust_xacro=x.trust_xacro,
     )
+    return load_arm(name, given, trust_xacro=x.trust_xacro)
 
 
 def _pairs(option: str, given: list[str] | None) -> dict[str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from armcontour.arms import Arm, Limits
     from armcontour.cli.options import ExportOptions, StoredExportOptions
     from armcontour.io import ResultFolder
+    from armcontour.io.exports.formats import ExportFormat
     from armcontour.io.exports.table import Table
     from armcontour.jobs import Job, RunResult
     from armcontour.motion import TaughtData, Trajectory
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
 
 # Labels of the set-points for the robot, and of the plan without compensation.
 TAUGHT, REFERENCE = "taught", "reference"
-# Formats whose files have tool points, and those with outputs of events.
-WITH_TOOL = ("npz", "template")
-WITH_OUTPUTS = ("urscript", "template")
 # Formats whose controllers join set-points with accelerations by quintics, and the share of the
 # limit above which such accelerations are said.
 JOINED_BY_QUINTICS = ("ros-yaml", "mcap")
@@ -40,33 +38,25 @@ class Target:
     """One file of an export.
 
     Args:
-        kind: Name of the format.
+        format: The format, with its outputs of events.
         ending: Ending of the file name.
-        template: Name or file of the template, for the format "template".
     """
 
-    kind: str
+    format: ExportFormat
     ending: str
-    template: str | None = None
-
-    @property
-    def name(self) -> str:
-        """Name of the format or of the template."""
-        return self.kind if self.template is None else self.template
 
     @property
     def plans(self) -> bool:
         """Whether the controller plans between the points: such files get the plan only."""
-        from armcontour.io.exports import templates
+        from armcontour.io.exports.template import templates
 
-        return self.template in templates()
+        return self.format.label in templates()
 
     @property
     def option(self) -> str:
         """The option of the command line for this file, for messages."""
-        if self.template is None:
-            return f"--export {self.kind}"
-        return f"--template {self.template}"
+        kind = "template" if self.format.kind == "template" else "export"
+        return f"--{kind} {self.format.label}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,19 +65,15 @@ class Exports:
 
     Args:
         targets: The files.
-        outputs: Outputs of events by names of events: of a format, or under "" of all formats.
         period: Time between points of the plan [s]; the command interval if None.
         derivatives: Highest derivative.
         tool_motion: Whether files have point, orientation and speed of the tool.
-        call: Whether programs in URScript are followed by their call.
     """
 
     targets: tuple[Target, ...] = ()
-    outputs: dict[str, Outputs] = field(default_factory=dict)
     period: float | None = None
     derivatives: int = 2
     tool_motion: bool = False
-    call: bool = False
 
     def __bool__(self) -> bool:
         return bool(self.targets)
@@ -99,43 +85,32 @@ class Exports:
             InvalidInput: The format cannot hold the table; names the option of the format.
         """
         from armcontour.errors import locate_errors
-        from armcontour.io.exports import takes_analog, write_table
+        from armcontour.io.exports.formats import WITH_ANALOG
 
-        if table.analog and not takes_analog(target.kind):
+        if not isinstance(target.format, WITH_ANALOG):
             table = dataclasses.replace(table, analog={})
-        outputs = self.outputs_of(target)
         with locate_errors(target.option):
-            write_table(
-                table,
-                file,
-                format=target.kind,
-                template=target.template,
-                outputs=outputs if outputs and target.kind in WITH_OUTPUTS else None,
-                call=self.call and target.kind == "urscript",
-            )
+            target.format.write(table, file)
 
     def period_of(self, target: Target) -> float | None:
         """Time between points of the plan in one of the files; None for the command interval."""
-        return None if target.kind == "urscript" else self.period
-
-    def outputs_of(self, target: Target) -> Outputs:
-        """The outputs of events in one of the files."""
-        return self.outputs.get("", {}) | self.outputs.get(target.name, {})
+        return None if target.format.kind == "urscript" else self.period
 
     def warn_of_events(self, target: Target, table: Table) -> list[str]:
         """Sentences on outputs that one of the files does not switch."""
-        from armcontour.io.exports import describe_program
+        from armcontour.io.exports.formats import outputs_of
+        from armcontour.io.exports.template import describe_program
 
         return describe_program(
             table,
-            target.name,
-            self.outputs_of(target),
+            target.format.label,
+            outputs_of(target.format),
             lambda event, output: f"--output {event}={output}",
         )
 
     def table_options(self, arm: Arm) -> dict[str, Any]:
         """Keyword arguments for a table of the arm; tool points only if a file has them."""
-        needed = self.tool_motion or any(x.kind in WITH_TOOL for x in self.targets)
+        needed = self.tool_motion or any(x.format.kind in ("npz", "template") for x in self.targets)
         return {
             "arm": arm if needed else None,
             "joint_names": arm.joint_names,
@@ -155,14 +130,16 @@ def exports_of(x: ExportOptions) -> Exports:
     """
     from armcontour._quantities import Interval
     from armcontour.errors import InvalidInput
-    from armcontour.io.exports import chosen_format
+    from armcontour.io.exports.formats import TemplateFormat, format_named
 
-    formats, templates = x.export or [], x.template or []
-    for name in formats:
-        chosen_format(FilePath(), name, "given" if name == "template" else None)
-        if name == "template":
-            raise InvalidInput("--export template needs its template: give it with --template.")
-    targets = _targets(formats, templates)
+    kinds = [format_named(name) for name in x.export or ()]
+    if TemplateFormat in kinds:
+        raise InvalidInput("--export template needs its template: give it with --template.")
+    targets = [Target(format=of(), ending=of.ending) for of in kinds]
+    targets += [
+        Target(format=TemplateFormat(template=name), ending=_ending(name))
+        for name in x.template or ()
+    ]
     period = read_option("--period", x.period, Interval)
     if not targets:
         options = {
@@ -176,38 +153,39 @@ def exports_of(x: ExportOptions) -> Exports:
                 raise InvalidInput(f"{option} goes with --export or --template.")
     _refuse_same_files(targets)
     return Exports(
-        targets=tuple(targets),
-        outputs=read_outputs(x.output or [], targets),
+        targets=tuple(_with_outputs(targets, x.output or [], x.call)),
         period=period,
         derivatives=x.derivatives,
         tool_motion=x.tool_motion,
-        call=x.call,
     )
 
 
-def read_outputs(texts: Sequence[str], targets: Sequence[Target]) -> dict[str, Outputs]:
-    """Outputs of events from texts such as "tool=0", or "abb:tool=doTool" for one format.
+def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -> list[Target]:
+    """Targets with outputs of events, from texts such as "tool=0", or "abb:tool=doTool" for one.
 
     Args:
-        texts: The texts.
         targets: The files of the export.
+        texts: The texts.
+        call: Whether programs in URScript are followed by their call.
 
     Raises:
         InvalidInput: No format takes outputs, or a text is not "event=output".
     """
     from armcontour.errors import InvalidInput
-    from armcontour.io.exports import formats, templates
+    from armcontour.io.exports.formats import FORMATS, WITH_OUTPUTS, URScriptFormat
+    from armcontour.io.exports.template import templates
 
-    takers = [x.name for x in targets if x.kind in WITH_OUTPUTS]
+    takers = [x.format.label for x in targets if isinstance(x.format, WITH_OUTPUTS)]
     if texts and not takers:
         raise InvalidInput("--output goes with --export urscript or with --template.")
-    found: dict[str, Outputs] = {}
+    # Of each format, and under "" of all of them.
+    outputs: dict[str, Outputs] = {}
     for text in texts:
         event, equals, number = text.partition("=")
         kind, colon, rest = event.partition(":")
         if colon and kind in takers:
             event = rest
-        elif colon and kind in (*formats(), *templates()):
+        elif colon and kind in (*FORMATS, *templates()):
             raise InvalidInput(f"--output {text} is for {kind}, which is not exported.")
         else:
             kind = ""
@@ -215,11 +193,20 @@ def read_outputs(texts: Sequence[str], targets: Sequence[Target]) -> dict[str, O
             raise InvalidInput(
                 f"--output must be an event and its output, such as tool=0: {text!r}."
             )
-        of = found.setdefault(kind, {})
+        of = outputs.setdefault(kind, {})
         if event in of:
             raise InvalidInput(f"--output gives the event {event!r} two outputs: give it one.")
         of[event] = int(number) if number.isdecimal() else number
-    return found
+    complete = []
+    for x in targets:
+        format = x.format
+        if isinstance(format, WITH_OUTPUTS):
+            own = outputs.get("", {}) | outputs.get(format.label, {})
+            format = dataclasses.replace(format, outputs=own)
+        if isinstance(format, URScriptFormat):
+            format = dataclasses.replace(format, call=call)
+        complete.append(Target(format=format, ending=x.ending))
+    return complete
 
 
 def _refuse_same_files(targets: list[Target]) -> None:
@@ -271,9 +258,10 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
 
 def _refuse_outputs(x: Exports, events: Iterable[str], owner: str) -> None:
     """Refuse outputs for events that do not exist."""
-    from armcontour.io.exports import refuse_unknown_outputs
+    from armcontour.io.exports.exporting import refuse_unknown_outputs
+    from armcontour.io.exports.formats import outputs_of
 
-    names = {name: 0 for of in x.outputs.values() for name in of}
+    names = {name: 0 for target in x.targets for name in outputs_of(target.format)}
     refuse_unknown_outputs(names, events, option="--output", owner=owner)
 
 
@@ -328,15 +316,17 @@ def write_exports(
 
     Returns sentences on the files with their sizes, and warnings.
     """
-    from armcontour.io.exports import HAVE_ANALOG, make_table, takes_analog
+    from armcontour.io.exports import make_table
+    from armcontour.io.exports.formats import FORMATS, WITH_ANALOG
     from armcontour.jobs import analog_outputs
 
     analog = analog_outputs(result.path, result.trajectory, job.process, result.run.limits)
+    takers = ", ".join(kind for kind, of in FORMATS.items() if issubclass(of, WITH_ANALOG))
     warnings = [
         f"{y.option}, run {name}: the format has no place for analog outputs "
-        f"({', '.join(analog)}): {HAVE_ANALOG} them."
+        f"({', '.join(analog)}), which these have: {takers}."
         for y in x.targets
-        if analog and not takes_analog(y.kind)
+        if analog and not isinstance(y.format, WITH_ANALOG)
     ]
     options, written = x.table_options(job.arm), list[str]()
     made: dict[tuple[str, float], Table] = {}
@@ -353,7 +343,7 @@ def write_exports(
             made[label, period] = table
             place = f"{name}/export/{label}{target.ending}"
             written.append(f"Exported {place}: {_place(folder, place, x, target, table)}.")
-        if target.kind in JOINED_BY_QUINTICS:
+        if target.format.kind in JOINED_BY_QUINTICS:
             if x.derivatives == 0 and job.arm.name.lower().startswith("ur"):
                 warnings.append(
                     f"{target.option}, run {name}: the trajectory interface of UR (passthrough "
@@ -428,12 +418,14 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     from armcontour.cli.console import Console
     from armcontour.errors import InvalidInput
     from armcontour.io.cell import read_cell_arm
-    from armcontour.io.exports import chosen_format
     from armcontour.io.exports.destination import put
     from armcontour.io.stored_run import read_run
 
-    kind = chosen_format(file, options.format, options.template)
-    target = Target(kind=kind, ending=file.suffix, template=options.template)
+    (target,) = _with_outputs(
+        [Target(format=_format(file, options), ending=file.suffix)],
+        options.output or [],
+        options.call,
+    )
     period = read_option("--period", options.period, Interval)
     if period is not None and not options.reference:
         raise InvalidInput("--period goes with --reference: taught data has its own interval.")
@@ -449,10 +441,9 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     table = (
         run.reference(period, arm=arm, **more) if options.reference else run.taught(arm=arm, **more)
     )
-    outputs = read_outputs(options.output or [], [target])
-    x = Exports(targets=(target,), outputs=outputs, call=options.call)
+    x = Exports(targets=(target,))
     _refuse_outputs(x, {event.name for event in table.events}, f"the run {run.name}")
-    put(file, partial(x.write, target, table), folder=kind == "mcap")
+    put(file, partial(x.write, target, table), folder=target.format.kind == "mcap")
     for said in x.warn_of_events(target, table):
         Console().say(f"Warning: {capitalise(said)}")
     what = REFERENCE if options.reference else TAUGHT
@@ -466,13 +457,25 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     )
 
 
-def _targets(names: Sequence[str], templates: Sequence[str]) -> list[Target]:
-    """The files to write, in the order of the options."""
-    from armcontour.io.exports import formats
+def _format(file: FilePath, options: StoredExportOptions) -> ExportFormat:
+    """The format of a file, by its options or its ending.
 
-    endings = formats()
-    found = [Target(kind=kind, ending=endings[kind]) for kind in names]
-    return found + [Target(kind="template", ending=_ending(x), template=x) for x in templates]
+    Raises:
+        InvalidInput: No such format, or a template without its format.
+    """
+    from armcontour.errors import InvalidInput
+    from armcontour.io.exports.formats import TemplateFormat, format_named, format_of
+
+    if options.template is not None:
+        if options.format not in (None, "template"):
+            raise InvalidInput(
+                f"A template is given, but the format is {options.format} and not template."
+            )
+        return TemplateFormat(template=options.template)
+    of = format_of(file) if options.format is None else format_named(options.format)
+    if of is TemplateFormat:
+        raise InvalidInput("The format template needs a template: kuka, abb, or a file.")
+    return of()
 
 
 def _ending(template: str) -> str:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
-from armcontour.cli.quantities import read_option, read_option_list
+from armcontour.cli.options import Key
 
 if TYPE_CHECKING:
     from armcontour._progress import Progress
     from armcontour.cli.options import JobOptions
-    from armcontour.io.job_overrides import JobOverrides
+    from armcontour.io.patch import Patch
     from armcontour.jobs import Job
 
 # A job may have one of these endings, or none.
@@ -20,48 +23,65 @@ JOBS = (".yaml", ".yml", "")
 PAPER = "paper"
 
 
-def read_overrides(x: JobOptions) -> JobOverrides:
-    """Read options that replace values of a job.
+def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
+    """The keys of a job that options set.
 
     Args:
-        x: The options as text.
+        groups: Groups of options.
+
+    Returns:
+        The values by their keys, and the options by keys with dots.
 
     Raises:
-        InvalidInput: Text that is no quantity of the required unit.
+        InvalidInput: Text of another form, or a key that two options set.
     """
-    from armcontour import _checks
-    from armcontour import _quantities as kinds
-    from armcontour.io.job_overrides import JobOverrides
+    from armcontour.errors import InvalidInput, locate_errors
 
-    place = read_option_list(
-        "--at", x.at, kinds.Length, counts=(2, 3), example="300 mm, 0 mm, 100 mm"
-    )
-    turn = read_option_list("--turn", x.turn, kinds.Angle, counts=(3,), example="0, 0, 90 deg")
-    return JobOverrides(
-        units=x.units,
-        columns=x.waypoint_columns,
-        scale=None if x.scale is None else _checks.positive("--scale", x.scale),
-        position=None if place is None else (*place, 0.0)[:3],
-        turn=turn,
-        layers=tuple(x.layer) if x.layer else None,
-        names=None if x.contour is None else tuple(x.contour),
-        colors=tuple(x.color) if x.color else None,
-        flat=x.flat,
-        texts=x.texts,
-        skip_unknown=x.skip_unknown,
-        skip_words=split_words(x.skip),
-        tools=read_tools(x.tool),
-        tool=x.only_tool,
-        speed=read_option("--speed", x.speed, kinds.Speed),
-        corner_tolerance=read_option("--tolerance", x.tolerance, kinds.Distance),
-        corner_shape=x.corner_shape,
-        line_tolerance=read_option("--line-tolerance", x.line_tolerance, kinds.Distance),
-        zone=read_option("--zone", x.zone, kinds.Tolerance),
-        iterations=x.iterations,
-        continuity=x.continuity,
-        from_s=read_option("--from-s", x.from_s, kinds.Distance),
-        ignore_collisions=x.ignore_collisions,
-    )
+    patch: dict[tuple[str | int, ...], Any] = {}
+    options: dict[str, str] = {}
+    for group in groups:
+        for name, hint in get_type_hints(type(group), include_extras=True).items():
+            value, option = getattr(group, name), f"--{name.replace('_', '-')}"
+            for mark in get_args(hint):
+                if not isinstance(mark, Key) or value in (None, []):
+                    continue
+                try:
+                    value = mark.read(value)
+                except ValueError as error:
+                    raise InvalidInput(f"{option} {error}.") from None
+                *outer, last = mark.key.split(".")
+                each = value.items() if last == "*" else [(last, value)]
+                patch |= {(*outer, key): item for key, item in each}
+                options[mark.key.removesuffix(".*")] = option
+        for text in getattr(group, "sets", None) or ():
+            # Loads the checks of jobs.
+            from armcontour.io import parse_set
+
+            with locate_errors("--set"):
+                [(keys, value)] = parse_set(text).items()
+            key = ".".join(map(str, keys))
+            if key in options:
+                raise InvalidInput(f"{options[key]} and --set {key} set the same: leave one out.")
+            patch[keys], options[key] = value, "--set"
+    return patch, options
+
+
+@contextmanager
+def name_options(options: Mapping[str, str]) -> Iterator[None]:
+    """Put the option that has set a key before the message of an error that names this key.
+
+    Args:
+        options: The options by keys with dots.
+    """
+    from armcontour.errors import InvalidInput
+
+    try:
+        yield
+    except InvalidInput as error:
+        for key, option in options.items():
+            if re.search(rf"\b{re.escape(key)}\b", str(error)):
+                raise error.at(option).with_traceback(error.__traceback__) from None
+        raise
 
 
 def library_file(name: str) -> FilePath:
@@ -78,16 +98,14 @@ def is_job(file: FilePath) -> bool:
     return file.suffix.lower() in JOBS
 
 
-def open_job(
-    file: FilePath, x: JobOptions, progress: Progress, overrides: JobOverrides | None = None
-) -> Job:
+def open_job(file: FilePath, x: JobOptions, progress: Progress, *groups: Any) -> Job:
     """Read the job in a job file, or combine a drawing with a cell.
 
     Args:
         file: A job file, or a drawing.
-        x: Options that replace values of the job; --cell is for a drawing only.
+        x: Options that set keys of the job; --cell is for a drawing only.
         progress: Called with the progress of reading the drawing.
-        overrides: Values to replace; by default those of the options.
+        groups: More groups of options that set keys of the job.
 
     Raises:
         InvalidInput: A drawing without a cell, a job file with a cell, or an invalid file.
@@ -97,7 +115,7 @@ def open_job(
     from armcontour.io.cell import cell_names, read_cell
     from armcontour.io.drawings.endings import find_reader
 
-    overrides = read_overrides(x) if overrides is None else overrides
+    patch, options = read_patch(x, *groups)
     if is_job(file):
         if x.cell is not None:
             raise InvalidInput(
@@ -105,7 +123,8 @@ def open_job(
             )
         if str(file) == PAPER and not file.exists():
             file = library_file("paper.yaml")
-        return read_job(file, overrides=overrides, reading=progress, trust_xacro=x.trust_xacro)
+        with name_options(options):
+            return read_job(file, patch=patch, reading=progress, trust_xacro=x.trust_xacro)
     # A robot description, say, is no drawing, and needs no cell.
     find_reader(file)
     if x.cell is None:
@@ -113,38 +132,5 @@ def open_job(
             f"{file.name} is a drawing: name the cell it is to be run in with --cell, one of "
             f"{', '.join(cell_names())}, or a job file."
         )
-    return read_cell(x.cell, file, overrides=overrides, reading=progress, trust_xacro=x.trust_xacro)
-
-
-def split_words(given: list[str] | None) -> tuple[str, ...] | None:
-    """Words separated by commas, in one option or several; None without the option."""
-    if given is None:
-        return None
-    return tuple(x.strip() for text in given for x in text.split(",") if x.strip())
-
-
-def read_tools(given: list[str] | None) -> dict[int, float] | None:
-    """Diameters of tools by their numbers, from options such as '1: 3 mm'; None without any.
-
-    Raises:
-        InvalidInput: Text of another form, or a tool twice.
-    """
-    from armcontour import _quantities as kinds
-    from armcontour.errors import InvalidInput
-
-    if given is None:
-        return None
-    found: dict[int, float] = {}
-    for text in (part for x in given for part in x.split(",")):
-        number, colon, diameter = (x.strip() for x in text.partition(":"))
-        if not (colon and number.isascii() and number.isdigit() and len(number) <= 8):
-            raise InvalidInput(
-                f"--tool takes the number and the diameter of a tool, such as '1: 3 mm', not "
-                f"{text!r}."
-            )
-        if int(number) in found:
-            raise InvalidInput(f"--tool gives the tool {number} twice: give one diameter.")
-        length = read_option("--tool", diameter, kinds.Length)
-        assert length is not None
-        found[int(number)] = length
-    return found
+    with name_options(options):
+        return read_cell(x.cell, file, patch=patch, reading=progress, trust_xacro=x.trust_xacro)

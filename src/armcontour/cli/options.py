@@ -5,13 +5,27 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, fields, is_dataclass
 from functools import wraps
 from pathlib import Path as FilePath
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, TypeAlias, get_args, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
+from typer.models import OptionInfo
+
+from armcontour._text import describe_fields
+from armcontour.cli.quantities import (
+    to_anchor,
+    to_axes,
+    to_offsets,
+    to_point,
+    to_quantities,
+    to_quantity,
+    to_tools,
+    to_words,
+)
 
 # Topics in the help of a command, with the names of their options; others stand under "Options".
 TOPICS = {
@@ -20,11 +34,11 @@ TOPICS = {
     "G-code": ("skip", "tool", "only_tool"),
     "Cell and position of the drawing": ("cell", "at", "turn", "ignore_collisions"),
     "Speed, corners and start": ("speed", "tolerance", "corner_shape", "line_tolerance", "zone",
-                                 "iterations", "continuity", "from_s"),
+                                 "iterations", "continuity", "from_s", "sets"),
     "Log and files of numbers": ("log", "taught", "tool_positions", "start", "end", "columns",
                                  "topic", "unwrap", "interpolation"),
     "Places": ("over", "objective", "uncertainty", "move", "absolute", "about",
-               "every", "refined"),
+               "every", "refine"),
     "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
     "Files for robot controllers": ("export", "template", "output", "period", "derivatives",
                                     "tool_motion", "call"),
@@ -85,12 +99,25 @@ def _write_sections(sections: dict[str, list[tuple[str, str]]], formatter: Any) 
                 formatter.write_dl(rows)
 
 
+@dataclass(frozen=True, slots=True)
+class Key:
+    """Annotation of an option that sets a key of the job.
+
+    Args:
+        key: The key; with a star at its end the value is a mapping of keys there.
+        read: The value of the key, from that of the option.
+    """
+
+    key: str
+    read: Callable[[Any], Any] = lambda value: value
+
+
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     """Decorate a command so that the fields of its dataclass parameters become options.
 
     Args:
-        command: A function whose parameters, or the fields of its dataclass parameters, have
-            annotations of typer.
+        command: A function whose parameters have annotations of typer; so may the fields of its
+            dataclass parameters, which else have the names and descriptions of the fields.
     """
     hints = get_type_hints(command, include_extras=True)
     groups = {k: x for k, x in hints.items() if isinstance(x, type) and is_dataclass(x)}
@@ -104,7 +131,7 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     found: list[inspect.Parameter] = []
     for x in inspect.signature(command).parameters.values():
         of = groups.get(x.name)
-        known = hints if of is None else get_type_hints(of, include_extras=True)
+        known = hints if of is None else options_of(of)
         found += [
             y.replace(annotation=known[y.name], kind=inspect.Parameter.KEYWORD_ONLY)
             for y in ([x] if of is None else inspect.signature(of).parameters.values())
@@ -114,6 +141,27 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
+def options_of(group: type) -> dict[str, Any]:
+    """The annotations of typer of the options of a dataclass, by the names of its fields.
+
+    Args:
+        group: The dataclass.
+    """
+    texts, hints = describe_fields(group), get_type_hints(group, include_extras=True)
+    options: dict[str, Any] = {}
+    for name, hint in hints.items():
+        kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        named = [mark for mark in marks if isinstance(mark, OptionInfo)]
+        option = copy(named[0] if named else typer.Option(f"--{name.replace('_', '-')}"))
+        option.help = option.help or texts[name]
+        options[name] = Annotated[kind, option]
+    return options
+
+
+Text: TypeAlias = str | None
+Texts: TypeAlias = list[str] | None
+File: TypeAlias = FilePath | None
+Flag: TypeAlias = bool | None
 Out = Annotated[FilePath, typer.Option("--out", "-o", help="Folder for the results.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
 ForceFile = Annotated[bool, typer.Option("--force", help="Replace a file of that name.")]
@@ -134,23 +182,6 @@ TrustXacro = Annotated[
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
-Columns = Annotated[
-    str | None,
-    typer.Option(
-        "--columns",
-        help="Names of the columns of CSV without a first line for them: 't [ms],q1 [deg],-,q2'; "
-        "or new names of columns or joints: 'q# [deg]=axis_#'.",
-    ),
-]
-Topic = Annotated[
-    str | None, typer.Option("--topic", help="Topic of a bag of ROS, if several would do.")
-]
-Start = Annotated[
-    str | None, typer.Option("--from", help="First time of the log to use, such as '2 s'.")
-]
-End = Annotated[
-    str | None, typer.Option("--to", help="Last time of the log to use, such as '30 s'.")
-]
 Workers = Annotated[
     int | None,
     typer.Option(
@@ -166,556 +197,381 @@ Cluster = Annotated[
         "--cluster", help="Address of a Dask scheduler that does the work: tcp://10.0.0.1:8786."
     ),
 ]
-Unwrap = Annotated[bool, typer.Option("--unwrap", help="Undo jumps of whole turns in the log.")]
 Name = Annotated[str | None, typer.Option("--run", help="Run of the job.")]
-ServoBudget = Annotated[
-    str | None,
-    typer.Option("--servo", help="Contour error of the execution, such as '2 um'; else the job's."),
-]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """Options of the command `run`."""
+    """Options of the command `run`.
 
-    simulate: Annotated[
-        bool,
-        typer.Option(
-            "--simulate/--no-simulation", help="Simulate the servo, and write a report of it."
-        ),
-    ] = True
+    Args:
+        simulate: Simulate the servo, and write a report of it.
+    """
+
+    simulate: Annotated[bool, typer.Option("--simulate/--no-simulation")] = True
     force: Force = False
     open_report: Open = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class DrawingOptions:
-    """Options for reading a drawing."""
+    """Options for reading a drawing.
 
-    units: Annotated[
-        str | None, typer.Option("--units", help="Unit of the drawing, such as mm.")
-    ] = None
-    scale: Annotated[
-        float | None, typer.Option("--scale", help="Factor of all lengths of the drawing.")
-    ] = None
-    layer: Annotated[
-        list[str] | None, typer.Option("--layer", help="Only this layer; may be repeated.")
-    ] = None
-    contour: Annotated[
-        list[str] | None, typer.Option("--contour", help="Only this contour; may be repeated.")
-    ] = None
-    color: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--color",
-            help="Only this colour of DXF or of strokes in SVG: a name, '#rrggbb', or a number of "
-            "AutoCAD; may be repeated.",
-        ),
-    ] = None
-    flat: Annotated[bool, typer.Option("--flat", help="Leave z out.")] = False
-    texts: Annotated[
-        str | None,
-        typer.Option("--texts", help="TEXT of DXF: leave_out, or contours of its letters."),
-    ] = None
-    skip_unknown: Annotated[bool, typer.Option("--skip-unknown", help="Skip unknown elements.")] = (
-        False
-    )
-    waypoint_columns: Annotated[
-        str | None,
-        typer.Option(
-            "--waypoint-columns",
-            help="Names of the columns of a CSV of waypoints without a line for them: "
-            "'x [mm],y [mm],-'.",
-        ),
-    ] = None
-    skip: Annotated[
-        list[str] | None,
-        typer.Option("--skip", help="Leave out these words of G-code, such as 'T,M6'."),
-    ] = None
-    tool: Annotated[
-        list[str] | None,
-        typer.Option("--tool", help="Number and diameter of a tool, for G41 and G42: '1: 3 mm'."),
-    ] = None
+    Args:
+        units: Unit of the drawing, such as mm.
+        scale: Factor of all lengths of the drawing.
+        layer: Only this layer; may be repeated.
+        contour: Only this contour; may be repeated.
+        color: Only this colour of DXF or of strokes in SVG: a name, '#rrggbb', or a number
+            of AutoCAD; may be repeated.
+        flat: Leave z out.
+        texts: TEXT of DXF: leave_out, or contours of its letters.
+        skip_unknown: Skip unknown elements.
+        waypoint_columns: Names of the columns of a CSV of waypoints without a line for
+            them: 'x [mm],y [mm],-'.
+        skip: Leave out these words of G-code, such as 'T,M6'.
+        tool: Number and diameter of a tool, for G41 and G42: '1: 3 mm'.
+    """
+
+    units: Annotated[Text, Key("path.units")] = None
+    scale: Annotated[float | None, Key("path.scale")] = None
+    layer: Annotated[Texts, Key("path.layers")] = None
+    contour: Annotated[Texts, Key("path.names")] = None
+    color: Annotated[Texts, Key("path.colors")] = None
+    flat: Annotated[Flag, Key("path.flat")] = None
+    texts: Annotated[Text, Key("path.texts")] = None
+    skip_unknown: Annotated[Flag, Key("path.unknown", lambda _: "skip")] = None
+    waypoint_columns: Annotated[Text, Key("path.columns")] = None
+    skip: Annotated[Texts, Key("path.unknown", to_words)] = None
+    tool: Annotated[Texts, Key("path.tools", to_tools)] = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class JobOptions(DrawingOptions):
-    """Options that replace values of a job, and that place a drawing."""
+    """Options that replace values of a job, and that place a drawing.
+
+    Args:
+        at: Origin of the drawing, such as '300 mm, 0 mm, 100 mm'.
+        turn: Roll, pitch, yaw of the drawing: '0, 0, 90 deg'.
+        speed: Assigned velocity, such as '50 mm/s'.
+        tolerance: Corner error, such as '0.2 mm'.
+        corner_shape: Shape of corners: arc, or free for the fastest path within the
+            tolerance; for runs with the timing optimal.
+        line_tolerance: For the shape free: tolerance outside --zone, '0.1 mm'.
+        zone: For the shape free: distance around corners, '20 mm'.
+        iterations: For the shape free: most steps of the search, such as 10.
+        continuity: Of rounded corners: tangent, as arcs have it, or curvature, with which
+            the tool goes on where jerk is limited (the default there).
+        only_tool: Only the contours of this tool of a job's tools: T2.
+        from_s: Resume at this arc length of all contours: '1.25 m'.
+        ignore_collisions: Go on where the arm comes too near to itself or to its cell;
+            results say so.
+        sets: Any key of the job with its value, as in limits.speed='0.2 m/s' or
+            runs.fast.timing.reserve=2%; may be repeated.
+    """
 
     cell: CellOfDrawing = None
-    at: Annotated[
-        str | None,
-        typer.Option("--at", help="Origin of the drawing, such as '300 mm, 0 mm, 100 mm'."),
-    ] = None
-    turn: Annotated[
-        str | None, typer.Option("--turn", help="Roll, pitch, yaw of the drawing: '0, 0, 90 deg'.")
-    ] = None
-    speed: Annotated[
-        str | None, typer.Option("--speed", help="Assigned velocity, such as '50 mm/s'.")
-    ] = None
-    tolerance: Annotated[
-        str | None, typer.Option("--tolerance", help="Corner error, such as '0.2 mm'.")
-    ] = None
-    corner_shape: Annotated[
-        str | None,
-        typer.Option(
-            "--corner-shape",
-            help="Shape of corners: arc, or free for the fastest path within the tolerance; for "
-            "runs with the timing optimal.",
-        ),
-    ] = None
-    line_tolerance: Annotated[
-        str | None,
-        typer.Option(
-            "--line-tolerance", help="For the shape free: tolerance outside --zone, '0.1 mm'."
-        ),
-    ] = None
-    zone: Annotated[
-        str | None,
-        typer.Option("--zone", help="For the shape free: distance around corners, '20 mm'."),
-    ] = None
+    at: Annotated[Text, Key("path.frame.position", to_point)] = None
+    turn: Annotated[Text, Key("path.frame.rpy", to_quantities)] = None
+    speed: Annotated[Text, Key("limits.speed", to_quantity)] = None
+    tolerance: Annotated[Text, Key("corners.tolerance", to_quantity)] = None
+    corner_shape: Annotated[Text, Key("corners.shape")] = None
+    line_tolerance: Annotated[Text, Key("corners.line_tolerance", to_quantity)] = None
+    zone: Annotated[Text, Key("corners.zone", to_quantity)] = None
     iterations: Annotated[
-        int | None,
-        typer.Option(
-            "--iterations", min=0, help="For the shape free: most steps of the search, such as 10."
-        ),
+        int | None, typer.Option("--iterations", min=0), Key("corners.iterations")
     ] = None
-    continuity: Annotated[
-        str | None,
-        typer.Option(
-            "--continuity",
-            help="Of rounded corners: tangent, as arcs have it, or curvature, with which the tool "
-            "goes on where jerk is limited (the default there).",
-        ),
-    ] = None
-    only_tool: Annotated[
-        str | None,
-        typer.Option("--only-tool", help="Only the contours of this tool of a job's tools: T2."),
-    ] = None
-    from_s: Annotated[
-        str | None,
-        typer.Option("--from-s", help="Resume at this arc length of all contours: '1.25 m'."),
-    ] = None
-    ignore_collisions: Annotated[
-        bool,
-        typer.Option(
-            "--ignore-collisions",
-            help="Go on where the arm comes too near to itself or to its cell; results say so.",
-        ),
-    ] = False
+    continuity: Annotated[Text, Key("corners.continuity")] = None
+    only_tool: Annotated[Text, Key("path.tool")] = None
+    from_s: Annotated[Text, Key("process.from_s", to_quantity)] = None
+    ignore_collisions: Annotated[Flag, Key("ignore_collisions")] = None
+    sets: Annotated[Texts, typer.Option("--set")] = None
     trust_xacro: TrustXacro = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class StudioOptions:
-    """Options of the command `studio`."""
+    """Options of the command `studio`.
+
+    Args:
+        open_page: Open the page in a browser.
+        port: Port on this machine; 0 for any.
+        exit_when_closed: End a minute after the last page is closed.
+    """
 
     cell: CellOfDrawing = None
-    open_page: Annotated[
-        bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
-    ] = True
-    port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Port on this machine; 0 for any.")
-    ] = 0
-    exit_when_closed: Annotated[
-        bool,
-        typer.Option("--exit-when-closed", help="End a minute after the last page is closed."),
-    ] = False
+    open_page: Annotated[bool, typer.Option("--open/--no-open")] = True
+    port: Annotated[int, typer.Option("--port", min=0, max=65535)] = 0
+    exit_when_closed: bool = False
     trust_xacro: TrustXacro = False
 
 
-Output = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--output",
-        help="Output of an event or an analog output in exports: tool=0, power=AO0, or for one "
-        "format abb:tool=doTool.",
-    ),
-]
-Period = Annotated[
-    str | None,
-    typer.Option("--period", help="Time between points of an exported plan, such as '48 ms'."),
-]
-Derivatives = Annotated[
-    int,
-    typer.Option(
-        "--derivatives",
-        min=0,
-        max=2,
-        help="Highest derivative in exports: 2 for accelerations, 1 for velocities, or 0.",
-    ),
-]
-Call = Annotated[
-    bool,
-    typer.Option(
-        "--call",
-        help="With urscript: call the program at the end of its file, for a pendant's script file.",
-    ),
-]
-ToolMotion = Annotated[
-    bool,
-    typer.Option(
-        "--tool-motion",
-        help="Write point, orientation and speed of the tool, as commanded, into exports too.",
-    ),
-]
+@dataclass(frozen=True, kw_only=True)
+class PointOptions:
+    """Options for the points of exports.
+
+    Args:
+        output: Output of an event or an analog output in exports: tool=0, power=AO0, or for one
+            format abb:tool=doTool.
+        period: Time between points of an exported plan, such as '48 ms'.
+        derivatives: Highest derivative in exports: 2 for accelerations, 1 for velocities, or 0.
+        tool_motion: Write point, orientation and speed of the tool, as commanded, into exports too.
+        call: With urscript: call the program at the end of its file, for a pendant's script file.
+    """
+
+    output: Texts = None
+    period: Text = None
+    derivatives: Annotated[int, typer.Option("--derivatives", min=0, max=2)] = 2
+    tool_motion: bool = False
+    call: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExportOptions:
-    """Options for exports of every run."""
+@dataclass(frozen=True, kw_only=True)
+class LogOptions:
+    """Options for reading a log.
 
-    export: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--export",
-            help="Format of taught data: csv, npz, ros-yaml, mcap, urscript; may be repeated.",
-        ),
-    ] = None
-    template: Annotated[
-        list[str] | None,
-        typer.Option("--template", help="Export by a template: kuka, abb, or a .j2 file."),
-    ] = None
-    output: Output = None
-    period: Period = None
-    derivatives: Derivatives = 2
-    tool_motion: ToolMotion = False
-    call: Call = False
+    Args:
+        columns: Names of the columns of CSV without a first line for them: 't [ms],q1 [deg],-,q2';
+            or new names of columns or joints: 'q# [deg]=axis_#'.
+        topic: Topic of a bag of ROS, if several would do.
+    """
+
+    columns: Text = None
+    topic: Text = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredExportOptions:
-    """Options of the command `export`."""
+@dataclass(frozen=True, kw_only=True)
+class WindowOptions(LogOptions):
+    """Options for reading a part of a log.
 
-    run_name: Annotated[str | None, typer.Option("--run", help="Run of the result.")] = None
-    reference: Annotated[
-        bool,
-        typer.Option("--reference", help="Export the plan, without compensation for the servo."),
-    ] = False
-    format: Annotated[
-        str | None,
-        typer.Option("--format", help="Format of the file; by default that of its ending."),
-    ] = None
-    template: Annotated[
-        str | None, typer.Option("--template", help="A template: kuka, abb, or a .j2 file.")
-    ] = None
-    output: Output = None
-    period: Period = None
-    derivatives: Derivatives = 2
-    tool_motion: ToolMotion = False
-    call: Call = False
-    job: Annotated[
-        FilePath | None,
-        typer.Option(
-            "--job", help="Job file or cell whose arm gives tool points: job.yaml, or ur5e."
-        ),
-    ] = None
+    Args:
+        start: First time of the log to use, such as '2 s'.
+        end: Last time of the log to use, such as '30 s'.
+        unwrap: Undo jumps of whole turns in the log.
+    """
+
+    start: Annotated[Text, typer.Option("--from")] = None
+    end: Annotated[Text, typer.Option("--to")] = None
+    unwrap: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions(PointOptions):
+    """Options for exports of every run.
+
+    Args:
+        export: Format of taught data: csv, npz, ros-yaml, mcap, urscript; may be repeated.
+        template: Export by a template: kuka, abb, or a .j2 file.
+    """
+
+    export: Texts = None
+    template: Texts = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredExportOptions(PointOptions):
+    """Options of the command `export`.
+
+    Args:
+        run_name: Run of the result.
+        reference: Export the plan, without compensation for the servo.
+        format: Format of the file; by default that of its ending.
+        template: A template: kuka, abb, or a .j2 file.
+        job: Job file or cell whose arm gives tool points: job.yaml, or ur5e.
+    """
+
+    run_name: Annotated[Text, typer.Option("--run")] = None
+    reference: bool = False
+    format: Text = None
+    template: Text = None
+    job: File = None
     trust_xacro: TrustXacro = False
     force: ForceFile = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ArmOptions:
-    """Options of an arm from a robot description."""
+    """Options of an arm from a robot description.
 
-    tip: Annotated[
-        str | None, typer.Option("--tip", help="Link at the end of an arm from .urdf or .xacro.")
-    ] = None
-    base: Annotated[
-        str | None, typer.Option("--base", help="Fixed link at the base of such an arm.")
-    ] = None
-    joint_limits: Annotated[
-        FilePath | None,
-        typer.Option("--joint-limits", help="A joint_limits.yaml of MoveIt for that arm."),
-    ] = None
-    package: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--package", help="Folder of a ROS package of a .xacro: NAME=FOLDER; may be repeated."
-        ),
-    ] = None
-    xacro_arg: Annotated[
-        list[str] | None,
-        typer.Option("--xacro-arg", help="Argument of a .xacro: NAME=VALUE; may be repeated."),
-    ] = None
+    Args:
+        tip: Link at the end of an arm from .urdf or .xacro.
+        base: Fixed link at the base of such an arm.
+        joint_limits: A joint_limits.yaml of MoveIt for that arm.
+        package: Folder of a ROS package of a .xacro: NAME=FOLDER; may be repeated.
+        xacro_arg: Argument of a .xacro: NAME=VALUE; may be repeated.
+    """
+
+    tip: Text = None
+    base: Text = None
+    joint_limits: File = None
+    package: Texts = None
+    xacro_arg: Texts = None
     trust_xacro: TrustXacro = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CheckOptions(ArmOptions):
-    """Options of the command `check`."""
+@dataclass(frozen=True, kw_only=True)
+class CheckOptions(ArmOptions, LogOptions):
+    """Options of the command `check`.
 
-    arm: Annotated[
-        str | None,
-        typer.Option(
-            "--arm",
-            help="Built-in arm, or an arm file (.yaml, .urdf; .xacro with --trust-xacro); by "
-            "default the job's.",
-        ),
-    ] = None
-    limits: Annotated[
-        FilePath | None,
-        typer.Option("--limits", help="Limits file (YAML); else the job's, or the arm's own."),
-    ] = None
-    path: Annotated[
-        FilePath | None,
-        typer.Option("--path", help="Job file (YAML) with the required path of the tool."),
-    ] = None
-    run_name: Annotated[
-        str | None, typer.Option("--run", help="Run of that job, if its runs differ in corners.")
-    ] = None
-    scene: Annotated[
-        str | None,
-        typer.Option(
-            "--scene",
-            help="Cell: check how near the arm comes to it and to itself. A built-in cell such as "
-            "ur5e, a job file, of which scene is enough, or obstacles as URDF.",
-        ),
-    ] = None
-    columns: Columns = None
-    topic: Topic = None
-    noise: Annotated[
-        str | None,
-        typer.Option(
-            "--noise",
-            help="Largest error of measured positions, and perhaps of velocities: "
-            "'0.05 mrad, 2 mrad/s'.",
-        ),
-    ] = None
+    Args:
+        arm: Built-in arm, or an arm file (.yaml, .urdf; .xacro with --trust-xacro); by
+            default the job's.
+        limits: Limits file (YAML); else the job's, or the arm's own.
+        path: Job file (YAML) with the required path of the tool.
+        run_name: Run of that job, if its runs differ in corners.
+        scene: Cell: check how near the arm comes to it and to itself. A built-in cell such
+            as ur5e, a job file, of which scene is enough, or obstacles as URDF.
+        noise: Largest error of measured positions, and perhaps of velocities: '0.05 mrad, 2
+            mrad/s'.
+    """
+
+    arm: Text = None
+    limits: File = None
+    path: File = None
+    run_name: Annotated[Text, typer.Option("--run")] = None
+    scene: Text = None
+    noise: Text = None
     as_json: AsJson = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdentifyOptions(ArmOptions):
-    """Options of the command `identify`."""
+@dataclass(frozen=True, kw_only=True)
+class IdentifyOptions(ArmOptions, WindowOptions):
+    """Options of the command `identify`.
 
-    arm: Annotated[
-        str | None,
-        typer.Option(
-            "--arm",
-            help="Nominal arm: with masses, payload, friction and drive inertias are identified "
-            "too; without, errors are also at the tool. Built in, or an arm file (.yaml, .urdf; "
-            ".xacro with --trust-xacro).",
-        ),
-    ] = None
-    servo: Annotated[
-        FilePath | None,
-        typer.Option("--servo", help="Nominal servo of that arm: a job file, or a servo.yaml."),
-    ] = None
-    gravity: Annotated[
-        str | None,
-        typer.Option(
-            "--gravity",
-            help="What the controller of that arm adds against gravity: nominal, loaded or none; "
-            "by default what the logs speak for.",
-        ),
-    ] = None
-    drive_cycle: Annotated[
-        str | None,
-        typer.Option(
-            "--drive-cycle",
-            help="Cycle of the drives' loops; by default continuous, with --arm 0.25 ms.",
-        ),
-    ] = None
+    Args:
+        arm: Nominal arm: with masses, payload, friction and drive inertias are identified
+            too; without, errors are also at the tool. Built in, or an arm file (.yaml,
+            .urdf; .xacro with --trust-xacro).
+        servo: Nominal servo of that arm: a job file, or a servo.yaml.
+        gravity: What the controller of that arm adds against gravity: nominal, loaded or
+            none; by default what the logs speak for.
+        drive_cycle: Cycle of the drives' loops; by default continuous, with --arm 0.25 ms.
+        out: Folder for servo file, robot file, report; else none.
+        model: Model of the servo: auto, second or first.
+        interpolation: Command between set-points: linear or step; by default as the log
+            says.
+        longest_dead_time: Longest dead time in the search.
+        predict: Log to predict, which is not used otherwise; repeatable.
+    """
 
-    out: Annotated[
-        FilePath | None,
-        typer.Option("--out", "-o", help="Folder for servo file, robot file, report; else none."),
-    ] = None
-    model: Annotated[
-        str, typer.Option("--model", help="Model of the servo: auto, second or first.")
-    ] = "auto"
-    interpolation: Annotated[
-        str | None,
-        typer.Option(
-            "--interpolation",
-            help="Command between set-points: linear or step; by default as the log says.",
-        ),
-    ] = None
-    start: Start = None
-    end: End = None
-    longest_dead_time: Annotated[
-        str, typer.Option("--longest-dead-time", help="Longest dead time in the search.")
-    ] = "250 ms"
-    predict: Annotated[
-        list[FilePath] | None,
-        typer.Option("--predict", help="Log to predict, which is not used otherwise; repeatable."),
-    ] = None
-    columns: Columns = None
-    topic: Topic = None
-    unwrap: Unwrap = False
+    arm: Text = None
+    servo: File = None
+    gravity: Text = None
+    drive_cycle: Text = None
+    out: Annotated[File, typer.Option("--out", "-o")] = None
+    model: str = "auto"
+    interpolation: Text = None
+    longest_dead_time: str = "250 ms"
+    predict: list[FilePath] | None = None
     force: Force = False
     open_report: Open = False
     as_json: AsJson = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class CertifyOptions:
-    """Options of the command `certify`."""
+    """Options of the command `certify`.
+
+    Args:
+        total_tolerance: Tolerance of rounding and execution together, such as '1 mm'; else
+            the job's.
+        servo: Contour error of the execution, such as '2 um'; else the job's.
+        plant: Robots to certify for: servo, rigid_body; else the job's.
+        workers: Processes on this machine that execute robots of a box as rigid bodies; by
+            default one a processor. 0 works in this one.
+        out: Folder for the certificate; else none.
+    """
 
     run_name: Name = None
-    total_tolerance: Annotated[
-        str | None,
-        typer.Option(
-            "--total-tolerance",
-            help="Tolerance of rounding and execution together, such as '1 mm'; else the job's.",
-        ),
-    ] = None
-    servo: ServoBudget = None
-    plant: Annotated[
-        str | None,
-        typer.Option("--plant", help="Robots to certify for: servo, rigid_body; else the job's."),
-    ] = None
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers",
-            min=0,
-            max=1000,
-            help="Processes on this machine that execute robots of a box as rigid bodies; by "
-            "default one a processor. 0 works in this one.",
-        ),
-    ] = None
+    total_tolerance: Annotated[Text, Key("certificate.tolerance", to_quantity)] = None
+    servo: Annotated[Text, Key("certificate.servo", to_quantity)] = None
+    plant: Annotated[Text, Key("certificate.plant")] = None
+    workers: Annotated[int | None, typer.Option("--workers", min=0, max=1000)] = None
     cluster: Cluster = None
-    out: Annotated[
-        FilePath | None, typer.Option("--out", "-o", help="Folder for the certificate; else none.")
-    ] = None
+    out: Annotated[File, typer.Option("--out", "-o")] = None
     force: Force = False
     open_report: Open = False
     as_json: AsJson = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PlaceOptions:
-    """Options of the command `place`; None is as the job's key `placement` has it."""
+    """Options of the command `place`.
 
-    over: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--over",
-            help="Axis, range and number of places: 'x: -300 mm .. 300 mm, 25'; also y, z, yaw and "
-            "tilt, in the coordinates of the path; may be repeated. The job's key placement may "
-            "hold this and the other choices; options replace its keys, one by one.",
-        ),
-    ] = None
-    objective: Annotated[
-        str | None,
-        typer.Option(
-            "--objective",
-            help="What is best: cycle (default), manipulability, clearance or torque (the margin).",
-        ),
-    ] = None
-    uncertainty: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--uncertainty",
-            help="Position error of the part: 'x: 2 mm'; the worst corner counts; may be "
-            "repeated; 0 takes an axis out that the job has.",
-        ),
-    ] = None
-    move: Annotated[
-        str | None,
-        typer.Option("--move", help="What is moved: the part (default), or the base of the arm."),
-    ] = None
-    absolute: Annotated[
-        bool | None,
-        typer.Option(
-            "--absolute/--relative",
-            help="Values of x, y and z are coordinates, or distances from here (default).",
-        ),
-    ] = None
-    about: Annotated[
-        str | None,
-        typer.Option(
-            "--about",
-            help="Point that is placed and turned about: middle of the path (default), origin of "
-            "its coordinates, or '400 mm, 0 mm, 0 mm'.",
-        ),
-    ] = None
-    every: Annotated[
-        bool | None,
-        typer.Option(
-            "--every/--no-every", help="Plan every place, for a map without bounds; slow."
-        ),
-    ] = None
-    refined: Annotated[
-        bool | None,
-        typer.Option(
-            "--refine/--no-refine",
-            help="Look for a better place between those of the grid, too (default).",
-        ),
-    ] = None
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers",
-            min=0,
-            max=1000,
-            help="Processes on this machine; by default one a processor for 100 places or more. 0 "
-            "works in this one.",
-        ),
-    ] = None
+    Args:
+        over: Axis, range and number of places: 'x: -300 mm .. 300 mm, 25'; also y, z, yaw
+            and tilt, in the coordinates of the path; may be repeated. The job's key
+            placement may hold this and the other choices; options replace its keys, one by
+            one.
+        objective: What is best: cycle (default), manipulability, clearance or torque (the
+            margin).
+        uncertainty: Position error of the part: 'x: 2 mm'; the worst corner counts; may be
+            repeated; 0 takes an axis out that the job has.
+        move: What is moved: the part (default), or the base of the arm.
+        absolute: Values of x, y and z are coordinates, or distances from here (default).
+        about: Point that is placed and turned about: middle of the path (default), origin
+            of its coordinates, or '400 mm, 0 mm, 0 mm'.
+        every: Plan every place, for a map without bounds; slow.
+        refine: Look for a better place between those of the grid, too (default).
+        workers: Processes on this machine; by default one a processor for 100 places or
+            more. 0 works in this one.
+    """
+
+    over: Annotated[Texts, Key("placement.over.*", to_axes)] = None
+    objective: Annotated[Text, Key("placement.objective")] = None
+    uncertainty: Annotated[Texts, Key("placement.uncertainty.*", to_offsets)] = None
+    move: Annotated[Text, Key("placement.move")] = None
+    absolute: Annotated[Flag, typer.Option("--absolute/--relative"), Key("placement.absolute")] = (
+        None
+    )
+    about: Annotated[Text, Key("placement.about", to_anchor)] = None
+    every: Annotated[Flag, typer.Option("--every/--no-every"), Key("placement.every")] = None
+    refine: Annotated[Flag, typer.Option("--refine/--no-refine"), Key("placement.refine")] = None
+    workers: Annotated[int | None, typer.Option("--workers", min=0, max=1000)] = None
     cluster: Cluster = None
     run_name: Name = None
     force: Force = False
     open_report: Open = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LearnOptions:
-    """Options of the command `learn`."""
+@dataclass(frozen=True, kw_only=True)
+class LearnOptions(WindowOptions):
+    """Options of the command `learn`.
+
+    Args:
+        taught: What the robot executed: taught.csv of run or of the learn before, or the
+            folder of that result.
+        log: Log of that run: CSV of positions over time, or a bag.
+        tool_positions: CSV of measured positions of the tool over the same time: t, x, y,
+            z.
+        judge_only: Say what the robot did by its log, the contour error, and learn nothing.
+            Without --taught it executed the set-points of the job.
+        out: Folder for taught data of the next run, and a report.
+    """
 
     run_name: Name = None
-    taught: Annotated[
-        FilePath | None,
-        typer.Option(
-            "--taught",
-            help="What the robot executed: taught.csv of run or of the learn before, or the folder "
-            "of that result.",
-        ),
-    ] = None
-    log: Annotated[
-        FilePath | None,
-        typer.Option("--log", help="Log of that run: CSV of positions over time, or a bag."),
-    ] = None
-    tool_positions: Annotated[
-        FilePath | None,
-        typer.Option(
-            "--tool-positions",
-            help="CSV of measured positions of the tool over the same time: t, x, y, z.",
-        ),
-    ] = None
-    judge_only: Annotated[
-        bool,
-        typer.Option(
-            "--judge-only",
-            help="Say what the robot did by its log, the contour error, and learn nothing. Without "
-            "--taught it executed the set-points of the job.",
-        ),
-    ] = False
-    out: Annotated[
-        FilePath | None,
-        typer.Option("--out", "-o", help="Folder for taught data of the next run, and a report."),
-    ] = None
-    start: Start = None
-    end: End = None
-    columns: Columns = None
-    topic: Topic = None
-    unwrap: Unwrap = False
+    taught: File = None
+    log: File = None
+    tool_positions: File = None
+    judge_only: bool = False
+    out: Annotated[File, typer.Option("--out", "-o")] = None
     force: Force = False
     open_report: Open = False
     as_json: AsJson = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class BatchOptions:
-    """Options of the command `batch`."""
+    """Options of the command `batch`.
+
+    Args:
+        retry: Try jobs again that failed.
+        as_json: Print progress and the end as lines of JSON.
+    """
 
     workers: Workers = None
     cluster: Cluster = None
-    retry: Annotated[bool, typer.Option("--retry", help="Try jobs again that failed.")] = False
+    retry: bool = False
     trust_xacro: TrustXacro = False
     open_report: Open = False
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print progress and the end as lines of JSON.")
-    ] = False
+    as_json: Annotated[bool, typer.Option("--json")] = False

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any, get_args
 
+from armcontour._text import plain_number, show
 
-def read_option(option: str, text: str | None, kind: Any) -> float | None:
+
+def read_option(option: str, text: str | int | None, kind: Any) -> float | None:
     """The quantity of an option in SI units; None without the option.
 
     Args:
@@ -17,33 +19,7 @@ def read_option(option: str, text: str | None, kind: Any) -> float | None:
     Raises:
         InvalidInput: The text is no quantity of the required unit, or has no unit.
     """
-    return None if text is None else _read(option, text, kind)
-
-
-def read_option_list(
-    option: str, text: str | None, kind: Any, *, counts: tuple[int, ...] = (), example: str = ""
-) -> tuple[float, ...] | None:
-    """The quantities of an option, separated by commas, in SI units; None without the option.
-
-    Args:
-        option: The option.
-        text: As in `read_option`, for each quantity.
-        kind: As in `read_option`.
-        counts: Allowed numbers of quantities; any number by default.
-        example: A valid text, for the message.
-
-    Raises:
-        InvalidInput: Too many or too few quantities, or text that is no such quantity.
-    """
-    from armcontour.errors import InvalidInput
-
-    if text is None:
-        return None
-    parts = text.split(",")
-    if counts and len(parts) not in counts:
-        wanted = " or ".join(str(n) for n in counts)
-        raise InvalidInput(f"{option} takes {wanted} values, such as '{example}', not {text!r}.")
-    return tuple(_read(option, part, kind) for part in parts)
+    return None if text is None else _read(option, str(text), kind)
 
 
 def read_window(start: str | None, end: str | None) -> tuple[float, float]:
@@ -62,9 +38,80 @@ def read_window(start: str | None, end: str | None) -> tuple[float, float]:
     return -math.inf if first is None else first, math.inf if last is None else last
 
 
+def to_quantity(text: str) -> str | int:
+    """A quantity as a job file has it: text with a unit, or zero."""
+    return 0 if plain_number(text) == 0 else text.strip()
+
+
+def to_quantities(text: str) -> list[str | int]:
+    """Quantities that are separated by commas."""
+    return [to_quantity(x) for x in text.split(",")]
+
+
+def to_point(text: str) -> list[str | int]:
+    """A point; without z it is zero."""
+    found = to_quantities(text)
+    return [*found, 0] if len(found) == 2 else found
+
+
+def to_words(given: list[str]) -> dict[str, list[str]]:
+    """Words to skip, separated by commas, in one option or several."""
+    return {"skip": [x.strip() for text in given for x in text.split(",") if x.strip()]}
+
+
+def _named(given: list[str], example: str) -> dict[str, str]:
+    """What options such as 'x: 2 mm' say, by the names before their colons.
+
+    Raises:
+        ValueError: Text of another form, or a name twice.
+    """
+    found: dict[str, str] = {}
+    for text in given:
+        name, colon, value = (x.strip() for x in text.partition(":"))
+        if not (name and colon and value):
+            raise ValueError(f"takes a name and a value, such as {example!r}, not {show(text)}")
+        if name in found:
+            raise ValueError(f"names {show(name)} twice: give it once")
+        found[name] = value
+    return found
+
+
+def to_tools(given: list[str]) -> dict[int, str | int]:
+    """Diameters of tools by their numbers."""
+    example = "1: 3 mm"
+    found = _named([x for text in given for x in text.split(",")], example)
+    for x in found:
+        if not (x.isascii() and x.isdigit() and len(x) <= 8):
+            raise ValueError(f"takes the number of a tool, as in {example!r}, not {show(x)}")
+    return {int(x): to_quantity(diameter) for x, diameter in found.items()}
+
+
+def to_axes(given: list[str]) -> dict[str, dict[str, str | int]]:
+    """Ranges of axes."""
+    example = "x: -300 mm .. 300 mm, 25"
+    found = dict[str, dict[str, str | int]]()
+    for name, text in _named(given, example).items():
+        span, _, count = text.rpartition(",")
+        low, dots, high = span.partition("..")
+        number = plain_number(count)
+        if not dots or number is None or number != int(number):
+            raise ValueError(f"takes an axis, a range and a number, such as {example!r}")
+        found[name] = {"from": to_quantity(low), "to": to_quantity(high), "places": int(number)}
+    return found
+
+
+def to_offsets(given: list[str]) -> dict[str, str | int]:
+    """By how much the part may be off along axes."""
+    return {name: to_quantity(x) for name, x in _named(given, "x: 2 mm").items()}
+
+
+def to_anchor(text: str) -> str | list[str | int]:
+    """The name of a point, or its coordinates."""
+    return to_quantities(text) if "," in text else text
+
+
 def _read(option: str, text: str, kind: Any) -> float:
     """Read one quantity of an option: options are text, and text other than 0 needs a unit."""
-    from armcontour._text import plain_number
     from armcontour.errors import InvalidInput
     from armcontour.io.units import read_quantity
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armcontour.cli.console import Console
-from armcontour.cli.opening import read_tools, split_words
 
 if TYPE_CHECKING:
     from armcontour._progress import Progress
@@ -53,30 +52,20 @@ def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
         console.say(f"Note: {note}")
 
 
-def _read_drawing(file: FilePath, x: DrawingOptions, progress: Progress) -> Program:
+def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -> Program:
     """Read a drawing with the options of the command line.
 
     Raises:
         InvalidInput: The drawing cannot be read.
     """
+    from armcontour.cli.opening import read_patch
+    from armcontour.io.drawings.options import ReadOptions
     from armcontour.io.drawings.read import read_path
+    from armcontour.io.keys import Keys, read_keys
 
-    words = split_words(x.skip)
-    unknown = {"skip": words} if words else "skip" if x.skip_unknown else "refuse"
-    return read_path(
-        file,
-        units=x.units,
-        columns=x.waypoint_columns,
-        scale=1.0 if x.scale is None else x.scale,
-        layers=x.layer or None,
-        names=x.contour or None,
-        colors=x.color or None,
-        flat=x.flat,
-        texts=x.texts or "leave_out",
-        unknown=unknown,
-        tools=read_tools(x.tool),
-        progress=progress,
-    )
+    patch, _ = read_patch(drawing)
+    data = {str(key): value for (_, key), value in patch.items()}
+    return read_path(file, read_keys(Keys(ReadOptions), data, "path"), progress=progress)
 
 
 def _describe(program: Program) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from functools import cache, wraps
 from types import UnionType
@@ -200,6 +200,8 @@ def _reader(hint: Any, field: _Field) -> Reader | None:
         return _read_numbers(hint, None, ANY_SHAPE, field)
     if origin is tuple:
         return _read_tuple(parts, field)
+    if origin is Sequence:
+        return _read_tuple((*parts, ...), field)
     if hint is float:
         return _read_numbers(hint, None, SINGLE, field)
     return _read_whole(AtLeast(None), field.who) if hint is int else None

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
         derating_csv,
     )
     from armcontour.io.job_file import json_schema, parse_job, read_job
-    from armcontour.io.job_overrides import JobOverrides
     from armcontour.io.limits_file import read_limits
     from armcontour.io.mesh_file import read_mesh
     from armcontour.io.motion_csv import write_planned, write_taught, write_torque
+    from armcontour.io.patch import parse_set
     from armcontour.io.placement import placed_job_text, placement_csv, placement_json
     from armcontour.io.results import ResultFolder
     from armcontour.io.scene_files import read_scene_file
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 _HOME = {
     "certificate": ("certificate_json", "derating_csv"),
     "job_file": ("json_schema", "parse_job", "read_job"),
-    "job_overrides": ("JobOverrides",),
     "limits_file": ("read_limits",),
     "mesh_file": ("read_mesh",),
     "motion_csv": ("write_planned", "write_taught", "write_torque"),
+    "patch": ("parse_set",),
     "placement": ("placed_job_text", "placement_csv", "placement_json"),
     "results": ("ResultFolder",),
     "scene_files": ("read_scene_file",),
@@ -39,12 +39,12 @@ _HOME = {
 __getattr__ = load_lazily("armcontour.io", _HOME)
 
 __all__ = [
-    "JobOverrides",
     "ResultFolder",
     "certificate_json",
     "derating_csv",
     "json_schema",
     "parse_job",
+    "parse_set",
     "parse_trajectory",
     "placed_job_text",
     "placement_csv",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Mapping
 from importlib import resources
@@ -16,12 +15,12 @@ from armcontour._yaml import load
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.io.job_arm import arm_of
-from armcontour.io.job_edits import Change, change_text, move_files
-from armcontour.io.job_file import job_of, job_text, read_model
+from armcontour.io.job_edits import REMOVE, move_files
+from armcontour.io.job_file import job_of, job_text, model_of, read_data
 from armcontour.io.job_model import CellModel, PathModel
-from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.job_path import part_of, read_drawing
 from armcontour.io.keys import Given, read_keys
+from armcontour.io.patch import Patch, apply, write
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Job
 from armcontour.jobs.job import LONGEST_TITLE
@@ -61,7 +60,7 @@ def read_cell(
     drawing: str | FilePath,
     *,
     path: Mapping[str, Any] | None = None,
-    overrides: JobOverrides | None = None,
+    patch: Patch | None = None,
     reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
@@ -72,25 +71,18 @@ def read_cell(
             the job file; its frame and its options for reading files stay.
         drawing: The file of the drawing.
         path: Keys of `path` that differ from the cell's, as in a job file.
-        overrides: Values that replace the cell's own values.
+        patch: Values by keys that replace the cell's own, as in `read_job`.
         reading: Called with the progress of reading the drawing, as in `read_path`.
         trust_xacro: As in `read_job`.
 
     Raises:
         InvalidInput: No such cell, or an error of `read_job` or `read_path`.
     """
-    text, source, folder = _text(str(cell))
-    place = FilePath(drawing)
-    found = read_model(CellModel, text, source)
-    given = read_keys(Given(PathModel), path or {}, f"{source}: path")
-    drawn = {**dict.fromkeys(OWN_PATH), **given, "file": str(place.absolute())}
-    own = dataclasses.replace(
-        found, **_names(found, place), path=dataclasses.replace(found.path, **drawn)
-    )
-    with locate_errors(source):
-        model = override(own, overrides)
+    values: Patch = {("path", key): value for key, value in (path or {}).items()}
+    data, source, folder = cell_data(cell, drawing, {**values, **(patch or {})})
+    model = model_of(CellModel, data, source)
     # What is wrong with the drawing is not the cell's fault: such sentences name the drawing only.
-    program = read_drawing(model.path, drawn["file"], folder, reading)
+    program = read_drawing(model.path, str(model.path.file), folder, reading)
     with locate_errors(source):
         return job_of(model, folder, reading, trust_xacro, program)
 
@@ -107,7 +99,7 @@ def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
     """
     text, source, folder = _text(str(cell))
     with locate_errors(source):
-        model = read_model(CellModel, text, source)
+        model = model_of(CellModel, read_data(text, source), source)
         return arm_of(model.arm, folder, trust_xacro=trust_xacro)
 
 
@@ -132,54 +124,27 @@ def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple
         return arm, Scene() if scene is None else scene_of(scene, folder, part_of(path))
 
 
-def open_text(cell: str) -> tuple[str, FilePath]:
-    """The text of a built-in cell or a job file, and the folder of its relative files.
-
-    Args:
-        cell: Name of a built-in cell, or a job file.
-
-    Raises:
-        InvalidInput: No such cell or file.
-    """
-    text, _, folder = _text(cell)
-    return text, folder
-
-
-def open_keys(cell: str) -> tuple[CellModel, FilePath]:
-    """The keys of a built-in cell or a job file, and the folder of its relative files.
-
-    Args:
-        cell: As in `open_text`.
-
-    Raises:
-        InvalidInput: No such cell or file, or an invalid key.
-    """
-    text, source, folder = _text(cell)
-    return read_model(CellModel, text, source), folder
-
-
 def cell_data(
-    cell: str | FilePath, drawing: str | FilePath
+    cell: str | FilePath, drawing: str | FilePath, patch: Patch | None = None
 ) -> tuple[dict[str, Any], str, FilePath]:
     """A cell and a drawing as the data of a job file.
 
     Args:
         cell: As in `read_cell`.
         drawing: The file of the drawing.
+        patch: As in `read_cell`.
 
     Returns:
         The data, the name of the cell for messages, and the folder of its relative files.
 
     Raises:
-        InvalidInput: No such cell, or an invalid key.
+        InvalidInput: No such cell, not YAML, or a key that the cell cannot have.
     """
     text, source, folder = _text(str(cell))
-    place = FilePath(drawing)
-    found = read_model(CellModel, text, source)
-    data = load(text, source)
-    own = {key: x for key, x in (data.get("path") or {}).items() if key not in OWN_PATH}
-    path = {**own, "file": str(place.absolute())}
-    return {**data, **_names(found, place), "path": path}, source, folder
+    data, place = read_data(text, source), FilePath(drawing)
+    drawn = _drawn(data, place, str(place.absolute()))
+    with locate_errors(source):
+        return apply(data, {**drawn, **(patch or {})}), source, folder
 
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
@@ -191,24 +156,26 @@ def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) ->
         to: The folder of the job file, to which the names of files are relative.
 
     Raises:
-        InvalidInput: No such cell, or an invalid key.
+        InvalidInput: As `cell_data`.
     """
     text, source, folder = _text(str(cell))
     place = FilePath(drawing).absolute()
-    found = read_model(CellModel, text, source)
-    text = move_files(text, folder, to)
-    own = (load(text, source).get("path") or {}).keys()
-    changes = [Change(("path", key)) for key in OWN_PATH if key in own]
-    changes += [Change((key,), x) for key, x in _names(found, place).items()]
-    changes.append(Change(("path", "file"), FilePath(os.path.relpath(place, to)).as_posix()))
-    return change_text(text, changes, source)
+    file = FilePath(os.path.relpath(place, to)).as_posix()
+    drawn = _drawn(read_data(text, source), place, file)
+    return write(move_files(text, folder, to), drawn, source)
 
 
-def _names(cell: CellModel, drawing: FilePath) -> dict[str, Any]:
-    """Name and title of the job of a drawing."""
-    title = f"{drawing.name} on {cell.title}" if cell.title is not None else drawing.name
-    # The name of a file may be longer than that of a job, and hold unprintable characters.
-    return {"name": _fit(drawing.stem, LONGEST_NAME), "title": _fit(title, LONGEST_TITLE)}
+def _drawn(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:
+    """The keys of a cell that a drawing replaces: its path, and name and title of the job."""
+    own = cell.get("title")
+    title = drawing.name if own is None else f"{drawing.name} on {own}"
+    return {
+        **{("path", key): REMOVE for key in OWN_PATH},
+        ("path", "file"): file,
+        # The name of a file may be longer than that of a job, and hold unprintable characters.
+        ("name",): _fit(drawing.stem, LONGEST_NAME),
+        ("title",): _fit(title, LONGEST_TITLE),
+    }
 
 
 def _text(cell: str) -> tuple[str, str, FilePath]:

@@ -9,11 +9,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from armcontour._quantities import Distance, Inertia, Length, Pole, Ratio
+from armcontour._quantities import Choice, Distance, Inertia, Length, Pole, Ratio
 from armcontour.arms.chain import Payload
 from armcontour.compensation import PolePlacement
 from armcontour.geometry import Demand
-from armcontour.io.place_axes import AnglesModel, LengthsModel
+from armcontour.io.place_axes import AnglesModel, AxesModel, LengthsModel, OffModel
+from armcontour.jobs.place_search import POINTS, PlaceSearch
 from armcontour.program import Event, Lead, Process
 from armcontour.robustness.box import Box
 
@@ -77,6 +78,14 @@ FORMS: dict[type, Form] = {
         texts={
             "inertia": "xx, xy, xz, yy, yz and zz about the centre of mass, along the axes of the "
             "tip [kg m²]; a point by default."
+        },
+    ),
+    PlaceSearch: Form(
+        names={"what": "move", "refined": "refine"},
+        types={
+            "over": Annotated[AxesModel, AfterValidator(AxesModel.ranges)],
+            "uncertainty": Annotated[OffModel, AfterValidator(OffModel.sizes)],
+            "about": Annotated[str, Choice(POINTS)] | Place,
         },
     ),
     PolePlacement: Form(types={"poles": Poles | list[Poles] | None}),

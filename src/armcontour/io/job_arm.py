@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
 
-from armcontour._checks import refuse_if
-from armcontour._quantities import Quantity
 from armcontour._text import show
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
@@ -22,12 +19,10 @@ from armcontour.io.job_model import (
     TableToolModel,
     ToolModel,
 )
-from armcontour.io.robots.loading import equip, load_arm, with_more_shapes
+from armcontour.io.robots.loading import load_arm, with_more_shapes
 from armcontour.io.robots.models import MJCF
-from armcontour.io.robots.tree import Tree
-from armcontour.io.robots.urdf import DESCRIPTIONS, arm_of_tree, is_description, read_description
+from armcontour.io.robots.urdf import DESCRIPTIONS
 from armcontour.io.scene import assumed_tool, more_link_shapes, rotation_of, tool_shapes
-from armcontour.io.units import read_quantity
 from armcontour.program import Program
 from armcontour.program.tools import tools_of_contours
 from armcontour.scene import LinkShape
@@ -66,36 +61,23 @@ def _bare_arm(model: ArmModel, folder: FilePath, *, trust_xacro: bool) -> Arm:
     """The arm of a job without the shapes that the job adds."""
     if (model.name is None) == (model.file is None):
         raise InvalidInput("arm takes either name, a built-in arm, or file.")
-    options: dict[str, Any] = {"tip": model.tip, "base": model.base}
-    if model.joint_limits is not None:
-        options["joint_limits"] = folder / model.joint_limits
-    equipment: dict[str, Any] = {"payload": model.payload}
-    # A tool that has only shapes leaves its frame where it is.
-    if model.tool is not None and model.tool != ToolModel(shapes=model.tool.shapes):
-        equipment["tool"] = frame_of("arm.tool", model.tool)
-    if model.work is not None:
-        equipment["work"] = frame_of("arm.work", model.work)
     if model.file is not None and not model.file.lower().endswith(ARM_FILES):
         raise InvalidInput(f"arm.file must be a {', '.join(ARM_FILES)} file, not {model.file!r}.")
-    if model.file is not None and is_description(model.file):
-        # Read once: units of locked joints depend on the joints, and a xacro file is a program.
-        packages = {name: folder / x for name, x in (model.packages or {}).items()}
-        tree = read_description(
-            folder / model.file,
-            trust_xacro=trust_xacro,
-            packages=packages,
-            arguments=model.arguments,
-        )
-        options |= {"locked": _locked(model, tree), "packages": packages}
-        return equip(arm_of_tree(tree, **options), **equipment)
-    refuse_if(
-        bool(model.locked),
-        f"arm.locked: only the joints of a {' or '.join(DESCRIPTIONS)} file can be locked.",
+    options = replace(
+        model,
+        joint_limits=None if model.joint_limits is None else folder / model.joint_limits,
+        packages={name: folder / x for name, x in (model.packages or {}).items()},
+        # Shapes of the job come first.
+        srdf=None,
     )
-    described = "arm.packages and arm.arguments go with arm.file, a description of a robot."
-    refuse_if(bool(model.packages or model.arguments), described)
+    # A tool that has only shapes leaves its frame where it is.
+    shapes_only = model.tool is None or model.tool == ToolModel(shapes=model.tool.shapes)
+    tool = None if shapes_only else frame_of("arm.tool", model.tool)
+    work = None if model.work is None else frame_of("arm.work", model.work)
     name = str(model.name) if model.file is None else folder / model.file
-    return load_arm(name, **options, **equipment, trust_xacro=trust_xacro)
+    return load_arm(
+        name, options, tool=tool, work=work, payload=model.payload, trust_xacro=trust_xacro
+    )
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:
@@ -109,23 +91,6 @@ def frame_of(key: str, model: FrameModel) -> Frame:
         position=np.array(model.position or [0.0, 0.0, 0.0]),
         rotation=np.eye(3) if turned is None else turned,
     )
-
-
-def _locked(model: ArmModel, tree: Tree) -> dict[str, float]:
-    """Positions of locked joints: [rad] of revolute joints, [m] of prismatic joints.
-
-    Raises:
-        InvalidInput: An angle for a prismatic joint, or a length for a revolute joint.
-    """
-    joints = tree.joints
-    found = {}
-    for name, value in (model.locked or {}).items():
-        slides = name in joints and joints[name].kind == "prismatic"
-        try:
-            found[name] = read_quantity(value, Quantity("m" if slides else "rad", "90 deg"))
-        except ValueError as error:
-            raise InvalidInput(f"arm.locked.{name}: {error}.") from None
-    return found
 
 
 def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:

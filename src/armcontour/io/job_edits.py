@@ -52,20 +52,6 @@ class Change:
     insert: bool = False
 
 
-def set_keys(text: str, changes: Mapping[Keys, Any], source: str = "job") -> str:
-    """A YAML text with some values set, and the rest of the text as it was.
-
-    Args:
-        text: The text; a mapping.
-        changes: New values by their keys, from the outermost to the innermost.
-        source: Name of the text in messages.
-
-    Raises:
-        InvalidInput: As in `change_text`.
-    """
-    return change_text(text, [Change(keys, x) for keys, x in changes.items()], source)
-
-
 def change_text(text: str, changes: Sequence[Change], source: str = "job") -> str:
     """A YAML text with some keys changed; all other lines stay as they were written.
 

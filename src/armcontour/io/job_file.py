@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
@@ -26,15 +26,13 @@ from armcontour.io.job_model import (
     ExperimentModel,
     JobModel,
     PathModel,
-    PlacementModel,
     RunModel,
 )
-from armcontour.io.job_overrides import JobOverrides, override
 from armcontour.io.job_path import part_of, path_of
 from armcontour.io.keys import Keys, read_keys, schema_of
+from armcontour.io.patch import Patch, apply
 from armcontour.io.scene import scene_of
-from armcontour.jobs import Experiment, Job, PlaceSearch, Rounding, Run
-from armcontour.jobs.axes import AXES
+from armcontour.jobs import Experiment, Job, Rounding, Run
 from armcontour.motion import check_interval
 from armcontour.motion.nearest_commands import check_command_limits
 from armcontour.program import Event, Process, Program
@@ -49,7 +47,7 @@ Model = TypeVar("Model", bound=JobModel)
 def read_job(
     file: str | FilePath,
     *,
-    overrides: JobOverrides | None = None,
+    patch: Patch | None = None,
     reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
@@ -57,7 +55,7 @@ def read_job(
 
     Args:
         file: The file.
-        overrides: Values that replace the file's own values.
+        patch: Values by keys that replace the file's own, such as {("limits", "speed"): 0.2}.
         reading: Called with the progress of reading the job's drawing, as in `read_path`.
         trust_xacro: Whether the arm may be a .xacro file. Such a file is a program, so that no key
             of a job can allow this.
@@ -71,7 +69,7 @@ def read_job(
         job_text(place),
         source=place.name,
         folder=place.parent,
-        overrides=overrides,
+        patch=patch,
         reading=reading,
         trust_xacro=trust_xacro,
     )
@@ -92,7 +90,7 @@ def parse_job(
     *,
     source: str = "job",
     folder: FilePath | None = None,
-    overrides: JobOverrides | None = None,
+    patch: Patch | None = None,
     reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
@@ -102,34 +100,50 @@ def parse_job(
         text: The text.
         source: Name of the text in messages.
         folder: Folder of relative file names.
-        overrides: As in `read_job`.
+        patch: As in `read_job`.
         reading: As in `read_job`.
         trust_xacro: As in `read_job`.
 
     Raises:
         InvalidInput: As in `read_job`.
     """
-    model = override(read_model(JobModel, text, source), overrides)
+    data = read_data(text, source)
+    with locate_errors(source):
+        data = apply(data, patch or {})
+    model = model_of(JobModel, data, source)
     with locate_errors(source):
         return job_of(model, folder or FilePath(), reading, trust_xacro)
 
 
-def read_model(of: type[Model], text: str, source: str) -> Model:
-    """Read and check the keys of a job file, without the files that the job names.
+def read_data(text: str, source: str) -> dict[str, Any]:
+    """Read the data of a job file, whose keys are not checked.
 
     Args:
-        of: JobModel, or CellModel for a job without a path.
         text: YAML.
         source: Name of the text in messages.
 
     Raises:
-        InvalidInput: Not YAML, an unknown key, or an invalid value.
+        InvalidInput: Not YAML, or no mapping.
     """
     data = load(text, source)
     if not isinstance(data, dict):
         raise InvalidInput(
             f"{source} must hold a mapping of keys such as name, arm, path and runs."
         )
+    return data
+
+
+def model_of(of: type[Model], data: Mapping[str, Any], source: str) -> Model:
+    """Check the keys of a job.
+
+    Args:
+        of: JobModel, or CellModel for a job without a path.
+        data: The data of a job file.
+        source: Name of the file in messages.
+
+    Raises:
+        InvalidInput: An unknown key, or an invalid value.
+    """
     model: Model = read_keys(Keys(of), data, source)
     return model
 
@@ -239,7 +253,7 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
         runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),
         certificate=model.certificate,
-        placement=None if model.placement is None else _place_search(model.placement),
+        placement=model.placement,
         scene=scene,
         ignore_collisions=model.ignore_collisions,
         part=part_of(model.path),
@@ -337,24 +351,6 @@ def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment
     given = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
     with locate_errors("experiment"):
         return Experiment(**given).for_joints(arm.dof)
-
-
-def _place_search(model: PlacementModel) -> PlaceSearch:
-    """Where a placement looks."""
-    axes = {name: getattr(model.over, name) for name in AXES}
-    off = {name: getattr(model.uncertainty, name) for name in AXES}
-    with locate_errors("placement"):
-        return PlaceSearch(
-            over={name: (x.start, x.end, x.places) for name, x in axes.items() if x is not None},
-            objective=model.objective,
-            uncertainty={name: x for name, x in off.items() if x is not None},
-            what=model.move,
-            absolute=model.absolute,
-            about=model.about,
-            every=model.every,
-            refined=model.refine,
-            run=model.run,
-        )
 
 
 def _refuse_unknown(key: str, names: Sequence[str], job: JobModel) -> None:

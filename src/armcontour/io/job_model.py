@@ -9,9 +9,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from armcontour._quantities import (
     Angle,
-    AngularDistance,
     AtLeast,
-    Choice,
     Distance,
     Interval,
     JointAccelerations,
@@ -27,14 +25,13 @@ from armcontour.arms.chain import Payload
 from armcontour.compensation import CompensationOptions, compensator
 from armcontour.compensation.compensator import INVERSE
 from armcontour.geometry import Demand
-from armcontour.io.drawings.reading import TEXTS, UNKNOWN
-from armcontour.io.forms import Place, Point
+from armcontour.io.drawings.options import ReadOptions
+from armcontour.io.forms import FORMS, Form, Place, Point
 from armcontour.io.keys import Given, Methods
-from armcontour.io.place_axes import AxesModel, OffModel
+from armcontour.io.robots.options import ArmOptions
 from armcontour.io.scene import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.io.units import parse
-from armcontour.jobs import Experiment, Goal, Rounding
-from armcontour.jobs.place_search import OBJECTIVES, POINTS, WHAT
+from armcontour.jobs import Experiment, Goal, PlaceSearch, Rounding
 from armcontour.motion import PERIOD
 from armcontour.program import Process
 from armcontour.servo import ServoModel
@@ -156,40 +153,24 @@ class TableToolModel(ToolModel):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ArmModel:
+class ArmModel(ArmOptions):
     """An arm by `name` or `file`, with its equipment. File names are relative to the job file.
 
     Args:
         name: A built-in arm: `armcontour arms` lists them.
-        file: A .urdf, .xacro or .yaml file; .xacro only if `--trust-xacro` allows it.
-        tip: Link at the end of the arm; .urdf and .xacro only. By default the end of the only
-            chain of moving joints.
-        base: Fixed link at the start of the arm; .urdf and .xacro only.
-        joint_limits: A joint_limits.yaml of MoveIt; replaces limits of the arm's file.
+        file: A .urdf, .xacro, .xml (MJCF) or .yaml file; .xacro only if `--trust-xacro` allows it.
         tool: The tool: its frame relative to the tip, and its shapes.
         work: The frame of the path relative to the base.
         payload: Payload at the tip.
-        locked: Positions of locked joints, by name; .urdf and .xacro only.
-        packages: Folders of ROS packages, by name; .urdf and .xacro only. Others are looked for
-            nearby.
-        arguments: Values of the arguments of a .xacro file, by name.
         shapes: More shapes of links, such as hoses and cameras, in the frames of the links.
-        srdf: A file of MoveIt (.srdf) that says which links may touch each other.
     """
 
     name: str | None = None
     file: str | None = None
-    tip: str | None = None
-    base: str | None = None
-    joint_limits: str | None = None
     tool: ToolModel | None = None
     work: FrameModel | None = None
     payload: Payload | None = None
-    locked: dict[str, JointPosition] | None = None
-    packages: dict[str, str] | None = None
-    arguments: dict[str, bool | int | float | str] | None = None
     shapes: BodiesModel | None = None
-    srdf: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -258,17 +239,6 @@ class OrientationModel(RotationModel):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SkipModel:
-    """Words of G-code to leave out.
-
-    Args:
-        skip: Codes and letters of G-code, such as M6 or T.
-    """
-
-    skip: list[str]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RepeatModel:
     """Copies of a drawing in columns along its x and rows along its y.
 
@@ -288,7 +258,7 @@ class RepeatModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PathModel:
+class PathModel(ReadOptions):
     """One of `points`, `start` and `segments`, `spline`, and `file`; other keys are options.
 
     Args:
@@ -298,32 +268,9 @@ class PathModel:
         spline: A cubic spline.
         file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv);
             its name is relative to the job file.
-        units: Unit of the file's lengths, such as mm, if the file gives none; replaces the unit
-            that a drawing gives.
-        scale: Factor of the file's lengths.
         frame: Position and rotation of the origin of the file, or of points and segments.
-        layers: Layers to run. Or a mapping from layers to speed and tolerance of their contours,
-            for segments without values of their own; a drawing need not have all these layers.
-        names: Names of contours to run; the report lists all names.
-        colors: Colours of DXF entities, or of strokes in SVG, to run: names, `"#rrggbb"`, and for
-            DXF also AutoCAD's numbers.
         repeat: Copies of the drawing in columns and rows, after `scale` and before `frame`; their
             contours have names such as `hole [2,1]` (row, column).
-        flat: Whether to leave out z, and the tool orientation that the file gives.
-        chord_tolerance: Largest distance between a curve and its arcs [m].
-        join_tolerance: Distance below which two ends are one point [m].
-        mend_vertices: Distance by which printing can have moved a point [m]: vertices that it has
-            bent are made tangent again within it. By default what the file's decimals say, up to
-            the chord tolerance; 0 leaves all vertices as they are.
-        smooth_axes: For tables of waypoints with tool axes, the largest angle by which these are
-            turned so that they turn smoothly [rad], as measured ones do not; 0 leaves them.
-        columns: For waypoints in CSV, names of the columns in place of the first line, or of a line
-            that is missing, such as `x [mm],y [mm],-`; `-` leaves a column out.
-        unknown: Whether to refuse elements that the reader does not know, or skip them with a note;
-            for G-code, `{skip: [T, M6]}` leaves out these words.
-        texts: For DXF, `contours` draws the letters of TEXT through a font of this machine.
-        tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
-            `{1: 3 mm}`; a negative one puts the tool on the other side.
         tool: For G-code, the tool whose contours are run, such as T2; all tools by default.
         orientation: The required tool orientation in space: one for the whole path, or one per
             waypoint; for a file, in the coordinates of the drawing.
@@ -334,26 +281,23 @@ class PathModel:
     segments: list[SegmentModel] | None = None
     spline: SplineModel | None = None
     file: str | None = None
-    units: str | None = None
-    scale: Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)] = 1.0
     frame: FrameModel | None = None
-    layers: list[str] | dict[str, Demand] | None = None
-    names: list[str] | None = None
-    colors: list[str | int] | None = None
     repeat: RepeatModel | None = None
-    flat: bool = False
-    chord_tolerance: Tolerance = 1e-5
-    join_tolerance: Tolerance = 1e-5
-    mend_vertices: Distance | None = None
-    smooth_axes: AngularDistance = 0.0
-    columns: str | None = None
-    unknown: Annotated[str, Choice(UNKNOWN)] | SkipModel = "refuse"
-    texts: Annotated[str, Choice(TEXTS)] = "leave_out"
-    tools: dict[int, Length] | None = None
     tool: str | None = None
     orientation: Annotated[
         OrientationModel | list[OrientationModel] | None, BeforeValidator(_orientation)
     ] = None
+
+
+# The corners of a job have the continuity.
+FORMS[PathModel] = Form(omit=frozenset({"continuity"}))
+FORMS[ArmModel] = Form(
+    types={
+        **dict.fromkeys(("joint_limits", "srdf"), str | None),
+        "locked": dict[str, JointPosition] | None,
+        "packages": dict[str, str] | None,
+    }
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -412,38 +356,6 @@ class RunModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlacementModel:
-    """Where `armcontour place` looks for the best place, and what is best; options replace keys.
-
-    Args:
-        over: The axes of the grid of places.
-        objective: What is best: the shortest cycle, the best manipulability, the largest clearance
-            or the largest margin of torque.
-        uncertainty: Position error of the part: each candidate is rated by the worst case within
-            this box, of which every corner is planned.
-        move: What is moved: the part, with the obstacles that are fixed to it, or the base of the
-            arm.
-        absolute: Whether x, y and z are coordinates of the point that is placed; by default they
-            are added to it.
-        about: The point that is placed and turned about: the middle of the path, the origin of its
-            coordinates, or a point [m].
-        every: Whether every place is planned, for a map without bounds.
-        refine: Whether a better place is looked for between those of the grid.
-        run: Name of the run; by default the only one, or the only one with the timing optimal.
-    """
-
-    over: AxesModel = AxesModel()
-    objective: Annotated[str, Choice(OBJECTIVES)] = OBJECTIVES[0]
-    uncertainty: OffModel = OffModel()
-    move: Annotated[str, Choice(WHAT)] = WHAT[0]
-    absolute: bool = False
-    about: Annotated[str, Choice(POINTS)] | Place = POINTS[0]
-    every: bool = False
-    refine: bool = True
-    run: str | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class JobModel:
     """A job file.
 
@@ -497,7 +409,7 @@ class JobModel:
     command_interval: Interval = PERIOD
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     certificate: Goal | None = None
-    placement: PlacementModel | None = None
+    placement: PlaceSearch | None = None
     scene: SceneModel | None = None
     ignore_collisions: bool = False
 

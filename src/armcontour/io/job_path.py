@@ -13,6 +13,7 @@ from armcontour._progress import Progress
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.frames import Frame
 from armcontour.geometry import Arc, Demand, Line, Path
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.drawings.read import read_path
 from armcontour.io.drawings.reading import FARTHEST
 from armcontour.io.job_arm import frame_of
@@ -21,7 +22,6 @@ from armcontour.io.job_model import (
     PathModel,
     RepeatModel,
     SegmentModel,
-    SkipModel,
 )
 from armcontour.io.problems import place
 from armcontour.io.scene import rotation_of
@@ -29,13 +29,8 @@ from armcontour.program import Contour, Program, contour_called
 from armcontour.program.moves import name_copy
 from armcontour.program.tools import part_of_tool
 
-# Keys that are arguments of `read_path`.
-READING = (
-    *("units", "scale", "layers", "names", "colors", "flat"),
-    *("chord_tolerance", "join_tolerance", "mend_vertices", "smooth_axes", "unknown"),
-    "columns",
-    *("texts", "tools"),
-)
+# Keys for a file alone.
+READING = (*(x.name for x in dataclasses.fields(ReadOptions)), "repeat", "tool")
 LIFTED = (
     "path.frame lifts or tilts the drawing out of the plane in which the arm moves its tool: give "
     "it z = 0, and turn it about z alone, by the last angle of rpy."
@@ -93,7 +88,7 @@ def unplaced_path(
         read = read_drawing(model, model.file, folder, progress) if drawing is None else drawing
         return _drawn(model, read, dimension)
     written = any(x is not None for x in (model.points, model.segments, model.spline))
-    options = (*READING, "repeat", "tool", *(() if written else ("frame",)))
+    options = READING if written else (*READING, "frame")
     for x in dataclasses.fields(model):
         if x.name in options and getattr(model, x.name) != x.default:
             raise InvalidInput(
@@ -166,13 +161,9 @@ def read_drawing(
     Raises:
         InvalidInput: The file cannot be read; the sentence names it.
     """
-    options = {name: getattr(model, name) for name in READING}
-    if isinstance(model.unknown, SkipModel):
-        options["unknown"] = {"skip": model.unknown.skip}
-    if model.repeat is not None:
-        # The names may be those of copies.
-        options["names"] = None
-    return read_path(folder / file, **options, progress=progress)
+    # With copies, the names may be theirs.
+    options = model if model.repeat is None else dataclasses.replace(model, names=None)
+    return read_path(folder / file, options, progress=progress)
 
 
 def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
@@ -204,7 +195,7 @@ def part_of(model: PathModel) -> Frame:
     return Frame() if model.frame is None else frame_of("path.frame", model.frame)
 
 
-def _repeat(program: Program, how: RepeatModel, names: list[str] | None) -> Program:
+def _repeat(program: Program, how: RepeatModel, names: Sequence[str] | None) -> Program:
     """Copies of a program; with `names` only these copies, or all copies of these contours.
 
     Raises:

@@ -11,7 +11,7 @@ import inspect
 import re
 import types
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -34,6 +34,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from armcontour._quantities import WHOLE_TURN, AtLeast, Axes, Choice, Named, Quantity, Some
+from armcontour._text import describe_fields
 from armcontour.core.fields import Options
 from armcontour.errors import InvalidInput
 from armcontour.io.forms import FORMS, Form
@@ -41,7 +42,10 @@ from armcontour.io.problems import first_problem
 from armcontour.io.units import read_quantity
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-PLAIN: dict[Any, Any] = {bool: StrictBool, int: StrictInt, float: Number}
+PLAIN: dict[Any, Any] = {
+    **{bool: StrictBool, int: StrictInt, float: Number},
+    **{Mapping: dict, Sequence: list},
+}
 BOUNDS: dict[str, dict[str, float]] = {
     "any": {},
     "positive": {"exclusiveMinimum": 0},
@@ -239,9 +243,11 @@ def _keys(of: type, *, given: bool = False, null: bool = False) -> dict[str, Any
     """The keys of a dataclass, as pydantic makes fields of them."""
     form = FORMS.get(of, Form())
     hints = {**get_type_hints(of, include_extras=True), **form.types}
-    described = {**descriptions(of), **form.texts}
+    described = {**_descriptions(of), **form.texts}
     fields: dict[str, Any] = {}
-    for x in dataclasses.fields(of):
+    own = inspect.get_annotations(of)
+    # Keys of the class come before those of the options that it extends.
+    for x in sorted(dataclasses.fields(of), key=lambda x: x.name not in own):
         if x.name in form.omit or not x.init:
             continue
         kind = _type_of(hints[x.name])
@@ -296,16 +302,10 @@ def _names_of(of: type) -> dict[str, str]:
     return {key: name for name, key in FORMS.get(of, Form()).names.items()}
 
 
-def descriptions(of: type) -> dict[str, str]:
-    """Descriptions of the fields from the docstring of a dataclass, with null for None."""
-    found: dict[str, str] = {}
-    for cls in reversed(of.__mro__):
-        _, _, rest = inspect.cleandoc(cls.__doc__ or "").partition("\nArgs:\n")
-        for entry in filter(None, re.split(r"\n(?= {4}\w)", rest.split("\n\n")[0])):
-            names, _, text = entry.strip().partition(": ")
-            words = SHAPE.sub("", " ".join(text.split())).replace("None ", "null ")
-            found |= dict.fromkeys(names.split(", "), words)
-    return found
+def _descriptions(of: type) -> dict[str, str]:
+    """Descriptions of the keys of a dataclass: those of its fields, with null for None."""
+    fields = describe_fields(of).items()
+    return {name: SHAPE.sub("", text).replace("None ", "null ") for name, text in fields}
 
 
 def _type_of(hint: Any) -> Any:
@@ -315,8 +315,7 @@ def _type_of(hint: Any) -> Any:
         return _annotated(*parts)
     if origin in (Union, types.UnionType):
         return Union[tuple(_type_of(x) for x in parts)]  # noqa: UP007
-    if origin is Mapping:
-        origin = dict
+    origin = PLAIN.get(origin, origin)
     if origin in (list, dict, tuple):
         return origin[tuple(_type_of(x) for x in parts)]
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):

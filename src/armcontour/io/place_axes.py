@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from armcontour._quantities import Angle, AngularDistance, AtLeast, Distance, Length
+from armcontour.jobs.axes import AXES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +55,11 @@ class AxesModel:
     yaw: AnglesModel | None = None
     tilt: AnglesModel | None = None
 
+    def ranges(self) -> dict[str, tuple[float, float, int]]:
+        """The first value, the last value and the number of values of each axis."""
+        axes = {name: getattr(self, name) for name in AXES}
+        return {name: (x.start, x.end, x.places) for name, x in axes.items() if x is not None}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OffModel:
@@ -70,3 +76,8 @@ class OffModel:
     z: Distance | None = None
     yaw: AngularDistance | None = None
     tilt: AngularDistance | None = None
+
+    def sizes(self) -> dict[str, float]:
+        """The position error along each axis."""
+        axes = {name: getattr(self, name) for name in AXES}
+        return {name: x for name, x in axes.items() if x is not None}

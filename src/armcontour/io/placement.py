@@ -5,22 +5,18 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path as FilePath
-from typing import Any
 
-from armcontour._checks import refuse_if
 from armcontour.arms import SerialArm
 from armcontour.core.render import jsonable
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, quaternions
-from armcontour.io.job_arm import ARM_FILES, frame_of
-from armcontour.io.job_edits import REMOVE, Keys, move_files, set_keys
-from armcontour.io.job_file import read_model
-from armcontour.io.job_model import ArmModel, CellModel
-from armcontour.io.job_overrides import JobOverrides, override
+from armcontour.io.job_arm import frame_of
+from armcontour.io.job_edits import REMOVE, move_files
+from armcontour.io.job_file import model_of, read_data
+from armcontour.io.job_model import CellModel
 from armcontour.io.json_text import data_json
-from armcontour.jobs import Rounding
+from armcontour.io.patch import Patch, write
 from armcontour.placement import Placement
 from armcontour.scene.scene import BASE, PART
 
@@ -33,8 +29,6 @@ COLUMNS = {
     "torque_margin": "torque margin [1]",
     "refusal": "refused by",
 }
-# Options of the command line that no key of a job stands for alone.
-OF_RUNS = ("corner_shape", "line_tolerance", "zone", "iterations", "continuity")
 
 
 def placement_json(placement: Placement, files: Sequence[str] = ()) -> str:
@@ -65,13 +59,7 @@ def placement_csv(placement: Placement) -> str:
 
 
 def placed_job_text(
-    placement: Placement,
-    text: str,
-    *,
-    folder: FilePath,
-    to: FilePath,
-    drawing: FilePath | None = None,
-    overrides: JobOverrides | None = None,
+    placement: Placement, text: str, *, folder: FilePath, to: FilePath, patch: Patch | None = None
 ) -> str:
     """The job file of a job with its part or base in the best place: only some keys are new.
 
@@ -80,28 +68,20 @@ def placed_job_text(
 
     Args:
         placement: The placement.
-        text: The job file, or the cell if there is a drawing.
+        text: The job file.
         folder: Its folder.
         to: The folder of the new file.
-        drawing: The drawing that takes the place of the cell's path.
-        overrides: Values that replaced those of the file.
+        patch: Values by keys that replaced those of the file.
 
     Raises:
-        InvalidInput: No key of a job says what was replaced or moved.
+        InvalidInput: Obstacles would move, too.
     """
-    text = move_files(text, folder, to)
-    changes = _override_keys(read_model(CellModel, text, "job"), overrides or JobOverrides())
-    if drawing is not None:
-        changes["path", "file"] = str(drawing.absolute())
-        changes["name",] = placement.job.name
-    changes["placement",] = REMOVE
-    text = set_keys(text, changes)
-    return set_keys(text, _placed_keys(placement, text, overrides))
+    own = {keys: x for keys, x in (patch or {}).items() if keys[0] != "placement"}
+    text = write(move_files(text, folder, to), {**own, ("placement",): REMOVE})
+    return write(text, _placed(placement, text))
 
 
-def _placed_keys(
-    placement: Placement, text: str, overrides: JobOverrides | None
-) -> dict[Keys, Any]:
+def _placed(placement: Placement, text: str) -> Patch:
     """The keys that place the job.
 
     Raises:
@@ -114,81 +94,15 @@ def _placed_keys(
             "Obstacles that are fixed to the base stay where they are when it moves, so no job "
             "file is written: give them their new places by hand."
         )
-    model = override(read_model(CellModel, text, "job"), overrides)
-    if not isinstance(job.arm, SerialArm):
-        own = Frame() if model.path.frame is None else frame_of("path.frame", model.path.frame)
-        frame = placement.frame()
-        moved = frame if placement.what == PART else frame.inverse
-        return {("path", "frame"): _frame(moved @ own)}
-    found = placement.placed().arm.chain
-    assert found is not None
-    work = _frame(found.base.inverse)
-    if isinstance(model.arm, str):
-        return {("arm",): {**_arm_keys(model.arm), "work": work}}
-    return {("arm", "work"): work}
-
-
-def _arm_keys(arm: str | ArmModel) -> dict[str, Any]:
-    """The keys of an arm, those that differ from their default."""
-    if isinstance(arm, str):
-        return {"file" if arm.lower().endswith(ARM_FILES) else "name": arm}
-    given = {x.name: getattr(arm, x.name) for x in fields(arm)}
-    return {name: _keys(x) for name, x in given.items() if x is not None}
-
-
-def _keys(value: Any) -> Any:
-    """A value as a job file has it; keys without a value are left out."""
-    if is_dataclass(value) and not isinstance(value, type):
-        value = {name: _keys(x) for name, x in asdict(value).items() if x is not None}
-    return jsonable(value)
-
-
-def _override_keys(model: CellModel, x: JobOverrides) -> dict[Keys, Any]:
-    """The keys that say what options replaced.
-
-    Raises:
-        InvalidInput: There is no such key.
-    """
-    for name in OF_RUNS:
-        refuse_if(
-            getattr(x, name) is not None,
-            f"--{name.replace('_', '-')} is of the runs, so no job file is written: put it into "
-            "the job file, and place that.",
-        )
-    same = (
-        "units",
-        "columns",
-        "scale",
-        "layers",
-        "names",
-        "colors",
-        "flat",
-        "texts",
-        "tools",
-        "tool",
-    )
-    skipped = "skip" if x.skip_unknown else None
-    given: dict[Keys, Any] = {
-        **{("path", name): getattr(x, name) for name in same},
-        ("path", "unknown"): {"skip": list(x.skip_words)} if x.skip_words else skipped,
-        ("path", "frame", "position"): x.position,
-        ("path", "frame", "rpy"): x.turn,
-        ("limits", "speed"): x.speed,
-        ("corners", "tolerance"): x.corner_tolerance,
-        ("process", "from_s"): x.from_s,
-        ("ignore_collisions",): x.ignore_collisions,
-    }
-    given = {key: y for key, y in given.items() if y is not None and y is not False}
-    found = {key: list(y) if isinstance(y, tuple) else y for key, y in given.items()}
-    for run, own in model.runs.items():
-        corners = asdict(own.corners) if isinstance(own.corners, Rounding) else {}
-        for part, name, there in (
-            ("limits", "speed", own.limits),
-            ("corners", "tolerance", corners),
-        ):
-            if (part, name) in found and there.get(name) is not None:
-                found["runs", run, part, name] = found[part, name]
-    return found
+    if isinstance(job.arm, SerialArm):
+        found = placement.placed().arm.chain
+        assert found is not None
+        return {("arm", "work"): _frame(found.base.inverse)}
+    model = model_of(CellModel, read_data(text, "job"), "job")
+    own = Frame() if model.path.frame is None else frame_of("path.frame", model.path.frame)
+    frame = placement.frame()
+    moved = frame if placement.what == PART else frame.inverse
+    return {("path", "frame"): _frame(moved @ own)}
 
 
 def _frame(frame: Frame) -> dict[str, list[float]]:

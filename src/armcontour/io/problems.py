@@ -154,6 +154,14 @@ def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
     if str(name)[:1].isdigit():
         # {tolerance: 0,2 mm} has the keys tolerance and 2 mm.
         return "a comma between braces ends a value, so write decimals with a point, such as 0.2 mm"
+    inner = [
+        f"{key}.{name}"
+        for key in ([] if outer else known)
+        for kind in _alternatives(schema, _inside(schema, key))
+        if name in kind.get("properties", ())
+    ]
+    if inner:
+        return f"did you mean {' or '.join(dict.fromkeys(inner))}?"
     return suggest(str(name), known, f"the keys there are {', '.join(known)}")
 
 

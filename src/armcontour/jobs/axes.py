@@ -86,24 +86,21 @@ def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, 
     return found
 
 
-def read_uncertainty(given: Mapping[str, float] | None, dimension: int) -> dict[str, float]:
+def read_uncertainty(given: Mapping[str, float], dimension: int) -> dict[str, float]:
     """By how much a part may be off its place, of some axes [m, rad]; zeros are left out.
 
     Raises:
         InvalidInput: An unknown axis, or a value below zero.
     """
     known = AXES if dimension == 3 else IN_PLANE
-    for name in given or {}:
+    for name in given:
         _refuse_axis(name, known, "uncertainty")
     sizes = {
         name: _checks.between(
-            f"uncertainty of {name}",
-            _checks.not_negative(f"uncertainty of {name}", value, UNITS[name]),
-            0,
-            FARTHEST[UNITS[name]],
-            UNITS[name],
+            f"uncertainty of {name}", given[name], 0, FARTHEST[UNITS[name]], UNITS[name]
         )
-        for name, value in (given or {}).items()
+        for name in known
+        if name in given
     }
     return {name: size for name, size in sizes.items() if size}
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from armcontour import _checks
 from armcontour._quantities import Choice
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
-from armcontour.jobs.axes import AXES, FARTHEST, read_axes, read_uncertainty
+from armcontour.jobs.axes import FARTHEST, read_axes, read_uncertainty
 from armcontour.scene.scene import BASE, PART
 
 CYCLE, MANIPULABILITY, CLEARANCE, TORQUE = "cycle", "manipulability", "clearance", "torque"
@@ -22,28 +22,30 @@ MIDDLE, ORIGIN = POINTS = ("middle", "origin")
 SPACE = 3
 
 
+@_checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaceSearch(Checked):
-    """Where a placement looks, and what is best.
+    """Where a placement looks for the best place, and what is best.
 
     Args:
-        over: The axes, each with its first value, its last value and the number of values: "x",
-            "y" and "z" [m], "yaw" about z and "tilt" about y of the turned part [rad], along the
-            coordinates of the job's path.
+        over: The axes of the grid, each with its first value, its last value and the number of
+            values: "x", "y" and "z" [m], "yaw" about z and "tilt" about y of the turned part [rad],
+            along the coordinates of the job's path.
         objective: What is best: "cycle", the shortest duration; "manipulability", the largest of
             the least singular values along the path; "clearance", the largest of the least
             distances; or "torque", the largest share of the torque limits that is left free.
-        uncertainty: Position error of the part, of some axes [m, rad]; 0 is as if
-            the axis were not named.
+        uncertainty: Position error of the part, of some axes [m, rad]: each place is rated by the
+            worst of it and of the corners of this box, planned for each. 0 is as if the axis were
+            not named.
         what: What is moved: the "part", with the obstacles that are fixed to it; or the "base" of
             the arm, whose cell stays.
         absolute: Whether x, y and z are coordinates of the point that they move; by default they
             are added to it.
         about: The point that they move, and that angles turn about: the "middle" of the path, the
             "origin" of its coordinates, or a point [m], (3,). A base turns about its own origin.
-        every: Whether to plan every place.
+        every: Whether to plan every place, for a map without bounds; this takes far longer.
         refined: Whether to look for a better place between those of the grid.
-        run: Name of the run; None is the only one, or the only one with the timing optimal.
+        run: Name of the run; by default the only one, or the only one with the timing optimal.
 
     Raises:
         InvalidInput: No such axis, objective or point, an empty range, or too many places.
@@ -54,7 +56,7 @@ class PlaceSearch(Checked):
     uncertainty: Mapping[str, float] = field(default_factory=dict)
     what: Annotated[str, Choice(WHAT)] = PART
     absolute: bool = False
-    about: str | Sequence[float] = MIDDLE
+    about: Annotated[str, Choice(POINTS)] | Sequence[float] = MIDDLE
     every: bool = False
     refined: bool = True
     run: str | None = None
@@ -62,7 +64,6 @@ class PlaceSearch(Checked):
     def _check_together(self) -> None:
         self.check(SPACE)
         if isinstance(self.about, str):
-            _checks.choice("about", self.about, POINTS)
             return
         about = _checks.numbers("about", self.about, "m")
         if about.shape != (SPACE,):
@@ -82,27 +83,3 @@ class PlaceSearch(Checked):
         if self.over:
             read_axes(self.over, dimension)
         read_uncertainty(self.uncertainty, dimension)
-
-    @checked
-    def replaced(self, given: Mapping[str, Any]) -> PlaceSearch:
-        """The same with some fields replaced; of `over` and `uncertainty` only the axes given.
-
-        Args:
-            given: Values by names of fields; None keeps the own one.
-
-        Raises:
-            InvalidInput: As at birth.
-        """
-        for name in given:
-            _checks.choice("name of a field", name, tuple(x.name for x in fields(self)))
-        new = {name: x for name, x in given.items() if x is not None}
-        for name in ("over", "uncertainty"):
-            if isinstance(new.get(name), Mapping):
-                axes = {**getattr(self, name), **new[name]}
-                new[name] = dict(sorted(axes.items(), key=lambda x: _order(x[0])))
-        return replace(self, **new)
-
-
-def _order(name: str) -> int:
-    """The place of an axis among all."""
-    return AXES.index(name) if name in AXES else len(AXES)

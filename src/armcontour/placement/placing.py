@@ -6,10 +6,9 @@ import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
@@ -27,7 +26,7 @@ from armcontour.placement.moving import Moves, refuse_tilted_base
 from armcontour.placement.placement import Place, Placement, all_places
 from armcontour.placement.refining import refine
 from armcontour.placement.screening import RANGE, REACH, SINGULAR_ARM
-from armcontour.placement.searching import best_of, search
+from armcontour.placement.searching import best_of, search_grid
 from armcontour.program import Process, Program
 from armcontour.scene.scene import BASE
 from armcontour.timing import Optimal
@@ -41,16 +40,9 @@ MOST_EXPLAINED = 40
 @checked
 def place(
     job: Job,
-    run: str | None = None,
+    search: PlaceSearch | None = None,
     *,
-    over: Mapping[str, Sequence[Any]] | None = None,
-    objective: str | None = None,
-    uncertainty: Mapping[str, float] | None = None,
-    what: str | None = None,
-    absolute: bool | None = None,
-    about: str | npt.ArrayLike | None = None,
-    every: bool | None = None,
-    refined: bool | None = None,
+    run: str | None = None,
     processes: Workers | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -62,29 +54,11 @@ def place(
     a lower bound on the duration rules out are not planned, so the best of the grid is that of
     planning all of it. In a job with corners of the shape free, arcs stand for them.
 
-    What is left out is as in the job's `placement`, a `jobs.PlaceSearch`, or else has its default.
-
     Args:
         job: The job.
-        run: Name of the run; by default the only one, or the only one with the timing optimal.
-        over: The axes, each with its first value, its last value and the number of values: "x",
-            "y" and "z" [m], "yaw" about z and "tilt" about y of the turned part [rad], along the
-            coordinates of the job's path. Other axes of the job's placement stay.
-        objective: What is best: "cycle" (default), the shortest duration; "manipulability", the
-            largest of the least singular values along the path; "clearance", the largest of the
-            least distances; or "torque", the largest share of the torque limits that is left free.
-        uncertainty: Position error of the part, of some axes [m, rad]: every place
-            then counts as the worst of it and of the corners of this box, planned for each. Other
-            axes of the job's placement stay; 0 takes one out.
-        what: What is moved: the "part" (default), with the obstacles that are fixed to it; or the
-            "base" of the arm, whose cell stays.
-        absolute: Whether x, y and z are coordinates of the point that they move; by default they
-            are added to it.
-        about: The point that they move, and that angles turn about: the "middle" of the path
-            (default), the "origin" of its coordinates, or a point [m], (3,). A base turns about its
-            own origin.
-        every: Whether to plan every place, for a map without bounds; this takes far longer.
-        refined: Whether to look for a better place between those of the grid (default).
+        search: Where to look and what is best, such as PlaceSearch(over={"x": (-0.1, 0.1, 11)}); by
+            default the job's `placement`.
+        run: Name of the run; by default that of the search.
         processes: Number of processes; by default that of processors for 100 places or more. The
             results are the same whoever works.
         executor: An executor that looks for the best of the grid in place of these processes, such
@@ -99,11 +73,8 @@ def place(
     """
     if processes is not None and executor is not None:
         raise InvalidInput("An executor has its own workers: leave processes out.")
-    asked = (job.placement or PlaceSearch()).replaced(
-        {"run": run, "over": over, "objective": objective, "uncertainty": uncertainty}
-        | {"what": what, "absolute": absolute, "about": about, "every": every, "refined": refined}
-    )
-    this, notes = _run_of(job, asked.run, asked.objective)
+    asked = search or job.placement or PlaceSearch()
+    this, notes = _run_of(job, run or asked.run, asked.objective)
     axes = read_axes(asked.over, job.arm.dimension)
     off = read_uncertainty(asked.uncertainty, job.arm.dimension)
     refuse_tilted_base((*(x.name for x in axes), *off), asked.what)
@@ -121,7 +92,7 @@ def place(
         notes.append("Leads of automatic length are those of the job's own place.")
     tell = under(progress, "placing")
     places = all_places(axes)
-    verdicts = search(
+    verdicts = search_grid(
         judge,
         places,
         every=asked.every,

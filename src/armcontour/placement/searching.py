@@ -34,7 +34,7 @@ Answer: TypeAlias = list[Screened] | Trail
 Place: TypeAlias = Mapping[str, float]
 
 
-def search(
+def search_grid(
     judge: Judge,
     places: Sequence[Place],
     *,
@@ -83,7 +83,7 @@ def _work(judge: Judge, places: Sequence[Place], task: Task) -> Answer:
 
 
 class _Search:
-    """One call of `search`.
+    """One call of `search_grid`.
 
     Args:
         judge: Says what bounds are worth.

@@ -54,7 +54,7 @@ def waypoint_changes(handles: Handles, data: Mapping[str, Any]) -> list[Change]:
     straight = not any(demands) and not here.curvatures.any()
     new = _points(here, write) if straight else _segments(here, write, demands)
     changes = [Change(("path", key), x) for key, x in new.items()]
-    changes += [Change(("path", key)) for key in ("file", *READING, "repeat") if key in given]
+    changes += [Change(("path", key)) for key in ("file", *READING) if key in given]
     _verify(path, change_data(data, changes)["path"], handles)
     return changes
 

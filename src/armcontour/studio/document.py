@@ -9,10 +9,10 @@ from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from armcontour._files import read_bytes
-from armcontour._yaml import load
 from armcontour.errors import InvalidInput
 from armcontour.io.cell import drawing_text
 from armcontour.io.job_edits import Change, change_data, change_text, file_names
+from armcontour.io.job_file import read_data
 from armcontour.studio.disk import BOM, Draft, decoded, write_whole
 
 SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
@@ -144,18 +144,6 @@ class Document:
     def redo_label(self) -> str | None:
         """What redoing does again; None if there is nothing."""
         return self._future[-1].label if self._future else None
-
-    def preview(self, changes: Sequence[Change]) -> Mapping[str, Any]:
-        """The data with some changes; the document stays as it is.
-
-        Args:
-            changes: The changes.
-
-        Raises:
-            InvalidInput: A position that its list does not have.
-        """
-        found: Mapping[str, Any] = change_data(self._data, changes)
-        return found
 
     def apply(self, changes: Sequence[Change], label: str) -> None:
         """Change the text, as one step of undo; nothing happens without a difference.
@@ -290,11 +278,7 @@ class Document:
         Raises:
             InvalidInput: It is not a YAML mapping, or names files without a folder.
         """
-        data = load(text, self.source)
-        if not isinstance(data, dict):
-            raise InvalidInput(
-                f"{self.source} must hold a mapping of keys such as name, arm, path and runs."
-            )
+        data = read_data(text, self.source)
         self._refuse_files(text)
         return data
 

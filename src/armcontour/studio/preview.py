@@ -21,10 +21,9 @@ from armcontour.evaluation import ErrorProfile
 from armcontour.evaluation.pieces import Piece, pieces_of, settling_time
 from armcontour.geometry import Path
 from armcontour.io.job_arm import arm_of, equipped
-from armcontour.io.job_file import job_on
+from armcontour.io.job_file import job_on, model_of
 from armcontour.io.job_model import JobModel
 from armcontour.io.job_path import part_of, placed_path, unplaced_path
-from armcontour.io.keys import Keys, read_keys
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Job, Run
 from armcontour.jobs.programs import programs_of, trace_run
@@ -326,8 +325,7 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
     """The keys of a job."""
     if not isinstance(data, Mapping):
         raise InvalidInput("A job must be a mapping of keys such as name, arm, path and runs.")
-    model: JobModel = read_keys(Keys(JobModel), dict(data), "job")
-    return model
+    return model_of(JobModel, data, "job")
 
 
 def _refuse_too_long(planned: Planned) -> None:

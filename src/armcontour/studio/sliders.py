@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,11 +13,12 @@ from armcontour._quantities import Quantity
 from armcontour.compensation import compensator
 from armcontour.io.job_edits import Keys, value_at
 from armcontour.io.job_model import JobModel
+from armcontour.io.patch import key_of, place
 from armcontour.io.si_data import quantity_of
 from armcontour.io.units import unit_of, write_like
 from armcontour.jobs import Job, Run
 from armcontour.jobs.job import SHAPES
-from armcontour.studio.edits.keys import SHARP, joint_values, place_of, run_of
+from armcontour.studio.edits.keys import SHARP, run_of
 from armcontour.timing import METHODS
 
 JOB, RUN, ARM, DEFAULT = "job", "run", "arm", "default"
@@ -25,43 +26,77 @@ JOB, RUN, ARM, DEFAULT = "job", "run", "arm", "default"
 
 @dataclass(frozen=True, slots=True)
 class Slider:
-    """A quantity that can be set.
+    """A quantity or a choice that can be set.
 
     Args:
         key: Its key; limits, corners and the command interval are those of the run if it has them.
         label: Its name on the page.
         group: What it belongs to.
+        value: Its value in a job and a run [SI]; None if it is not given.
         low, high: Its usual range [SI].
         log: Whether its range is one of sizes.
+        choices: What can be chosen, if it is no quantity.
     """
 
     key: str
     label: str
     group: str
-    low: float
-    high: float
+    value: Callable[[Job, Run], Any]
+    low: float = 0.0
+    high: float = 0.0
     log: bool = True
+    choices: tuple[str, ...] = ()
+
+    @property
+    def keys(self) -> Keys:
+        """Its key, part by part."""
+        return key_of(self.key)
+
+
+def _limit(name: str, group: str, low: float, high: float) -> Slider:
+    """A limit of the run."""
+    label = name.replace("_", " ")
+    return Slider(
+        f"limits.{name}", label, group, lambda _, run: getattr(run.limits, name), low, high
+    )
+
+
+def _gain(name: str, low: float, high: float) -> Slider:
+    """A gain of the servo."""
+    value: Callable[[Job, Run], Any] = lambda job, _: getattr(job.servo, name)  # noqa: E731
+    return Slider(f"servo.{name}", f"gain {name}", "servo", value, low, high)
+
+
+def _tolerance(_: Job, run: Run) -> float | None:
+    """The corner tolerance of a run [m]."""
+    return None if run.rounding is None else run.rounding.tolerance
+
+
+def _shape(_: Job, run: Run) -> str:
+    """The shape of the corners of a run."""
+    return SHARP if run.rounding is None else run.rounding.shape
 
 
 SLIDERS = (
-    Slider("corners.tolerance", "tolerance", "path", 1e-5, 2e-2),
-    Slider("limits.speed", "speed", "path", 1e-3, 2.0),
-    Slider("limits.centripetal_acceleration", "centripetal acceleration", "path", 1e-2, 20.0),
-    Slider("limits.tool_acceleration", "tool acceleration", "path", 1e-2, 50.0),
-    Slider("limits.joint_velocity", "joint velocity", "joints", 1e-2, 10.0),
-    Slider("limits.joint_acceleration", "joint acceleration", "joints", 1e-2, 100.0),
-    Slider("limits.joint_jerk", "joint jerk", "joints", 1.0, 1e4),
-    Slider("servo.kp", "gain kp", "servo", 1.0, 500.0),
-    Slider("servo.kv", "gain kv", "servo", 1.0, 2e3),
-    Slider("servo.ki", "gain ki", "servo", 0.1, 2e2),
-    Slider("command_interval", "command interval", "servo", 1e-4, 2e-2),
-    Slider("timing.reserve", "reserve", "run", 0.0, 0.9, log=False),
-)
-CHOICES = (
-    ("timing.method", "timing", "run", tuple(METHODS)),
-    ("compensation.method", "compensation", "run", tuple(compensator.METHODS)),
-    ("corners.shape", "corners", "path", (SHARP, *SHAPES)),
-)
+    Slider("corners.tolerance", "tolerance", "path", _tolerance, 1e-5, 2e-2),
+    _limit("speed", "path", 1e-3, 2.0),
+    _limit("centripetal_acceleration", "path", 1e-2, 20.0),
+    _limit("tool_acceleration", "path", 1e-2, 50.0),
+    _limit("joint_velocity", "joints", 1e-2, 10.0),
+    _limit("joint_acceleration", "joints", 1e-2, 100.0),
+    _limit("joint_jerk", "joints", 1.0, 1e4),
+    _gain("kp", 1.0, 500.0),
+    _gain("kv", 1.0, 2e3),
+    _gain("ki", 0.1, 2e2),
+    Slider("command_interval", "command interval", "servo", lambda _, run: run.period, 1e-4, 2e-2),
+    Slider("timing.reserve", "reserve", "run", lambda _, run: run.timing.reserve, 0.0, 0.9,
+           log=False),
+    Slider("timing.method", "timing", "run", lambda _, run: run.timing.method,
+           choices=tuple(METHODS)),
+    Slider("compensation.method", "compensation", "run", lambda _, run: run.compensation.method,
+           choices=tuple(compensator.METHODS)),
+    Slider("corners.shape", "corners", "path", _shape, choices=(SHARP, *SHAPES)),
+)  # fmt: skip
 
 
 def sliders_of(data: Mapping[str, Any], job: Job, run: str) -> list[dict[str, Any]]:
@@ -82,32 +117,36 @@ def sliders_of(data: Mapping[str, Any], job: Job, run: str) -> list[dict[str, An
         InvalidInput: There is no such run.
     """
     this = run_of(job, run)
-    numbers = [x for slider in SLIDERS for x in _sliders(slider, data, job, this)]
-    return numbers + [_choice(*x, data=data, run=this) for x in CHOICES]
+    return [x for slider in SLIDERS for x in _sliders(slider, data, job, this)]
 
 
 def _sliders(
     slider: Slider, data: Mapping[str, Any], job: Job, run: Run
 ) -> Iterator[dict[str, Any]]:
     """The slider of a quantity, or those of all joints, where they have different values."""
-    keys = place_of(slider.key, data, run.name)
-    written = value_at(data, keys)
-    value = _value(slider.key, job, run)
+    keys = place(slider.keys, data, run.name)
+    value, written = slider.value(job, run), value_at(data, keys)
+    source = _source(keys, value, data, chosen=bool(slider.choices))
     kind = quantity_of(JobModel, keys)
-    assert kind is not None
+    if kind is None:
+        yield {
+            **{"key": slider.key, "label": slider.label, "group": slider.group, "value": value},
+            **{"written": value, "choices": list(slider.choices), "from": source},
+        }
+        return
     if isinstance(value, np.ndarray):
         # Lower and upper bounds are typed.
         if value.ndim == 2:
             return
         # A joint without such a loop has no gain to slide.
-        given = np.flatnonzero(np.isfinite(value) & (value > 0))
-        if isinstance(written, list) or len(set(value.tolist())) > 1 or not len(given):
-            for k in given.tolist():
-                own = written[k] if isinstance(written, list) else written
-                yield _slider(slider, float(value[k]), own, kind, (data, job, run), joint=k)
+        finite = np.flatnonzero(np.isfinite(value) & (value > 0))
+        if isinstance(written, list) or len(set(value.tolist())) > 1 or not len(finite):
+            for k in finite.tolist():
+                text = written[k] if isinstance(written, list) else written
+                yield _slider(slider, float(value[k]), text, kind, source, joint=k)
             return
         value = float(value[0])
-    yield _slider(slider, value, written, kind, (data, job, run))
+    yield _slider(slider, value, written, kind, source)
 
 
 def _slider(
@@ -115,7 +154,7 @@ def _slider(
     value: float | None,
     written: Any,
     kind: Quantity,
-    where: tuple[Mapping[str, Any], Job, Run],
+    source: str,
     joint: int | None = None,
 ) -> dict[str, Any]:
     """One slider, of one joint or of all."""
@@ -139,59 +178,13 @@ def _slider(
         "min": low,
         "max": high,
         "log": slider.log,
-        "from": _source(slider.key, value, *where),
+        "from": source,
     }
 
 
-def _source(key: str, value: float | None, data: Mapping[str, Any], job: Job, run: Run) -> str:
-    """Where a value is written."""
-    keys = place_of(key, data, run.name)
-    if value_at(data, keys) is not None:
+def _source(keys: Keys, value: Any, data: Mapping[str, Any], *, chosen: bool) -> str:
+    """Where a value is written; a choice is its mapping's, which may leave it out."""
+    if value_at(data, keys[:-1] if chosen else keys) is not None:
         return RUN if keys[0] == "runs" else JOB
-    of_arm = key.startswith("limits.joint_") and value is not None
-    return ARM if of_arm else DEFAULT
-
-
-def _value(key: str, job: Job, run: Run) -> Any:
-    """The value of a quantity in SI units, (dof,) for those of joints; None if it is not given."""
-    keys: Keys = tuple(key.split("."))
-    if keys == ("command_interval",):
-        return run.period
-    if keys == ("timing", "reserve"):
-        return run.timing.reserve
-    if keys[0] == "corners":
-        return None if run.rounding is None else run.rounding.tolerance
-    values = joint_values(keys, job, run.name)
-    if values is None and keys[0] == "limits":
-        return getattr(run.limits, str(keys[-1]))
-    return values
-
-
-def _choice(
-    key: str,
-    label: str,
-    group: str,
-    known: tuple[str, ...],
-    *,
-    data: Mapping[str, Any],
-    run: Run,
-) -> dict[str, Any]:
-    """What can be chosen from a few."""
-    corners = SHARP if run.rounding is None else run.rounding.shape
-    values = {
-        "timing.method": run.timing.method,
-        "compensation.method": run.compensation.method,
-    }
-    value = values.get(key, corners)
-    keys = place_of(key, data, run.name)
-    return {
-        "key": key,
-        "label": label,
-        "group": group,
-        "value": value,
-        "written": value,
-        "choices": list(known),
-        "from": DEFAULT
-        if value_at(data, keys[:-1]) is None
-        else (RUN if keys[0] == "runs" else JOB),
-    }
+    of_arm = keys[-2] == "limits" and str(keys[-1]).startswith("joint_") if keys[1:] else False
+    return ARM if of_arm and value is not None else DEFAULT

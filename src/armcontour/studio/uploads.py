@@ -13,7 +13,7 @@ from pathlib import Path as FilePath
 
 from armcontour._text import make_printable
 from armcontour.errors import InvalidInput
-from armcontour.io.cell import YAML, cell_names, drawing_text
+from armcontour.io.cell import OWN_PATH, YAML, cell_names, drawing_text
 from armcontour.io.drawings.endings import READERS
 from armcontour.io.job_edits import Change
 from armcontour.studio.document import Document
@@ -21,8 +21,6 @@ from armcontour.studio.document import Document
 # Endings of robot descriptions; .xacro is none of them, as it is a program.
 ROBOTS = (".urdf",)
 LONGEST = 100
-# Keys of a path that a drawing replaces.
-OWN = ("points", "start", "segments", "spline")
 
 
 class Uploads:
@@ -73,7 +71,7 @@ class Uploads:
             return Document.of_text(drawing_text(cell, there, folder), folder, f"{there.stem}.yaml")
         path = document.data.get("path") or {}
         return [
-            *(Change(("path", x)) for x in OWN if x in path),
+            *(Change(("path", x)) for x in OWN_PATH if x in path),
             Change(("path", "file"), file),
         ]
 

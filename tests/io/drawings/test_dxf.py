@@ -15,7 +15,7 @@ from tests.io.tables import refusals
 
 import armcontour as ac
 from armcontour.io.drawings.dxf import UNITS, read_dxf
-from armcontour.io.drawings.reading import Reading, color_set
+from armcontour.io.drawings.options import ReadOptions
 
 MM = 1e-3
 TOLERANCE = 1e-5
@@ -44,7 +44,7 @@ def written(document):
 def read(document, **options):
     """Read a document, or the bytes of a file."""
     data = document if isinstance(document, bytes) else written(document)
-    return read_dxf(data, source="part.dxf", reading=Reading(**options))
+    return read_dxf(data, source="part.dxf", options=ReadOptions(**options))
 
 
 def only(document, **options):
@@ -144,7 +144,7 @@ def test_polylines_and_their_bulges():
     assert contour.path.curvatures[2] == pytest.approx(1 / 0.03)
     document, space = drawing("R12")
     space.add_polyline2d([(0, 0, 1), (50, 0, 0), (50, 50, 0)], format="xyb", close=True)
-    contour = only(document, unit=MM)
+    contour = only(document, units=MM)
     assert contour.closed and (contour.path.curvatures > 0).tolist() == [True, False, False]
     near([contour.path], densely(space))
     # In space, with points that repeat.
@@ -386,9 +386,9 @@ def test_the_unit_of_the_drawing(refuses):
         theirs = ezdxf.units.METER_FACTOR[code]
         assert theirs is None or metres == pytest.approx(1 / theirs, rel=1e-5), code
     document, _ = alone("line", (0, 0), (10, 0))
-    assert only(document, unit=0.0254).path.length == pytest.approx(0.254)
+    assert only(document, units=0.0254).path.length == pytest.approx(0.254)
     document.units = 0
-    assert only(document, unit=MM).path.length == pytest.approx(0.01)
+    assert only(document, units=MM).path.length == pytest.approx(0.01)
     refusals(read, [(document, "part.dxf ... $INSUNITS ... mm")])
     document.units = 20
     refuses(lambda: read(document), ac.InvalidInput, "unit 20")
@@ -412,7 +412,7 @@ def test_a_file_without_a_header_has_no_unit(refuses):
     r12 = pairs((0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009"), (0, "ENDSEC"))
     for header in (b"", r12, r12.replace(b"AC1009", b"AC1015")):
         refusals(read, [(bare(*CUT, header=header), "part.dxf ... $INSUNITS ... mm")])
-        assert only(bare(*CUT, header=header), unit=MM).path.length == pytest.approx(0.01)
+        assert only(bare(*CUT, header=header), units=MM).path.length == pytest.approx(0.01)
     stated = r12.replace(b"0\nENDSEC", b"9\n$INSUNITS\n70\n1\n0\nENDSEC")
     assert only(bare(*CUT, header=stated)).path.length == pytest.approx(0.254)
 
@@ -422,13 +422,13 @@ def test_entities_without_the_marks_of_their_classes():
     # The coordinate 100 is no mark.
     polyline += (10, 0), (20, 0), (10, 100), (20, 0), (42, 1.0), (10, 100), (20, 40)
     for tags in (polyline, [x for x in polyline if x[0] not in (5, 62)]):
-        contour = only(bare(*tags), unit=MM)
+        contour = only(bare(*tags), units=MM)
         assert contour.closed and contour.layer == "CUT"
         wanted = 0.1 + np.pi * 0.02 + np.hypot(0.1, 0.04)
         assert contour.path.length == pytest.approx(wanted, rel=1e-6)
     text = (0, "MTEXT"), (8, "CUT"), (10, 0), (20, 0), (40, 2), (1, "part")
     leader = (0, "LEADER"), (8, "0"), (76, 2), (10, 0), (20, 0), (10, 1), (20, 0)
-    program = read(bare(*text, *leader, *polyline), unit=MM)
+    program = read(bare(*text, *leader, *polyline), units=MM)
     assert len(program.contours) == 1
     assert "1 MTEXT" in program.notes[0]
 
@@ -485,7 +485,7 @@ def test_colors_choose_by_number_name_layer_and_block():
     space.add_blockref("b", (0, 50), dxfattribs={"color": 1})
 
     def lengths(*colors):
-        program = read(document, colors=color_set(colors))
+        program = read(document, colors=colors)
         return [round(x.path.length / MM) for x in program.contours]
 
     assert lengths("red") == lengths("#F00") == [10, 20, 1]
@@ -550,7 +550,7 @@ def test_all_versions_as_text_and_binary(version):
     data, binary = written(document), io.BytesIO()
     document.write(binary, fmt="bin")
     for form in (data, data.replace(b"\n", b"\r\n"), binary.getvalue()):
-        program = read(form, unit=MM)
+        program = read(form, units=MM)
         assert [x.layer for x in program.contours] == ["0", "Löcher"]
         assert [len(x.path) for x in program.contours] == [3, 1]
         assert program.source == "part.dxf"
@@ -565,7 +565,7 @@ def from_hand(entities, blocks=""):
     parts = "9|$ACADVER|1|AC1009|", blocks, entities
     names = "HEADER", "BLOCKS", "ENTITIES"
     text = "".join(f"0|SECTION|2|{a}|{b}0|ENDSEC|" for a, b in zip(names, parts, strict=True))
-    return read(f"{text}0|EOF|".replace("|", "\n").encode(), unit=MM)
+    return read(f"{text}0|EOF|".replace("|", "\n").encode(), units=MM)
 
 
 def block(name, *inserts):

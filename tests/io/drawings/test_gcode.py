@@ -14,7 +14,7 @@ from tests.io.tables import refusals, rows
 
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings.gcode import read_gcode
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 
 CORPUS = Path(__file__).with_name("gcode")
@@ -28,11 +28,11 @@ def read(text, **options):
     """Read a file of the corpus by its name, or a text with | for the ends of lines."""
     if isinstance(text, str) and re.fullmatch(r"\w+/\w+", text):
         data = (CORPUS / f"{text}.ngc").read_bytes()
-        options = {"unknown": "skip" if b"unknown: skip" in data else "refuse"}
-        reading = Reading(mend_vertices=0.0, **options)
-        return read_gcode(data, source=f"{text}.ngc", reading=reading)
+        unknown = "skip" if b"unknown: skip" in data else "refuse"
+        given = ReadOptions(mend_vertices=0.0, unknown=unknown)
+        return read_gcode(data, source=f"{text}.ngc", options=given)
     data = text if isinstance(text, bytes) else f"{text}\n".replace("|", "\n").encode()
-    return read_gcode(data, source="part.ngc", reading=Reading(**options))
+    return read_gcode(data, source="part.ngc", options=ReadOptions(**options))
 
 
 def in_mm(path):
@@ -190,7 +190,7 @@ def test_arcs_with_rounded_centres_stay_near_them_and_meet_their_ends(
         f"G0 X{radius * math.cos(turn):.12f} Y{radius * math.sin(turn):.12f} F1|"
         f"G90.1 G{way} X{target[0]:.12f} Y{target[1]:.12f} I0 J0"
     )
-    path = read(text, unit=1.0).contours[0].path
+    path = read(text, units=1.0).contours[0].path
     np.testing.assert_allclose(path.vertices[-1], target, atol=1.5e-9)
     distance = np.linalg.norm(path(np.linspace(0, path.length, 200)), axis=1)
     # At most twice the error of the centre.
@@ -250,14 +250,14 @@ M104 S2|G28|G1 Z15 F60|G92 E0|G1 X2 Y2|Z0|G1 X6 E2|G1 X9 => 2,2 6,2 9,2 => befor
 G1 X2 F60|G1 X6 E2 => 2,0 6,0 => before the first extrusion, first in line 1
 G1 X2 F60|G1 X6 ; E2 => 0,0 2,0 6,0
 """)
-    check_points("G1 X1 F60|G92 A0|X2 => 0,0 1,0 2,0 => G92 of", skip=frozenset("A"))
+    check_points("G1 X1 F60|G92 A0|X2 => 0,0 1,0 2,0 => G92 of", unknown={"skip": ["A"]})
     text = "G10 L2 P1 X5 R1|G1 X1 F60 => 0,0 1,0 => G10 (1 time"
-    check_points(text, skip=frozenset(("G10",)))
-    check_points("G1 X1 F60|G28.2 X0 Y5|X2 => 0,0 1,0 2,0 => G28.2", skip=frozenset(("G28.2",)))
+    check_points(text, unknown={"skip": ["G10"]})
+    check_points("G1 X1 F60|G28.2 X0 Y5|X2 => 0,0 1,0 2,0 => G28.2", unknown={"skip": ["G28.2"]})
     words = (
         "T1 M6|G1 X1 A90 F60|G55 X2 => 0,0 1,0 2,0 => M6 (1 ... word T (1 ... word A (1 ... G55 (1"
     )
-    check_points(words, skip=frozenset(("T", "M6", "A", "G55")))
+    check_points(words, unknown={"skip": ["T", "M6", "A", "G55"]})
     check_points("G1 X1 F60|G123 => 0,0 1,0 => G123 (1 time, first in line 2)", unknown="skip")
     start = "G92 E0|G0 Z20|G1 F1500 E-6.5|G1 F600 Z2"
     for code in ("M201", "M203", "M205", "M92", "M566", "M999"):
@@ -284,7 +284,7 @@ def test_types_or_layers_of_a_slicer_are_layers():
 
 
 def test_units_speeds_and_tolerances_that_the_file_leaves_open():
-    (contour,) = read("G1 X2 F60|G21|X3000", unit=1.0).contours
+    (contour,) = read("G1 X2 F60|G21|X3000", units=1.0).contours
     np.testing.assert_allclose(contour.path.vertices, [[0, 0], [2, 0], [3, 0]], atol=1e-15)
     assert contour.path.speeds == pytest.approx([1.0, 1.0])
     program = read("G64 P0.1|G64 P0|G1 X1 F60|Y1")

@@ -29,10 +29,11 @@ def read(tmp_path):
     (tmp_path / "part.ngc").write_text(GCODE)
     (tmp_path / "PART.SVG").write_text(SVG)
 
-    def reader(name="w.csv", text=None, **options):
+    def reader(name="w.csv", text=None, *, frame=None, progress=None, **options):
         if text is not None:
             (tmp_path / name).write_text(text)
-        return ac.read_path(tmp_path / name, **options)
+        given = ac.ReadOptions(**options)
+        return ac.read_path(tmp_path / name, given, frame=frame, progress=progress)
 
     return reader
 
@@ -107,7 +108,7 @@ def test_what_cannot_be_read_is_refused(read, tmp_path):
         (("part.dwg", {}), "save it as DXF"),
         (("w.csv", {"units": "mm", "layers": ["FOO"]}), "no layer 'FOO' ... 'CUT', 'MARK'"),
         (("w.csv", {"units": "mm", "names": ["c"]}), "no contour 'c' ... 'a', 'b'"),
-        (("w.csv", {"scale": -1.0}), "scale must be above zero"),
+        (("w.csv", {"scale": -1.0}), "scale ... above zero"),
         (("w.csv", {"unknown": "guess"}), "unknown"),
         (("w.csv", {"layers": 5}), "layer ... 5"),
         (("across.ngc", {"flat": True}), "across.ngc: contour line 3: Segment 2"),

@@ -68,7 +68,7 @@ def read(tmp_path):
     def reader(text, ending=".ngc", **options):
         file = tmp_path / f"part{ending}"
         file.write_text(text)
-        return ac.read_path(file, **options)
+        return ac.read_path(file, ac.ReadOptions(**options))
 
     return reader
 
@@ -182,7 +182,7 @@ def test_bulges_of_dxf_are_mended(tmp_path):
     points = [(round(c * x - s * y, 4), round(s * x + c * y, 4), round(b, 6)) for x, y, b in flat]
     document.modelspace().add_lwpolyline(points, format="xyb", close=True)
     document.saveas(tmp_path / "a.dxf")
-    assert kinks(ac.read_path(tmp_path / "a.dxf", mend_vertices=0.0)) >= 5
+    assert kinks(ac.read_path(tmp_path / "a.dxf", ac.ReadOptions(mend_vertices=0.0))) >= 5
     mended = ac.read_path(tmp_path / "a.dxf")
     assert kinks(mended) == 0 and "Mended" in mended.notes[-1]
 

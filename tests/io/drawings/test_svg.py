@@ -13,7 +13,7 @@ from tests.io.tables import refusals, rows
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.io.drawings import _svg_walk, svg
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.drawings.svg import read_svg
 
 MM = 'width="100mm" height="80mm" viewBox="0 0 100 80"'
@@ -26,7 +26,7 @@ SPACES = (
 def read(body, page=MM, **reading):
     """A drawing; on the page `MM` a user unit is a millimetre."""
     data = body if isinstance(body, bytes) else f"<svg {SPACES} {page}>{body}</svg>".encode()
-    return read_svg(data, source="a.svg", reading=Reading(**reading))
+    return read_svg(data, source="a.svg", options=ReadOptions(**reading))
 
 
 def only(body, page=MM, **reading):
@@ -92,7 +92,7 @@ def test_pixels_of_the_program_that_wrote_the_file():
         )
         again = read(utf_16.encode("utf-16"))
         assert again.path.length == pytest.approx(90 * pixel, rel=1e-12), page
-    program = drawn(f'{old} width="180" height="180"', unit=1e-3)
+    program = drawn(f'{old} width="180" height="180"', units=1e-3)
     assert program.path.length == pytest.approx(0.09) and program.notes == ()
 
 
@@ -115,7 +115,7 @@ def test_user_units_and_y_up_from_the_lower_edge():
     page = 'width="100mm" height="80mm" viewBox="-50 -40 100 80"'
     np.testing.assert_allclose(only('<line x2="1"/>', page).starts[0], [50e-3, 40e-3])
     # The unit of the reading goes before that of the file.
-    vertices = only('<line y2="10"/>', 'width="9in" viewBox="0 0 50 40"', unit=1e-3).vertices
+    vertices = only('<line y2="10"/>', 'width="9in" viewBox="0 0 50 40"', units=1e-3).vertices
     np.testing.assert_allclose(vertices, [[0, 40e-3], [0, 30e-3]], rtol=1e-12)
     program = read('<line y2="96"/>', page="")
     np.testing.assert_allclose(program.path.vertices, [[0, 0], [0, -inch]], atol=1e-15)

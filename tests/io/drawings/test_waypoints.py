@@ -11,13 +11,13 @@ from tests.io.tables import refusals
 
 from armcontour import read_path
 from armcontour.errors import InvalidInput
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.drawings.waypoints import read_waypoints
 
 
 def read(text, **reading):
     data = text if isinstance(text, bytes) else text.encode()
-    return read_waypoints(data, source="points.csv", reading=Reading(**reading))
+    return read_waypoints(data, source="points.csv", options=ReadOptions(**reading))
 
 
 def refused(text, call=read, **reading):
@@ -38,7 +38,7 @@ def test_dialects_units_speeds_and_tolerances():
         assert path.dimension == 2 and not path.curvatures.any()
     # Without units, lengths are in that of the reading and speeds in it per second.
     text = "x,y,speed,tolerance\n0,0,,\n10,0,5,0.1\n"
-    for unit, reading in ((1, {}), (0.0254, {"unit": 0.0254})):
+    for unit, reading in ((1, {}), (0.0254, {"units": 0.0254})):
         path = read(text, **reading).path
         found = (path.length, path.speeds[0], path.tolerances[0])
         np.testing.assert_allclose(found, np.array([10, 5, 0.1]) * unit, rtol=1e-12)
@@ -181,15 +181,19 @@ def test_tool_axes_are_smoothed_within_the_angle(tmp_path):
     refusals(lambda text: read(text, smooth_axes=0.01), table)
     file = tmp_path / "part.ngc"
     file.write_text("G21 G90 F600\nG1 X50\nM2\n")
-    refusals(lambda x: read_path(x, smooth_axes=0.01), [(file, "tables ... part.ngc")])
+    refusals(lambda x: read_path(x, ReadOptions(smooth_axes=0.01)), [(file, "tables ... part.ngc")])
 
 
 def test_columns_may_be_named_for_files_with_other_first_lines_or_none(tmp_path):
     file = tmp_path / "part.csv"
     for head, separator in (("", ","), ("count 2\nn,a,b,c\n", ","), ("", " ")):
         file.write_text(head + "1,10,20,9\n2,30,20,9\n".replace(",", separator))
-        (contour,) = read_path(file, columns="-,x [mm],y [mm],-").contours
+        (contour,) = read_path(file, ReadOptions(columns="-,x [mm],y [mm],-")).contours
         np.testing.assert_allclose(contour.path.vertices, [[0.01, 0.02], [0.03, 0.02]])
-        refusals(lambda x: read_path(x, columns="x,y"), [(file, "columns, but names of 2")])
+        refusals(
+            lambda x: read_path(x, ReadOptions(columns="x,y")), [(file, "columns, but names of 2")]
+        )
     dxf = tmp_path / "part.dxf"
-    refusals(lambda x: read_path(x, columns="x,y"), [(dxf, "columns ... waypoints in CSV")])
+    refusals(
+        lambda x: read_path(x, ReadOptions(columns="x,y")), [(dxf, "columns ... waypoints in CSV")]
+    )

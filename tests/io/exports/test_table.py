@@ -24,15 +24,8 @@ from tests.io.tables import refusals
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io import read_trajectory
-from armcontour.io.exports import (
-    csv_text,
-    export,
-    exporting,
-    formats,
-    make_table,
-    text,
-    write_table,
-)
+from armcontour.io.exports import csv_text, export, make_table, text
+from armcontour.io.exports.formats import FORMATS
 from armcontour.io.exports.text import event_data
 from armcontour.motion import TimedEvent
 
@@ -115,7 +108,7 @@ def test_a_plan_with_a_limit_of_jerk_keeps_it_from_point_to_point(smooth, tmp_pa
         # Between points, a controller of quintics is within a nanoradian of the plan.
         dense = np.linspace(0, smooth.duration, 3001)
         np.testing.assert_allclose(joined(found, 3)(dense), smooth(dense), atol=1e-9)
-        write_table(found, tmp_path / "a.yaml", format="ros-yaml")
+        ac.RosYamlFormat().write(found, tmp_path / "a.yaml")
         again = read_trajectory(tmp_path / "a.yaml", found.joint_names)
         np.testing.assert_allclose(again.ddq, found.ddq, atol=1e-11)
     # Where it is to join points by cubics, velocities are those of the spline, as before.
@@ -185,7 +178,7 @@ def events_in(cell):
 @pytest.mark.parametrize("dof", [2, 7])
 def test_csv_comes_back_in_pandas(table, tmp_path, dof):
     given = table(dof)
-    write_table(given, tmp_path / "a.csv", format="csv")
+    ac.CsvFormat().write(given, tmp_path / "a.csv")
     found = pd.read_csv(tmp_path / "a.csv")
     assert len(found.columns) == 1 + 3 * dof + 1
     assert_columns(found, given, 0.5000001e-12)
@@ -197,7 +190,7 @@ def test_csv_comes_back_in_pandas(table, tmp_path, dof):
 
 def test_csv_without_events_is_what_check_reads(table, tmp_path):
     given = table(6, events=())
-    write_table(given, tmp_path / "a.csv", format="csv")
+    ac.CsvFormat().write(given, tmp_path / "a.csv")
     found = read_trajectory(tmp_path / "a.csv", given.joint_names)
     for name in ("t", "q", "dq", "ddq"):
         np.testing.assert_allclose(getattr(found, name), getattr(given, name), 0, 0.5000001e-12)
@@ -205,7 +198,7 @@ def test_csv_without_events_is_what_check_reads(table, tmp_path):
 
 def test_npz_comes_back_to_the_last_bit_and_without_pickles(table, tmp_path):
     given = dataclasses.replace(table(6), tool=np.ones((9, 3)), ddq=None)
-    write_table(given, tmp_path / "a.npz", format="npz")
+    ac.NpzFormat().write(given, tmp_path / "a.npz")
     with np.load(tmp_path / "a.npz", allow_pickle=False) as found:
         for name in ("t", "q", "dq", "tool"):
             np.testing.assert_array_equal(found[name], getattr(given, name))
@@ -269,7 +262,7 @@ ARRAYS = {"positions": "q", "velocities": "dq", "accelerations": "ddq"}
 
 
 def ros_yaml(table, file):
-    write_table(table, file, format="ros-yaml")
+    ac.RosYamlFormat().write(table, file)
     text = file.read_text(encoding="utf-8")
     documents = list(yaml.safe_load_all(text))
     assert len(documents) == 1  # `ros2 topic pub --yaml-file` sends every document
@@ -303,7 +296,7 @@ def test_refuses_times_that_ros_cannot_hold(table, tmp_path):
 
         def write(t, form=form):
             given = dataclasses.replace(table(count=3, events=()), t=np.sort([0, 1, t]))
-            write_table(given, tmp_path / "a", format=form)
+            FORMATS[form]().write(given, tmp_path / "a")
 
         refusals(write, words.items())
     assert not list(tmp_path.iterdir())
@@ -315,7 +308,7 @@ def test_a_bag_comes_back_from_its_folder(table, tmp_path):
     arrays = {name: np.asfortranarray(getattr(given, name)) for name in ARRAYS.values()}
     given = dataclasses.replace(given, **arrays)
     bag = tmp_path / "motion.mcap"
-    write_table(given, bag, format="mcap")
+    ac.McapFormat().write(given, bag)
     assert sorted(x.name for x in bag.iterdir()) == ["metadata.yaml", "motion.mcap"]
     assert [x.name for x in tmp_path.iterdir()] == ["motion.mcap"]
     with AnyReader([bag]) as reader:
@@ -333,13 +326,13 @@ def test_a_bag_comes_back_from_its_folder(table, tmp_path):
     assert [json.loads(x[2].data) for x in events] == [event_data(x) for x in given.events]
     assert [x[1] for x in events] == [round(x.t * 1e9) for x in given.events]
     # Without events, a bag has one message.
-    write_table(table(2, events=()), tmp_path / "bag", format="mcap")
+    ac.McapFormat().write(table(2, events=()), tmp_path / "bag")
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == 1 and len(reader.topics) == 1
         assert reader.start_time == 0
 
 
-PLAIN = [(x, end) for x, end in formats().items() if x != "template"]
+PLAIN = [x for x in FORMATS.values() if x is not ac.TemplateFormat]
 
 
 @pytest.fixture
@@ -356,50 +349,53 @@ def bytes_of(place):
     return {x.name: x.read_bytes() for x in files if x.is_file()}
 
 
-@pytest.mark.filterwarnings("ignore:.*switched for gas")
-def test_the_ending_or_the_name_says_the_format_and_bytes_are_the_same_twice(six, tmp_path):
-    for form, ending in PLAIN:
-        first, second = (tmp_path / f"{x}{form}" / f"part{ending}" for x in "ab")
+@pytest.mark.filterwarnings("ignore:.*switched for ")
+def test_the_ending_or_the_class_says_the_format_and_bytes_are_the_same_twice(six, tmp_path):
+    for form in PLAIN:
+        first, second = (tmp_path / f"{x}{form.kind}" / f"part{form.ending}" for x in "ab")
         for place in (first, second):
             place.parent.mkdir()
-        outputs = {"tool": 0} if form == "urscript" else None
-        export(six, first, outputs=outputs)
-        export(six, str(second), format=form, outputs=outputs)
+        export(six, first)
+        export(six, str(second), form())
         assert bytes_of(first) and bytes_of(first) == bytes_of(second)
         # Once more, over what is there.
-        export(six, first, outputs=outputs)
+        export(six, first)
         assert bytes_of(first) == bytes_of(second)
         assert [x.name for x in first.parent.iterdir()] == [first.name]
 
 
 def test_events_without_an_output_are_warned_of_once(taught, six, tmp_path):
+    kuka = ac.TemplateFormat(template="kuka", outputs={"tool": 17})
+    abb = ac.TemplateFormat(template="abb", outputs={"tool": "doTool"})
     with pytest.warns(UserWarning, match="switched for gas,"):
-        export(six, tmp_path / "part.src", template="kuka", outputs={"tool": 17})
+        export(six, tmp_path / "part.src", kuka)
     assert "DEF part( )" in (tmp_path / "part.src").read_text()
     q = np.zeros((20, 6))
     switches = tuple(x for x in taught(q).trajectory.events if x.name == "tool")
     given, place = taught(q, events=switches), tmp_path / "part.txt"
-    for kind in ({"template": "kuka"}, {"template": "abb"}, {"format": "urscript"}):
+    bare = (ac.TemplateFormat(template=x) for x in ("kuka", "abb"))
+    for form in (*bare, ac.URScriptFormat()):
         with pytest.warns(UserWarning, match="nothing is switched for tool,") as told:
-            export(given, place, **kind)
+            export(given, place, form)
         assert len(told) == 1 and told[0].filename == __file__
     # Values that these programs cannot switch.
     with pytest.warns(UserWarning, match="gas, label, whose values are not on or off"):
-        export(taught(q), place, template="abb", outputs={"tool": "doTool"})
+        export(taught(q), place, abb)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        export(given, place, template="abb", outputs={"tool": "doTool"})
+        export(given, place, abb)
         export(given, tmp_path / "part.csv")
 
 
 @pytest.mark.parametrize("ending", [".src", ".script"])
 def test_programs_that_do_not_set_an_analog_output_warn(taught, tmp_path, ending):
     given = taught(np.zeros((20, 6)), events=())
-    options = {"analog": {"power": lambda t: 0 * t}}
-    options |= {"template": "kuka"} if ending == ".src" else {}
+    form = ac.URScriptFormat() if ending == ".script" else ac.TemplateFormat(template="kuka")
+    form = dataclasses.replace(form, analog={"power": lambda t: 0 * t})
     with pytest.warns(UserWarning, match="does not set power"):
-        export(given, tmp_path / f"part{ending}", **options)
-    export(given, tmp_path / f"part{ending}", outputs={"power": 1}, **options)
+        export(given, tmp_path / f"part{ending}", form)
+    form = dataclasses.replace(form, outputs={"power": 1})
+    export(given, tmp_path / f"part{ending}", form)
     assert re.search(r"ANOUT\[1\]|analog_out\(1,", (tmp_path / f"part{ending}").read_text())
 
 
@@ -414,18 +410,26 @@ def test_a_period_beyond_the_motion_is_refused(conventional, tmp_path, refuses):
 def test_refuses_what_does_not_fit_together(six, tmp_path):
     cases = [
         ("a.txt", {}, "The ending of a.txt is not that of a format"),
-        ("a.csv", {"format": "xml"}, "no format 'xml'"),
-        ("a.csv", {"format": "csv", "template": "abb"}, "the format is csv and not template"),
-        ("a.csv", {"outputs": {"tool": 1}}, "Outputs are for urscript and template"),
+        ("a.csv", {"format": "xml"}, "ExportFormat"),
         ("a.csv", {"joint_names": "abcdef"}, "list of 6 names"),
         ("no/a.csv", {}, "No such file or directory"),
-        ("a.script", {"outputs": ["tool"]}, "needs a mapping"),
-        ("a.script", {"outputs": {"tol": 1}}, "outputs ... 'tol' ... gas, tool"),
+        (
+            "a.script",
+            {"format": ac.URScriptFormat(outputs={"tol": 1})},
+            "outputs ... 'tol'",
+        ),
     ]
     refusals(lambda x: export(six, tmp_path / x[0], **x[1]), [((a, b), c) for a, b, c in cases])
+    wrong = [
+        (lambda: ac.URScriptFormat(outputs=["tool"]), "needs a mapping"),
+        (lambda: ac.CsvFormat(derivatives=3), "derivatives ... from 0 to 2"),
+        (lambda: ac.RosYamlFormat(outputs={"tool": 0}), "no argument 'outputs'"),
+        (lambda: ac.TemplateFormat(), "needs template"),
+    ]
+    refusals(lambda x: x(), wrong)
     assert not list(tmp_path.iterdir())
     with pytest.warns(UserWarning, match="gas, whose values are not on or off"):
-        export(six, tmp_path / "a.script", outputs={"tool": 1})
+        export(six, tmp_path / "a.script", ac.URScriptFormat(outputs={"tool": 1}))
     export(six, tmp_path / "a.csv", joint_names=np.array(list("abcdef")))
 
 
@@ -435,11 +439,14 @@ def test_a_writer_that_fails_halfway_leaves_what_was_there(six, tmp_path, monkey
     export(six, place)
     before = bytes_of(place)
 
-    def halfway(table, path, **options):
-        write_table(table, path, **options)
+    form = {".csv": ac.CsvFormat, ".mcap": ac.McapFormat}[ending]
+    write = form.write
+
+    def halfway(table, path):
+        write(table, path)
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(exporting, "write_table", halfway)
+    monkeypatch.setattr(form, "write", staticmethod(halfway))
     words = "Cannot write  ... No space left on device; free "
     places = [(place, words), (tmp_path / f"new{ending}", words)]
     refusals(lambda x: export(six, x), places)

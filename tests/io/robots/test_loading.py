@@ -130,7 +130,7 @@ def test_files_that_are_no_arm_are_refused(tmp_path):
     refusals(ac.load_arm, places)
     # What is chosen of a description is no choice of an arm file.
     choices = [(x, "ur5e ... .urdf") for x in ({"tip": "t"}, {"base": "b"}, {"locked": {"j": 0}})]
-    refusals(lambda x: ac.load_arm("ur5e", **x), choices)
+    refusals(lambda x: ac.load_arm("ur5e", ac.ArmOptions(**x)), choices)
 
 
 def test_the_users_own_serial_arm(tmp_path):
@@ -181,7 +181,7 @@ def test_arm_files_are_read_without_the_traps_of_yaml(tmp_path):
     refusals(lambda x: ac.load_arm(write(tmp_path, x)), table)
     limits = write(tmp_path, "joint_limits: {a: {max_velocity: 1, max_velocity: 2}}")
     twice = [(limits, "'max_velocity' stands twice")]
-    refusals(lambda x: ac.load_arm("ur5e", joint_limits=x), twice)
+    refusals(lambda x: ac.load_arm("ur5e", ac.ArmOptions(joint_limits=x)), twice)
 
 
 HEAD = "name: loaded\nkind: derived\nsource: a test\narm: ur5e\n"
@@ -231,7 +231,7 @@ def test_payload_and_friction_replace_those_of_the_named_arm(put):
 BAD_DERIVED = [
     (HEAD.replace("arm: ur5e\n", ""), "arm must be the name of a built-in arm"),
     (HEAD.replace("ur5e", "{name: ur5e, file: a.urdf}"), "either name, a built-in arm, or file"),
-    (HEAD.replace("ur5e", "{name: ur5e, tip: tool0}"), "has no other tip"),
+    (HEAD.replace("ur5e", "{name: ur5e, tip: tool0}"), "no option tip"),
     (HEAD.replace("ur5e", "{file: robot.yaml}"), "leads back to it"),
     (HEAD + PAYLOAD.splitlines()[1], "payload_center needs the payload_mass"),
     (HEAD + "coulomb: {value: [1, 2], unit: N m, source: c}", "6 numbers"),
@@ -399,7 +399,7 @@ JOINTS = ("pan", "tilt", "elbow", "roll")
 
 
 def load(file):
-    return ac.load_arm(ROBOT, base="base_link", tip="tcp", joint_limits=file)
+    return ac.load_arm(ROBOT, ac.ArmOptions(base="base_link", tip="tcp", joint_limits=file))
 
 
 def with_text(tmp_path, text):
@@ -446,7 +446,7 @@ def test_limits_of_all_or_some_joints(tmp_path):
 def test_it_goes_before_an_arm_file_too(tmp_path):
     file, arm_file = tmp_path / "limits.yaml", tmp_path / "arm.yaml"
     file.write_text("joint_limits: {wrist_3_joint: {max_acceleration: !degrees 60}}")
-    limits = ac.load_arm("ur5e", joint_limits=file).limits
+    limits = ac.load_arm("ur5e", ac.ArmOptions(joint_limits=file)).limits
     np.testing.assert_allclose(limits.joint_acceleration, [np.pi] * 5 + [np.pi / 3])
     np.testing.assert_array_equal(limits.joint_torque, [150, 150, 150, 28, 28, 28])
     # Accelerations of a file hold both ways.
@@ -466,7 +466,7 @@ limits:
 
     def read(text):
         file.write_text(f"joint_limits: {text}")
-        return ac.load_arm(arm_file, joint_limits=file).limits
+        return ac.load_arm(arm_file, ac.ArmOptions(joint_limits=file)).limits
 
     values(read, table)
     one = read("{joint 1: {max_acceleration: 5}, joint 2: {max_velocity: 1}}")
@@ -477,7 +477,9 @@ def test_it_says_what_the_description_leaves_out(tmp_path):
     robot, file = tmp_path / "robot.urdf", tmp_path / "limits.yaml"
     robot.write_text(ROBOT.read_text().replace('<limit effort="80" velocity="2"/>', ""))
     file.write_text("joint_limits: {pan: {max_velocity: 1.0, max_effort: 10.0}}")
-    limits = ac.load_arm(robot, base="base_link", tip="tcp", joint_limits=file).limits
+    limits = ac.load_arm(
+        robot, ac.ArmOptions(base="base_link", tip="tcp", joint_limits=file)
+    ).limits
     np.testing.assert_array_equal(limits.joint_velocity, [1, 1.5, 2.5, 4])
     np.testing.assert_array_equal(limits.joint_torque, [10, 70, 40, 15])
 

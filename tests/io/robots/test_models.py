@@ -32,7 +32,10 @@ def mjcf(tmp_path):
 
 def test_an_arm_of_a_model_moves_as_the_model():
     model = pin.buildSampleModelManipulator()
-    arm, tip = ac.load_arm(model, tip="effector_body"), model.getFrameId("effector_body")
+    arm, tip = (
+        ac.load_arm(model, ac.ArmOptions(tip="effector_body")),
+        model.getFrameId("effector_body"),
+    )
     data, (q, dq, ddq) = model.createData(), np.random.default_rng(0).uniform(-1, 1, (3, 6))
     pin.framesForwardKinematics(model, data, q)
     np.testing.assert_allclose(arm.forward(q), data.oMf[tip].homogeneous, atol=1e-12)
@@ -43,7 +46,7 @@ def test_an_arm_of_a_model_moves_as_the_model():
     assert arm.limits.joint_acceleration is not None and "accelerations" in arm.notes[0]
     # A path is planned for it as for any arm, here without weight.
     model.gravity.linear = np.zeros(3)
-    arm = ac.load_arm(model, tip="effector_body")
+    arm = ac.load_arm(model, ac.ArmOptions(tip="effector_body"))
     line = ac.Path.polyline(arm.tool_position([q, q + 0.05])).oriented(arm.forward(q)[:3, :3])
     assert ac.plan(line, arm, arm.limits.replace(speed=0.1), ac.Optimal(start=q)).duration > 0
 
@@ -51,7 +54,7 @@ def test_an_arm_of_a_model_moves_as_the_model():
 def test_joints_that_are_locked_carry_what_hangs_on_them():
     model = pin.buildSampleModelManipulator()
     name, value = model.names[3], 0.4
-    arm = ac.load_arm(model, tip="effector_body", locked={name: value})
+    arm = ac.load_arm(model, ac.ArmOptions(tip="effector_body", locked={name: value}))
     assert arm.dof == 5 and name not in arm.joint_names
     rng = np.random.default_rng(1)
     q, dq, ddq = (np.insert(rng.uniform(-1, 1, 5), 2, x) for x in (value, 0.0, 0.0))
@@ -66,7 +69,7 @@ def test_joints_that_are_locked_carry_what_hangs_on_them():
 @pytest.mark.parametrize("name", ac.arm_names())
 def test_an_arm_comes_back_from_its_own_model(name):
     arm = ac.load_arm(name)
-    again = ac.load_arm(arm.pinocchio, tip="tool")
+    again = ac.load_arm(arm.pinocchio, ac.ArmOptions(tip="tool"))
     q = np.linspace(0.1, 0.6, arm.dof)
     np.testing.assert_allclose(again.forward(q), arm.forward(q), atol=1e-12)
     for limit in ("joint_velocity", "joint_torque", "joint_lower", "joint_upper"):
@@ -77,7 +80,7 @@ def test_an_arm_comes_back_from_its_own_model(name):
 
 
 def test_an_mjcf_file_moves_as_in_mujoco(mjcf):
-    arm = ac.load_arm(mjcf, tip="tcp")
+    arm = ac.load_arm(mjcf, ac.ArmOptions(tip="tcp"))
     assert arm.joint_names == ("j1", "j2", "j3")
     model = mujoco.MjModel.from_xml_path(str(mjcf))
     data = mujoco.MjData(model)
@@ -100,12 +103,23 @@ def test_an_mjcf_file_moves_as_in_mujoco(mjcf):
 def test_what_is_no_arm_is_refused(mjcf, tmp_path, refuses, monkeypatch):
     model = pin.buildSampleModelManipulator()
     refuses(lambda: ac.load_arm(model), ac.InvalidInput, "effector_body")
-    refuses(lambda: ac.load_arm(model, tip="hand"), ac.InvalidInput, "hand", "effector_body")
-    refuses(lambda: ac.load_arm(model, tip="universe"), ac.InvalidInput)
-    refuses(lambda: ac.load_arm(model, tip="effector_body", base="x"), ac.InvalidInput)
-    refuses(lambda: ac.load_arm(model, tip="effector_body", locked={"x": 0}), ac.InvalidInput, "x")
-    refuses(lambda: ac.load_arm(mjcf, tip="finger"), ac.InvalidInput, "grip")
-    refuses(lambda: ac.load_arm(mjcf, tip="cube"), ac.InvalidInput)
+    refuses(
+        lambda: ac.load_arm(model, ac.ArmOptions(tip="hand")),
+        ac.InvalidInput,
+        "hand",
+        "effector_body",
+    )
+    refuses(lambda: ac.load_arm(model, ac.ArmOptions(tip="universe")), ac.InvalidInput)
+    refuses(
+        lambda: ac.load_arm(model, ac.ArmOptions(tip="effector_body", base="x")), ac.InvalidInput
+    )
+    refuses(
+        lambda: ac.load_arm(model, ac.ArmOptions(tip="effector_body", locked={"x": 0})),
+        ac.InvalidInput,
+        "x",
+    )
+    refuses(lambda: ac.load_arm(mjcf, ac.ArmOptions(tip="finger")), ac.InvalidInput, "grip")
+    refuses(lambda: ac.load_arm(mjcf, ac.ArmOptions(tip="cube")), ac.InvalidInput)
     refuses(lambda: ac.load_arm(tmp_path / "none.xml"), ac.InvalidInput, "none.xml")
     other = tmp_path / "page.xml"
     other.write_text("<html/>", encoding="utf-8")
@@ -114,7 +128,10 @@ def test_what_is_no_arm_is_refused(mjcf, tmp_path, refuses, monkeypatch):
         refuses(lambda x=wrong: ac.load_arm(x), ac.InvalidInput)
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     refuses(
-        lambda: ac.load_arm(mjcf, tip="tcp"), ac.InvalidInput, "mujoco", "armcontour[experiment]"
+        lambda: ac.load_arm(mjcf, ac.ArmOptions(tip="tcp")),
+        ac.InvalidInput,
+        "mujoco",
+        "armcontour[experiment]",
     )
 
 

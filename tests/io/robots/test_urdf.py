@@ -18,6 +18,9 @@ TEXT = ROBOT.read_text()
 TURNING = ("pan", "tilt", "elbow", "roll")
 
 
+WHOLE = {"base": "base_link", "tip": "tcp"}
+
+
 def load(tmp_path, *changes, file="robot.urdf", **options):
     """The robot with parts of its text replaced."""
     text = TEXT
@@ -25,12 +28,12 @@ def load(tmp_path, *changes, file="robot.urdf", **options):
         assert old in text
         text = text.replace(old, new)
     (tmp_path / file).write_text(text)
-    return ac.load_arm(tmp_path / file, **({"base": "base_link", "tip": "tcp"} | options))
+    return ac.load_arm(tmp_path / file, ac.ArmOptions(**WHOLE | options))
 
 
-def given(**options):
+def given(*, tool=None, work=None, **options):
     """The arm of the file as it is."""
-    return ac.load_arm(ROBOT, **({"base": "base_link", "tip": "tcp"} | options))
+    return ac.load_arm(ROBOT, ac.ArmOptions(**WHOLE | options), tool=tool, work=work)
 
 
 def seen_by_mujoco(q, dq, ddq, held):
@@ -333,7 +336,7 @@ def test_xml_that_cannot_be_read_is_refused(tmp_path):
     for encoding in ("latin-1", "utf-16"):
         text = f'<?xml version="1.0" encoding="{encoding}"?>' + plain
         file.write_bytes(text.encode(encoding))
-        assert ac.load_arm(file, base="base_link", tip="tcp").name == "Höhe"
+        assert ac.load_arm(file, ac.ArmOptions(base="base_link", tip="tcp")).name == "Höhe"
 
 
 def links(count):
@@ -402,7 +405,7 @@ def test_pipes_are_refused(tmp_path):
     for pipe, _ in pipes:
         os.mkfifo(pipe)
     refusals(ac.load_arm, pipes)
-    refusals(lambda x: ac.load_arm("ur5e", joint_limits=x), pipes)
+    refusals(lambda x: ac.load_arm("ur5e", ac.ArmOptions(joint_limits=x)), pipes)
     # Joints that mimic one another in a long row are refused.
     mimics = "".join(
         f'<link name="m{i}"/><joint name="m{i}" type="revolute"><parent link="tcp"/>'
@@ -435,7 +438,7 @@ def load_joints(tmp_path, joints, **options):
             '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
         )
     (tmp_path / "r.urdf").write_text(f'<robot name="r">{text}</robot>')
-    return ac.load_arm(tmp_path / "r.urdf", **options)
+    return ac.load_arm(tmp_path / "r.urdf", ac.ArmOptions(**options))
 
 
 def test_the_end_of_the_only_chain_is_the_tip(tmp_path):

@@ -128,7 +128,7 @@ def test_packages_are_found_by_their_package_file(tmp_path):
         package(folder, name, body)
     file = write(arms, INCLUDE.format("shared"))
     assert load(file).joint_names == ("turn",)
-    arm = ac.load_arm(file, trust_xacro=True, packages={"shared": far})
+    arm = ac.load_arm(file, ac.ArmOptions(packages={"shared": far}), trust_xacro=True)
     assert arm.joint_names == ("twist",)
 
 
@@ -144,7 +144,7 @@ def test_a_package_that_is_not_found_is_named_where_it_is_read(tmp_path):
     file = write(tmp_path, f"<gazebo><p>$(find far)/c.yaml</p></gazebo>{ARM}")
     assert load(file).dof == 1
     none = [({"far": tmp_path / "none"}, "The folder of the package far, ... is not there")]
-    refusals(lambda x: ac.load_arm(file, trust_xacro=True, packages=x), none)
+    refusals(lambda x: ac.load_arm(file, ac.ArmOptions(packages=x), trust_xacro=True), none)
 
 
 def test_arguments_are_given(tmp_path):
@@ -155,7 +155,8 @@ def test_arguments_are_given(tmp_path):
         ({"size": 4, "soft": True}, "l4_true"),
         ({"size": 0.5}, "l0.5_no"),
     ):
-        assert ac.load_arm(file, trust_xacro=True, arguments=arguments, tip=name).dof == 1
+        options = ac.ArmOptions(arguments=arguments, tip=name)
+        assert ac.load_arm(file, options, trust_xacro=True).dof == 1
 
 
 def test_arguments_that_lack_or_are_too_many_are_named(tmp_path):
@@ -164,14 +165,10 @@ def test_arguments_that_lack_or_are_too_many_are_named(tmp_path):
     refusals(lambda x: load(write(tmp_path, link(x))), [(x, size) for x in texts])
     file = write(tmp_path, '<xacro:arg name="soft" default="no"/>' + ARM)
     (tmp_path / "robot.urdf").write_text(f"{HEAD}{ARM}</robot>")
-    trusted = {"trust_xacro": True}
     table = [
-        (
-            file,
-            {"arguments": {"sofd": True}, **trusted},
-            "it has no argument 'sofd': it takes soft",
-        ),
-        (tmp_path / "robot.urdf", {"arguments": {"a": 1}}, "takes no arguments"),
-        ("ur5e", {"arguments": {"a": 1}}, "packages or arguments"),
+        ((file, {"sofd": True}), "it has no argument 'sofd': it takes soft"),
+        ((tmp_path / "robot.urdf", {"a": 1}), "takes no arguments"),
+        (("ur5e", {"a": 1}), "no option arguments"),
     ]
-    refusals(lambda x: ac.load_arm(x[0], **x[1]), [((a, b), words) for a, b, words in table])
+    loaded = lambda x: ac.load_arm(x[0], ac.ArmOptions(arguments=x[1]), trust_xacro=True)  # noqa: E731
+    refusals(loaded, table)

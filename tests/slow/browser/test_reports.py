@@ -78,7 +78,7 @@ def every_kind():
         dataclasses.replace(space, figures=space.figures[-1:]),
         sections.tool_speed(study),
         sections.joints(study),
-        sections.placement(ac.place(bend(), over=over, refined=False)),
+        sections.placement(ac.place(bend(), ac.PlaceSearch(over=over, refined=False))),
         sections.batch(bends()),
     ]
     return render_page("report.html", job=study.job, title="", about="", source="", sections=found)

@@ -35,12 +35,12 @@ from armcontour.io.drawings.chain import WITHOUT_Z, Affine
 from armcontour.io.drawings.chaining import Piece, chain_pieces
 from armcontour.io.drawings.clipping import Clip, clip_path
 from armcontour.io.drawings.mending import mend, printed_in_dxf
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.drawings.reading import (
     FARTHEST,
     SKIP,
     WALKED,
     Labels,
-    Reading,
     Tell,
     after_walk,
     count_names,
@@ -107,7 +107,7 @@ ADDRESS = re.compile(r"\(#\d+\)")
 
 
 def read_dxf(
-    data: bytes, *, source: str, reading: Reading, progress: Progress | None = None
+    data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
 ) -> Program:
     """Read the contours of a DXF drawing.
 
@@ -118,7 +118,7 @@ def read_dxf(
     Args:
         data: Content of the file, ASCII or binary.
         source: Name of the file.
-        reading: Settings of the reader.
+        options: Settings of the reader.
         progress: Called from time to time with the name of the source and the share of it that is
             read.
 
@@ -127,27 +127,27 @@ def read_dxf(
             and unknown entities are refused, or there is no contour.
     """
     with silence_log(), np.errstate(all="ignore"):
-        skip = reading.unknown == "skip"
+        skip = options.skips
         document, notes = open_document(data, source, skip=skip)
         walk = Walk(
             document=document,
             source=source,
             skip=skip,
             line_of=partial(line_of_handle, data),
-            wanted=reading.layers,
-            colors=reading.colors,
-            texts=reading.texts == "contours",
+            wanted=options.layer_set,
+            colors=options.color_set,
+            texts=options.texts == "contours",
         )
         tell = tell_share(progress, source)
         # Without a header, ezdxf's own one says metres.
         stated = b"$INSUNITS" in data
-        unit = _unit(document.header.get("$INSUNITS", 0) if stated else 0, source, reading)
+        unit = _unit(document.header.get("$INSUNITS", 0) if stated else 0, source, options)
         found = list(walk.shapes(unit, tell))
-        pieces = _pieces(found, walk, source, reading, tell)
+        pieces = _pieces(found, walk, source, options, tell)
     notes += walk.notes
     if not pieces:
         if walk.elsewhere:
-            wanted = ", ".join(repr(x) for x in sorted(reading.layers or ()))
+            wanted = ", ".join(repr(x) for x in sorted(options.layer_set or ()))
             there = list_some([repr(x) for x in sorted(walk.elsewhere)], 12)
             raise InvalidInput(
                 f"{source} has no contour on the layer {wanted}: it has entities on {there}."
@@ -156,11 +156,11 @@ def read_dxf(
             notes.append(f"Of other colours than chosen: {count_names(walk.others)}.")
         left_out = f" ({' '.join(notes).rstrip('.')})" if notes else ""
         raise InvalidInput(f"{source} has no contour to follow in its model space{left_out}.")
-    contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)
+    contours, chaining_notes = chain_pieces(pieces, options.join_tolerance)
     if not contours:
         raise InvalidInput(
             f"{source} has no contour that is longer than the join tolerance of "
-            f"{reading.join_tolerance:g} m."
+            f"{options.join_tolerance:g} m."
         )
     notes = [*notes, *chaining_notes]
     program = Program(
@@ -170,17 +170,17 @@ def read_dxf(
         remarks=describe_not_run(walk.elsewhere),
     )
     printed = printed_in_dxf(data, unit)
-    return mend(program, printed, reading)
+    return mend(program, printed, options)
 
 
-def _unit(code: Any, source: str, reading: Reading) -> float:
+def _unit(code: Any, source: str, options: ReadOptions) -> float:
     """Length of the drawing's unit [m], by its code in the header.
 
     Raises:
         InvalidInput: Neither the reading nor the drawing has a known unit.
     """
-    if reading.unit is not None:
-        return reading.unit
+    if options.unit is not None:
+        return options.unit
     if code in UNITS:
         return UNITS[code]
     why = "does not say its unit" if code == 0 else f"has the unit {code!r}, which is not known"
@@ -188,7 +188,7 @@ def _unit(code: Any, source: str, reading: Reading) -> float:
 
 
 def _pieces(
-    found: list[Found], walk: Walk, source: str, reading: Reading, tell: Tell
+    found: list[Found], walk: Walk, source: str, options: ReadOptions, tell: Tell
 ) -> list[Piece]:
     """Paths of the shapes, in the plane if all z are 0, otherwise in space.
 
@@ -198,7 +198,7 @@ def _pieces(
     flat = all(np.abs(x.shape.reach[:, 2]).max() <= REPEATED_POINT for x in found)
     outlines = [Outline([x.shape.place(WITHOUT_Z) if flat else x.shape]) for x in found]
     try:
-        paths = paths_of(outlines, reading.chord_tolerance, tell=after_walk(tell))
+        paths = paths_of(outlines, options.fit_tolerance, tell=after_walk(tell))
     except InvalidInput as error:
         assert error.index is not None
         x, reason = found[error.index], str(error)

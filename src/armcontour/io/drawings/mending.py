@@ -10,7 +10,7 @@ from itertools import islice
 
 from armcontour._describing import digits
 from armcontour.geometry.mending import Mended, Printed, mend_vertices
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 
@@ -70,7 +70,9 @@ def _half_a_place(places: list[int]) -> float:
     return 0.5 * 10.0 ** -max(most, 0)
 
 
-def mend(program: Program, printed: Printed | Mapping[str, Printed], reading: Reading) -> Program:
+def mend(
+    program: Program, printed: Printed | Mapping[str, Printed], options: ReadOptions
+) -> Program:
     """The program with vertices made tangent again that printing has bent.
 
     Contours with a tool orientation stay.
@@ -78,18 +80,18 @@ def mend(program: Program, printed: Printed | Mapping[str, Printed], reading: Re
     Args:
         program: The program as it was read.
         printed: What the coordinates can hold, each for itself: of all contours, or by their names.
-        reading: How the drawing is read.
+        options: How the drawing is read.
     """
-    if reading.mend_vertices == 0:
+    if options.mend_vertices == 0:
         return program
     moves: list[Move] = list(program.moves)
-    changed = []
+    tolerances, changed = options.layer_tolerances, []
     for i, x in enumerate(moves):
         if not isinstance(x, Contour) or x.path.orientation is not None:
             continue
         own = printed if isinstance(printed, Printed) else printed[x.name]
-        most = reading.layer_tolerances.get(x.layer, math.inf)
-        mended = mend_vertices(x.path, _held(own, x.path.dimension, reading), most)
+        most = tolerances.get(x.layer, math.inf)
+        mended = mend_vertices(x.path, _held(own, x.path.dimension, options), most)
         if mended is not None:
             changed.append(mended)
             events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
@@ -100,12 +102,12 @@ def mend(program: Program, printed: Printed | Mapping[str, Printed], reading: Re
     return dataclasses.replace(program, moves=tuple(moves), notes=notes)
 
 
-def _held(printed: Printed, dimension: int, reading: Reading) -> Printed:
+def _held(printed: Printed, dimension: int, options: ReadOptions) -> Printed:
     """What coordinates can hold, from half of their last place or as the reading says it."""
-    point = reading.mend_vertices
+    point = options.mend_vertices
     if point is None:
         # Every coordinate of a point can be off.
-        point = min(math.sqrt(dimension) * printed.point, reading.chord_tolerance)
+        point = min(math.sqrt(dimension) * printed.point, options.fit_tolerance)
     return dataclasses.replace(printed, point=point)
 
 

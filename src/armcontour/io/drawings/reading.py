@@ -1,20 +1,17 @@
-"""Settings, names, limits and colours that all readers of drawings share."""
+"""Names, limits, colours and progress that all readers of drawings share."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 
-from armcontour import _checks
 from armcontour._checks import LONGEST_NAME
 from armcontour._files import SMALL, read_bytes
 from armcontour._progress import Progress, Step, under
 from armcontour._text import make_printable, show
-from armcontour.errors import InvalidInput
-from armcontour.geometry.rounding import CONTINUITIES, Continuity
 
 # Largest file that is read [bytes]: the data structures made from it take many times its size.
 LARGEST = SMALL
@@ -23,12 +20,6 @@ KEPT = LONGEST_NAME - 12
 # Largest coordinate [m]: beyond it floating point does not resolve the smallest distance between
 # two points. Such a drawing has a wrong unit.
 FARTHEST = 1e6
-# Largest number of a tool: tables have some hundred, and G-code eight digits at most.
-MOST_TOOLS = 99_999_999
-UNKNOWN = ("refuse", "skip")
-TEXTS = ("leave_out", "contours")
-# Share of the chord tolerance that arcs take where transitions between them take the rest.
-FIT_SHARE = 0.5
 # How messages advise the user to choose "skip".
 SKIP = "have it left out (unknown: skip, or --skip-unknown)"
 # Names of CSS that drawings for lasers and plotters use; another name stands for itself.
@@ -54,89 +45,6 @@ NAMED = {
 }
 _SHORT = re.compile(r"#([0-9a-f])([0-9a-f])([0-9a-f])")
 _RGB = re.compile(r"rgb\(\s*([\d.]+)(%?)[\s,]+([\d.]+)%?[\s,]+([\d.]+)%?\s*\)")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
-    """Settings for reading a drawing.
-
-    Args:
-        unit: Length of the drawing's unit [m]; None takes the unit of the file.
-        chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
-        join_tolerance: Ends closer than this are one point [m].
-        mend_vertices: Distance by which printing can have moved a point [m]; vertices that it has
-            bent are made tangent again within this distance. None takes it from the file's
-            decimals, up to the chord tolerance; 0 leaves all vertices as they are.
-        smooth_axes: Largest angle by which tool axes of a table of waypoints are turned to turn
-            smoothly [rad]; 0 leaves them as they are.
-        columns: Names of the columns of waypoints in CSV, separated by commas; None takes them from
-            the first line.
-        unknown: "refuse" the file if it has entities that the reader does not know, or "skip" these
-            entities with a sentence in the program's notes.
-        skip: Words and codes of G-code to leave out, such as "M6" or "T".
-        texts: What becomes of the texts of DXF: "leave_out", or "contours" of their letters.
-        tools: Diameters of tools for G41 and G42 of G-code [m], by their numbers.
-        layers: Unknown entities on other layers are ignored; None means all layers.
-        layer_tolerances: Largest corner errors on layers that have one [m], by their names.
-        colors: Only entities of these colours are read, as `color_of` names them; None means all.
-        continuity: What must not jump along what is read: the "tangent", or the "curvature", too.
-
-    Raises:
-        InvalidInput: A length is not above zero, a tool has no whole number or no length, or
-            `unknown` or `continuity` is another word.
-    """
-
-    unit: float | None = None
-    chord_tolerance: float = 1e-5
-    join_tolerance: float = 1e-5
-    mend_vertices: float | None = None
-    smooth_axes: float = 0.0
-    columns: str | None = None
-    unknown: str = "refuse"
-    skip: frozenset[str] = frozenset()
-    texts: str = "leave_out"
-    tools: Mapping[int, float] = field(default_factory=dict)
-    layers: frozenset[str] | None = None
-    layer_tolerances: Mapping[str, float] = field(default_factory=dict)
-    colors: frozenset[str] | None = None
-    continuity: Continuity = "tangent"
-
-    def __post_init__(self) -> None:
-        if self.unit is not None:
-            _checks.positive("unit of a drawing", self.unit, "m")
-        _checks.positive("chord tolerance", self.chord_tolerance, "m")
-        _checks.positive("join tolerance", self.join_tolerance, "m")
-        if self.mend_vertices is not None:
-            _checks.not_negative("mend_vertices", self.mend_vertices, "m")
-        _checks.not_negative("smooth_axes", self.smooth_axes, "rad")
-        _checks.choice("unknown", self.unknown, UNKNOWN)
-        _checks.choice("texts", self.texts, TEXTS)
-        _checks.choice("continuity", self.continuity, CONTINUITIES)
-        object.__setattr__(self, "tools", _checked_tools(self.tools))
-
-    @property
-    def fit_tolerance(self) -> float:
-        """Largest distance between a curve and its arcs [m]; transitions may add the rest."""
-        share = 1.0 if self.continuity == "tangent" else FIT_SHARE
-        return share * self.chord_tolerance
-
-
-def _checked_tools(tools: Mapping[int, float]) -> dict[int, float]:
-    """Diameters of tools by their numbers.
-
-    Raises:
-        InvalidInput: A number that is not whole, or a diameter that is no number.
-    """
-    if not isinstance(tools, Mapping):
-        raise InvalidInput(
-            "tools must be diameters in metres by the numbers of tools, such as {1: 0.003}, not "
-            f"{show(tools)}."
-        )
-    found = {}
-    for number, diameter in tools.items():
-        which = _checks.whole("number of a tool", number, 0, MOST_TOOLS)
-        found[which] = _checks.number(f"diameter of tool {which}", diameter, "m")
-    return found
 
 
 Tell = Callable[[float], None]
@@ -241,22 +149,6 @@ def color_of(text: str) -> str:
 def hex_of(red: int, green: int, blue: int) -> str:
     """A colour as `#rrggbb`, from its parts from 0 to 255."""
     return f"#{red:02x}{green:02x}{blue:02x}"
-
-
-def color_set(colors: Collection[str | int] | None) -> frozenset[str] | None:
-    """The colours that a user chooses; None for all colours.
-
-    Raises:
-        InvalidInput: The colours are no list of names and numbers.
-    """
-    if colors is None:
-        return None
-    if isinstance(colors, str) or not isinstance(colors, Collection) or not colors:
-        raise InvalidInput(
-            'colors must be a list of colours, such as ["red", "#00ff00"]; for DXF also numbers of '
-            "AutoCAD's colours, such as [1, 3]."
-        )
-    return frozenset(color_of(str(x)) for x in colors)
 
 
 def count_names(counter: Counter[str]) -> str:

@@ -28,10 +28,10 @@ from armcontour.io.drawings.chain import Affine
 from armcontour.io.drawings.chaining import Piece, chain_pieces
 from armcontour.io.drawings.clipping import clip_path
 from armcontour.io.drawings.mending import half_a_place, mend
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.drawings.reading import (
     FARTHEST,
     WALKED,
-    Reading,
     Tell,
     after_walk,
     count_names,
@@ -55,7 +55,7 @@ NAMED = 6
 
 
 def read_svg(
-    data: bytes, *, source: str, reading: Reading, progress: Progress | None = None
+    data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
 ) -> Program:
     """Read the outlines of an SVG drawing.
 
@@ -64,17 +64,17 @@ def read_svg(
     the edges of the page have no effect; hidden elements are left out.
 
     Coordinates are in metres from the lower left corner of the page, x to the right and y up.
-    `reading.unit` is the length of the user unit. If it is None, width, height and viewBox define
+    `options.unit` is the length of the user unit. If it is None, width, height and viewBox define
     the user unit, and without them it is a pixel: 1/72 inch in files of Illustrator, 1/90 inch in
     those of Inkscape before 0.92, else 1/96 inch as in CSS.
 
     Lines are kept, and so are arcs that are still circular after all transforms; other curves
-    become tangent arcs within `reading.chord_tolerance`.
+    become tangent arcs within `options.fit_tolerance`.
 
     Args:
         data: Content of the file.
         source: Name of the file.
-        reading: Settings of the reader.
+        options: Settings of the reader.
         progress: Called from time to time with the name of the source and the share of it that is
             read.
 
@@ -83,14 +83,12 @@ def read_svg(
             element and its line.
     """
     root = tree_of(data, source)
-    page, view, notes = _page(root, reading, data)
-    walk = Walk(
-        root=root, skip=reading.unknown == "skip", wanted=reading.layers, colors=reading.colors
-    )
+    page, view, notes = _page(root, options, data)
+    walk = Walk(root=root, skip=options.skips, wanted=options.layer_set, colors=options.color_set)
     shapes: list[Shape] = []
     tell = tell_share(progress, source)
-    pieces = _pieces(walk, page, view, reading, shapes, tell)
-    contours, chaining_notes = chain_pieces(pieces, reading.join_tolerance)
+    pieces = _pieces(walk, page, view, options, shapes, tell)
+    contours, chaining_notes = chain_pieces(pieces, options.join_tolerance)
     for reason, names in walk.left_out.items():
         notes.append(f"{reason}: {list_some(names, NAMED)}.")
     if not contours:
@@ -106,14 +104,14 @@ def read_svg(
     notes += walk.labels.notes
     program = Program(moves=tuple(contours), source=source, notes=(*notes, *chaining_notes))
     units = _printed_units(shapes)
-    return mend(program, {name: Printed(point=x) for name, x in units.items()}, reading)
+    return mend(program, {name: Printed(point=x) for name, x in units.items()}, options)
 
 
 def _pieces(
     walk: Walk,
     page: Affine,
     view: Box | None,
-    reading: Reading,
+    options: ReadOptions,
     shapes: list[Shape],
     tell: Tell,
 ) -> list[Piece]:
@@ -123,7 +121,7 @@ def _pieces(
         walk: The traversal, which records shapes without size.
         page: Map from user units to the page [m].
         view: Viewport in user units.
-        reading: Settings of the reader.
+        options: Settings of the reader.
         shapes: Takes the shapes.
         tell: Called from time to time with the fraction that is done.
 
@@ -144,8 +142,8 @@ def _pieces(
         with np.errstate(over="ignore", invalid="ignore"):
             paths = paths_of(
                 [x for _, x in found],
-                reading.chord_tolerance,
-                reading.join_tolerance,
+                options.fit_tolerance,
+                options.join_tolerance,
                 after_walk(tell),
             )
     except InvalidInput as error:
@@ -207,7 +205,7 @@ def _program_pixel(root: Element, data: bytes) -> tuple[float, str]:
     return (INCH / 72, "Adobe Illustrator") if illustrator else (PIXEL, "")
 
 
-def _page(root: Element, reading: Reading, data: bytes) -> tuple[Affine, Box | None, list[str]]:
+def _page(root: Element, options: ReadOptions, data: bytes) -> tuple[Affine, Box | None, list[str]]:
     """The coordinates of the page.
 
     Returns:
@@ -221,10 +219,10 @@ def _page(root: Element, reading: Reading, data: bytes) -> tuple[Affine, Box | N
         root.refuse("a transform of the outermost svg is not read: put a group with it inside")
     box = view_box(root)
     width, height = _extent(root, "width"), _extent(root, "height")
-    unit = PIXEL if reading.unit is None else reading.unit
+    unit = PIXEL if options.unit is None else options.unit
     notes = []
     absolute = any(ABSOLUTE.search(root.get(x)) for x in ("width", "height"))
-    if reading.unit is None and not (box is not None and absolute):
+    if options.unit is None and not (box is not None and absolute):
         unit, program = _program_pixel(root, data)
         if program:
             notes.append(
@@ -236,7 +234,7 @@ def _page(root: Element, reading: Reading, data: bytes) -> tuple[Affine, Box | N
             width, height = (x and x * PIXEL / unit for x in (width, height))
     if box is not None:
         # If only one of width and height is given, the aspect ratio of the viewBox gives the other.
-        if reading.unit is not None or (width is None and height is None):
+        if options.unit is not None or (width is None and height is None):
             width, height = box.width, box.height
         wide = width if width is not None else (height or 0.0) * box.width / box.height
         high = height if height is not None else wide * box.height / box.width

@@ -13,7 +13,7 @@ from armcontour._checks import IntArray
 from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.io.columns import Column, read_titles
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.number_table import split_csv, split_line
 
 POINT = ("x", "y", "z")
@@ -56,7 +56,7 @@ class Table:
         return f"{place}, column {show(titles)}" if titles else place
 
 
-def table_of(data: bytes, *, source: str, reading: Reading) -> Table:
+def table_of(data: bytes, *, source: str, options: ReadOptions) -> Table:
     """Read the table in a CSV file.
 
     Raises:
@@ -66,9 +66,9 @@ def table_of(data: bytes, *, source: str, reading: Reading) -> Table:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InvalidInput(f"{source} is not UTF-8 text: save it as CSV in UTF-8.") from None
-    file = split_csv(text, source, reading.columns, decimal_commas=False)
+    file = split_csv(text, source, options.columns, decimal_commas=False)
     where = f", line {file.header}" if file.header else ", columns"
-    columns, notes = _columns(file.names, source, where, reading)
+    columns, notes = _columns(file.names, source, where, options)
     rows = []
     for i, line in enumerate(file.lines):
         try:
@@ -87,7 +87,7 @@ def table_of(data: bytes, *, source: str, reading: Reading) -> Table:
 
 
 def _columns(
-    titles: Sequence[str], source: str, line: str, reading: Reading
+    titles: Sequence[str], source: str, line: str, options: ReadOptions
 ) -> tuple[dict[str, Column[str]], tuple[str, ...]]:
     """The known columns by their quantity, and notes on unknown columns that are skipped.
 
@@ -97,7 +97,7 @@ def _columns(
     notes: list[str] = []
 
     def unknown(title: str) -> None:
-        if reading.unknown != "skip":
+        if not options.skips:
             raise InvalidInput(
                 f"{source}: unknown column {show(title)}: the columns are {', '.join(KNOWN)}, with "
                 "a unit in brackets; with unknown: skip others are left out."

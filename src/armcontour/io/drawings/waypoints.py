@@ -20,7 +20,8 @@ from armcontour.geometry.mending import Printed
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.smooth_axes import smooth_axes
 from armcontour.io.drawings.mending import half_a_place, mend
-from armcontour.io.drawings.reading import FARTHEST, Reading
+from armcontour.io.drawings.options import ReadOptions
+from armcontour.io.drawings.reading import FARTHEST
 from armcontour.io.drawings.waypoint_table import (
     ANGLES,
     AXIS,
@@ -36,7 +37,7 @@ from armcontour.program import Contour, Event, Program
 SWITCHED = {"on": True, "true": True, "yes": True, "off": False, "false": False, "no": False}
 
 
-def read_waypoints(data: bytes, *, source: str, reading: Reading) -> Program:
+def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program:
     """Read a program from a table of waypoints, which are joined by straight lines.
 
     The columns are `x`, `y` and, in space, `z`. Optional columns are the tool orientation (`qx`,
@@ -50,13 +51,13 @@ def read_waypoints(data: bytes, *, source: str, reading: Reading) -> Program:
     Args:
         data: Content of the file: CSV with commas, semicolons or tabs.
         source: Name of the file.
-        reading: Options for reading the file.
+        options: Options for reading the file.
 
     Raises:
         InvalidInput: A table of another form; names the line or row and the column.
     """
-    table = table_of(data, source=source, reading=reading)
-    values = _quantities(table, reading)
+    table = table_of(data, source=source, options=options)
+    values = _quantities(table, options)
     orientation = _orientation(table, values)
     texts = {key: _fill_down(table, key) for key in ("contour", "layer")}
     events = _texts(table, "event")
@@ -66,8 +67,8 @@ def read_waypoints(data: bytes, *, source: str, reading: Reading) -> Program:
         rows = slice(first, last)
         path = _path(table, values, rows)
         path = _orient(table, path, orientation, rows)
-        if reading.smooth_axes:
-            path, done = _smooth(table, path, orientation, rows, reading.smooth_axes)
+        if options.smooth_axes:
+            path, done = _smooth(table, path, orientation, rows, options.smooth_axes)
             remarks += done
         for key in texts.keys() & table.columns.keys():
             _checks.check_name(f"name in {table.where(first, key)}", texts[key][first])
@@ -78,18 +79,18 @@ def read_waypoints(data: bytes, *, source: str, reading: Reading) -> Program:
     program = Program(
         moves=tuple(contours), source=source, notes=tuple(notes), remarks=tuple(remarks)
     )
-    printed = _printed(table, reading)
-    return mend(program, printed, reading)
+    printed = _printed(table, options)
+    return mend(program, printed, options)
 
 
-def _printed(table: Table, reading: Reading) -> Printed:
+def _printed(table: Table, options: ReadOptions) -> Printed:
     """What the coordinates of a table can hold."""
     column, cells = table.columns["x"], [table.cells[x] for x in POINT if x in table.columns]
-    unit = (reading.unit or 1.0) if column.unit is None else column.factor
+    unit = (options.unit or 1.0) if column.unit is None else column.factor
     return Printed(point=half_a_place(chain.from_iterable(cells)) * unit)
 
 
-def _quantities(table: Table, reading: Reading) -> dict[str, FloatArray]:
+def _quantities(table: Table, options: ReadOptions) -> dict[str, FloatArray]:
     """All numbers in SI units, by their columns; NaN where a cell is empty.
 
     Raises:
@@ -108,7 +109,7 @@ def _quantities(table: Table, reading: Reading) -> dict[str, FloatArray]:
             continue
         numbers = _numbers(table, key) * column.factor
         if column.unit is None and UNITS.get(key) in ("m", "m/s"):
-            numbers *= reading.unit or 1.0
+            numbers *= options.unit or 1.0
         for bad, must in (
             (np.isnan(numbers) & (key in POINT), "must not be empty"),
             (np.abs(numbers) > FARTHEST, f"must be within {_told_limit(table, key)}"),

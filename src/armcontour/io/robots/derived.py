@@ -14,6 +14,7 @@ from armcontour._text import show
 from armcontour.arms.arm import Arm
 from armcontour.arms.chain import Payload
 from armcontour.errors import InvalidInput
+from armcontour.io.robots.options import ArmOptions
 from armcontour.io.robots.tree import MOST_CHARACTERS
 
 KIND = "derived"
@@ -43,7 +44,7 @@ def read_derived(
     Raises:
         InvalidInput: The file names no arm, or gives a part of a payload.
     """
-    arm = load(**_arm(file, data))
+    arm = load(*_arm(file, data))
     given = [x for x in PAYLOAD if x in data]
     changes: dict[str, Any] = {x: values(x, (arm.dof,)) for x in PER_JOINT if x in data}
     if given:
@@ -65,15 +66,15 @@ def read_derived(
     return arm
 
 
-def _arm(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
-    """The arguments of `load_arm` for the arm that another one is derived from.
+def _arm(file: str, data: Mapping[str, Any]) -> tuple[str | FilePath, ArmOptions]:
+    """The name or file, and the options, of the arm that another one is derived from.
 
     Raises:
         InvalidInput: It is not named, or by unknown keys.
     """
     given = data.get("arm")
     if isinstance(given, str):
-        return {"name": given}
+        return given, ArmOptions()
     if not isinstance(given, Mapping) or not set(given) <= set(OF_ARM):
         raise InvalidInput(
             f"{file}: arm must be the name of a built-in arm, or a mapping with the keys "
@@ -83,8 +84,10 @@ def _arm(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
         isinstance(x, str) for x in given.values()
     ):
         raise InvalidInput(f"{file}: arm takes either name, a built-in arm, or file, as texts.")
-    folder = FilePath(file).parent
-    found: dict[str, Any] = {x: given[x] for x in ("tip", "base") if x in given}
-    if "joint_limits" in given:
-        found["joint_limits"] = folder / given["joint_limits"]
-    return {"name": folder / given["file"] if "file" in given else given["name"], **found}
+    folder, limits = FilePath(file).parent, given.get("joint_limits")
+    options = ArmOptions(
+        tip=given.get("tip"),
+        base=given.get("base"),
+        joint_limits=None if limits is None else folder / limits,
+    )
+    return folder / given["file"] if "file" in given else given["name"], options

@@ -27,10 +27,10 @@ from armcontour.frames import Frame, Pose, from_rpy
 from armcontour.io.robots import derived
 from armcontour.io.robots.joint_limits import limits_of, override, table_of
 from armcontour.io.robots.models import MJCF, arm_of_model, is_model, read_mjcf
+from armcontour.io.robots.options import ANY, DESCRIPTION, MODEL, ArmOptions, refuse_others
 from armcontour.io.robots.srdf import read_left_out
 from armcontour.io.robots.tree import MOST_CHARACTERS
 from armcontour.io.robots.urdf import arm_of_tree, is_description, read_description
-from armcontour.io.robots.xacro_file import Value
 from armcontour.scene import ArmShapes, LinkShape, Mesh
 
 # Arm files that name an arm file that names an arm file: more of them name themselves.
@@ -77,145 +77,90 @@ def arm_names() -> tuple[str, ...]:
 @checked
 def load_arm(
     name: str | FilePath | Any,
+    options: ArmOptions = ArmOptions(),
     *,
-    tip: str | None = None,
-    base: str | None = None,
-    joint_limits: str | FilePath | None = None,
     tool: Pose | None = None,
     work: Pose | None = None,
     payload: Payload | None = None,
-    locked: Mapping[str, float] | None = None,
-    packages: Mapping[str, str | FilePath] | None = None,
-    arguments: Mapping[str, Value] | None = None,
-    srdf: str | FilePath | None = None,
     trust_xacro: bool = False,
 ) -> Arm:
     """Load an arm by its built-in name, such as "ur5e", from a file or from a model.
 
         arm = load_arm("ur5e", tool=pinocchio.SE3(rotation, position))
-        own = load_arm(model, tip="tool0")
+        own = load_arm(model, ArmOptions(tip="tool0"))
 
     Args:
         name: Built-in name, arm file (.yaml), robot description (.urdf, .xacro), MJCF file (.xml,
             read by MuJoCo, without shapes) or `pinocchio.Model`. Of a built-in name, upper case
             and hyphens do not count.
-        tip: Link at the end of the arm, for a robot description; by default the end of its only
-            chain of moving joints. For a model, one of its frames, by default tool0 or flange; of
-            an MJCF file, a body or a site.
-        base: Fixed link at the start of the arm, for a robot description; by default the root.
-        joint_limits: A `joint_limits.yaml` of MoveIt, which replaces limits of the arm's own file.
-            Its default scaling factors are not applied.
+        options: How it is loaded, such as ArmOptions(tip="tool0") for a robot description.
         tool: The tool frame relative to the tip: a Frame, a 4 by 4 transform, a pinocchio.SE3 or a
             position [m].
         work: The frame of tool points relative to the base, in the same forms.
         payload: Payload at the tip.
-        locked: Positions of locked joints by name, for a robot description [rad or m]; by default
-            joints beside the arm stand at 0, or at the end of their range that is nearest to 0.
-        packages: Folders of ROS packages by name, for a robot description. Other packages are
-            looked for by their `package.xml` near the file; those of a .xacro file first in a
-            sourced ROS.
-        arguments: Values of the arguments of a .xacro file, by name.
-        srdf: A file of MoveIt (.srdf) that says which links may touch each other.
         trust_xacro: Whether a .xacro file may be expanded. Such a file is a program that can run
             any code: trust only files that you would run.
 
     Raises:
-        InvalidInput: No such arm or file, a .xacro file that is not trusted, or a file that does
-            not describe an arm.
+        InvalidInput: No such arm or file, an option that its kind does not have, a .xacro file that
+            is not trusted, or a file that does not describe an arm.
     """
     if not is_model(name):
         name = _checks.read_place("load_arm", name)
-    file = FilePath("") if is_model(name) else FilePath(name)
-    limits_file = None if joint_limits is None else FilePath(joint_limits)
-    if is_description(file):
-        tree = read_description(
-            file, trust_xacro=trust_xacro, packages=packages, arguments=arguments
-        )
-        arm: Arm = arm_of_tree(
-            tree,
-            tip=tip,
-            base=base,
-            joint_limits=limits_file,
-            locked=locked,
-            packages=packages,
-        )
-    elif is_model(name) or file.suffix.lower() in MJCF:
-        if base is not None or packages or arguments:
-            raise InvalidInput("A model has no other base, packages or arguments: leave them out.")
-        model, source = (name, "the model") if is_model(name) else (read_mjcf(file), str(file))
-        arm = arm_of_model(model, source, tip=tip, joint_limits=limits_file, locked=locked)
-    else:
-        if tip is not None or base is not None or locked or packages or arguments:
-            raise InvalidInput(
-                f"The arm {name} has no other tip, base, joints to be locked, packages or "
-                "arguments: these are chosen of a .urdf or .xacro file."
-            )
-        arm = _read(str(name), payload, _derived_from(payload, trust_xacro=trust_xacro))
-        if limits_file is not None:
-            table = table_of(arm.limits, arm.dof)
-            override(table, arm.joint_names, limits_file)
-            # The file has joint limits only; the arm keeps its other limits.
-            own = limits_of(table, arm.joint_names, str(limits_file))
-            values = {key: getattr(own, key) for key in table}
-            lifted: dict[str, Any] = {key: np.inf for key, x in values.items() if x is None}
-            arm = arm.with_limits(Limits().replace(**values | lifted))
-    arm = equip(arm, tool=tool, work=work, payload=payload)
-    return arm if srdf is None else with_more_shapes(arm, srdf=FilePath(srdf))
+    arm = _load(name, options, payload, trust_xacro)
+    arm = _equip(arm, tool, work, payload)
+    return arm if options.srdf is None else with_more_shapes(arm, srdf=FilePath(options.srdf))
 
 
-def _derived_from(
-    payload: Payload | None, *, trust_xacro: bool, depth: int = 0
-) -> Callable[..., Arm] | None:
-    """The function that loads the arm from which another one is derived; None if that is too deep.
+def _load(
+    name: Any, options: ArmOptions, payload: Payload | None, trust_xacro: bool, depth: int = 0
+) -> Arm:
+    """Load an arm without its equipment.
 
     Args:
-        payload: As in `read_arm`.
-        trust_xacro: Whether a .xacro file may be expanded.
-        depth: Number of files that were derived from each other before.
+        name: As in `load_arm`.
+        options: As in `load_arm`.
+        payload: As in `arm_of`.
+        trust_xacro: As in `load_arm`.
+        depth: Number of arm files that were derived from each other before.
     """
-    if depth == MOST_DERIVED:
-        return None
-
-    def load(name: str | FilePath, **options: Any) -> Arm:
-        if is_description(FilePath(name)):
-            return load_arm(name, trust_xacro=trust_xacro, **options)
-        if options:
-            raise InvalidInput(
-                f"The arm {name} has no other {', '.join(options)}: leave that out, or name a "
-                ".urdf or .xacro file."
-            )
-        further = _derived_from(payload, trust_xacro=trust_xacro, depth=depth + 1)
-        return _read(str(name), payload, further)
-
-    return load
+    file = FilePath("") if is_model(name) else FilePath(name)
+    if is_description(file):
+        refuse_others(options, DESCRIPTION, str(file))
+        return arm_of_tree(read_description(file, options, trust_xacro=trust_xacro), options)
+    if is_model(name) or file.suffix.lower() in MJCF:
+        model, source = (name, "the model") if is_model(name) else (read_mjcf(file), str(file))
+        refuse_others(options, MODEL, source)
+        return arm_of_model(model, source, options)
+    refuse_others(options, ANY, f"The arm {name}")
+    derive = partial(_load, payload=payload, trust_xacro=trust_xacro, depth=depth + 1)
+    arm = _read(str(name), payload, derive if depth < MOST_DERIVED else None)
+    if options.limits_file is None:
+        return arm
+    table = table_of(arm.limits, arm.dof)
+    override(table, arm.joint_names, options.limits_file)
+    # The file has joint limits only; the arm keeps its other limits.
+    own = limits_of(table, arm.joint_names, str(options.limits_file))
+    values = {key: getattr(own, key) for key in table}
+    lifted: dict[str, Any] = {key: np.inf for key, x in values.items() if x is None}
+    return arm.with_limits(Limits().replace(**values | lifted))
 
 
 def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -> Arm:
-    """Read a built-in arm or an arm file.
-
-    Args:
-        name: Name of the arm or file.
-        payload: As in `read_arm`.
-        load: As in `read_arm`.
-    """
+    """Read a built-in arm or an arm file, by the arguments of `arm_of`."""
     if name.lower().endswith((".yaml", ".yml")):
-        return read_arm(name, _files.read_bytes(name, "arm file"), payload, load)
+        content = _files.read_bytes(name, "arm file")
+        return arm_of(name, _yaml.load(content, name, _yaml.AngleLoader), payload, load)
     built_in = name.lower().replace("-", "")
     if built_in not in arm_names():
         raise InvalidInput(
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
             "your own arm goes in a .yaml, .urdf, .xacro or MJCF .xml file."
         )
-    return with_hulls(read_built_in(built_in, payload), built_in)
+    return with_hulls(arm_of(f"{built_in}.yaml", _built_in(built_in), payload), built_in)
 
 
-def equip(
-    arm: Arm,
-    *,
-    tool: Pose | None = None,
-    work: Pose | None = None,
-    payload: Payload | None = None,
-) -> Arm:
+def _equip(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
     """The arm with a tool, a work frame and a payload; None keeps what the arm has.
 
     Raises:
@@ -243,36 +188,6 @@ SERIAL = COMMON | {"joints", "positions", "angles", "axes", *BODIES, *OPTIONAL}
 KINDS = {"planar_two_link": PLANAR, "serial": SERIAL, derived.KIND: derived.KEYS}
 
 
-def read_arm(
-    file: str,
-    content: bytes,
-    payload: Payload | None = None,
-    load: Callable[..., Arm] | None = None,
-) -> Arm:
-    """Read the arm in an arm file.
-
-    Args:
-        file: Name of the file, for messages.
-        content: Content of the file.
-        payload: Payload of a planar arm; an arm in space gets its payload by `equip`.
-        load: Loads the arm that a derived one names; None where too many name each other.
-
-    Raises:
-        InvalidInput: Not YAML, or no description of an arm.
-    """
-    return arm_of(file, _yaml.load(content, file, _yaml.AngleLoader), payload, load)
-
-
-def read_built_in(name: str, payload: Payload | None) -> Arm:
-    """Read a built-in arm.
-
-    Args:
-        name: Its name.
-        payload: As in `read_arm`.
-    """
-    return arm_of(f"{name}.yaml", _built_in(name), payload)
-
-
 @cache
 def _built_in(name: str) -> Any:
     """The data of a built-in arm, whose text takes twenty times as long to parse as to make an arm.
@@ -293,10 +208,10 @@ def arm_of(
     """The arm of an arm file's data.
 
     Args:
-        file: As in `read_arm`.
+        file: Name of the file, for messages.
         data: The data.
-        payload: As in `read_arm`.
-        load: As in `read_arm`.
+        payload: Payload of a planar arm; an arm in space gets its payload by `_equip`.
+        load: Loads the arm that a derived one names; None where too many name each other.
 
     Raises:
         InvalidInput: They describe no arm.

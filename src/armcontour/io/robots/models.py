@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path as FilePath
 from typing import Any
@@ -17,6 +17,7 @@ from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.io.robots.joint_limits import Table, limits_of, override
+from armcontour.io.robots.options import ArmOptions, locked_position
 from armcontour.io.robots.tree import MOST_NAMED
 from armcontour.io.robots.urdf import HINT, assume_accelerations
 
@@ -30,23 +31,14 @@ def is_model(value: Any) -> bool:
     return type(value).__name__ == "Model" and type(value).__module__.startswith("pinocchio")
 
 
-def arm_of_model(
-    model: Any,
-    source: str,
-    *,
-    tip: str | None = None,
-    joint_limits: FilePath | None = None,
-    locked: Mapping[str, float] | None = None,
-) -> SerialArm:
+def arm_of_model(model: Any, source: str, options: ArmOptions) -> SerialArm:
     """Make a serial arm from a `pinocchio.Model`: the joints between its universe and a frame.
 
     Args:
         model: The model.
         source: Where it comes from, for messages.
-        tip: Name of the frame at the end of the arm; by default tool0 or flange, if there is one.
-        joint_limits: MoveIt file whose values replace those of the model.
-        locked: Positions of locked joints by name [rad or m]. Other joints that do not move the tip
-            are locked at 0.
+        options: Tip, limits and locked joints; other joints that do not move the tip are locked at
+            0.
 
     Raises:
         InvalidInput: There is no such frame or joint, or a joint of the arm does not turn.
@@ -55,7 +47,9 @@ def arm_of_model(
     from armcontour.io.robots.tip import TOOL_FRAMES
 
     pin, names = pinocchio(), [x.name for x in model.frames]
-    tip = next((x for x in TOOL_FRAMES if x in names), None) if tip is None else tip
+    tip = options.tip
+    if tip is None:
+        tip = next((x for x in TOOL_FRAMES if x in names), None)
     if tip not in names:
         own = [x for x in names if x not in model.names]
         raise InvalidInput(
@@ -65,8 +59,8 @@ def arm_of_model(
             else f"Say which frame of {source} is the tip with tip=, one of "
             f"{list_some(own, MOST_NAMED)}."
         )
-    held = dict(locked or {})
-    frame, at = model.frames[model.getFrameId(tip)], _held_at(pin, model, source, held)
+    held = options.locked or {}
+    frame, at = model.frames[model.getFrameId(tip)], _held_at(pin, model, source, options)
     ids = [i for i in model.supports[frame.parentJoint] if i > 0 and model.names[i] not in held]
     if not ids:
         raise InvalidInput(f"No joint of {source} moves the frame {tip}: choose another tip.")
@@ -111,7 +105,7 @@ def arm_of_model(
         gravity=model.gravity.linear,
         **bodies,
     )
-    limits, note = _limits(model, ids, chain, source, joint_limits)
+    limits, note = _limits(model, ids, chain, source, options.limits_file)
     return SerialArm(
         name=_checks.check_name("name of a model", model.name or "model"),
         chain=chain,
@@ -122,16 +116,18 @@ def arm_of_model(
     )
 
 
-def _held_at(pin: Any, model: Any, source: str, locked: Mapping[str, float]) -> Any:
+def _held_at(pin: Any, model: Any, source: str, options: ArmOptions) -> Any:
     """Configuration of a model with all joints at 0 but those that are locked elsewhere."""
     step = np.zeros(model.nv)
-    for name, value in locked.items():
+    for name in options.locked or ():
         if name not in list(model.names)[1:]:
             raise InvalidInput(
                 f"{source} has no joint {name!r} to be locked: its joints are "
                 f"{list_some(list(model.names)[1:], MOST_NAMED)}."
             )
-        step[model.idx_vs[model.getJointId(name)]] = _checks.number(f"position of {name}", value)
+        joint = model.joints[model.getJointId(name)]
+        slides = "Prismatic" in joint.shortname()
+        step[joint.idx_v] = locked_position(options, name, slides=slides)
     return pin.integrate(model, pin.neutral(model), step)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -15,13 +14,13 @@ from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.arms.serial import SerialArm
 from armcontour.errors import InvalidInput
 from armcontour.io.robots.joint_limits import KINDS, SOFT, Table, limits_of, narrow, override
+from armcontour.io.robots.options import ArmOptions, locked_position
 from armcontour.io.robots.tree import MOST_NAMED, TURNING, Joint, Tree, read_tree
 from armcontour.scene import ArmShapes
 
 if TYPE_CHECKING:
     from armcontour.io.robots.collision import Packages
     from armcontour.io.robots.description import Description
-    from armcontour.io.robots.xacro_file import Value
 
 LINK = re.compile(r"<link[\s>/]")
 DESCRIPTIONS = (".urdf", ".xacro")
@@ -46,26 +45,12 @@ ASSUMED = (
 )
 
 
-def arm_of_tree(
-    tree: Tree,
-    *,
-    tip: str | None = None,
-    base: str | None = None,
-    joint_limits: FilePath | None = None,
-    locked: Mapping[str, float] | None = None,
-    packages: Packages | None = None,
-) -> SerialArm:
+def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     """Make a serial arm from a robot description.
 
     Args:
         tree: The description, from `read_description`.
-        tip: Link at the end of the arm, whose frame is the tip; by default the end of its only
-            chain of moving joints.
-        base: Fixed link at the start of the arm; by default the root.
-        joint_limits: MoveIt file whose values replace those of the description.
-        locked: Positions of locked joints, by name [rad or m]. Joints that are not between base
-            and tip are locked by default, at 0 or at the end of their range that is nearest to 0.
-        packages: Folders of ROS packages that meshes are in; others are looked for nearby.
+        options: Tip, base, limits, locked joints and packages of meshes.
 
     Raises:
         InvalidInput: A description that gives no serial arm.
@@ -74,22 +59,26 @@ def arm_of_tree(
     from armcontour.io.robots.description import Description
     from armcontour.io.robots.tip import choose_tip
 
-    file, positions = tree.file, dict(locked or {})
-    for name in positions:
+    file, positions = tree.file, dict[str, float]()
+    for name in options.locked or ():
         if name not in tree.joints:
             raise InvalidInput(
                 f"{file} has no joint {name!r} to be locked: its joints are "
                 f"{list_some(list(tree.joints), MOST_NAMED)}."
             )
-    start = tree.root if base is None else tree.link("base", base)
-    end, chosen = (tip, "") if tip is not None else choose_tip(tree, start, positions)
+        slides = tree.joints[name].kind == "prismatic"
+        positions[name] = locked_position(options, name, slides=slides)
+    start = tree.root if options.base is None else tree.link("base", options.base)
+    end, chosen = options.tip or "", ""
+    if options.tip is None:
+        end, chosen = choose_tip(tree, start, positions)
     route = tree.between(start, end)
     moving = [x for x in route if x.kind != "fixed" and x.name not in positions]
     _refuse_joints(tree, moving)
     description = Description(tree, route, moving, positions, start)
     chain = description.chain()
-    limits, lacking = _limits(tree, moving, joint_limits, heavy=chain.masses is not None)
-    missing = missing_meshes(tree, packages)
+    limits, lacking = _limits(tree, moving, options.limits_file, heavy=chain.masses is not None)
+    missing = missing_meshes(tree, options.packages)
     notes = (chosen, *description.notes, lacking, missing)
     arm = SerialArm(
         name=tree.name,
@@ -101,7 +90,7 @@ def arm_of_tree(
     )
     if all(x.find("collision") is None for x in tree.links.values()):
         return arm
-    return arm.with_shapes(partial(_shapes, arm, description, packages))
+    return arm.with_shapes(partial(_shapes, arm, description, options.packages))
 
 
 def _shapes(arm: SerialArm, description: Description, packages: Packages | None) -> ArmShapes:
@@ -122,20 +111,13 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
     return leave_out_touching(arm.with_shapes(ArmShapes(shapes=shapes, source=source)))
 
 
-def read_description(
-    file: FilePath,
-    *,
-    trust_xacro: bool = False,
-    packages: Mapping[str, str | FilePath] | None = None,
-    arguments: Mapping[str, Value] | None = None,
-) -> Tree:
+def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) -> Tree:
     """Read the links and joints of a robot description.
 
     Args:
         file: A .urdf file, or a .xacro file, which the package xacro expands.
+        options: Packages and arguments of a .xacro file.
         trust_xacro: Whether a .xacro file may be expanded: such a file is a program.
-        packages: Folders of ROS packages by name; a .urdf names them for its meshes.
-        arguments: Values of the arguments of a .xacro file by name.
 
     Raises:
         InvalidInput: No such file, a .xacro file that is not trusted, or no description.
@@ -150,13 +132,13 @@ def read_description(
             )
         from armcontour.io.robots.xacro_file import expand_xacro
 
-        content = expand_xacro(file, packages=packages, arguments=arguments)
+        content = expand_xacro(file, packages=options.packages, arguments=options.arguments)
         if LINK.search(content) is None:
             raise InvalidInput(
                 f"{file} makes no links: it only defines macros, or properties, for other files; "
                 "name the .xacro file that uses them."
             )
-    elif arguments:
+    elif options.arguments:
         raise InvalidInput(f"{file} takes no arguments: these are of .xacro files.")
     return read_tree(str(file), content)
 

@@ -8,7 +8,8 @@ from typing import Any
 from armcontour import _checks
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change, Keys, value_at
-from armcontour.studio.edits.keys import place_of, written
+from armcontour.io.patch import place
+from armcontour.studio.edits.keys import written
 from armcontour.studio.edits.state import EditState
 
 # Largest number of a waypoint.
@@ -23,7 +24,7 @@ def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
             "tolerance of its own: set that of all corners."
         )
     index = _checks.whole("number of the waypoint", edit["index"], 0, MOST_POINTS)
-    keys = place_of(["corners", "at"], state.data, state.run)
+    keys = place(("corners", "at"), state.data, state.run)
     key: Keys = (*keys, index + 1)
     given = value_at(state.data, keys)
     if edit["value"] is None:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from armcontour import _checks, compensation, timing
+from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._quantities import Quantity
 from armcontour._text import plain_number, show
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change, Key, Keys, value_at
 from armcontour.io.job_model import JobModel
+from armcontour.io.patch import key_of, place, resolve
 from armcontour.io.si_data import quantity_of
 from armcontour.io.units import unit_of, write_like
 from armcontour.jobs import Job, Run
@@ -23,88 +23,28 @@ from armcontour.studio.edits.state import EditState
 SHARP = "sharp"
 # The tolerance of corners that were sharp before.
 FIRST_TOLERANCE = "1 mm"
-# Keys that a run has in the place of the job's; all others of a run are its own alone.
-OF_BOTH = ("limits", "command_limits", "corners", "command_interval")
-OF_RUN = ("timing", "compensation", "until", "duration")
-
-
-def place_of(key: str | Sequence[Key], data: Mapping[str, Any], run: str) -> Keys:
-    """The keys at which a value of the job is set, for the run that is shown.
-
-    A key of the run goes to the run. Limits, corners and the command interval go to the run if it
-    has them itself, else to the job.
-
-    Args:
-        key: The key, such as "limits.speed" or "timing.method".
-        data: The data of the job file, as written.
-        run: The name of the run.
-
-    Raises:
-        InvalidInput: It is no key.
-    """
-    parts: Any = key.split(".") if isinstance(key, str) else key
-    known = isinstance(parts, list) and all(type(x) in (str, int) for x in parts)
-    if not known or not parts or "" in parts:
-        raise InvalidInput(f"{show(key)} is no key: write one such as limits.speed.")
-    first = parts[0]
-    if first in OF_RUN or (first in OF_BOTH and _is_own(parts, data, run)):
-        parts = ["runs", run, *parts]
-    return _with_positions(parts, data)
-
-
-def _is_own(parts: Sequence[Key], data: Mapping[str, Any], run: str) -> bool:
-    """Whether a run has a value of its own in the place of the job's."""
-    own = (data["runs"].get(run) or {}).get(parts[0])
-    if parts[0] in ("limits", "command_limits") and len(parts) > 1:
-        return isinstance(own, dict) and parts[1] in own
-    return own is not None
-
-
-def _with_positions(parts: Sequence[Key], data: Any) -> Keys:
-    """Keys of which those that are numbers are so, unless the data have such a text as a key."""
-    found: list[Key] = []
-    for x in parts:
-        named = isinstance(data, dict) and x in data
-        key = int(x) if isinstance(x, str) and x.isdecimal() and not named else x
-        found.append(key)
-        inside = isinstance(data, dict) and key in data
-        if isinstance(data, list):
-            inside = isinstance(key, int) and 0 <= key < len(data)
-        data = data[key] if inside else None
-    return tuple(found)
 
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Set a key, to a text as typed, a number in SI units, or null."""
-    keys, value = place_of(edit["key"], state.data, state.run), edit["value"]
+    keys, value = place(key_of(edit["key"]), state.data, state.run), edit["value"]
+    *outer, last = keys
+    of = value_at(state.data, tuple(outer))
     if keys[-2:] == ("corners", "shape"):
-        return _set_shape(keys, value, state)
-    joint, of = keys[-1], value_at(state.data, keys[:-1])
-    if isinstance(joint, int) and not isinstance(of, list | dict):
-        return [Change(keys[:-1], _for_joints(keys, value, of, state))]
-    changes = [Change(keys, written(value, value_at(state.data, keys), keys))]
-    for name, methods in (("timing", timing.METHODS), ("compensation", compensation.METHODS)):
-        if keys[-2:] == (name, "method") and value in methods:
-            # What goes with another method would be refused.
-            own = {"method", *(x.name for x in dataclasses.fields(methods[value]))}
-            there = value_at(state.data, keys[:-1]) or {}
-            changes += [Change((*keys[:-1], x)) for x in there if x not in own]
-    return changes
+        # Sharp corners are no shape in the file, and have no tolerance.
+        if value == SHARP or not isinstance(of, Mapping):
+            given = {"shape": value, "tolerance": FIRST_TOLERANCE}
+            keys, value = tuple(outer), SHARP if value == SHARP else given
+    elif isinstance(last, int) and not isinstance(of, list | dict):
+        keys, value = tuple(outer), _for_joints(keys, value, of, state)
+    else:
+        value = written(value, value_at(state.data, keys), keys)
+    return resolve(state.data, {keys: value}, state.run)
 
 
 def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Remove a key."""
-    return [Change(place_of(edit["key"], state.data, state.run))]
-
-
-def _set_shape(keys: Keys, shape: Any, state: EditState) -> list[Change]:
-    """Set the shape of the corners, of which sharp ones are no shape in the file."""
-    own = value_at(state.data, keys[:-1])
-    if shape == SHARP:
-        return [Change(keys[:-1], SHARP)]
-    if isinstance(own, dict):
-        return [Change(keys, shape)]
-    return [Change(keys[:-1], {"shape": shape, "tolerance": FIRST_TOLERANCE})]
+    return [Change(place(key_of(edit["key"]), state.data, state.run))]
 
 
 def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:

@@ -19,6 +19,7 @@ from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
+    from armcontour.io.exports.formats import ExportFormat
     from armcontour.jobs import Job, RunResult
 
 # The template whose files have names of KRL, of so many letters at most.
@@ -81,29 +82,25 @@ def certify(x: Request) -> Frame:
 def export(x: Request) -> Frame:
     """The set-points or the plan in a format of a controller or a table.
 
-    Options: `format`, a name of `io.exports.formats()`; for "template" its `template`; `of`,
+    Options: `format`, a name of a format; for "template" its `template`; `of`,
     "taught" or "planned"; `period` of a plan [s]; `outputs`, `derivatives` and `tool_motion`.
     """
-    from armcontour.io.exports import (
-        describe_program,
-        formats,
-        make_table,
-        refuse_unknown_outputs,
-        write_table,
-    )
     from armcontour.io.exports.destination import put
-    from armcontour.io.exports.template import SHIPPED
+    from armcontour.io.exports.exporting import refuse_unknown_outputs
+    from armcontour.io.exports.formats import TemplateFormat, format_named, outputs_of
+    from armcontour.io.exports.table import make_table
+    from armcontour.io.exports.template import SHIPPED, describe_program
     from armcontour.jobs import analog_outputs
 
-    kind, plan = str(x.option("format", "csv")), x.taught
-    endings = formats()
-    if kind not in endings:
-        raise InvalidInput(f"There is no format {kind!r}: there are {', '.join(endings)}.")
-    template = x.options.get("template")
-    if template is not None and template not in SHIPPED:
-        raise InvalidInput(f"There is no template {template!r}: there are {', '.join(SHIPPED)}.")
-    ending = endings[kind]
-    if template is not None:
+    of, plan = format_named(str(x.option("format", "csv"))), x.taught
+    own = {name: x.options[name] for name in ("template", "outputs") if name in x.options}
+    format = of(**own)
+    template, ending = None, format.ending
+    if isinstance(format, TemplateFormat):
+        template = format.label
+        if template not in SHIPPED:
+            names = ", ".join(SHIPPED)
+            raise InvalidInput(f"There is no template {template!r}: there are {names}.")
         ending = FilePath(SHIPPED[template].removesuffix(".j2")).suffix
     taught = x.option("of", "taught") == "taught"
     x.progress(Step(("writing",)))
@@ -121,25 +118,20 @@ def export(x: Request) -> Frame:
             period=None if taught else x.option("period", plan.run.period),
             derivatives=int(x.option("derivatives", 2)),
             tool_motion=bool(x.option("tool_motion", False)),
-            analog=_analog(kind, plan, x.job, analog_outputs),
+            analog=_analog(format, plan, x.job, analog_outputs),
         )
-        outputs = x.options.get("outputs")
-        if outputs is not None:
-            names = (*(y.name for y in table.events), *table.analog)
-            refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
+        outputs = outputs_of(format)
+        names = (*(y.name for y in table.events), *table.analog)
+        refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
         told = describe_program(
             table,
-            template or kind,
+            format.label,
             outputs,
             lambda event, output: f"--output {event}={output} of armcontour export",
         )
-        put(
-            file,
-            lambda path: write_table(table, path, format=kind, template=template, outputs=outputs),
-            folder=kind == "mcap",
-        )
+        put(file, lambda path: format.write(table, path), folder=format.kind == "mcap")
         name, content = _content_of(file)
-    called = f"Format {kind}" if template is None else f"Template {template}"
+    called = f"{'Format' if template is None else 'Template'} {format.label}"
     header = {
         **{"run": plan.run.name, "points": len(plan.taught.q)},
         "warnings": (*plan.warnings, *(f"{called}: {said}" for said in told)),
@@ -147,11 +139,11 @@ def export(x: Request) -> Frame:
     return _file(name, content, header)
 
 
-def _analog(kind: str, plan: RunResult, job: Job, outputs: Callable[..., Any]) -> Any:
+def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[..., Any]) -> Any:
     """The analog outputs of a plan, for formats that have them."""
-    from armcontour.io.exports import takes_analog
+    from armcontour.io.exports.formats import WITH_ANALOG
 
-    if not takes_analog(kind):
+    if not isinstance(format, WITH_ANALOG):
         return None
     return outputs(plan.path, plan.trajectory, job.process, plan.run.limits) or None
 

@@ -9,8 +9,6 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from armcontour._progress import Progress
-from armcontour._yaml import load
-from armcontour.errors import InvalidInput
 
 if TYPE_CHECKING:
     from armcontour.jobs import Job, RunResult
@@ -47,10 +45,9 @@ class Request:
     @cached_property
     def data(self) -> dict[str, Any]:
         """The job as parsed."""
-        found = load(self.text, self.source)
-        if not isinstance(found, dict):
-            raise InvalidInput(f"{self.source} must hold a mapping of keys such as arm and path.")
-        return found
+        from armcontour.io.job_file import read_data
+
+        return read_data(self.text, self.source)
 
     @cached_property
     def previewer(self) -> Previewer:

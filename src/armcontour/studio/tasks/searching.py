@@ -17,7 +17,6 @@ from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
-    from armcontour.jobs import Job
     from armcontour.studio.view import View
 
 # A sweep has so many points by default.
@@ -30,7 +29,8 @@ def sweep(x: Request) -> Frame:
     Options: `key`, and `values` in SI units, or `min`, `max` and `count`, evenly or with `log`.
     """
     from armcontour.io.job_edits import change_data
-    from armcontour.studio.edits import EditState, changes_of
+    from armcontour.studio.edits import EditState
+    from armcontour.studio.edits.keys import set_value
     from armcontour.studio.handles import handles_of
 
     key, values = str(x.option("key", "")), _values(x)
@@ -40,7 +40,7 @@ def sweep(x: Request) -> Frame:
     for k, value in enumerate(values.tolist()):
         x.progress(Step((f"{k + 1} of {len(values)}",), k / len(values)))
         try:
-            changes = changes_of({"do": "set", "key": key, "value": value}, state)
+            changes = set_value({"key": key, "value": value}, state)
             planned = x.previewer.plan(change_data(x.data, changes), x.run)
             duration[k] = planned.trajectory.duration
             errors = x.previewer.execute(planned).errors
@@ -74,17 +74,20 @@ def _values(x: Request) -> Any:
 def place(x: Request) -> Frame:
     """Where the part lies best: a map of a grid of places, and the best place.
 
-    Options: those of `placement.place`, such as `over`, which replace keys of the job's
-    `placement`; with `as_job` false they stand alone. Shifts are in the plane of the picture.
+    Options: fields of `jobs.PlaceSearch`, such as `over`, which replace those of the job; with
+    `as_job` false they stand alone. `processes` is their number. Shifts are in the plane of the
+    picture.
     """
     from armcontour.core.render import verdict
     from armcontour.placement import place
 
     given = dict(x.options)
-    given.setdefault("processes", 1)
-    job = x.job if given.pop("as_job", True) else replace(x.job, placement=None)
-    _refuse_unseen(job, given)
-    found = place(job, x.run, progress=x.progress, **given)
+    processes, as_job = given.pop("processes", 1), given.pop("as_job", True)
+    base = (x.job.placement if as_job else None) or PlaceSearch()
+    search = replace(base, **given)
+    search = replace(search, over={**base.over, **search.over})
+    _refuse_unseen(search)
+    found = place(x.job, search, run=x.run, processes=processes, progress=x.progress)
     verdicts, objective = found.verdicts, found.objective
     places = [found.place(k) for k in range(len(verdicts))]
     kinds = list(found.refusals)
@@ -119,15 +122,14 @@ def place(x: Request) -> Frame:
     return Frame("result", header, arrays)
 
 
-def _refuse_unseen(job: Job, given: Mapping[str, Any]) -> None:
+def _refuse_unseen(search: PlaceSearch) -> None:
     """Refuse what a click on the picture cannot do.
 
     Raises:
         InvalidInput: The base is to move, or the part out of the plane.
     """
-    own = job.placement or PlaceSearch()
-    axes = [name for name in ("z", "tilt") if name in {**own.over, **(given.get("over") or {})}]
-    if axes or given.get("what", own.what) == BASE:
+    axes = [name for name in ("z", "tilt") if name in search.over]
+    if axes or search.what == BASE:
         what = f"along {' and '.join(axes)}" if axes else "the base"
         raise InvalidInput(
             f"The map of places is in the plane of the drawing, so it cannot place {what}: "

@@ -11,14 +11,14 @@ import armcontour as ac
 from armcontour.io.drawings.chaining import Piece, chain_pieces
 from armcontour.io.drawings.dxf import read_dxf
 from armcontour.io.drawings.gcode import read_gcode
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.drawings.shapes import Outline, paths_of
 from armcontour.io.drawings.splines import Spline
 from armcontour.io.drawings.svg import read_svg
 from armcontour.io.drawings.waypoints import read_waypoints
 
 RNG = np.random.default_rng(0)
-READ = {"source": "part", "reading": Reading()}
+READ = {"source": "part", "options": ReadOptions()}
 START = b"F1\nG1 X1\n"
 HOSTILE_GCODE = [
     START + b"X1 " * 5_000_000,

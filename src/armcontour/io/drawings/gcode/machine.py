@@ -25,7 +25,7 @@ from armcontour.io.drawings.gcode.switches import Extruder, Switches
 from armcontour.io.drawings.gcode.tool_table import diameter_for
 from armcontour.io.drawings.gcode.unknown import Unknown
 from armcontour.io.drawings.gcode.words import Block
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 
 # Codes and words of lines that only move the tool.
 SIMPLE_CODES = (codes.RAPID, codes.LINE, *codes.ARCS)
@@ -38,19 +38,19 @@ class Machine:
     """What is in force, and the draft of what was done so far.
 
     Args:
-        reading: How the file is to be read.
+        options: How the file is to be read.
         dialect: Properties of the whole program.
     """
 
-    def __init__(self, reading: Reading, dialect: Dialect) -> None:
-        stated = reading.unit is not None
-        self.modes = Modes(unit=reading.unit or MILLIMETRE, stated=stated)
+    def __init__(self, options: ReadOptions, dialect: Dialect) -> None:
+        stated = options.unit is not None
+        self.modes = Modes(unit=options.unit or MILLIMETRE, stated=stated)
         self.draft = Draft()
         self.offsets = Offsets()
-        self.compensation = Compensation(self.draft, reading.chord_tolerance)
-        self.tools = reading.tools
-        self.tool = Tool(self.compensation, self.modes, self.offsets, reading.chord_tolerance)
-        self.unknown = Unknown(reading.skip, reading.unknown == "skip")
+        self.compensation = Compensation(self.draft, options.fit_tolerance)
+        self.tools = options.unscaled_tools
+        self.tool = Tool(self.compensation, self.modes, self.offsets, options.fit_tolerance)
+        self.unknown = Unknown(options.words, options.skips)
         self.switches = Switches(self.compensation, dialect)
         self.extruder = Extruder(self.switches)
         self.references = References(self.tool)

@@ -12,7 +12,7 @@ from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.machine import Machine
 from armcontour.io.drawings.gcode.words import LONGEST_LINE, parse
 from armcontour.io.drawings.mending import mend, printed_in_gcode
-from armcontour.io.drawings.reading import Reading
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.program import Program
 
 # A line of nothing but coordinates and feed, as nearly all lines of long programs are. Whatever it
@@ -42,7 +42,7 @@ SLICER = re.compile(
 
 
 def read_gcode(
-    data: bytes, *, source: str, reading: Reading, progress: Progress | None = None
+    data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
 ) -> Program:
     """The program in G-code: the subset of RS274/NGC that CAM posts and slicers write.
 
@@ -54,7 +54,7 @@ def read_gcode(
     Args:
         data: Content of the file.
         source: Name of the file.
-        reading: How to read it; its unit holds until G20 or G21, millimetres by default.
+        options: How to read it; its unit holds until G20 or G21, millimetres by default.
         progress: Called from time to time with the name of the source and the share of it that is
             read.
 
@@ -63,13 +63,13 @@ def read_gcode(
             line's, from 0.
     """
     lines = _lines(data, source)
-    machine = Machine(reading, dialect_of(lines))
+    machine = Machine(options, dialect_of(lines))
     runner = _Runner(lines, source, machine)
     tell = None if progress is None else under(progress, source)
     runner.run(tell)
     program = machine.draft.program(source, (*machine.notes(), *runner.notes()))
     printed = printed_in_gcode(data, machine.modes.unit)
-    program = mend(program, printed, reading)
+    program = mend(program, printed, options)
     if tell is not None:
         tell(Step((), 1.0))
     return program
