@@ -72,7 +72,7 @@ def test_a_plan_without_limits_of_jerk_loads_nothing_of_them():
         print(*(x for x in sys.modules if x.startswith("armcontour.")))
     """
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
-    assert "armcontour.timing.jerk.task" in loaded.split()
+    assert "armcontour.timing.optimal" in loaded.split()
     for name in ("timing.jerk.limiting", "timing.jerk._interior_point", "robustness.monte_carlo"):
         assert f"armcontour.{name}" not in loaded.split()
 

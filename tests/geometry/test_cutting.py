@@ -11,8 +11,7 @@ from tests.geometry.tables import arc, each, jumps, line, path_of, refused
 import armcontour as ac
 from armcontour.frames import Frame
 from armcontour.geometry.biarcs import UNEVEN
-from armcontour.geometry.cutting import cut_path, join_paths
-from armcontour.geometry.placing import drop_z
+from armcontour.geometry.cutting import cut_path, drop_z, join_paths
 
 TURN = 1.2
 END = (1 + 0.5 * np.sin(TURN), 0.5 - 0.5 * np.cos(TURN))

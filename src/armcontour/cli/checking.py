@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from armcontour.cli.options import ArmOptions, CheckOptions
     from armcontour.evaluation import Check
     from armcontour.evaluation.tally import Occurrence
-    from armcontour.io import TrajectoryFile
+    from armcontour.io.trajectory_file import TrajectoryFile
     from armcontour.jobs import Job, Run
     from armcontour.program import Program
     from armcontour.scene import Scene

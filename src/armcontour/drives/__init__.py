@@ -4,15 +4,20 @@ Compensation, learning, identification and certification use it. Plants, which j
 do not.
 """
 
-from armcontour.drives.drives import Drives
-from armcontour.drives.response import Response, regular_times, respond_along
-from armcontour.drives.simulation import Simulation, simulate
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Drives",
-    "Response",
-    "Simulation",
-    "regular_times",
-    "respond_along",
-    "simulate",
-]
+from armcontour._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from armcontour.drives.drives import Drives
+    from armcontour.drives.response import Response, regular_times, respond_along
+    from armcontour.drives.simulation import Simulation, simulate
+else:
+    __getattr__, __all__ = lazy_names(
+        __name__,
+        {
+            "drives": "Drives",
+            "response": "Response regular_times respond_along",
+            "simulation": "Simulation simulate",
+        },
+    )

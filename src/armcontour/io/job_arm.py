@@ -20,11 +20,9 @@ from armcontour.io.job_model import (
     ToolModel,
 )
 from armcontour.io.robots.loading import load_arm, with_more_shapes
-from armcontour.io.robots.models import MJCF
-from armcontour.io.robots.urdf import DESCRIPTIONS
+from armcontour.io.robots.options import DESCRIPTIONS, MJCF
 from armcontour.io.scene import assumed_tool, more_link_shapes, rotation_of, tool_shapes
 from armcontour.program import Program
-from armcontour.program.tools import tools_of_contours
 from armcontour.scene import LinkShape
 
 ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS, *MJCF)
@@ -110,8 +108,12 @@ def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
     }
     for name, x in table.items():
         frame_of(f"tools.{name}", x)
+    if not table:
+        return model.arm
+    from armcontour.program.tools import tools_of_contours
+
     names = list(dict.fromkeys(tools_of_contours(Program.of(drawn))))
-    if not table or names == [""]:
+    if names == [""]:
         return model.arm
     for name in names:
         if name not in table:

@@ -30,11 +30,10 @@ from armcontour.io.job_model import (
 )
 from armcontour.io.job_path import part_of, path_of
 from armcontour.io.keys import Keys, read_keys, schema_of
-from armcontour.io.patch import Patch, apply
+from armcontour.io.problems import Patch
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, Rounding, Run
 from armcontour.motion import check_interval
-from armcontour.motion.nearest_commands import check_command_limits
 from armcontour.program import Event, Process, Program
 from armcontour.scene import Scene
 from armcontour.servo import ServoModel
@@ -109,7 +108,10 @@ def parse_job(
     """
     data = read_data(text, source)
     with locate_errors(source):
-        data = apply(data, patch or {})
+        if patch:
+            from armcontour.io.patch import apply
+
+            data = apply(data, patch)
     model = model_of(JobModel, data, source)
     with locate_errors(source):
         return job_of(model, folder or FilePath(), reading, trust_xacro)
@@ -285,9 +287,13 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         # In case I this acceleration sets the corner radius; it limits the corner speed, too.
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
     commands = {**job.command_limits, **model.command_limits}
+    command_limits = None
     key = f"runs.{name}.command_limits" if model.command_limits else "command_limits"
     with locate_errors(key):
-        command_limits = check_command_limits(Limits(**commands), arm.dof) if commands else None
+        if commands:
+            from armcontour.motion.nearest_commands import check_command_limits
+
+            command_limits = check_command_limits(Limits(**commands), arm.dof)
     experiment = _experiment(name, job.experiment, arm)
     if not isinstance(corners, str):
         key = "corners" if model.corners is None else f"runs.{name}.corners"

@@ -13,9 +13,7 @@ from armcontour._progress import Progress
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.frames import Frame
 from armcontour.geometry import Arc, Demand, Line, Path
-from armcontour.io.drawings.options import ReadOptions
-from armcontour.io.drawings.read import read_path
-from armcontour.io.drawings.reading import FARTHEST
+from armcontour.io.drawings.options import FARTHEST, ReadOptions
 from armcontour.io.job_arm import frame_of
 from armcontour.io.job_model import (
     OrientationModel,
@@ -27,7 +25,6 @@ from armcontour.io.problems import place
 from armcontour.io.scene import rotation_of
 from armcontour.program import Contour, Program, contour_called
 from armcontour.program.moves import name_copy
-from armcontour.program.tools import part_of_tool
 
 # Keys for a file alone.
 READING = (*(x.name for x in dataclasses.fields(ReadOptions)), "repeat", "tool")
@@ -161,6 +158,8 @@ def read_drawing(
     Raises:
         InvalidInput: The file cannot be read; the sentence names it.
     """
+    from armcontour.io.drawings.read import read_path
+
     # With copies, the names may be theirs.
     options = model if model.repeat is None else dataclasses.replace(model, names=None)
     return read_path(folder / file, options, progress=progress)
@@ -169,6 +168,8 @@ def read_drawing(
 def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
     """Repeat a drawing, lift it to space and orient the tool, as far as the job wants."""
     if model.tool is not None:
+        from armcontour.program.tools import part_of_tool
+
         program = part_of_tool(program, model.tool)
     if model.repeat is not None:
         program = _repeat(program, model.repeat, model.names)

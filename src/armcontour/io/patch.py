@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
-from typing import Any, TypeAlias
+from typing import Any
 
 from armcontour import compensation, timing
 from armcontour._text import show, suggest
@@ -16,11 +16,10 @@ from armcontour.errors import InvalidInput
 from armcontour.io.job_arm import ARM_FILES
 from armcontour.io.job_edits import REMOVE, Change, Keys, change_data, change_text, value_at
 from armcontour.io.job_model import JobModel, RunModel
+from armcontour.io.problems import Patch as Patch
 from armcontour.jobs.job import ARC, FREE, OF_FREE
 from armcontour.motion import Method
 
-# Values by the keys that lead to them, from the outermost.
-Patch: TypeAlias = Mapping[Keys, Any]
 IN_JOB, IN_RUN = ({x.name for x in fields(of)} for of in (JobModel, RunModel))
 # Keys of which a run has some in the place of the job's; it replaces other keys as a whole.
 MERGED = ("limits", "command_limits")

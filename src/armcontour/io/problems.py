@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 from pydantic import ValidationError
 
 from armcontour._text import shorten, show, suggest
 
+# Values of keys of a job file, by the keys that lead to them, from the outermost.
+Patch: TypeAlias = Mapping[tuple[str | int, ...], Any]
 # Parts of an error's location that are names of types, not keys.
 TYPE_NAMES = {
     "bool",

@@ -17,11 +17,9 @@ from armcontour._quantities import Choice, Distance, Length, Turn
 from armcontour._text import list_some, show
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput, locate_errors
-from armcontour.frames import Frame, from_rpy, rotations
+from armcontour.frames import Frame, exp, from_rpy, rotations
 from armcontour.io.forms import Place
 from armcontour.io.keys import Number
-from armcontour.io.mesh_file import read_mesh
-from armcontour.io.scene_files import read_scene_file, upright
 from armcontour.scene import (
     Box,
     Capsule,
@@ -63,6 +61,8 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
         file = SceneFileModel(file=given) if isinstance(given, str) else given
         _refuse_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
         with locate_errors("scene.files"):
+            from armcontour.io.scene_files import read_scene_file
+
             for found in read_scene_file(folder / file.file, unit=file.unit):
                 moved = dataclasses.replace(found, place=_place(file) @ found.place)
                 obstacles.append(_stand(moved, file, part))
@@ -221,6 +221,19 @@ def _normal(model: HalfSpaceModel) -> FloatArray | None:
     return upright(out / length)
 
 
+def upright(z: FloatArray) -> FloatArray:
+    """A rotation whose z axis has a given direction, (3, 3).
+
+    Args:
+        z: The direction, of length 1, (3,).
+    """
+    axis = np.array([-z[1], z[0], 0.0])
+    size = float(np.linalg.norm(axis))
+    if size == 0:
+        return np.diag([1.0, z[2], z[2]])
+    return exp(axis / size * np.arctan2(size, z[2]))
+
+
 def _shape(model: BodyModel, folder: FilePath) -> Shape:
     """The shape of a body.
 
@@ -237,6 +250,8 @@ def _shape(model: BodyModel, folder: FilePath) -> Shape:
         case CapsuleModel():
             return Capsule(radius=model.radius, length=model.length)
         case MeshModel():
+            from armcontour.io.mesh_file import read_mesh
+
             return read_mesh(folder / model.file, unit=model.unit)
     return HalfSpace()
 

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path as FilePath
 
-import numpy as np
-
 from armcontour import _files
-from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput, locate_errors
-from armcontour.frames import exp
 from armcontour.io.robots.collision import Packages, collisions, shape_of
 from armcontour.io.robots.description import Description
 from armcontour.io.robots.tree import read_tree
@@ -52,16 +48,3 @@ def read_scene_file(
     if not found:
         raise InvalidInput(f"{place} has no collision elements, so it describes no obstacles.")
     return tuple(found)
-
-
-def upright(z: FloatArray) -> FloatArray:
-    """A rotation whose z axis has a given direction, (3, 3).
-
-    Args:
-        z: The direction, of length 1, (3,).
-    """
-    axis = np.array([-z[1], z[0], 0.0])
-    size = float(np.linalg.norm(axis))
-    if size == 0:
-        return np.diag([1.0, z[2], z[2]])
-    return exp(axis / size * np.arctan2(size, z[2]))

@@ -1,31 +1,29 @@
 """Jobs, and `run`, which does all steps of a job and returns a study."""
 
-from armcontour.jobs.analog import analog_outputs
-from armcontour.jobs.experiment import Experiment, build_plant
-from armcontour.jobs.goal import Goal
-from armcontour.jobs.job import Job, Rounding, Run
-from armcontour.jobs.place_search import PlaceSearch
-from armcontour.jobs.programs import programs_of
-from armcontour.jobs.results import ExperimentResult, RunResult, Shaped, Study, warnings_of
-from armcontour.jobs.study import STEPS, run, steps_of, traced_alike
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "STEPS",
-    "Experiment",
-    "ExperimentResult",
-    "Goal",
-    "Job",
-    "PlaceSearch",
-    "Rounding",
-    "Run",
-    "RunResult",
-    "Shaped",
-    "Study",
-    "analog_outputs",
-    "build_plant",
-    "programs_of",
-    "run",
-    "steps_of",
-    "traced_alike",
-    "warnings_of",
-]
+from armcontour._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from armcontour.jobs.analog import analog_outputs
+    from armcontour.jobs.experiment import Experiment, build_plant
+    from armcontour.jobs.goal import Goal
+    from armcontour.jobs.job import Job, Rounding, Run
+    from armcontour.jobs.place_search import PlaceSearch
+    from armcontour.jobs.programs import programs_of
+    from armcontour.jobs.results import ExperimentResult, RunResult, Shaped, Study, warnings_of
+    from armcontour.jobs.study import STEPS, run, steps_of, traced_alike
+else:
+    __getattr__, __all__ = lazy_names(
+        __name__,
+        {
+            "analog": "analog_outputs",
+            "experiment": "Experiment build_plant",
+            "goal": "Goal",
+            "job": "Job Rounding Run",
+            "place_search": "PlaceSearch",
+            "programs": "programs_of",
+            "results": "ExperimentResult RunResult Shaped Study warnings_of",
+            "study": "STEPS run steps_of traced_alike",
+        },
+    )

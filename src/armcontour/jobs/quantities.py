@@ -1,7 +1,8 @@
-"""Drive torques and angular tool speeds of a run."""
+"""Drive torques, angular tool speeds and weaves of a run."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,98 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, SerialArm
 from armcontour.core.fields import Checked
 from armcontour.motion import Execution, Trajectory
+from armcontour.program import Program, contour_called
+
+# Samples of the planned path per wave.
+PER_WAVE = 64
+# Relative difference from what was requested above which a weave is not as requested.
+ALLOWED = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weaving:
+    """Weave of a contour as planned, where the weave has its full width.
+
+    Args:
+        contour: What messages call the contour.
+        width: Smallest and largest distance between neighbouring crests, across the seam [m].
+        frequency: Smallest and largest number of waves per second [1/s].
+        asked: Requested width [m] and frequency [1/s]; the frequency is NaN without an assigned
+            velocity.
+        left_out: Length of the seam that is not woven, in parts shorter than half a pitch [m].
+    """
+
+    contour: str
+    width: tuple[float, float]
+    frequency: tuple[float, float]
+    asked: tuple[float, float]
+    left_out: float
+
+    @property
+    def differs(self) -> bool:
+        """Whether corner rounding, limits or short parts make the weave other than requested."""
+        width, frequency = self.asked
+        narrow = max(abs(x - width) for x in self.width) > ALLOWED * width
+        return narrow or self.frequency[0] < (1 - ALLOWED) * frequency or self.left_out > 0
+
+    @property
+    def sentence(self) -> str:
+        """Widths and frequencies, and those requested if they differ."""
+        width, frequency = self.asked
+        text = f"{self.contour} weaves {_range(self.width, 1e3)} mm wide at "
+        text += f"{_range(self.frequency, 1.0)} Hz"
+        if not self.differs:
+            return f"{text}."
+        asked = f"{width * 1e3:.4g} mm" + ("" if np.isnan(frequency) else f" at {frequency:.4g} Hz")
+        missing = f", and not along {self.left_out * 1e3:.4g} mm" if self.left_out else ""
+        return (
+            f"{text} in place of {asked}{missing}: the corner tolerance, the assigned velocity and "
+            "the limits must allow the weave, and parts of the seam be longer than half a pitch."
+        )
+
+
+def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
+    """The weaves of a program as planned, of contours with waves of full width.
+
+    Args:
+        program: The program that was planned.
+        trajectory: Its plan.
+    """
+    for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
+        woven, plan = x.woven, span.trajectory
+        if woven is None or plan is None or len(woven.crests) < 3:
+            continue
+        begin, end = (0.0, plan.duration) if span.work is None else span.work
+        offset = 0.0 if span.work is None else span.t[0]
+        count = int(PER_WAVE * woven.seam.length / woven.pitch) + 2
+        t = np.linspace(begin - offset, end - offset, count).clip(0.0, plan.duration)
+        near = woven.seam.project(x.path(plan.s(t).clip(0.0, x.path.length)))
+        # The tool may stop or turn, but along the seam it only goes on.
+        s = np.maximum.accumulate(near.s)
+        first, last = (np.searchsorted(s, woven.crests + y * woven.pitch / 4) for y in (-1, 1))
+        heights = np.array(
+            [near.distance[a:b].max(initial=0.0) for a, b in zip(first, last, strict=True)]
+        )
+        crossed = np.interp(woven.crests, s, t)
+        widths, times = heights[:-1] + heights[1:], crossed[2:] - crossed[:-2]
+        # Crests of two parts of the seam belong to no common wave.
+        same = np.diff(woven.crests) < 0.75 * woven.pitch
+        widths, times = widths[same], times[same[:-1] & same[1:]]
+        if len(times):
+            yield Weaving(
+                contour=contour_called(x, i),
+                width=(float(widths.min()), float(widths.max())),
+                frequency=(float(1 / times.max()), float(1 / times.min())),
+                asked=(woven.width, woven.frequency),
+                left_out=woven.left_out,
+            )
+
+
+def _range(pair: tuple[float, float], scale: float) -> str:
+    """Two numbers as text, or one if they are printed alike."""
+    low, high = (f"{scale * x:.3g}" for x in pair)
+    return low if low == high else f"{low} to {high}"
+
 
 # Number of times at which torques are computed, in addition to the breaks of the plan.
 SAMPLES = 4000

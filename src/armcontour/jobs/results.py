@@ -23,7 +23,7 @@ from armcontour.geometry import RoundedPath, ShapedPath, count_full_stops
 from armcontour.geometry.shaped import SHAPED, doubt_search
 from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.quantities import applied_torques, planned_torques
+from armcontour.jobs.quantities import Weaving, applied_torques, planned_torques, weavings
 from armcontour.jobs.run_data import (
     angular_rows,
     columns,
@@ -36,7 +36,6 @@ from armcontour.jobs.run_data import (
     torque_rows,
     warning_rows,
 )
-from armcontour.jobs.weaves import Weaving, weavings
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.servo import ServoModel

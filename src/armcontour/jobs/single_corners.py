@@ -10,7 +10,6 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between
 from armcontour.geometry import Path
-from armcontour.geometry.near_points import pairs_within
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.program import Process, Program
 
@@ -41,6 +40,8 @@ def corner_waypoints(given: Path, prepared: Path) -> IntArray:
         return found
     if not len(found) or not len(points):
         return found
+    from armcontour.geometry.near_points import pairs_within
+
     places = prepared.vertices[1:-1]
     ahead, behind = prepared.segments.end_tangents[:-1], prepared.tangents[1:]
     for j, k in zip(*pairs_within(places, points, REPEATED_POINT), strict=True):

@@ -14,9 +14,7 @@ from armcontour._progress import Progress, Step
 from armcontour._text import capitalise
 from armcontour.arms import Arm, PlanarTwoLink, SerialArm
 from armcontour.arms.arm import FAR_OUT, hint_at_unit
-from armcontour.arms.inverse import REACH_SEEDS, configurations, nearest_reached, seeds
 from armcontour.clearance import Cell, Clearance
-from armcontour.clearance.connecting import connect, through
 from armcontour.clearance.distances import can_measure
 from armcontour.errors import ArmContourError, InvalidInput, Unreachable, locate_errors
 from armcontour.frames import exp
@@ -28,8 +26,7 @@ from armcontour.scene.arm_shapes import ASSUMED_GAP, ASSUMED_RADIUS
 from armcontour.timing import Tracing, trace_program, turn_along
 from armcontour.timing.program_tracing import bound_duration, ends_of, find_starts
 from armcontour.tracing import trace
-from armcontour.tracing.configurations import OUT_OF_REACH
-from armcontour.tracing.poses import task_dimension, what_helps
+from armcontour.tracing.poses import OUT_OF_REACH, task_dimension, what_helps
 
 # A rapid that would touch goes so far back along the tool axis first [m], the least that is clear.
 RETRACTS = (0.02, 0.05, 0.1, 0.2)
@@ -289,6 +286,8 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
         return
     if path.orientation is None or not path.orientation.axis_only:
         return
+    from armcontour.arms.inverse import configurations
+
     point, rotation = path([0.0])[0], path.orientation([0.0])[0]
     turned: list[FloatArray] = []
     for angle in np.arange(TURNS) * 2 * np.pi / TURNS:
@@ -299,6 +298,8 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
 
 def _rapid_around(arm: Arm, this: Run, cell: Cell, path: JointPath) -> JointPath | None:
     """A joint path with the same ends that keeps clear; None if none is found."""
+    from armcontour.clearance.connecting import connect, through
+
     first, last = ends_of(path)
     if not (cell.keeps(_rest(first)) and cell.keeps(_rest(last))):
         return None
@@ -477,6 +478,8 @@ def _reached(
         ways = np.where(distance > 0, along / np.where(distance > 0, distance, 1.0), [1.0, 0.0])
         return np.asarray([arm.base, 0.0] + ways * np.clip(distance, near, far))
     assert isinstance(arm, SerialArm)
+    from armcontour.arms.inverse import REACH_SEEDS, nearest_reached, seeds
+
     task, many = task_dimension(places.paths[0][1], arm), seeds(arm)
     poses = np.concatenate([places.rotations, points[:, :, None]], axis=2)
     found = np.empty((len(poses), arm.dof))
@@ -545,7 +548,11 @@ def _way(arm: Arm, places: _Places, away: FloatArray) -> FloatArray | None:
     even = np.linspace(0, len(away) - 1, MOST_MOVED).astype(np.intp)
     kept = places.some(np.union1d(worst, even))
     way = np.zeros(kept.points.shape[1])
-    starts = np.tile(seeds(arm)[0], (len(kept.s), 1)) if isinstance(arm, SerialArm) else None
+    starts = None
+    if isinstance(arm, SerialArm):
+        from armcontour.arms.inverse import seeds
+
+        starts = np.tile(seeds(arm)[0], (len(kept.s), 1))
     for _ in range(MOST_STEPS):
         moved = replace(kept, points=kept.points + way)
         missing = _reached(arm, moved, WORST, starts) - moved.points

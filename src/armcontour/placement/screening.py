@@ -18,10 +18,16 @@ from armcontour.placement.manipulability import least_singular_value
 from armcontour.placement.reach import beyond_links
 from armcontour.program import Contour, Dwell, Program
 from armcontour.timing.program_tracing import bound_duration
-from armcontour.tracing.configurations import MOST_STARTS, OUT_OF_REACH, follow_ways, subdivide
+from armcontour.tracing.configurations import MOST_STARTS, follow_ways, subdivide
 from armcontour.tracing.knots import PLACES, first_knots
 from armcontour.tracing.numeric import SINGULAR
-from armcontour.tracing.poses import FirstPoses, row_of_poses, task_dimension, tool_errors
+from armcontour.tracing.poses import (
+    OUT_OF_REACH,
+    FirstPoses,
+    row_of_poses,
+    task_dimension,
+    tool_errors,
+)
 from armcontour.tracing.ranges import ROUNDING
 from armcontour.tracing.solver import Ends
 

@@ -30,8 +30,12 @@ from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import join_paths
-from armcontour.geometry.placing import arc_length_without_z, drop_z, has_length_without_z
+from armcontour.geometry.cutting import (
+    arc_length_without_z,
+    drop_z,
+    has_length_without_z,
+    join_paths,
+)
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weaving import Woven
 

@@ -44,8 +44,7 @@ from armcontour.timing.grid import (
     share_out,
     split,
 )
-from armcontour.timing.jerk.task import JerkLimits, Task
-from armcontour.timing.options import FASTEST, Optimal
+from armcontour.timing.options import FASTEST, JerkLimits, Optimal, Task
 from armcontour.timing.topp import _kernel
 from armcontour.timing.topp._kernel import Plan, Rules, plan_on_grid
 from armcontour.timing.topp._losses import estimate_losses

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
+import numpy as np
+
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._quantities import (
@@ -18,12 +20,13 @@ from armcontour._quantities import (
     Reserve,
     Tolerance,
 )
+from armcontour.arms import Arm, Limits
+from armcontour.arms.limits import or_unlimited
 from armcontour.core.fields import Options
 from armcontour.errors import InvalidInput
 from armcontour.motion import PERIOD, JointPath, Method, check_interval
 from armcontour.timing.constraints import Constraint
 from armcontour.timing.grid import FEWEST_PER_PIECE, MOST_INTERVALS
-from armcontour.timing.jerk.task import MOST_ITERATIONS
 
 # A motion of more than eleven days is a mistake in a number [s]; its times round to a nanosecond.
 LONGEST_MOTION = 1e6
@@ -33,6 +36,8 @@ PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
 # Laps per line of the paper's method. With fewer laps a short line from rest to rest would have no
 # lap to move in; more are some GB of data for an arm with six joints.
 FEWEST_LAPS, MOST_LAPS = 8, 5_000_000
+# Largest number of iterations of each pass that limits jerk.
+MOST_ITERATIONS = 150
 # Iterations of shaping, unless another number is given, and at most.
 DEFAULT_ITERATIONS, MOST_SHAPES = 60, 10_000
 
@@ -195,3 +200,52 @@ class Conventional(PlanOptions):
 FASTEST = Optimal()
 # Options by the names of their methods, for those that time a path as it is given.
 METHODS: dict[str, type[PlanOptions]] = {x.method.value: x for x in (Optimal, Paper, Conventional)}
+
+
+@dataclass(frozen=True, slots=True)
+class JerkLimits:
+    """Limits of jerk, infinite where there is none.
+
+    Args:
+        joint: Of each joint [rad/s³], (dof,).
+        path: Of the arc length [m/s³].
+        tool: Of the tool [m/s³].
+    """
+
+    joint: FloatArray
+    path: float
+    tool: float
+
+    @classmethod
+    def of(cls, limits: Limits, dof: int) -> JerkLimits | None:
+        """The limits of jerk among limits; None if there are none."""
+        if limits.joint_jerk is None and limits.path_jerk is None and limits.tool_jerk is None:
+            return None
+        joint = or_unlimited(limits.joint_jerk, dof)
+        path, tool = (np.inf if x is None else x for x in (limits.path_jerk, limits.tool_jerk))
+        if not (np.isfinite(joint).any() or np.isfinite([path, tool]).any()):
+            return None
+        return cls(np.broadcast_to(joint, (dof,)), float(path), float(tool))
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A planning problem with limits of jerk.
+
+    Args:
+        arm: The arm.
+        active: The constraints of the planner without jerk.
+        jerk: The limits of jerk.
+        start_speed, end_speed: Path speeds at the start and the end [m/s].
+        cells: About so many cells; None for the default.
+        iterations: Largest number of iterations of each pass; any number gives a plan that keeps
+            all limits.
+    """
+
+    arm: Arm
+    active: tuple[Constraint, ...]
+    jerk: JerkLimits
+    start_speed: float = 0.0
+    end_speed: float = 0.0
+    cells: int | None = None
+    iterations: int = MOST_ITERATIONS

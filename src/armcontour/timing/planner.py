@@ -19,8 +19,6 @@ from armcontour.geometry.shaped import doubt_search
 from armcontour.motion import JointPath, Trajectory
 from armcontour.program import Dwell, Program
 from armcontour.timing.common import with_reserve
-from armcontour.timing.explanation import find_jerk_stops
-from armcontour.timing.given_duration import slow_down
 from armcontour.timing.grid import DEFAULT_INTERVALS
 from armcontour.timing.options import FASTEST, LONGEST_MOTION, Optimal, PlanOptions, Shaped
 from armcontour.timing.program_timing import (
@@ -110,6 +108,8 @@ def plan(
         timing = Timing(arm, kept, _fit_options(traced.program, options))
         found = time_program(traced, timing, progress)
     if isinstance(options, Optimal) and options.duration is not None:
+        from armcontour.timing.given_duration import slow_down
+
         found = slow_down(found, options.duration, traced, timing)
     _refuse_endless_motion(found)
     found = found.limited(bounds, options.reserve, arm if isinstance(arm, Arm) else None)
@@ -121,6 +121,8 @@ def plan(
 
 def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
     """Warn of full stops that limits of jerk have added inside contours."""
+    from armcontour.timing.explanation import find_jerk_stops
+
     paths = {} if isinstance(traced, JointPath) else {x.move: x.joint_path for x in traced.steps}
     stops: list[float] = []
     for x in trajectory.contour_spans:

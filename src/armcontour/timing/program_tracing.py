@@ -21,7 +21,6 @@ from armcontour.geometry.cutting import cut_path
 from armcontour.geometry.orientation import Orientation
 from armcontour.motion import JointPath
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
-from armcontour.timing._least_duration import least_duration
 from armcontour.timing.optimal import plan_optimal
 from armcontour.timing.options import Optimal
 from armcontour.tracing import sketch_all, trace, trace_all
@@ -560,4 +559,6 @@ def bound_duration(joint_path: JointPath, limits: Limits) -> float:
         with np.errstate(divide="ignore"):
             ceilings = np.minimum(np.fmin(path.speeds, speed) ** 2, most / bend)[segment]
     bounds = np.stack([*limits.velocity_bounds(dof), *limits.acceleration_bounds(dof)])
+    from armcontour.timing._least_duration import least_duration
+
     return float(least_duration(breaks, joint_path.coefficients, rests, ceilings, bounds))

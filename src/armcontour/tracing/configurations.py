@@ -24,7 +24,7 @@ from armcontour.arms.inverse import (
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.tracing.knots import Knots
-from armcontour.tracing.poses import poses_at, row_of_poses, what_helps
+from armcontour.tracing.poses import OUT_OF_REACH, poses_at, row_of_poses, what_helps
 from armcontour.tracing.ranges import out_of_range
 from armcontour.tracing.redundancy import null_space, smooth
 
@@ -58,8 +58,6 @@ MOST_SMOOTHED = 16
 CHORD_TURN = 0.1
 # For a joint out of its range, shifts by up to this number of whole turns are compared.
 MOST_TURNS = 5
-# A pose is out of reach if the tool stays farther away than this [m].
-OUT_OF_REACH = 1e-7
 # To find poses out of reach, seed joint positions are tried at a few poses of the path, and one
 # seed at more poses.
 SOME_POSES = 10

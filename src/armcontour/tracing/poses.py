@@ -15,6 +15,8 @@ from armcontour.tracing.knots import Knots
 
 # Jumps of the orientation below this are rounding errors [rad].
 NO_JUMP = 1e-8
+# A pose is out of reach if the tool stays farther away than this [m].
+OUT_OF_REACH = 1e-7
 # If the tool turns faster than this where the arm seems singular, the turning is the cause [rad/m].
 TOO_FAST = 1e5
 

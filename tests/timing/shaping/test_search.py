@@ -9,10 +9,17 @@ import armcontour as ac
 from armcontour.geometry import Tube
 from armcontour.timing.shaping.curves import draw
 from armcontour.timing.shaping.nodes import place_nodes
-from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.rows import Spline, assemble, span_rows
 from armcontour.timing.shaping.search import make_searches, why_not
-from armcontour.timing.shaping.starts import ARCS, PARABOLAS, STOPS, Timer, make_starts
+from armcontour.timing.shaping.starts import (
+    ARCS,
+    PARABOLAS,
+    STOPS,
+    Timer,
+    make_starts,
+    match,
+    prove,
+)
 
 LINES = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30), (0.35, 0.35)])
 

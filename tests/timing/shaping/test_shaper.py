@@ -10,7 +10,7 @@ from soak.shaping import Problem, judge
 
 import armcontour as ac
 from armcontour.timing import trace_program
-from armcontour.timing.shaping import chunks, shape, shaper
+from armcontour.timing.shaping import search, shape, shaper
 
 
 def square(x):
@@ -29,7 +29,7 @@ def pickled(monkeypatch):
             found.append(pickle.loads(pickle.dumps(work(pickle.loads(pickle.dumps(item))))))
         return found
 
-    monkeypatch.setattr(shaper, "map_in_processes", send)
+    monkeypatch.setattr("armcontour._pool.map_in_processes", send)
     monkeypatch.setattr(shaper, "MANY", 2)
 
 
@@ -76,13 +76,13 @@ def program():
 
 
 def test_chunks_keep_rows_and_the_number_of_threads_changes_nothing(program):
-    x = chunks.solve_in_chunks(*program, CUTS)
+    x = search.solve_in_chunks(*program, CUTS)
     assert np.abs(x[[10, 11, 20, 21]]).max() < 1e-12
     assert np.abs(np.delete(x, [10, 11, 20, 21], axis=0)).max(axis=1).min() > 1e-3
     beyond = np.pad(x, ((1, 1), (0, 0)))
     around = np.concatenate([beyond[:-2], beyond[1:-1], beyond[2:]], axis=1)
     assert float((np.einsum("nrj,nj->nr", program[1], around) - program[2]).max()) < 1e-6
-    found = [chunks.solve_in_chunks(*program, CUTS, threads=x) for x in (1, 2, 5)]
+    found = [search.solve_in_chunks(*program, CUTS, threads=x) for x in (1, 2, 5)]
     assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
 
 
@@ -97,8 +97,8 @@ def test_a_long_path_is_about_as_fast_as_in_one_piece(arm, limits, monkeypatch):
         return ac.plan(path, arm, limits, ac.Shaped(**options, **more))
 
     whole = plan()
-    monkeypatch.setattr(chunks, "LONG", 4)
-    monkeypatch.setattr(chunks, "CORNERS", 4)
+    monkeypatch.setattr(search, "LONG", 4)
+    monkeypatch.setattr(search, "CORNERS", 4)
     parts = plan()
     assert parts.duration < 1.005 * whole.duration
     history = parts.path.outcome.history

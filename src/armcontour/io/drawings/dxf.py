@@ -35,9 +35,8 @@ from armcontour.io.drawings.chain import WITHOUT_Z, Affine
 from armcontour.io.drawings.chaining import Piece, chain_pieces
 from armcontour.io.drawings.clipping import Clip, clip_path
 from armcontour.io.drawings.mending import mend, printed_in_dxf
-from armcontour.io.drawings.options import ReadOptions
+from armcontour.io.drawings.options import FARTHEST, ReadOptions
 from armcontour.io.drawings.reading import (
-    FARTHEST,
     SKIP,
     WALKED,
     Labels,

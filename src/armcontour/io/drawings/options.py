@@ -14,9 +14,11 @@ from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Demand
 from armcontour.geometry.rounding import Continuity
-from armcontour.io.drawings.reading import color_of
 from armcontour.io.units import parse
 
+# Largest coordinate [m]: beyond it floating point does not resolve the smallest distance between
+# two points. Such a drawing has a wrong unit.
+FARTHEST = 1e6
 # Largest number of a tool: tables have some hundred, and G-code eight digits at most.
 MOST_TOOLS = 99_999_999
 UNKNOWN = ("refuse", "skip")
@@ -151,6 +153,8 @@ class ReadOptions(Checked):
         """The colours as `color_of` names them; None for all colours."""
         if self.colors is None:
             return None
+        from armcontour.io.drawings.reading import color_of
+
         if not self.colors:
             raise InvalidInput('colors must be one colour or more, such as ["red", "#00ff00"].')
         return frozenset(color_of(str(x)) for x in self.colors)

@@ -17,8 +17,8 @@ from armcontour.errors import InvalidInput
 from armcontour.frames import Frame
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings.endings import READERS, find_reader
-from armcontour.io.drawings.options import ReadOptions
-from armcontour.io.drawings.reading import FARTHEST, bytes_of
+from armcontour.io.drawings.options import FARTHEST, ReadOptions
+from armcontour.io.drawings.reading import bytes_of
 from armcontour.program import Program, smooth_curvature
 
 # Modules whose readers report their progress.

@@ -17,9 +17,6 @@ from armcontour._text import make_printable, show
 LARGEST = SMALL
 # Length of a name that is cut [characters]; a number is appended if two cut names are equal.
 KEPT = LONGEST_NAME - 12
-# Largest coordinate [m]: beyond it floating point does not resolve the smallest distance between
-# two points. Such a drawing has a wrong unit.
-FARTHEST = 1e6
 # How messages advise the user to choose "skip".
 SKIP = "have it left out (unknown: skip, or --skip-unknown)"
 # Names of CSS that drawings for lasers and plotters use; another name stands for itself.

@@ -28,9 +28,8 @@ from armcontour.io.drawings.chain import Affine
 from armcontour.io.drawings.chaining import Piece, chain_pieces
 from armcontour.io.drawings.clipping import clip_path
 from armcontour.io.drawings.mending import half_a_place, mend
-from armcontour.io.drawings.options import ReadOptions
+from armcontour.io.drawings.options import FARTHEST, ReadOptions
 from armcontour.io.drawings.reading import (
-    FARTHEST,
     WALKED,
     Tell,
     after_walk,

@@ -20,8 +20,7 @@ from armcontour.geometry.mending import Printed
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.smooth_axes import smooth_axes
 from armcontour.io.drawings.mending import half_a_place, mend
-from armcontour.io.drawings.options import ReadOptions
-from armcontour.io.drawings.reading import FARTHEST
+from armcontour.io.drawings.options import FARTHEST, ReadOptions
 from armcontour.io.drawings.waypoint_table import (
     ANGLES,
     AXIS,

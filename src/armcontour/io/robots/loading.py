@@ -24,13 +24,17 @@ from armcontour.arms.serial import SerialArm
 from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose, from_rpy
-from armcontour.io.robots import derived
-from armcontour.io.robots.joint_limits import limits_of, override, table_of
-from armcontour.io.robots.models import MJCF, arm_of_model, is_model, read_mjcf
-from armcontour.io.robots.options import ANY, DESCRIPTION, MODEL, ArmOptions, refuse_others
-from armcontour.io.robots.srdf import read_left_out
-from armcontour.io.robots.tree import MOST_CHARACTERS
-from armcontour.io.robots.urdf import arm_of_tree, is_description, read_description
+from armcontour.io.robots.options import (
+    ANY,
+    DESCRIPTION,
+    MJCF,
+    MODEL,
+    MOST_CHARACTERS,
+    ArmOptions,
+    is_description,
+    is_model,
+    refuse_others,
+)
 from armcontour.scene import ArmShapes, LinkShape, Mesh
 
 # Arm files that name an arm file that names an arm file: more of them name themselves.
@@ -126,9 +130,13 @@ def _load(
     """
     file = FilePath("") if is_model(name) else FilePath(name)
     if is_description(file):
+        from armcontour.io.robots.urdf import arm_of_tree, read_description
+
         refuse_others(options, DESCRIPTION, str(file))
         return arm_of_tree(read_description(file, options, trust_xacro=trust_xacro), options)
     if is_model(name) or file.suffix.lower() in MJCF:
+        from armcontour.io.robots.models import arm_of_model, read_mjcf
+
         model, source = (name, "the model") if is_model(name) else (read_mjcf(file), str(file))
         refuse_others(options, MODEL, source)
         return arm_of_model(model, source, options)
@@ -137,6 +145,8 @@ def _load(
     arm = _read(str(name), payload, derive if depth < MOST_DERIVED else None)
     if options.limits_file is None:
         return arm
+    from armcontour.io.robots.joint_limits import limits_of, override, table_of
+
     table = table_of(arm.limits, arm.dof)
     override(table, arm.joint_names, options.limits_file)
     # The file has joint limits only; the arm keeps its other limits.
@@ -185,7 +195,12 @@ PLANAR = COMMON | {"base", "links", "tubes"}
 BODIES = ("masses", "centers", "inertias")
 OPTIONAL = ("tip", "tip_angles", "inertia_angles", "armature", "viscous", "coulomb", "gravity")
 SERIAL = COMMON | {"joints", "positions", "angles", "axes", *BODIES, *OPTIONAL}
-KINDS = {"planar_two_link": PLANAR, "serial": SERIAL, derived.KIND: derived.KEYS}
+PAYLOAD = ("payload_mass", "payload_center", "payload_inertia")
+PER_JOINT = ("armature", "viscous", "coulomb")
+DERIVED = {"name", "kind", "source", "arm", *PAYLOAD, *PER_JOINT}
+KINDS = {"planar_two_link": PLANAR, "serial": SERIAL, "derived": DERIVED}
+# Keys of the arm that another is derived from: a built-in name or a file, and options.
+OF_ARM = ("name", "file", "tip", "base", "joint_limits")
 
 
 @cache
@@ -228,12 +243,12 @@ def arm_of(
             f"{file} does not describe an arm of the kind {kind}: it takes the keys "
             f"{', '.join(sorted(known))}, not {', '.join(str(x) for x in set(data) - known)}."
         )
-    if kind == derived.KIND:
+    if kind == "derived":
         if load is None:
             raise InvalidInput(
                 f"{file} names an arm file that leads back to it: name the arm that differs."
             )
-        return derived.read_derived(file, data, lambda key, n: _array(file, key, data, n), load)
+        return _derived(file, data, load)
     return _serial(file, data) if kind == "serial" else _planar(file, data, payload)
 
 
@@ -269,7 +284,7 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
         _checks.check_name(f"name of a joint of {file}", joint, most=MOST_CHARACTERS)
     n = len(joints)
     values = _bodies(file, data, n)
-    for key in ("armature", "viscous", "coulomb"):
+    for key in PER_JOINT:
         if key in data:
             values[key] = _array(file, key, data, (n,))
     if "gravity" in data:
@@ -291,6 +306,74 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
             **values,
         ),
     )
+
+
+def _derived(
+    file: str,
+    data: Mapping[str, Any],
+    load: Callable[..., Arm],
+) -> Arm:
+    """The arm of a file that names another one.
+
+    Args:
+        file: Name of the file, for messages.
+        data: Its keys.
+        load: Loads the other arm, as `load_arm` does.
+
+    Raises:
+        InvalidInput: The file names no arm, or gives a part of a payload.
+    """
+
+    def values(key: str, shape: tuple[int, ...]) -> FloatArray:
+        return _array(file, key, data, shape)
+
+    arm = load(*_origin(file, data))
+    given = [x for x in PAYLOAD if x in data]
+    changes: dict[str, Any] = {x: values(x, (arm.dof,)) for x in PER_JOINT if x in data}
+    if given:
+        if "payload_mass" not in data:
+            raise InvalidInput(f"{file}: {given[0]} needs the payload_mass too.")
+        inertia = np.zeros((3, 3))
+        if "payload_inertia" in data:
+            inertia = values("payload_inertia", (6,))[[0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(3, 3)
+        changes["payload"] = Payload(
+            mass=float(values("payload_mass", ())),
+            center=values("payload_center", (3,)) if "payload_center" in data else np.zeros(3),
+            inertia=inertia,
+        )
+    arm = arm.with_dynamics(**changes)
+    if "name" in data:
+        name = str(data["name"])
+        _checks.check_name(f"name of the arm of {file}", name, most=MOST_CHARACTERS)
+        arm = arm.with_name(name)
+    return arm
+
+
+def _origin(file: str, data: Mapping[str, Any]) -> tuple[str | FilePath, ArmOptions]:
+    """The name or file, and the options, of the arm that another one is derived from.
+
+    Raises:
+        InvalidInput: It is not named, or by unknown keys.
+    """
+    given = data.get("arm")
+    if isinstance(given, str):
+        return given, ArmOptions()
+    if not isinstance(given, Mapping) or not set(given) <= set(OF_ARM):
+        raise InvalidInput(
+            f"{file}: arm must be the name of a built-in arm, or a mapping with the keys "
+            f"{', '.join(OF_ARM)}, not {show(given)}."
+        )
+    if ("name" in given) == ("file" in given) or not all(
+        isinstance(x, str) for x in given.values()
+    ):
+        raise InvalidInput(f"{file}: arm takes either name, a built-in arm, or file, as texts.")
+    folder, limits = FilePath(file).parent, given.get("joint_limits")
+    options = ArmOptions(
+        tip=given.get("tip"),
+        base=given.get("base"),
+        joint_limits=None if limits is None else folder / limits,
+    )
+    return folder / given["file"] if "file" in given else given["name"], options
 
 
 def _bodies(file: str, data: Mapping[str, Any], n: int) -> dict[str, Any]:
@@ -427,6 +510,8 @@ def _add(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmS
     every = (*known.shapes, *shapes)
     left_out = known.left_out
     if srdf is not None:
+        from armcontour.io.robots.srdf import read_left_out
+
         names = list(dict.fromkeys(x.name for x in every))
         left_out = (*left_out, *read_left_out(srdf, names))
     found = ArmShapes(shapes=every, left_out=left_out, source=known.source)

@@ -21,14 +21,8 @@ from armcontour.io.robots.options import ArmOptions, locked_position
 from armcontour.io.robots.tree import MOST_NAMED
 from armcontour.io.robots.urdf import HINT, assume_accelerations
 
-MJCF = (".xml", ".mjcf")
 # Larger numbers stand for limits that are not given.
 LARGEST = 1e9
-
-
-def is_model(value: Any) -> bool:
-    """Whether a value is a `pinocchio.Model`, without loading pinocchio."""
-    return type(value).__name__ == "Model" and type(value).__module__.startswith("pinocchio")
 
 
 def arm_of_model(model: Any, source: str, options: ArmOptions) -> SerialArm:

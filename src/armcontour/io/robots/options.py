@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
+from typing import Any
 
 from armcontour import _checks
 from armcontour._quantities import Quantity
 from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
-from armcontour.io.robots.xacro_file import Value
-from armcontour.io.units import read_quantity
 
+# Value of an argument of a .xacro file.
+Value = str | int | float | bool
+# Endings of robot descriptions and of MJCF files.
+DESCRIPTIONS, MJCF = (".urdf", ".xacro"), (".xml", ".mjcf")
+# Longest name; some packages add prefixes to the names of joints and links.
+MOST_CHARACTERS = 1000
 # Options that each kind of arm has.
 ANY = ("joint_limits", "srdf")
 MODEL = (*ANY, "tip", "locked")
@@ -67,6 +72,8 @@ def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
     value, unit = (options.locked or {})[name], "m" if slides else "rad"
     if not isinstance(value, str):
         return _checks.number(f"position of {name}", value, unit)
+    from armcontour.io.units import read_quantity
+
     try:
         return read_quantity(value, Quantity(unit, "90 deg"))
     except ValueError as error:
@@ -88,3 +95,13 @@ def refuse_others(options: ArmOptions, known: tuple[str, ...], arm: str) -> None
         if x.name not in known and getattr(options, x.name):
             files = ".urdf, .xacro and MJCF files" if x.name in MODEL else ".urdf and .xacro"
             raise InvalidInput(f"{arm} has no option {x.name}, which is of {files}.")
+
+
+def is_model(value: Any) -> bool:
+    """Whether a value is a `pinocchio.Model`, without loading pinocchio."""
+    return type(value).__name__ == "Model" and type(value).__module__.startswith("pinocchio")
+
+
+def is_description(file: str | FilePath) -> bool:
+    """Whether a file is a robot description, by its ending."""
+    return FilePath(file).suffix.lower() in DESCRIPTIONS

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from armcontour._checks import check_name
 from armcontour._text import list_some, plain_number, show
 from armcontour.errors import InvalidInput
+from armcontour.io.robots.options import MOST_CHARACTERS
 
 # Kinds of joints whose position is one angle.
 TURNING = ("revolute", "continuous")
@@ -20,8 +21,6 @@ DEEPEST = 100
 MOST_LINKS = 1000
 # Elements of all kinds: visuals, transmissions, plugins of simulators.
 MOST_ELEMENTS = 200_000
-# Longest name; some packages add prefixes to the names of joints and links.
-MOST_CHARACTERS = 1000
 # Largest number of names in a message.
 MOST_NAMED = 40
 

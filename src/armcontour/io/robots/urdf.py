@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from armcontour.io.robots.description import Description
 
 LINK = re.compile(r"<link[\s>/]")
-DESCRIPTIONS = (".urdf", ".xacro")
 HINT = (
     "give the arm a joint_limits.yaml of MoveIt (arm.joint_limits of a job, joint_limits= of "
     "load_arm) with has_acceleration_limits and max_acceleration for every joint, or set "
@@ -141,11 +140,6 @@ def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) 
     elif options.arguments:
         raise InvalidInput(f"{file} takes no arguments: these are of .xacro files.")
     return read_tree(str(file), content)
-
-
-def is_description(file: str | FilePath) -> bool:
-    """Whether a file is a robot description, by its ending."""
-    return FilePath(file).suffix.lower() in DESCRIPTIONS
 
 
 def is_xacro(file: str | FilePath) -> bool:

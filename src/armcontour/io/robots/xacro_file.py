@@ -19,6 +19,7 @@ from typing import Any
 from armcontour import _files
 from armcontour._text import make_printable
 from armcontour.errors import InvalidInput
+from armcontour.io.robots.options import Value
 
 # Time limit [s]; the largest public descriptions take about 2 s.
 SECONDS = 10.0
@@ -27,9 +28,6 @@ MEGABYTES = 1000
 # Folder of packages that are not found. A description may name them, but not read their files:
 # many descriptions name packages of simulators.
 NOWHERE = os.path.join(os.sep, "package-not-found", "")
-
-# Value of an argument of a xacro file.
-Value = str | int | float | bool
 
 
 def expand_xacro(

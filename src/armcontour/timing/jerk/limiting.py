@@ -28,7 +28,7 @@ from armcontour.timing.jerk.sections import (
     find_sections,
     square_at,
 )
-from armcontour.timing.jerk.task import MOST_ITERATIONS, Task
+from armcontour.timing.options import MOST_ITERATIONS, Task
 from armcontour.timing.topp._kernel import Bounds
 
 # Cells of a plan by default: so many while an acceleration builds up, but at least as many as the

@@ -19,8 +19,8 @@ from armcontour.timing.jerk._polynomials import (
     to_bernstein,
 )
 from armcontour.timing.jerk.mesh import Mesh
-from armcontour.timing.jerk.task import JerkLimits
 from armcontour.timing.jerk.tool import DEGREE, ToolMotion, arc_length_bounds, largest_at_ramps
+from armcontour.timing.options import JerkLimits
 from armcontour.timing.topp._kernel import Bounds, rows_with_friction
 from armcontour.timing.topp.limits import HIGH, LOW, A, B, Limits, margins_of
 

@@ -9,7 +9,7 @@ from armcontour.motion import PathLaw
 from armcontour.timing.constraints import JointMotion, OnGrid, limits_on
 from armcontour.timing.grid import Grid
 from armcontour.timing.jerk.mesh import End
-from armcontour.timing.jerk.task import Task
+from armcontour.timing.options import Task
 from armcontour.timing.topp.limits import collect, largest_u
 
 # A jump of d2q_ds2, or of what it means for the tool, counts if it is this share of its size, and

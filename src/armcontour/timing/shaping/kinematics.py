@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.arms import Arm, PlanarTwoLink, SerialArm, _newton
+from armcontour.arms import Arm, PlanarTwoLink, SerialArm
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.tracing.poses import task_dimension
-from armcontour.tracing.redundancy import null_space
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,7 +59,11 @@ class NearPath:
         poses[:, :, 3] = arm.tool_position(q)
         poses[:, :, :3] = np.eye(3) if path.orientation is None else path.orientation(s)
         task = task_dimension(path, arm)
-        free = null_space(arm, poses, task, q) if task < arm.dof else np.zeros((len(s), 0, arm.dof))
+        free = np.zeros((len(s), 0, arm.dof))
+        if task < arm.dof:
+            from armcontour.tracing.redundancy import null_space
+
+            free = null_space(arm, poses, task, q)
         return cls(arm=arm, branch=branch, q=q, poses=poses, task=task, free=free)
 
     def solve(self, points: FloatArray, guess: FloatArray) -> FloatArray:
@@ -78,6 +81,8 @@ class NearPath:
             return np.asarray(q + 2 * np.pi * np.round((guess - q) / (2 * np.pi)))
         assert isinstance(self.arm, SerialArm) and self.poses is not None
         assert self.free is not None
+        from armcontour.arms import _newton
+
         poses = np.array(self.poses)
         poses[:, :, 3] = points
         q = np.array(guess, order="C")

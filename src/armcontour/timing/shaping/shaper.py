@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._pool import map_in_processes
 from armcontour._progress import Progress, Step
 from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits, PlanarTwoLink, resolve_limits
@@ -319,6 +318,8 @@ def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int],
 
     if count < MANY:
         return lambda i: _shape(tasks[i], lambda share: tell(i + share))
+    from armcontour._pool import map_in_processes
+
     found = map_in_processes(_shape_or_error, tasks, done=tell)
     tell(count)
 
