@@ -220,4 +220,4 @@ def test_leads_and_pierces_are_told_apart(tmp_path):
     (table,) = sections.program(study).tables
     for row in table.rows:
         cells = dict(zip(table.header, row, strict=True))
-        assert cells["leads [mm]"] == "3.00, 2.00" and cells["pierce [mm]"] == "4.00"
+        assert [cells[x] for x in ("lead-in", "lead-out", "pierce")] == ["3 mm", "2 mm", "4 mm"]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.core.render import number
 from armcontour.jobs import RunResult, Study
 from armcontour.report.figure import make_subplots, make_trace
 from armcontour.report.section import Section, table_of
@@ -108,7 +109,7 @@ def _speeds(result: RunResult) -> list[Any]:
     values = assigned[2][np.isfinite(assigned[2])] * 1e3
     name = "assigned velocity"
     if np.ptp(values) <= SAME_SPEED * values.max():
-        name += f" {values[0]:.6g} mm/s"
+        name += f" {number(assigned[2][0], 'm/s')}"
     s, value = thin(assigned[1], assigned[2] * 1e3)
     return [*found, line(s, value, name, PATH_COLOUR, dash="dash", width=1)]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -11,11 +12,12 @@ import numpy as np
 from armcontour._text import list_some
 from armcontour.arms.chain import link_poses
 from armcontour.clearance import Clearance, PairClearance
+from armcontour.core.render import number
 from armcontour.frames import Frame
 from armcontour.jobs import Job, RunResult, Study
 from armcontour.report.figure import Figure
 from armcontour.report.outline import outline_points
-from armcontour.report.section import Section, Table
+from armcontour.report.section import Section, Table, table_of
 from armcontour.report.sections.bodies import (
     LINK_COLOUR,
     TOOL_COLOUR,
@@ -61,7 +63,7 @@ def clearance(study: Study) -> Section | None:
             "proven: at no time bodies are nearer. Distances at single times are computed."
         ),
         figures=tuple(figures),
-        tables=tuple(_table(name, x) for name, x in runs.items()),
+        tables=tuple(table for name, x in runs.items() for table in _tables(name, x)),
         notes=tuple(
             x
             for x in (
@@ -107,29 +109,13 @@ def _over_time(job: Job, name: str, result: RunResult) -> Any:
     return finish(figure, title=f"Least distances, run {name}; dashed: margins", height=420)
 
 
-def _table(name: str, result: RunResult) -> Table:
-    """Table of the pairs that come nearest to their margins."""
-    assert result.clearance is not None
-    executed = {(x.first, x.second): x for x in getattr(result.executed_clearance, "pairs", ())}
-    rows = []
-    for x in sorted(result.clearance.pairs, key=lambda x: x.high - x.margin)[:MOST_ROWS]:
-        driven = executed.get((x.first, x.second))
-        rows.append(
-            (
-                f"{x.second}, {x.first}",
-                f"{x.low * 1e3:.2f} mm",
-                "" if driven is None else f"{driven.low * 1e3:.2f} mm",
-                f"{x.high * 1e3:.2f} mm at {x.t:.3f} s",
-                f"{x.margin * 1e3:.2f} mm",
-                "kept" if x.kept else f"too near from {x.first_time or 0.0:.3f} s",
-                KINDS[x.kind],
-            )
-        )
-    return Table(
-        header=("pair", "clearance", "executed", "computed", "margin", "verdict", "kind"),
-        rows=tuple(rows),
-        caption=f"Nearest pairs, run {name}",
-    )
+def _tables(name: str, result: RunResult) -> Iterator[Table]:
+    """Tables of the pairs that come nearest to their margins, as planned and as executed."""
+    for found, how in ((result.clearance, ""), (result.executed_clearance, ", executed")):
+        if found is not None:
+            pairs = next(x for x in found.to_data().tables if x.name == "pairs")
+            pairs = replace(pairs, rows=pairs.rows[:MOST_ROWS])
+            yield table_of(pairs, f"Nearest pairs, run {name}{how}")
 
 
 def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
@@ -153,7 +139,8 @@ def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
     for trace, points in draw_surroundings(job, np.concatenate(drawn)):
         figure.add_trace(trace)
         drawn.append(points)
-    name = f"{nearest.second}, {nearest.first}: {nearest.high * 1e3:.1f} mm at {nearest.t:.3f} s"
+    least = number(nearest.high, "m")
+    name = f"{nearest.second}, {nearest.first}: {least} at {number(nearest.t, 's')}"
     between = seen_from_base(job.arm, nearest.points)
     figure.add_trace(line_in_space(between, name, LIMIT_COLOUR, width=8))
     title = "Posture of the least distance, as the base has it"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.core.render import number
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.jobs import Study
@@ -99,7 +100,7 @@ def find_corners(path: Replaced) -> list[Corner]:
                 vertex=k,
                 point=path.objective.vertices[k],
                 half=ZOOM * path.tolerance,
-                title=f"corner {i + 1}<br>turn {np.degrees(turns[k]):.0f}°",
+                title=f"corner {i + 1}<br>turn {number(turns[k], 'rad')}",
             )
             for i, k in enumerate(turned.tolist())
             if path.tolerance > 0
@@ -110,8 +111,8 @@ def find_corners(path: Replaced) -> list[Corner]:
             vertex=int(c.vertex[k]),
             point=c.point[k],
             half=ZOOM * float(c.error[k]),
-            title=f"corner {k + 1}<br>r = {c.radius[k] * 1e3:.2f} mm<br>"
-            f"error {c.error[k] * 1e3:.2f} mm",
+            title=f"corner {k + 1}<br>r = {number(c.radius[k], 'm')}<br>"
+            f"error {number(c.error[k], 'm')}",
         )
         for k in np.flatnonzero(c.radius > 0)
     ]

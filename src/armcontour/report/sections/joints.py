@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms.limits import by_direction
+from armcontour.core import result as core
+from armcontour.core.result import Row
 from armcontour.jobs import RunResult, Study
 from armcontour.jobs.quantities import planned_torques
 from armcontour.motion import Execution
 from armcontour.report.figure import make_subplots
-from armcontour.report.section import Section, Table
+from armcontour.report.section import Section, Table, table_of
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     EXPERIMENT_COLOUR,
@@ -183,25 +186,29 @@ def _limits(axis: int, ends: tuple[float, float], seen: list[float]) -> list[dic
 def _table(name: str, result: RunResult) -> Table:
     """Used range and largest values of every joint, and their limits."""
     done, arm, limits = result.motion, result.arm, result.run.limits
-    low, high = limits.joint_range(arm.dof)
     plan = planned_torques(result.arm, result.trajectory)
-    header = ["joint", "range [rad]", "used [rad]", "velocity [rad/s]", "acceleration [rad/s²]"]
-    amounts: list[tuple[FloatArray, FloatArray | None]] = [
-        _worst(done.dq, limits.velocity_bounds(arm.dof)),
-        _worst(done.ddq, limits.acceleration_bounds(arm.dof)),
+    amounts: list[tuple[str, str, FloatArray, FloatArray | None]] = [
+        ("velocity", "rad/s", *_worst(done.dq, limits.velocity_bounds(arm.dof))),
+        ("acceleration", "rad/s^2", *_worst(done.ddq, limits.acceleration_bounds(arm.dof))),
     ]
     if limits.joint_jerk is not None and result.evaluation is not None:
-        header.append("jerk [rad/s³]")
-        amounts.append((result.evaluation.jerk, limits.joint_jerk))
+        amounts.append(("jerk", "rad/s^3", result.evaluation.jerk, limits.joint_jerk))
     if plan is not None:
-        header.append("planned torque [N m]")
-        amounts.append((plan.peak, limits.joint_torque))
-    rows = []
-    for j, joint in enumerate(arm.joint_names):
-        own = _ends(low[j], high[j])
-        used = f"{done.q[:, j].min():.3f} to {done.q[:, j].max():.3f}"
-        rows.append((joint, own, used, *(_share(x, limit, j) for x, limit in amounts)))
-    return Table(header=tuple(header), rows=tuple(rows), caption=f"Run {name}: largest amounts")
+        amounts.append(("planned torque", "N m", plan.peak, limits.joint_torque))
+    columns = [Row("joint", None, "", "joint")]
+    ends = (*limits.joint_range(arm.dof), done.q.min(axis=0), done.q.max(axis=0))
+    values: list[Sequence[Any]] = [arm.joint_names]
+    for label, x in zip(("lower end", "upper end", "from", "to"), ends, strict=True):
+        columns.append(Row(label, None, "rad", label))
+        values.append(np.where(np.isfinite(x), x, np.nan).tolist())
+    for label, unit, x, most in amounts:
+        columns.append(Row(label, None, unit, label))
+        values.append(np.round(x, ROUNDED).tolist())
+        if most is not None and np.isfinite(most).any():
+            columns.append(Row(f"{label}.use", None, "1", f"of {label} limit"))
+            values.append(np.where(np.isfinite(most), x / most, np.nan).tolist())
+    rows = list(zip(*values, strict=True))
+    return table_of(core.Table("joints", tuple(columns), rows), f"Run {name}: largest amounts")
 
 
 def _worst(
@@ -212,17 +219,3 @@ def _worst(
     shares = np.where(np.isinf(most), amounts, amounts / most)
     at = shares.argmax(axis=0), np.arange(values.shape[1])
     return amounts[at], np.broadcast_to(most, amounts.shape)[at]
-
-
-def _ends(low: float, high: float) -> str:
-    """A joint range as text."""
-    ends = [f"{x:.3f}" if np.isfinite(x) else "free" for x in (low, high)]
-    return " to ".join(dict.fromkeys(ends))
-
-
-def _share(values: FloatArray, limit: FloatArray | None, j: int) -> str:
-    """A value, and its share of the limit if there is one."""
-    amount = f"{round(float(values[j]), ROUNDED):.4g}"
-    if limit is None or np.isinf(limit[j]):
-        return amount
-    return f"{amount} of {limit[j]:.4g} ({values[j] / limit[j]:.0%})"

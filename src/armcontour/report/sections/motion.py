@@ -7,12 +7,15 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.core import result as core
+from armcontour.core.render import number
+from armcontour.core.result import Row
 from armcontour.geometry import Path
 from armcontour.jobs import RunResult, Study
 from armcontour.jobs.results import unknown_notes
 from armcontour.motion import Trajectory
 from armcontour.report.figure import Figure, make_subplots
-from armcontour.report.section import Section, Table, marked_run
+from armcontour.report.section import Section, Table, marked_run, table_of
 from armcontour.report.sections.paths import done
 from armcontour.report.style import (
     EXECUTED_COLOUR,
@@ -100,7 +103,7 @@ def _assigned(study: Study) -> list[Any]:
         # After the last contour there is a gap.
         t, value = assigned[0][:-1], assigned[2][:-1] * 1e3
         if np.ptp(value) == 0:
-            label = f"assigned velocity {value[0]:g} mm/s"
+            label = f"assigned velocity {number(assigned[2][0], 'm/s')}"
         if label not in steps or t[-1] > steps[label][0][-1]:
             steps[label] = t, value
     found = []
@@ -177,12 +180,12 @@ def contour_error(study: Study) -> Section | None:
             continue
         e = result.evaluation.contour_error
         t, values = thin(e.t, e.values * 1e3)
-        label = f"{name}: RMS {e.rms * 1e3:.4f}, largest {e.max * 1e3:.4f} mm"
+        label = f"{name}: RMS {number(e.rms, 'm')}, largest {number(e.max, 'm')}"
         figure.add_trace(line(t, np.maximum(values, SMALLEST_ERROR), label, colours[name]))
         if result.experiment is not None:
             e = result.experiment.evaluation.contour_error
             t, values = thin(e.t, e.values * 1e3)
-            label = f"{name}, experiment: RMS {e.rms * 1e3:.4f}, largest {e.max * 1e3:.4f} mm"
+            label = f"{name}, experiment: RMS {number(e.rms, 'm')}, largest {number(e.max, 'm')}"
             look = {"dash": EXPERIMENT_DASH, "width": 1.5}
             values = np.maximum(values, SMALLEST_ERROR)
             figure.add_trace(line(t, values, label, colours[name], **look))
@@ -216,9 +219,7 @@ def time_stamps(study: Study) -> Section | None:
             "Where one rule hands over to the next: MAC, maximum joint acceleration; AVC, assigned "
             "velocity; MDC, maximum deceleration; corner, one speed on an arc."
         ),
-        tables=tuple(
-            _stamps(study, name, x) for name, x in study.runs.items() if x.trajectory.stretches
-        ),
+        tables=tuple(_stamps(name, x) for name, x in study.runs.items() if x.trajectory.stretches),
     )
 
 
@@ -266,22 +267,24 @@ def find_saturation(t: Any, demand: Any, given: Any) -> list[tuple[float, float]
     return joined
 
 
-def _stamps(study: Study, name: str, result: RunResult) -> Table:
+def _stamps(name: str, result: RunResult) -> Table:
     """Table of the switching points of a run."""
-    header = ["point", "time [s]", "s [m]", "then"]
-    joints = [f"{x} demand [rad/s²]" for x in study.job.arm.joint_names]
-    rows = []
-    stretches = result.trajectory.stretches
-    ends = [(0.0, 0.0), *((x.t[1], x.s[1]) for x in stretches)]
-    for k, (t, s) in enumerate(ends):
-        row = [f"P{k}", f"{t:.4f}", f"{s:.5f}"]
-        if k < len(stretches):
-            x = stretches[k]
-            row += [
-                x.name if x.name.startswith(x.kind) else f"{x.name}: {x.kind}",
-                *(f"{value:.3f}" for value in x.demand),
-            ]
-        else:
-            row += ["end"] + [""] * len(joints)
-        rows.append(tuple(row))
-    return Table(header=(*header, *joints), rows=tuple(rows), caption=f"Run {name}")
+    stretches, joints = result.trajectory.stretches, result.arm.joint_names
+    columns = (
+        Row("point", None, "", "point"),
+        Row("t", None, "s", "time"),
+        Row("s", None, "m", "s"),
+        Row("then", None, "", "then"),
+        *(Row(f"demand.{x}", None, "rad/s^2", f"{x} demand") for x in joints),
+    )
+    rows: list[tuple[Any, ...]] = [
+        (
+            *(f"P{k}", x.t[0], x.s[0]),
+            x.name if x.name.startswith(x.kind) else f"{x.name}: {x.kind}",
+            *x.demand,
+        )
+        for k, x in enumerate(stretches)
+    ]
+    last = stretches[-1]
+    rows.append((f"P{len(rows)}", last.t[1], last.s[1], "end", *[None] * len(joints)))
+    return table_of(core.Table("switching points", columns, rows), f"Run {name}")

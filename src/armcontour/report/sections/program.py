@@ -3,21 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import repeat
+from typing import Any
 
 import numpy as np
 
+from armcontour.core.result import Row, Table
 from armcontour.evaluation import ErrorProfile
 from armcontour.jobs import RunResult, Study
 from armcontour.jobs.run_data import pierce_length, work_length
 from armcontour.motion import Span
-from armcontour.program import Contour, Program, cut_parts
-from armcontour.report.section import Section, Table
+from armcontour.program import Contour, cut_parts
+from armcontour.report import section
+from armcontour.report.section import Section
 from armcontour.report.sections.program_picture import picture
 
 # Largest number of rows; of more contours, those with the largest errors are listed.
 MOST_ROWS = 20
 # Share of the assigned velocity from which the velocity counts as reached.
 REACHED = 0.999
+# Shorter leads are rounding errors [m].
+ROUNDING = 1e-9
+COLUMNS = (
+    Row("contour", None, "", "contour"),
+    Row("layer", None, "", "layer"),
+    Row("length", None, "m", "length"),
+    Row("pierce", None, "m", "pierce"),
+    Row("lead_in", None, "m", "lead-in"),
+    Row("lead_out", None, "m", "lead-out"),
+    Row("start", None, "s", "from"),
+    Row("time", None, "s", "time"),
+    Row("mean_speed", None, "m/s", "mean"),
+    Row("assigned", None, "1", "as assigned"),
+    Row("rms", None, "m", "RMS error"),
+    Row("max", None, "m", "largest"),
+)
 
 
 def program(study: Study) -> Section | None:
@@ -46,84 +67,60 @@ def program(study: Study) -> Section | None:
     )
 
 
-def _table(name: str, result: RunResult) -> Table:
+def _table(name: str, result: RunResult) -> section.Table:
     """A row for every contour, or for those with the largest errors."""
-    program = result.path
+    program, limit = result.path, result.run.limits.speed
     errors = () if result.evaluation is None else result.evaluation.contours
-    spans = result.trajectory.contour_spans
-    order = np.arange(len(spans))
-    caption = f"Run {name}: contours in order"
+    spans, most = result.trajectory.contour_spans, np.inf if limit is None else limit
+    contours = list(zip(program.contours, spans, errors or repeat(None), strict=False))
+    order, caption = np.arange(len(spans)), f"Run {name}: contours in order"
     if len(spans) > MOST_ROWS and not errors:
-        order = order[:MOST_ROWS]
         caption = f"Run {name}: the first {MOST_ROWS} of {len(spans)} contours"
     elif len(spans) > MOST_ROWS:
-        order = np.argsort([-x.max for x in errors], kind="stable")[:MOST_ROWS]
+        order = np.argsort([-x.max for x in errors], kind="stable")
         caption = (
             f"Run {name}: the {MOST_ROWS} of {len(spans)} contours with the largest errors; all "
             "are in summary.json"
         )
-    several = len({x.layer for x in program.contours}) > 1 or program.contours[0].layer
-    led = program.length - sum(work_length(x) for x in program.contours) > 1e-9
-    pierced = any(pierce_length(x) for x in program.contours)
-    limit = result.run.limits.speed
-    most = np.inf if limit is None else limit
-    cells = [
-        _cells(
-            *(k, program.contours[k], spans[k], errors[k] if errors else None, most),
-            layers=bool(several),
-            led=led,
-            pierced=pierced,
-        )
-        for k in order.tolist()
-    ]
-    rows = [tuple(row.values()) for row in cells]
-    if len(spans) > len(rows):
-        shown = set(order.tolist())
-        rest = [k for k in range(len(spans)) if k not in shown]
-        rows.append(_rest(rest, program, spans, errors, list(cells[0])))
-    return Table(header=tuple(cells[0]), rows=tuple(rows), caption=caption)
+    rows = [_row(k, *contours[k], most) for k in order[:MOST_ROWS].tolist()]
+    if rest := [contours[k] for k in order[MOST_ROWS:].tolist()]:
+        rows.append(_rest(rest))
+    used = [any(x[k] for x in rows) for k in range(len(COLUMNS))]
+    columns = tuple(x if y else replace(x, label="") for x, y in zip(COLUMNS, used, strict=True))
+    return section.table_of(Table("contours", columns, rows), caption)
 
 
-def _cells(
-    k: int,
-    contour: Contour,
-    span: Span,
-    error: ErrorProfile | None,
-    most: float,
-    *,
-    layers: bool,
-    led: bool,
-    pierced: bool,
-) -> dict[str, str]:
-    """Cells of a contour, by the titles of their columns."""
+def _row(
+    k: int, contour: Contour, span: Span, error: ErrorProfile | None, most: float
+) -> list[Any]:
+    """The values of a contour, by `COLUMNS`."""
     assert span.work is not None
+    (start, end), way = contour.at_work, pierce_length(contour)
     length, time = work_length(contour), span.work[1] - span.work[0]
-    found = {"contour": f"{k + 1}" + (f": {contour.name}" if contour.name else "")}
-    if layers:
-        found["layer"] = contour.layer
-    found["length [mm]"] = f"{length * 1e3:.2f}"
-    if led:
-        start, end = contour.at_work
-        way = pierce_length(contour)
-        found["leads [mm]"] = f"{(start - way) * 1e3:.2f}, {(contour.path.length - end) * 1e3:.2f}"
-        if pierced:
-            found["pierce [mm]"] = f"{way * 1e3:.2f}"
-    found |= {
-        "from [s]": f"{span.work[0]:.3f}",
-        "time [s]": f"{time:.3f}",
-        "mean [mm/s]": f"{length / time * 1e3:.2f}",
-        "as assigned": _assigned_share(contour, span, most),
-    }
-    if error is None:
-        return found
-    return {
-        **found,
-        "RMS error [mm]": f"{error.rms * 1e3:.4f}",
-        "largest [mm]": f"{error.max * 1e3:.4f}",
-    }
+    return [
+        f"{k + 1}" + (f": {contour.name}" if contour.name else ""),
+        contour.layer,
+        length,
+        *(x if x > ROUNDING else 0.0 for x in (way, start - way, contour.path.length - end)),
+        *(span.work[0], time, length / time, _assigned_share(contour, span, most)),
+        *((None, None) if error is None else (error.rms, error.max)),
+    ]
 
 
-def _assigned_share(contour: Contour, span: Span, most: float) -> str:
+def _rest(contours: Sequence[tuple[Contour, Span, ErrorProfile | None]]) -> list[Any]:
+    """The values of all contours that are not listed."""
+    length = sum(work_length(x) for x, _, _ in contours)
+    times = [end - start for start, end in (x.work or x.t for _, x, _ in contours)]
+    errors = [x for _, _, x in contours if x is not None]
+    time, rms, most = sum(times), None, None
+    if errors:
+        squares = sum(x.rms**2 * t for x, t in zip(errors, times, strict=True))
+        rms, most = float(np.sqrt(squares / time)), max(x.max for x in errors)
+    name = f"and {len(contours)} more"
+    return [name, "", length, *[None] * 4, time, length / time, None, rms, most]
+
+
+def _assigned_share(contour: Contour, span: Span, most: float) -> float | None:
     """Share of a contour's length, with the process on, that has the assigned velocity."""
     assert span.trajectory is not None
     times = span.trajectory.breaks
@@ -133,31 +130,7 @@ def _assigned_share(contour: Contour, span: Span, most: float) -> str:
     assigned = np.fmin(contour.path.speeds[contour.path.locate(middle)], most)
     has_speed = np.isfinite(assigned) & (middle >= start) & (middle <= end)
     if not has_speed.any():
-        return ""
+        return None
     speed = np.minimum(speeds[:-1], speeds[1:])
     reached = has_speed & (speed >= REACHED * assigned)
-    return f"{width[reached].sum() / width[has_speed].sum():.0%}"
-
-
-def _rest(
-    which: list[int],
-    program: Program,
-    spans: Sequence[Span],
-    errors: tuple[ErrorProfile, ...],
-    header: list[str],
-) -> tuple[str, ...]:
-    """A row for all contours that are not listed."""
-    length = sum(work_length(program.contours[k]) for k in which)
-    ends = [spans[k].work or spans[k].t for k in which]
-    times = [b - a for a, b in ends]
-    cells = {
-        "contour": f"and {len(which)} more",
-        "length [mm]": f"{length * 1e3:.2f}",
-        "time [s]": f"{sum(times):.3f}",
-        "mean [mm/s]": f"{length / sum(times) * 1e3:.2f}",
-    }
-    if errors:
-        squares = sum(errors[k].rms ** 2 * t for k, t in zip(which, times, strict=True))
-        cells["RMS error [mm]"] = f"{np.sqrt(squares / sum(times)) * 1e3:.4f}"
-        cells["largest [mm]"] = f"{max(errors[k].max for k in which) * 1e3:.4f}"
-    return tuple(cells.get(name, "") for name in header)
+    return float(width[reached].sum() / width[has_speed].sum())

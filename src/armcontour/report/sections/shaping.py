@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from armcontour.core import result
+from armcontour.core.result import Row
 from armcontour.geometry import ShapedPath
 from armcontour.geometry.shaped import ARCS, PARABOLAS, SHAPED, STOPS
 from armcontour.jobs import Study
-from armcontour.report.section import Section, Table
+from armcontour.report.section import Section, Table, table_of
 from armcontour.report.style import few
 
 # Largest number of rows of the table.
@@ -46,12 +48,13 @@ def _shaped_contours(study: Study) -> list[tuple[str, ShapedPath]]:
     """Names and paths of the shaped contours of all runs; runs with the same shape share one."""
     found: list[tuple[str, ShapedPath]] = []
     several = len({x.run.rounding for x in study.runs.values()}) > 1
-    for name, result in study.runs.items():
-        for i, contour in enumerate(result.path.contours):
+    for name, x in study.runs.items():
+        contours = x.path.contours
+        for i, contour in enumerate(contours):
             path = contour.path
             if not isinstance(path, ShapedPath) or any(_alike(x, path) for _, x in found):
                 continue
-            words = [f"contour {i + 1}"] if len(result.path.contours) > 1 else []
+            words = [f"contour {i + 1}"] if len(contours) > 1 else []
             words += [contour.name] if contour.name else []
             words += [f"run {name}"] if several or not words else []
             found.append((", ".join(words), path))
@@ -67,43 +70,25 @@ def _alike(first: ShapedPath, second: ShapedPath) -> bool:
 
 def _table(found: list[tuple[str, ShapedPath]]) -> Table:
     """A row for every shaped contour."""
-    rows = []
-    for label, path in found:
-        outcome = path.outcome
-        times = [outcome.durations.get(name) for name in STARTS]
-        rows.append(
-            (
-                label,
-                *("" if t is None else f"{t:.3f}" for t in times),
-                f"{outcome.durations[SHAPED]:.3f}",
-                outcome.start,
-                f"{outcome.gain:.2%}",
-                f"{max(len(outcome.history) - 1, 0)}",
-                _tolerance(path),
-                f"{path.deviation * 1e3:.4f}",
-            )
+    columns = (
+        Row("contour", None, "", "contour"),
+        *(Row(x, None, "s", x) for x in (*STARTS, SHAPED)),
+        Row("start", None, "", "best start"),
+        Row("gain", None, "1", "gain"),
+        Row("iterations", None, "", "iterations"),
+        Row("tolerance", None, "m", "tolerance"),
+        Row("line_tolerance", None, "m", "along lines"),
+        Row("zone", None, "m", "from corners"),
+        Row("deviation", None, "m", "distance"),
+    )
+    rows = [
+        (
+            label,
+            *(x.outcome.durations.get(name) for name in (*STARTS, SHAPED)),
+            *(x.outcome.start, x.outcome.gain, max(len(x.outcome.history) - 1, 0)),
+            *(x.tolerance, x.line_tolerance, x.zone, x.deviation),
         )
-    return Table(
-        header=(
-            "",
-            *(f"{name} [s]" for name in STARTS),
-            "shaped [s]",
-            "best start",
-            "gain",
-            "iterations",
-            "tolerance [mm]",
-            "distance [mm]",
-        ),
-        rows=tuple(rows),
-        caption="Least times, and largest distances from the objective path",
-    )
-
-
-def _tolerance(path: ShapedPath) -> str:
-    """The tolerance of a shaped path as text, in mm."""
-    if path.line_tolerance is None or path.zone is None:
-        return f"{path.tolerance * 1e3:.4g}"
-    return (
-        f"{path.tolerance * 1e3:.4g}, from {path.zone * 1e3:.4g} off corners "
-        f"{path.line_tolerance * 1e3:.4g}"
-    )
+        for label, x in found
+    ]
+    caption = "Least times, and largest distances from the objective path"
+    return table_of(result.Table("shaping", columns, rows), caption)
