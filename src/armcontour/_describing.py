@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import re
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from html import escape
 from importlib import import_module
@@ -133,16 +132,6 @@ def mm(value: float) -> str:
     return f"{digits(value * 1e3)} mm"
 
 
-def degrees(value: float) -> str:
-    """An angle in rad, in degrees."""
-    return f"{digits(math.degrees(value))} deg"
-
-
-def milliseconds(value: float) -> str:
-    """A short time in s, in ms."""
-    return f"{digits(value * 1e3)} ms"
-
-
 def clock(t: float, count: int = 4) -> str:
     """A time in s with some digits that count, and 0.1 ms also long after zero, as since 1970.
 
@@ -175,18 +164,6 @@ def count_kinds(counts: Mapping[str, int]) -> str:
         counts: Counts by their nouns.
     """
     return ", ".join(several(n, what) for what, n in counts.items() if n)
-
-
-def extremes(values: Iterable[float], unit: Callable[[float], str] = mm) -> str:
-    """The smallest and the largest of some values; one of them if they look the same.
-
-    Args:
-        values: The values; "" for none.
-        unit: Writes one of them.
-    """
-    known = sorted(values)
-    low, high = (unit(x) for x in (known[0], known[-1])) if known else ("", "")
-    return low if low == high else f"{low} to {high}"
 
 
 def joint_called(joint: int, names: Sequence[str]) -> str:

@@ -191,7 +191,7 @@ def test_warnings_of_demands_and_set_points(study):
     assert "times its acceleration limit" in overload
     coarse = dataclasses.replace(found, run=changed(found.run, period=1.0))
     warning, same = collect_warnings(coarse)
-    assert "command interval of 1 s" in warning and same == overload
+    assert "command interval of 1.0000 s" in warning and same == overload
 
 
 @pytest.fixture(scope="module")

@@ -79,7 +79,7 @@ class PairClearance:
 
     def __str__(self) -> str:
         """The pair, its distance and when, as a sentence."""
-        near = "touch" if self.high <= 0 else f"come as near as {self.high * 1e3:.4g} mm"
+        near = "touch" if self.high <= 0 else f"come as near as {number(self.high, 'm')}"
         return f"{self.second} and {self.first} {near}, {self.place}"
 
     @property
@@ -155,7 +155,7 @@ class Clearance(Result):
             return
         first = self.too_near[0]
         raise Collision(
-            f"{first}, and may not come nearer than {first.margin * 1e3:.4g} mm{self._others()}: "
+            f"{first}, and may not come nearer than {number(first.margin, 'm')}{self._others()}: "
             "move the part, the obstacle or the start posture, or allow them to touch.",
             t=first.first_time,
             point=first.points[1].tolist(),
@@ -247,7 +247,7 @@ class Clearance(Result):
         lowest, *others = self.below
         also = f" (also {list_some([x.second for x in others], 5)})" if others else ""
         return (
-            f"{lowest.second} goes {-lowest.high * 1e3:.4g} mm below the base of the arm, at t = "
+            f"{lowest.second} goes {number(-lowest.high, 'm')} below the base of the arm, at t = "
             f"{lowest.t:.4g} s{also}: give the height of the floor or table as scene.floor, or "
             "none if nothing is there."
         )

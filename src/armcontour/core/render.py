@@ -75,6 +75,19 @@ def number(value: Any, unit: str = "") -> str:
     return " ".join(filter(None, split(value, unit)))
 
 
+def number_range(values: Iterable[float], unit: str = "") -> str:
+    """The smallest and the largest of some values; one of them if they look the same.
+
+    Args:
+        values: The values, in SI units; "" for none.
+        unit: Their SI unit.
+    """
+    known = sorted(values)
+    low, high = (split(x, unit) for x in (known[0], known[-1])) if known else (("", ""), ("", ""))
+    start = low[0] if low[1] == high[1] else " ".join(low)
+    return " ".join(filter(None, high if low == high else (start, "to", *high)))
+
+
 def figure(row: Row) -> str:
     """The figure of a row, with its unit."""
     return number(row.figure, row.unit)

@@ -20,8 +20,9 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._describing import brief, line_up, mm, several
+from armcontour._describing import brief, line_up, several
 from armcontour.core.fields import Checked, checked
+from armcontour.core.render import number
 from armcontour.errors import InvalidInput
 from armcontour.geometry.corner_curves import (
     ARC,
@@ -137,7 +138,7 @@ class RoundedPath(Path):
             self._title("Rounded path"),
             [
                 ("rounded", f"{rounded}, {stops} with a stop" if stops else rounded),
-                ("largest corner error", mm(float(c.error.max())) if len(c) else ""),
+                ("largest corner error", number(c.error.max(), "m") if len(c) else ""),
                 *self._rows,
             ],
         )

@@ -12,9 +12,10 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
-from armcontour._describing import brief, line_up, mm, several
+from armcontour._describing import brief, line_up, several
 from armcontour._quintics import evaluate
 from armcontour.core.fields import Checked
+from armcontour.core.render import number
 from armcontour.errors import InvalidInput
 from armcontour.geometry.path import Path, check_arc_length
 
@@ -139,10 +140,10 @@ class ShapedPath(Path):
         return line_up(
             self._title("Shaped path"),
             [
-                ("tolerance", mm(self.tolerance)),
+                ("tolerance", number(self.tolerance, "m")),
                 (
                     "off the vertices",
-                    "" if self.line_tolerance is None else mm(self.line_tolerance),
+                    "" if self.line_tolerance is None else number(self.line_tolerance, "m"),
                 ),
                 ("least durations", ", ".join(f"{k} {x:.4g} s" for k, x in durations.items())),
                 *self._rows,
@@ -192,8 +193,8 @@ def doubt_search(paths: Iterable[Path]) -> list[str]:
     which = f" of {several(len(early), 'contour')}" if len(found) > 1 else ""
     return [
         f"the search for the shape{which} ended early, because a tolerance of "
-        f"{mm(early[0].tolerance)} needs too many nodes. The path is the fastest one so far. A "
-        "larger tolerance lets the search end, and rounded corners need no search."
+        f"{number(early[0].tolerance, 'm')} needs too many nodes. The path is the fastest one so "
+        "far. A larger tolerance lets the search end, and rounded corners need no search."
     ]
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._describing import brief, digits, line_up, milliseconds, several
+from armcontour._describing import brief, digits, line_up, several
 from armcontour._quantities import (
     Acceleration,
     AngularDistance,
@@ -27,6 +27,7 @@ from armcontour.clearance import Cell, CellOnce
 from armcontour.compensation import CompensationOptions, InverseDynamics
 from armcontour.compensation.compensator import INVERSE
 from armcontour.core.fields import Checked
+from armcontour.core.render import number
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.frames import Frame
 from armcontour.geometry import Path
@@ -184,9 +185,9 @@ class Rounding(Checked):
             )
         if self.line_tolerance is not None and self.line_tolerance > self.tolerance:
             raise InvalidInput(
-                f"{key}.line_tolerance of {self.line_tolerance * 1e3:.6g} mm is above "
-                f"{key}.tolerance of {self.tolerance * 1e3:.6g} mm: lines may not be less exact "
-                f"than corners, so give at most {self.tolerance * 1e3:.6g} mm.",
+                f"{key}.line_tolerance of {number(self.line_tolerance, 'm')} is above "
+                f"{key}.tolerance of {number(self.tolerance, 'm')}: lines may not be less exact "
+                f"than corners, so give at most {number(self.tolerance, 'm')}.",
                 needed=self.line_tolerance,
                 allowed=self.tolerance,
             )
@@ -432,7 +433,7 @@ class Job(Checked):
         speed = run.limits.speed
         fast = "" if speed is None else f", {digits(speed * 1e3)} mm/s"
         methods = f"{run.timing.method}, {run.compensation.method}"
-        return f"{methods}, every {milliseconds(run.period)}{fast}"
+        return f"{methods}, every {number(run.period, 's')}{fast}"
 
     @property
     def cell(self) -> Cell:

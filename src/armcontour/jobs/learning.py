@@ -11,6 +11,7 @@ from armcontour._checks import FloatArray
 from armcontour._progress import Progress
 from armcontour._sampling import interpolate
 from armcontour.compensation import InverseDynamics
+from armcontour.core.render import number
 from armcontour.core.result import FILE, FIRST, TABLE, Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.evaluation import ErrorProfile
@@ -115,7 +116,7 @@ class LearningStudy:
         """Whether another run is worth while."""
         lesson = self.lesson
         noise = (
-            f"{lesson.repeats * 1e3:.3g} mm RMS repeats, {lesson.noise * 1e3:.3g} mm RMS does not"
+            f"{number(lesson.repeats, 'm')} RMS repeats, {number(lesson.noise, 'm')} RMS does not"
         )
         if lesson.finished:
             whose = f"those of run {lesson.best + 1}, the best"
@@ -123,7 +124,7 @@ class LearningStudy:
                 whose = "learned from all runs"
             return f"Finished: {lesson.reason}; the set-points are {whose}, and {noise}."
         because = f" ({lesson.reason})" if lesson.reason else ""
-        expected = f"the next run should have about {lesson.predicted * 1e3:.3g} mm RMS"
+        expected = f"the next run should have about {number(lesson.predicted, 'm')} RMS"
         return f"Go on{because}: {expected}; {noise}."
 
     def planned(self, t: FloatArray) -> FloatArray:
@@ -245,7 +246,7 @@ def _on_time(delay: float, run: LearnedRun) -> list[str]:
     found = []
     if delay >= TOLD_DELAY:
         found.append(
-            f"The robot acts as if it were {delay * 1e3:.1f} ms later than its servo model says"
+            f"The robot acts as if it were {number(delay, 's')} later than its servo model says"
         )
     if abs(run.rate - 1) >= TOLD_RATE:
         found.append(
@@ -261,8 +262,8 @@ def _other_set_points(run: LearnedRun) -> list[str]:
     if run.set_points_off <= max(TOLD_BESIDE, BESIDE * off):
         return []
     return [
-        f"The set-points in {run.source} are {run.set_points_off * 1e3:.3g} mrad RMS beside those "
-        f"of the taught data, where the joints are {off * 1e3:.3g} mrad RMS off the plan: if the "
+        f"The set-points in {run.source} are {number(run.set_points_off, 'rad')} RMS beside those "
+        f"of the taught data, where the joints are {number(off, 'rad')} RMS off the plan: if the "
         "robot executed others, all figures of this run are wrong, so give these as --taught."
     ]
 

@@ -10,6 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, SerialArm
 from armcontour.core.fields import Checked
+from armcontour.core.render import number, number_range
 from armcontour.motion import Execution, Trajectory
 from armcontour.program import Program, contour_called
 
@@ -49,12 +50,14 @@ class Weaving:
     def sentence(self) -> str:
         """Widths and frequencies, and those requested if they differ."""
         width, frequency = self.asked
-        text = f"{self.contour} weaves {_range(self.width, 1e3)} mm wide at "
-        text += f"{_range(self.frequency, 1.0)} Hz"
+        text = f"{self.contour} weaves {number_range(self.width, 'm')} wide at "
+        text += number_range(self.frequency, "Hz")
         if not self.differs:
             return f"{text}."
-        asked = f"{width * 1e3:.4g} mm" + ("" if np.isnan(frequency) else f" at {frequency:.4g} Hz")
-        missing = f", and not along {self.left_out * 1e3:.4g} mm" if self.left_out else ""
+        asked = number(width, "m") + (
+            "" if np.isnan(frequency) else f" at {number(frequency, 'Hz')}"
+        )
+        missing = f", and not along {number(self.left_out, 'm')}" if self.left_out else ""
         return (
             f"{text} in place of {asked}{missing}: the corner tolerance, the assigned velocity and "
             "the limits must allow the weave, and parts of the seam be longer than half a pitch."
@@ -96,12 +99,6 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
                 asked=(woven.width, woven.frequency),
                 left_out=woven.left_out,
             )
-
-
-def _range(pair: tuple[float, float], scale: float) -> str:
-    """Two numbers as text, or one if they are printed alike."""
-    low, high = (f"{scale * x:.3g}" for x in pair)
-    return low if low == high else f"{low} to {high}"
 
 
 # Number of times at which torques are computed, in addition to the breaks of the plan.

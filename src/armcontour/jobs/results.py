@@ -9,7 +9,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
-from armcontour._describing import brief, draw, milliseconds, mm, several, to_html
+from armcontour._describing import brief, draw, several, to_html
 from armcontour._text import capitalise
 from armcontour._version import __version__
 from armcontour.arms import Arm
@@ -284,11 +284,11 @@ class RunResult(Result):
         found += [x for x in (self.shape_note, self.stops_note, clear) if x is not None]
         e = self.evaluation
         if e is not None and e.unexplained is not None:
-            along, across = (mm(x) for x in e.unexplained)
+            along, across = (number(x, "m") for x in e.unexplained)
             found.append(
-                f"Run {self.run.name}: contour error {mm(e.contour_error.max)}, and at most "
-                f"{across} more across the path ({along} along it) that the servo model does not "
-                "explain."
+                f"Run {self.run.name}: contour error {number(e.contour_error.max, 'm')}, and at "
+                f"most {across} more across the path ({along} along it) that the servo model does "
+                "not explain."
             )
         return tuple(found)
 
@@ -581,7 +581,7 @@ def _set_points(result: RunResult) -> Iterator[Row]:
     taught: TaughtData | None = result.taught
     if taught is None:
         return
-    every = f"every {milliseconds(taught.period)}"
+    every = f"every {number(taught.period, 's')}"
     yield Row("set_points", len(taught.q), "", "set-points", every)
     yield Row("cut_off", taught.cut_off, "rad")
     if taught.command_limits is None:

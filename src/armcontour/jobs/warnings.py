@@ -10,6 +10,7 @@ from armcontour._checks import FloatArray
 from armcontour._describing import several
 from armcontour._text import list_some
 from armcontour.compensation import InverseDynamics, NoCompensation
+from armcontour.core.render import number
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.jobs.jerk_stops import JerkStop
@@ -78,8 +79,8 @@ def _capped(program: Program, run: Run) -> Iterator[str]:
     yield from next(filter(None, doubts), [])
     tolerances: Callable[[Path], FloatArray] = (lambda x: x.tolerances) if free else _at_corners
     for what, key, unit, cap, values in (
-        ("speed", "limits.speed", "mm/s", run.limits.speed, lambda x: x.speeds),
-        ("corner tolerance", "corners.tolerance", "mm", tolerance, tolerances),
+        ("speed", "limits.speed", "m/s", run.limits.speed, lambda x: x.speeds),
+        ("corner tolerance", "corners.tolerance", "m", tolerance, tolerances),
     ):
         largest = {
             contour_called(x, i): float(np.fmax.reduce(values(x.path), initial=0.0))
@@ -89,8 +90,8 @@ def _capped(program: Program, run: Run) -> Iterator[str]:
         if above and cap is not None:
             asked = max(largest[x] for x in above)
             yield (
-                f"the {what} of up to {asked * 1e3:.6g} {unit} of {list_some(above, MOST_NAMES)} "
-                f"is capped at {cap * 1e3:.6g} {unit} by {key}: raise {key} to have it."
+                f"the {what} of up to {number(asked, unit)} of {list_some(above, MOST_NAMES)} "
+                f"is capped at {number(cap, unit)} by {key}: raise {key} to have it."
             )
 
 
@@ -112,8 +113,8 @@ def _slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool
             slow += (
                 (
                     speed / assigned,
-                    f"{name} {word} at {speed * 1e3:.3g} of {assigned * 1e3:.3g} mm/s, with a "
-                    f"lead of {lead * 1e3:.3g} mm",
+                    f"{name} {word} at {number(speed, 'm/s')} of {number(assigned, 'm/s')}, with a "
+                    f"lead of {number(lead, 'm')}",
                     "a longer lead, with an arc of a larger radius if it has one, helps unless the "
                     "contour itself is too tight or too short; else ",
                 )
@@ -175,8 +176,8 @@ def _missed_speed(
     if acceleration * (motion.duration / SLOW - ideal) > assigned * stops:
         yield (
             mean / assigned,
-            f"{name} moves at {mean * 1e3:.3g} mm/s on average and {float(v.max()) * 1e3:.3g} mm/s "
-            f"at most in place of {assigned * 1e3:.3g} mm/s",
+            f"{name} moves at {number(mean, 'm/s')} on average and {number(float(v.max()), 'm/s')} "
+            f"at most in place of {number(assigned, 'm/s')}",
             "",
         )
 
@@ -185,10 +186,10 @@ def _stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
     """One warning for all full stops that limits of jerk force."""
     if stops:
         first, count = stops[0], len(stops)
-        point = ", ".join(f"{1e3 * x:.4g}" for x in first.point)
+        point = ", ".join(number(x, "m") for x in first.point)
         contour = f" of {first.contour}" if first.contour else ""
         yield (
-            f"{several(count, 'full stop')}, the first at s = {first.s:.4g} m ({point} mm)"
+            f"{several(count, 'full stop')}, the first at s = {first.s:.4g} m ({point})"
             f"{contour}, where the curvature of the path jumps and limits of jerk allow no speed: "
             "corners: {continuity: curvature} with a larger tolerance or transition_tolerance, "
             "longer lines and arcs, or a tool orientation that does not turn leaves fewer."
@@ -213,9 +214,9 @@ def _coarse(trajectory: Trajectory, run: Run) -> Iterator[str]:
     """A warning for set-points that hardly represent the plan."""
     if run.period > COARSE * trajectory.duration:
         yield (
-            f"the command interval of {run.period:g} s is more than a tenth of the motion of "
-            f"{trajectory.duration:.3g} s (a number without a unit is in seconds: for milliseconds "
-            "write command_interval: 4 ms)."
+            f"the command interval of {number(run.period, 's')} is more than a tenth of the motion "
+            f"of {number(trajectory.duration, 's')} (a number without a unit is in seconds: for "
+            "milliseconds write command_interval: 4 ms)."
         )
 
 
@@ -225,7 +226,7 @@ def _changed_commands(taught: TaughtData) -> Iterator[str]:
         j = int(np.argmax(taught.cut_off))
         yield (
             "the servo's velocity feed-forward needs set-points long after the motion, which are "
-            f"cut off: this adds up to {taught.cut_off[j] * 1e3:.3g} mrad to the error of joint "
+            f"cut off: this adds up to {number(taught.cut_off[j], 'rad')} to the error of joint "
             f"{j + 1} after the end of the plan; a servo model with a larger kp or a "
             "velocity_feedforward nearer to 1 needs less."
         )
@@ -244,7 +245,7 @@ def _unsettled(executed: Execution) -> Iterator[str]:
         waited = executed.t[-1] - executed.taught.t[-1]
         yield (
             f"joint {j + 1} is not at rest {waited:.3g} s after its last set-point, but "
-            f"{executed.unsettled[j] * 1e3:.3g} mrad from it: raise its servo gains or limits, or "
+            f"{number(executed.unsettled[j], 'rad')} from it: raise its servo gains or limits, or "
             "take the compensation inverse."
         )
 
@@ -255,7 +256,7 @@ def _not_followed(result: RunResult) -> Iterator[str]:
     The method "conventional" does not consider limits of joints.
     """
     evaluation, run, executed = result.evaluation, result.run, result.execution
-    error = f"up to {evaluation.contour_error.max * 1e3:.3g} mm off"
+    error = f"up to {number(evaluation.contour_error.max, 'm')} off"
     joint = int(evaluation.demand_ratio.argmax())
     ratio = float(evaluation.demand_ratio[joint])
     if result.for_bodies:
@@ -295,9 +296,9 @@ def _worse_than_none(experiment: ExperimentResult, run: Run) -> Iterator[str]:
     if run.experiment is not None and run.experiment.unknown:
         why += f"; nor does it know what the robot has: {run.experiment.unknown}"
     yield (
-        f"on rigid bodies the contour error is {found.rms * 1e3:.4g} mm RMS, "
-        f"{found.max * 1e3:.4g} mm at most; without compensation {without.rms * 1e3:.4g} and "
-        f"{without.max * 1e3:.4g} mm. The compensation {run.compensation.method} makes it worse, "
+        f"on rigid bodies the contour error is {number(found.rms, 'm')} RMS, "
+        f"{number(found.max, 'm')} at most; without compensation {number(without.rms, 'm')} and "
+        f"{number(without.max, 'm')}. The compensation {run.compensation.method} makes it worse, "
         f"as {why}."
     )
 

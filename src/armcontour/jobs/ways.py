@@ -16,6 +16,7 @@ from armcontour.arms import Arm, PlanarTwoLink, SerialArm
 from armcontour.arms.arm import FAR_OUT, hint_at_unit
 from armcontour.clearance import Cell, Clearance
 from armcontour.clearance.distances import can_measure
+from armcontour.core.render import number
 from armcontour.errors import ArmContourError, InvalidInput, Unreachable, locate_errors
 from armcontour.frames import exp
 from armcontour.geometry import Path
@@ -170,8 +171,8 @@ def _about_tool(arm: Arm) -> tuple[str, ...]:
     if not own[0].assumed:
         return ()
     return (
-        f"the tool is taken as a capsule with a radius of {ASSUMED_RADIUS * 1e3:.3g} mm, from the "
-        f"flange to {ASSUMED_GAP * 1e3:.3g} mm before the tool point: arm.tool.shapes gives its "
+        f"the tool is taken as a capsule with a radius of {number(ASSUMED_RADIUS, 'm')}, from the "
+        f"flange to {number(ASSUMED_GAP, 'm')} before the tool point: arm.tool.shapes gives its "
         "own shapes",
     )
 
@@ -502,7 +503,7 @@ def _refusal(job: Job, places: _Places, away: FloatArray, k: int, rapid: bool) -
     called, path = places.paths[places.of[k]]
     point, s, gap = places.points[k], float(places.s[k]), float(away[k])
     far = gap >= FAR_OUT
-    size = f"{gap:.3g} m" if far else f"{gap * 1e3:.4g} mm"
+    size = f"{gap:.3g} m" if far else number(gap, "m")
     show = _m if far else _mm
     drawn = ((_in_space(point) - job.part.position) @ job.part.rotation)[: len(point)]
     own = "" if np.allclose(drawn, point) else f", which is {show(drawn)} before path.frame"

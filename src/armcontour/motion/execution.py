@@ -14,8 +14,6 @@ from armcontour._describing import (
     draw,
     joint_rows,
     line_up,
-    milliseconds,
-    mm,
     several,
     to_html,
 )
@@ -23,6 +21,7 @@ from armcontour._quantities import Axes, Quantity, Time
 from armcontour._quintics import evaluate, quintic
 from armcontour.arms import Arm, Limits
 from armcontour.core.fields import Checked, checked
+from armcontour.core.render import number
 from armcontour.errors import InvalidInput
 from armcontour.motion.trajectory import Trajectory, to_columns
 
@@ -102,7 +101,7 @@ class Execution(Checked):
         t, step = self.t, float(self.t[-1] - self.t[0]) / max(len(self.t) - 1, 1)
         title = (
             f"Execution of {self.arm.name}: t = {t[0]:.4f} to {t[-1]:.4f} s, {len(t)} samples "
-            f"every {milliseconds(step)}"
+            f"every {number(step, 's')}"
         )
         header = ["joint", "position [rad]", "velocity [rad/s]"]
         header += ["acceleration [rad/s²]", "saturated"]
@@ -114,7 +113,7 @@ class Execution(Checked):
         for j, name in enumerate(self.arm.joint_names):
             low, high = self.q[:, j].min(), self.q[:, j].max()
             velocity, acceleration, *torque = (f"{np.abs(x[:, j]).max():.4g}" for x in amounts)
-            held = milliseconds(float(self.saturated_time[j]))
+            held = number(float(self.saturated_time[j]), "s")
             reach = f"{low:z.4f} to {high:z.4f}"
             rows.append([name, reach, velocity, acceleration, held, *torque])
         return line_up(title, rows, columns=">")
@@ -304,10 +303,11 @@ class LimitCost(Checked):
     def __str__(self) -> str:
         """Largest change of a set-point, and the contour error."""
         j = int(np.argmax(self.deviation))
-        text = f"up to {self.deviation[j] * 1e3:.3g} mrad at joint {j + 1}"
+        text = f"up to {number(self.deviation[j], 'rad')} at joint {j + 1}"
         if self.contour_rms is None or self.contour_max is None:
             return text
-        return f"{text}, contour error {mm(self.contour_rms)} RMS, {mm(self.contour_max)} largest"
+        rms, most = number(self.contour_rms, "m"), number(self.contour_max, "m")
+        return f"{text}, contour error {rms} RMS, {most} largest"
 
 
 @_checks.explain_calls
@@ -360,7 +360,7 @@ class TaughtData(Checked):
 
     def _title(self, what: str) -> str:
         """What it is, with the number of set-points."""
-        return f"{what}: {several(len(self.q), 'set-point')} every {milliseconds(self.period)}"
+        return f"{what}: {several(len(self.q), 'set-point')} every {number(self.period, 's')}"
 
     @property
     def _rows(self) -> list[tuple[str, str]]:

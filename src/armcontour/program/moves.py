@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._describing import count_kinds, digits, extremes, line_up, several
+from armcontour._describing import count_kinds, digits, line_up, several
 from armcontour._quantities import (
     Distance,
     Interval,
@@ -27,6 +27,7 @@ from armcontour._quantities import (
 )
 from armcontour._text import list_some, make_printable, shorten
 from armcontour.core.fields import Checked, checked
+from armcontour.core.render import number_range
 from armcontour.errors import InvalidInput
 from armcontour.frames import Frame, Pose
 from armcontour.geometry import Path
@@ -399,7 +400,7 @@ class Program(Checked):
                 ("source", self.source),
                 ("closed", f"{sum(x.closed for x in contours)}"),
                 ("contours by layer", list_some(named, 6) if set(layers) != {""} else ""),
-                ("lengths", extremes(lengths) if lengths[1:] else ""),
+                ("lengths", number_range(lengths, "m") if lengths[1:] else ""),
                 ("other moves", count_kinds({x: moves[x] for x in ("rapid", "dwell")})),
                 ("outputs", count_kinds({"event": events})),
                 *(("note", x) for x in self.notes[:3]),

@@ -77,8 +77,9 @@ def clearance(study: Study) -> Section | None:
 
 def _note(name: str, result: RunResult) -> str:
     """How near a run comes to anything, as a sentence."""
-    assert result.clearance is not None
-    return result.clearance_note or f"Run {name}: {result.clearance.sentence}"
+    found = result.clearance
+    assert found is not None
+    return result.clearance_note or f"Run {name}: {found.sentence}"
 
 
 def _nearest(job: Job, found: Clearance) -> PairClearance | None:
@@ -139,8 +140,8 @@ def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
     for trace, points in draw_surroundings(job, np.concatenate(drawn)):
         figure.add_trace(trace)
         drawn.append(points)
-    least = number(nearest.high, "m")
-    name = f"{nearest.second}, {nearest.first}: {least} at {number(nearest.t, 's')}"
+    least, t = nearest.high, nearest.t
+    name = f"{nearest.second}, {nearest.first}: {number(least, 'm')} at {number(t, 's')}"
     between = seen_from_base(job.arm, nearest.points)
     figure.add_trace(line_in_space(between, name, LIMIT_COLOUR, width=8))
     title = "Posture of the least distance, as the base has it"

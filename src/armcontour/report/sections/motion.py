@@ -8,8 +8,10 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.core import result as core
+from armcontour.core.render import figure as figure_of
 from armcontour.core.render import number
 from armcontour.core.result import Row
+from armcontour.evaluation import ErrorProfile
 from armcontour.geometry import Path
 from armcontour.jobs import RunResult, Study
 from armcontour.jobs.results import unknown_notes
@@ -180,12 +182,12 @@ def contour_error(study: Study) -> Section | None:
             continue
         e = result.evaluation.contour_error
         t, values = thin(e.t, e.values * 1e3)
-        label = f"{name}: RMS {number(e.rms, 'm')}, largest {number(e.max, 'm')}"
+        label = f"{name}: {_extremes(e)}"
         figure.add_trace(line(t, np.maximum(values, SMALLEST_ERROR), label, colours[name]))
         if result.experiment is not None:
             e = result.experiment.evaluation.contour_error
             t, values = thin(e.t, e.values * 1e3)
-            label = f"{name}, experiment: RMS {number(e.rms, 'm')}, largest {number(e.max, 'm')}"
+            label = f"{name}, experiment: {_extremes(e)}"
             look = {"dash": EXPERIMENT_DASH, "width": 1.5}
             values = np.maximum(values, SMALLEST_ERROR)
             figure.add_trace(line(t, values, label, colours[name], **look))
@@ -206,6 +208,12 @@ def contour_error(study: Study) -> Section | None:
         figures=(finish(figure, title="Contour error over time", height=500),),
         notes=notes,
     )
+
+
+def _extremes(error: ErrorProfile) -> str:
+    """RMS and largest value of an error, for a legend."""
+    data = error.to_data()
+    return f"RMS {figure_of(data['rms'])}, largest {figure_of(data['max'])}"
 
 
 def time_stamps(study: Study) -> Section | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,8 @@ MOST_ROWS = 20
 REACHED = 0.999
 # Shorter leads are rounding errors [m].
 ROUNDING = 1e-9
+# A contour, its part of the plan and its error.
+Judged = tuple[Contour, Span, ErrorProfile | None]
 COLUMNS = (
     Row("contour", None, "", "contour"),
     Row("layer", None, "", "layer"),
@@ -72,7 +73,9 @@ def _table(name: str, result: RunResult) -> section.Table:
     program, limit = result.path, result.run.limits.speed
     errors = () if result.evaluation is None else result.evaluation.contours
     spans, most = result.trajectory.contour_spans, np.inf if limit is None else limit
-    contours = list(zip(program.contours, spans, errors or repeat(None), strict=False))
+    contours = list[Judged](
+        zip(program.contours, spans, errors or [None] * len(spans), strict=True)
+    )
     order, caption = np.arange(len(spans)), f"Run {name}: contours in order"
     if len(spans) > MOST_ROWS and not errors:
         caption = f"Run {name}: the first {MOST_ROWS} of {len(spans)} contours"
@@ -82,7 +85,7 @@ def _table(name: str, result: RunResult) -> section.Table:
             f"Run {name}: the {MOST_ROWS} of {len(spans)} contours with the largest errors; all "
             "are in summary.json"
         )
-    rows = [_row(k, *contours[k], most) for k in order[:MOST_ROWS].tolist()]
+    rows = [_row(k, contours[k], most) for k in order[:MOST_ROWS].tolist()]
     if rest := [contours[k] for k in order[MOST_ROWS:].tolist()]:
         rows.append(_rest(rest))
     used = [any(x[k] for x in rows) for k in range(len(COLUMNS))]
@@ -90,10 +93,9 @@ def _table(name: str, result: RunResult) -> section.Table:
     return section.table_of(Table("contours", columns, rows), caption)
 
 
-def _row(
-    k: int, contour: Contour, span: Span, error: ErrorProfile | None, most: float
-) -> list[Any]:
+def _row(k: int, judged: Judged, most: float) -> list[Any]:
     """The values of a contour, by `COLUMNS`."""
+    contour, span, error = judged
     assert span.work is not None
     (start, end), way = contour.at_work, pierce_length(contour)
     length, time = work_length(contour), span.work[1] - span.work[0]
@@ -107,7 +109,7 @@ def _row(
     ]
 
 
-def _rest(contours: Sequence[tuple[Contour, Span, ErrorProfile | None]]) -> list[Any]:
+def _rest(contours: Sequence[Judged]) -> list[Any]:
     """The values of all contours that are not listed."""
     length = sum(work_length(x) for x, _, _ in contours)
     times = [end - start for start, end in (x.work or x.t for _, x, _ in contours)]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.core.render import number, number_range
 from armcontour.jobs import Job, RunResult
 from armcontour.motion import TimedEvent
 from armcontour.program import Contour, Process, Program, cut_parts
@@ -160,7 +161,7 @@ def _draw_kerf(program: Program, process: Process) -> list[Any]:
         across *= kerf / 2 / np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
         points = np.repeat(path(s[few]), 2, axis=0)
         bands.append((1e3 * (points + across), 1e3 * (points - across)))
-    kerfs = {f"{1e3 * kerf:.4g} mm" for *_, kerf in parts}
+    kerfs = {number(kerf, "m") for *_, kerf in parts}
     name = f"kerf, {kerfs.pop()}" if len(kerfs) == 1 else "kerf"
     look = {"name": name, "showlegend": True, "hoverinfo": "skip"}
     if program.dimension == 2:
@@ -214,7 +215,7 @@ def _starts(
         x, span = program.contours[k], spans[k]
         said = f"contour {k + 1}" + (f": {escape(x.name)}" if x.name else "")
         said += f"<br>layer {escape(x.layer)}" if x.layer else ""
-        said += f"<br>{x.path.length * 1e3:.2f} mm, {span.t[0]:.3f} to {span.t[1]:.3f} s"
+        said += f"<br>{number(x.path.length, 'm')}, {number_range(span.t, 's')}"
         places = [0.0, x.path.length / 2] if len(spans) <= MOST_ARROWED else [0.0]
         found += [(x.path(s), x.path(s, 1), said) for s in places]
     if every == 1:
@@ -351,7 +352,7 @@ def _ordinal(n: int) -> str:
 def said(x: TimedEvent) -> str:
     """The hover text of an event."""
     value = {True: "on", False: "off"}[x.value] if isinstance(x.value, bool) else x.value
-    lead = "" if x.t == x.due else f", {abs(x.due - x.t) * 1e3:.4g} ms {_side(x)} the tool is there"
+    lead = "" if x.t == x.due else f", {number(abs(x.due - x.t), 's')} {_side(x)} the tool is there"
     return f"{escape(x.name)} = {escape(str(value))}<br>t = {x.t:.4f} s{lead}<br>s = {x.s:.4f} m"
 
 
