@@ -108,8 +108,8 @@ def placing(jobs):
             "limits.speed": [0.05, 0.1],
             "placement.over.x": [{"from": a, "to": b, "places": 3} for a, b in xs],
         },
-        "columns": ["place.x", "place.yaw", "place.duration", "own.duration", "gain", "places",
-                    "planned", "refused"],
+        "columns": ["best.place.x", "best.place.yaw", "best.duration", "own_place.duration",
+                    "gain", "places", "planned", "refused_places"],
     }  # fmt: skip
 
 
@@ -123,21 +123,21 @@ def test_places_are_those_of_the_jobs_alone(placing, jobs, tmp_path):
     best, own = alone.refined.verdict.duration, alone.own.duration
     got = {x: want[0][x] for x in placing["columns"]}
     assert got == {
-        "place.x": alone.best.values["x"],
-        "place.yaw": None,
-        "place.duration": best,
-        "own.duration": own,
+        "best.place.x": alone.best.values["x"],
+        "best.place.yaw": None,
+        "best.duration": best,
+        "own_place.duration": own,
         "gain": 1 - best / own,
         "places": 3.0,
         "planned": float(alone.planned),
-        "refused": 0.0,
+        "refused_places": 0.0,
     }
     # The usual figures have a page; nothing is varied along z.
     usual = {key: x for key, x in placing.items() if key != "columns"}
     row = ac.batch(usual, tmp_path / "usual", workers=0).rows[0]
-    assert row["place.x"] is not None and row["place.z"] is None
+    assert row["best.place.x"] is not None and row["best.place.z"] is None
     page = (tmp_path / "usual" / "report.html").read_text()
-    assert "place.duration" in page and "gain" in page and "place.z" not in page
+    assert "best.duration" in page and "gain" in page and "best.place.z" not in page
 
 
 class Stop(Exception):

@@ -50,7 +50,7 @@ def place_at_last_cell(studio, cells, fields=None):
 def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
     with studio.changing():
         studio.type("limits.speed", "0.05 m/s")
-    slow, error = studio.figure("duration"), studio.figure("rms")
+    slow, error = studio.figure("duration"), studio.figure("contour_error.rms")
     agree(studio, judge(studio))
     row = studio.slider("limits.speed").locator("input[type=range]")
     box = row.bounding_box()
@@ -61,16 +61,16 @@ def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
         studio.page.mouse.move(box["x"] + 8 + place * (box["width"] - 16), y)
         studio.page.mouse.down()
         for k in range(1, 6):
-            shown = studio.told("[data-figure=rms]", "value")
+            shown = studio.told("[data-figure='contour_error.rms']", "value")
             studio.page.mouse.move(box["x"] + 8 + (place + 0.02 * k) * (box["width"] - 16), y)
-            studio.wait_for(f'[data-figure=rms]:not([data-value="{shown}"])')
-            seen.add(studio.figure("rms"))
+            studio.wait_for(f'[data-figure="contour_error.rms"]:not([data-value="{shown}"])')
+            seen.add(studio.figure("contour_error.rms"))
         studio.page.mouse.up()
     assert len(seen) >= 4, "the error of the executed tool is to follow"
     found = judge(studio)
     agree(studio, found)
     assert found.trajectory.duration < slow
-    assert studio.figure("rms") != error
+    assert studio.figure("contour_error.rms") != error
 
 
 def test_no_sweep_begins_beside_a_slider_that_is_held(studio):
@@ -144,7 +144,7 @@ def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tm
         written = summary["runs"]["optimal"]
         assert studio.figure("duration") == pytest.approx(written["duration"], abs=EXACT)
         rms = written["contour_error"]["rms"]
-        assert studio.figure("rms") == pytest.approx(rms, abs=EXACT)
+        assert studio.figure("contour_error.rms") == pytest.approx(rms, abs=EXACT)
         # Another program changes the file: neither side is lost.
         file.write_bytes(original)
         with studio.changing():
@@ -254,11 +254,11 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
         studio.drag(box, (480, 0))
     found = judge(studio, "optimal")
     agree(studio, found)
-    least = studio.figure("clearance")
+    least = studio.figure("clearance.low")
     assert least == pytest.approx(found.clearance.low, abs=EXACT)
     with studio.changing():
         studio.drag(box, (-120, 0))
-    assert studio.figure("clearance") < least
+    assert studio.figure("clearance.low") < least
     with studio.renewing():
         studio.drag(box, (-360, 0))
     studio.wait("body", refused="true")
