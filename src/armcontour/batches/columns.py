@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from armcontour._text import suggest
+from armcontour.core.result import Row
 from armcontour.errors import InvalidInput
 from armcontour.jobs.axes import UNITS
 
@@ -119,7 +120,7 @@ def figures_of(found: Any, names: Iterable[str], work: str) -> tuple[float | Non
     """
     from armcontour.jobs.results import judging_rows
 
-    rows = []
+    rows: list[Row] = []
     if work != PLACE:
         rows += judging_rows(found.result if work == CERTIFY else found)
     if work in (CERTIFY, PLACE):

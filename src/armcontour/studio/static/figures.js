@@ -1,4 +1,4 @@
-// The figures on top: cycle time, verdict, errors, saturation, clearance.
+// The figures on top: verdict, cycle time, errors, saturation, clearance.
 
 import { find, make, mark, say } from "./dom.js";
 import { NONE } from "./format.js";
@@ -11,9 +11,9 @@ import { nowAndThen, oncePerFrame, READING } from "./state.js";
 const SPOKEN_EVERY = 1000; // ms
 /** Explanations of figures by their names, in their order. @type {Record<string, string>} */
 const FIGURES = {
-  duration: "Duration of the planned motion",
   off_drawing: "Largest distance of the executed tool from the drawing: rounding of corners and servo",
   kept: "Whether corners and contour error are within what the job allows",
+  duration: "Duration of the planned motion",
   "contour_error.rms": "Of the executed tool from the path, simulated with the servo",
   "contour_error.max": "Of the executed tool from the path, simulated with the servo",
   demand_ratio: "Largest share of a joint's limit that the executed motion takes",
