@@ -32,7 +32,7 @@ def lines() -> list[Line]:
 
 def _plan() -> Pair:
     _, path, limits = next(judge.splines())
-    ours = timed(lambda: ac.plan(path, limits=limits, intervals=CELLS))
+    ours = timed(lambda: ac.plan(path, limits=limits, options=ac.Optimal(intervals=CELLS)))
     return Pair(ours, timed(reference.work))
 
 
@@ -45,7 +45,10 @@ def _against_ipopt() -> Pair:
         bounds = judge.Bounds.of(limits, path.dof)
         return judge.solve(path, bounds, (judge.CELLS[0], CELLS))
 
-    return Pair(timed(lambda: ac.plan(path, limits=limits, intervals=CELLS)), timed(ipopt))
+    return Pair(
+        timed(lambda: ac.plan(path, limits=limits, options=ac.Optimal(intervals=CELLS))),
+        timed(ipopt),
+    )
 
 
 def _many() -> Pair:
@@ -56,4 +59,4 @@ def _long(cells: int) -> ac.Trajectory:
     """The plan of a spline through many waypoints."""
     way = np.random.default_rng(0).uniform(-1.5, 1.5, (WAYPOINTS, len(judge.VELOCITY)))
     path = ac.JointPath.spline(way, np.arange(WAYPOINTS))
-    return ac.plan(path, limits=judge.limits_of(10.0), intervals=cells)
+    return ac.plan(path, limits=judge.limits_of(10.0), options=ac.Optimal(intervals=cells))

@@ -77,7 +77,11 @@ def plan(points: int) -> ac.Trajectory:
     """Our plan, spline included."""
     limits = ac.Limits(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
     arm = SimpleNamespace(dof=JOINTS, limits=limits)
-    return ac.plan(ac.JointPath.spline(WAY, AT), arm, grid=np.linspace(0, 1, points))
+    return ac.plan(
+        ac.JointPath.spline(WAY, AT),
+        arm,
+        options=ac.Optimal(grid=np.linspace(0, 1, points)),
+    )
 
 
 def _against_python(points: int) -> Pair:

@@ -80,7 +80,7 @@ def _planned(objective: ac.Path, arm: ac.Arm, limits: ac.Limits) -> tuple[ac.Pat
 
 
 def _executed(arm: ac.Arm, limits: ac.Limits, plan: ac.Trajectory) -> ac.Execution:
-    taught = ac.compensate(plan, SERVO, method="pole_placement", period=PERIOD)
+    taught = ac.compensate(plan, SERVO, ac.PolePlacement(), period=PERIOD)
     return ac.execute(taught, ac.ServoPlant(arm, SERVO, limits))
 
 

@@ -80,7 +80,7 @@ def wavy() -> FloatArray:
 def plan(points: FloatArray, arm: ac.Arm, limits: ac.Limits) -> ac.Trajectory:
     """Everything, from the points to the law."""
     rounded = ac.round_corners(ac.Path.polyline(points), tolerance=TOLERANCE)
-    return ac.plan(rounded, arm, limits, method="optimal")
+    return ac.plan(rounded, arm, limits, ac.Optimal())
 
 
 def toppra_solver(points: FloatArray, arm: ac.Arm, limits: ac.Limits) -> Callable[[], float]:

@@ -113,7 +113,7 @@ def _pair(
     found: list[ac.Trajectory] = []
 
     def shape() -> None:
-        found[:] = [ac.plan(path, arm, limits, method="shaped", **options)]
+        found[:] = [ac.plan(path, arm, limits, ac.Shaped(**options))]
 
     def notes() -> list[str]:
         arcs = ac.plan(ac.round_corners(path, tolerance=options["tolerance"]), arm, limits)
@@ -133,7 +133,7 @@ def _long() -> Pair:
 
     def shape(corners: int) -> ac.Trajectory:
         path = ac.Path.polyline(wander(corners))
-        return ac.plan(path, arm, limits, method="shaped", tolerance=LONG_TOLERANCE)
+        return ac.plan(path, arm, limits, ac.Shaped(tolerance=LONG_TOLERANCE))
 
     # Shaping many corners is warm after few.
     shape(SHORT)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 from armcontour.robustness.monte_carlo import Box, spread
 from benchmarks import reference
 from benchmarks.measured import Bar, Line, Pair, timed
@@ -34,8 +35,8 @@ def _pair(method: str) -> Pair:
     arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0)
     limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
     path = ac.round_corners(ac.Path.polyline(POINTS), tolerance=5e-3, acceleration=0.09)
-    plan = ac.plan(path, arm, limits, method="mac", knots=600)
-    taught = ac.compensate(plan, servo, method=method, period=PERIOD)
+    plan = ac.plan(path, arm, limits, ac.Paper(knots=600))
+    taught = ac.compensate(plan, servo, METHODS[method](), period=PERIOD)
     options = {"samples": SAMPLES, "threads": CORES}
 
     def ours() -> object:

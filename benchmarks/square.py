@@ -166,7 +166,7 @@ def plan(
 ) -> ac.Trajectory:
     """Our plan, rounding included."""
     rounded = ac.round_corners(path, tolerance=ur5e.CORNER_ERROR)
-    return ac.plan(rounded, arm, limits, start=start)
+    return ac.plan(rounded, arm, limits, ac.Optimal(start=start))
 
 
 @cache

@@ -44,7 +44,7 @@ def _prepare() -> Pair:
     grid = np.linspace(0, 1, POINTS)
 
     def ours() -> ac.Trajectory:
-        return ac.plan(ac.JointPath.spline(WAY, AT), arm, limits, grid=grid)
+        return ac.plan(ac.JointPath.spline(WAY, AT), arm, limits, ac.Optimal(grid=grid))
 
     theirs = toppra_planner(arm, limits, AT, WAY)
 

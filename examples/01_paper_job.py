@@ -7,9 +7,9 @@ objective = ac.Path.polyline([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0
 rounded = ac.round_corners(objective, tolerance=5e-3)
 limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
 
-planned = ac.plan(rounded, arm, limits, method="mac", knots=600)
+planned = ac.plan(rounded, arm, limits, ac.Paper(knots=600))
 servo = ac.ServoModel(kp=25.0, kv=150.0)
-taught = ac.compensate(planned, servo, method="pole_placement", period=4e-3)
+taught = ac.compensate(planned, servo, ac.PolePlacement(), period=4e-3)
 executed = ac.execute(taught, ac.ServoPlant(arm, servo))
 result = ac.evaluate(executed, rounded, objective=objective, limits=limits)
 

@@ -13,13 +13,14 @@ slot = ac.Path.from_segments(
     ]
 )
 limits = arm.limits.replace(speed=0.10, centripetal_acceleration=0.05)
-planned = ac.plan(slot, arm, limits, method="mac")
+planned = ac.plan(slot, arm, limits, ac.Paper())
 servo = ac.ServoModel(kp=[25.0, 20.0], kv=150.0)
 errors = {}
-for method in ("none", "pole_placement"):
-    taught = ac.compensate(planned, servo, method=method, period=1e-3)
+for options in (ac.NoCompensation(), ac.PolePlacement()):
+    taught = ac.compensate(planned, servo, options, period=1e-3)
     executed = ac.execute(taught, ac.ServoPlant(arm, servo))
-    error = errors[method] = ac.evaluate(executed, slot, limits=limits).contour_error
+    error = errors[taught.method] = ac.evaluate(executed, slot, limits=limits).contour_error
     print(
-        f"{method:15s} contour error {error.rms * 1e3:.4f} mm RMS, {error.max * 1e3:.4f} mm at most"
+        f"{taught.method:15s} contour error {error.rms * 1e3:.4f} mm RMS, "
+        f"{error.max * 1e3:.4f} mm at most"
     )

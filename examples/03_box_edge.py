@@ -17,17 +17,17 @@ rounded = ac.round_corners(objective, tolerance=2e-3, angular_tolerance=np.radia
 limits = arm.limits.replace(speed=0.2, joint_acceleration=0.8 * arm.limits.joint_acceleration)
 
 # Elbow up: left to itself, plan takes the fastest configuration, and looks for no collisions.
-planned = ac.plan(rounded, arm, limits, start=(0.0, -1.1, -2.4, -0.8, 1.6, 1.5))
+planned = ac.plan(rounded, arm, limits, ac.Optimal(start=(0.0, -1.1, -2.4, -0.8, 1.6, 1.5)))
 explanation = ac.explain(planned, arm, limits)
 print(f"{rounded.length * 1e3:.0f} mm in {planned.duration:.3f} s")
 for place in explanation.shortfalls:
     print(f"  {place.kind}: {place.sentence}")
 servo = ac.ServoModel(kp=25.0, kv=150.0)
-for method in ("none", "pole_placement", "inverse_dynamics"):
-    taught = ac.compensate(planned, servo, method=method, period=4e-3, arm=arm)
+for options in (ac.NoCompensation(), ac.PolePlacement(), ac.InverseDynamics()):
+    taught = ac.compensate(planned, servo, options, period=4e-3, arm=arm)
     for plant in (ac.ServoPlant(arm, servo), ac.RigidBodyPlant(arm, servo)):
         error = ac.evaluate(ac.execute(taught, plant), rounded, objective=objective).contour_error
         print(
-            f"{method:16s} {type(plant).__name__:14s} contour error {error.rms * 1e3:.4f} mm RMS, "
-            f"{error.max * 1e3:.4f} mm at most"
+            f"{taught.method:16s} {type(plant).__name__:14s} contour error "
+            f"{error.rms * 1e3:.4f} mm RMS, {error.max * 1e3:.4f} mm at most"
         )

@@ -14,8 +14,6 @@ job = ac.Job(
     runs=(
         ac.Run(
             name="slot",
-            timing="optimal",
-            compensation="inverse",
             limits=arm.limits.replace(speed=0.12, centripetal_acceleration=0.09),
             rounding=ac.Rounding(tolerance=2e-3),
             period=4e-3,

@@ -29,8 +29,8 @@ def cut(asked: ac.Process) -> ac.TaughtData:
     objective = ac.prepare(gasket, asked)
     program = ac.round_corners(objective, tolerance=2e-4)
     # A tenth of the joints' acceleration is left to the servo.
-    planned = ac.plan(program, arm, limits, reserve=0.1)
-    taught = ac.compensate(planned, servo, method="inverse", period=4e-3)
+    planned = ac.plan(program, arm, limits, ac.Optimal(reserve=0.1))
+    taught = ac.compensate(planned, servo, ac.Inverse(), period=4e-3)
     executed = ac.execute(taught, ac.ServoPlant(arm, servo))
     found = ac.evaluate(executed, program, objective=objective, limits=limits)
     worst = max(found.contours, key=lambda x: x.max)

@@ -19,7 +19,7 @@ loaded = arm.with_dynamics(
 )
 real = servo.replace(kp=[25.0, 24.0, 26.0, 23.0, 25.0, 25.5])
 
-taught = ac.compensate(planned, servo, method="inverse_dynamics", period=4e-3, arm=arm)
+taught = ac.compensate(planned, servo, ac.InverseDynamics(), period=4e-3, arm=arm)
 errors = []
 for run in range(1, 4):
     robot = ac.RigidBodyPlant(loaded, real, known=arm, noise=1e-5, seed=run)

@@ -13,7 +13,7 @@ corner = ac.Path.polyline([(0.30, 0.20), (0.36, 0.20), (0.36, 0.24)])
 path = ac.round_corners(corner, tolerance=2e-3)
 limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
 planned = ac.plan(path, arm, limits)
-taught = ac.compensate(planned, servo, method="inverse_dynamics", period=4e-3, arm=arm)
+taught = ac.compensate(planned, servo, ac.InverseDynamics(), period=4e-3, arm=arm)
 
 
 def write_log(file: Path, executed: ac.Execution, seed: int) -> None:

@@ -6,7 +6,7 @@ import armcontour as ac
 def compare(name, objective, arm, limits, tolerance, **options):
     """Print the least times of arcs and of the shaped path; return the shaped motion."""
     arcs = ac.plan(ac.round_corners(objective, tolerance=tolerance), arm, limits)
-    shaped = ac.plan(objective, arm, limits, method="shaped", tolerance=tolerance, **options)
+    shaped = ac.plan(objective, arm, limits, ac.Shaped(tolerance=tolerance, **options))
     outcome = shaped.path.outcome
     print(
         f"{name}: {shaped.duration:.2f} s, arcs take {arcs.duration:.2f} s; "
@@ -23,7 +23,7 @@ compare("5 mm, lines 0.1 mm", objective, arm, limits, 5e-3, line_tolerance=1e-4,
 planned = compare("5 mm", objective, arm, limits, 5e-3)
 
 servo = ac.ServoModel(kp=25.0, kv=150.0)
-taught = ac.compensate(planned, servo, method="inverse_dynamics", period=4e-3, arm=arm)
+taught = ac.compensate(planned, servo, ac.InverseDynamics(), period=4e-3, arm=arm)
 executed = ac.execute(taught, ac.RigidBodyPlant(arm, servo))
 for name, path in (("shaped", planned.path), ("objective", objective)):
     error = ac.evaluate(executed, path).contour_error

@@ -16,7 +16,7 @@ def show(name, path, limits):
     jerk = np.abs(planned(inside, 3)).max()
     samples = planned(np.arange(0.0, planned.duration, PERIOD))
     thirds = np.abs(np.diff(samples, 3, axis=0)).max() / PERIOD**3
-    taught = ac.compensate(planned, servo, method="inverse", period=PERIOD)
+    taught = ac.compensate(planned, servo, ac.Inverse(), period=PERIOD)
     seconds = np.abs(np.diff(taught.q, 2, axis=0)).max() / PERIOD**2
     executed = ac.execute(taught, ac.ServoPlant(arm, servo))
     error = ac.evaluate(executed, path).contour_error

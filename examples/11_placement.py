@@ -10,8 +10,6 @@ path = ac.Path.polyline((0.40, -0.05, 0.20) + 0.1 * square).pointing((0.0, 0.0, 
 servo = ac.ServoModel(kp=25.0, kv=150.0)
 run = ac.Run(
     name="square",
-    timing="optimal",
-    compensation="inverse",
     limits=arm.limits.replace(speed=0.25, joint_acceleration=8.0),
     rounding=ac.Rounding(tolerance=1e-3),
     period=4e-3,

@@ -36,9 +36,9 @@ for joint in found.joints:
 corner = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20), (0.40, 0.30)])
 path = ac.round_corners(corner, tolerance=2e-3)
 limits = arm.limits.replace(speed=0.1, centripetal_acceleration=0.05)
-planned = ac.plan(path, arm, limits, reserve=0.1)
+planned = ac.plan(path, arm, limits, ac.Optimal(reserve=0.1))
 errors = {}
 for name, servo in (("data sheet", data_sheet), ("identified", found.servo_model())):
-    taught = ac.compensate(planned, servo, method="inverse", period=4e-3)
+    taught = ac.compensate(planned, servo, ac.Inverse(), period=4e-3)
     error = errors[name] = ac.evaluate(ac.execute(taught, robot), path).contour_error
     print(f"{name}: contour error {error.rms * 1e3:.4f} mm RMS, {error.max * 1e3:.4f} mm at most")

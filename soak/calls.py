@@ -91,9 +91,9 @@ def right() -> dict[str, Any]:
     objective = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20), (0.33, 0.23)])
     path = ac.round_corners(objective, tolerance=1e-3)
     joint_path = ac.trace(path, arm)
-    trajectory = ac.plan(joint_path, arm, limits, intervals=100)
-    slow = ac.plan(joint_path, arm, limits.replace(speed=0.02), intervals=100)
-    taught = ac.compensate(trajectory, servo, method="none", period=0.01)
+    trajectory = ac.plan(joint_path, arm, limits, ac.Optimal(intervals=100))
+    slow = ac.plan(joint_path, arm, limits.replace(speed=0.02), ac.Optimal(intervals=100))
+    taught = ac.compensate(trajectory, servo, ac.NoCompensation(), period=0.01)
     plant = ac.ServoPlant(arm, servo, limits)
     executed = ac.execute(taught, plant)
     known = arm.with_dynamics(armature=0.1, payload=ac.Payload(mass=0.5))
@@ -110,6 +110,7 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
     learned = {"taught": x["taught"], "executed": x["executed"], "arm": x["arm"]}
     robot = {"taught": x["taught"], "path": x["path"], **on, "servo": x["servo"]}
     robot["box"] = robustness.Box(dead_time=1e-3)
+    shaped = ac.Shaped(tolerance=1e-3, iterations=1)
     return [
         (ac.arm_names, {}),
         (ac.batch, {"plan": "plan.yaml", "out": "out", "workers": 0}),
@@ -117,8 +118,8 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.check, {"samples": x["trajectory"], **on}),
         (ac.check, {"samples": x["trajectory"].sample(0.01), **on}),
         (ac.check_clearance, {"motion": x["trajectory"], "arm": x["arm"]}),
-        *((ac.compensate, {"trajectory": x["slow"], "servo": x["servo"], "method": m, **on})
-          for m in ("none", "inverse", "pole_placement")),
+        *((ac.compensate, {"trajectory": x["slow"], "servo": x["servo"], "options": m, **on})
+          for m in (ac.NoCompensation(), ac.Inverse(), ac.PolePlacement())),
         (ac.evaluate, {"executed": x["executed"], "path": x["path"]}),
         (ac.execute, {"taught": x["taught"], "plant": x["plant"]}),
         (ac.explain, {"trajectory": x["trajectory"], **on}),
@@ -128,12 +129,11 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.learn, learned | {"servo": x["servo"]}),
         (ac.load_arm, {"name": "pmk3s"}),
         (ac.place, {"job": x["job"]}),
-        (ac.plan, {"path": x["path"], **on, "intervals": 100}),
-        (ac.plan, {"path": x["joint_path"], **on, "intervals": 100}),
-        (ac.plan, {"path": x["straight"], **on, "method": "conventional"}),
-        (ac.plan, {"path": x["straight"], **on, "method": "mac", "knots": 10}),
-        (ac.plan, {"path": x["objective"], **on, "method": "shaped", "tolerance": 1e-3,
-                   "iterations": 1}),
+        (ac.plan, {"path": x["path"], **on, "options": ac.Optimal(intervals=100)}),
+        (ac.plan, {"path": x["joint_path"], **on, "options": ac.Optimal(intervals=100)}),
+        (ac.plan, {"path": x["straight"], **on, "options": ac.Conventional()}),
+        (ac.plan, {"path": x["straight"], **on, "options": ac.Paper(knots=10)}),
+        (ac.plan, {"path": x["objective"], **on, "options": shaped}),
         (ac.prepare, {"program": x["path"], "process": ac.Process()}),
         (ac.read_job, {"file": "bend.yaml"}),
         (ac.read_log, {"file": "log.csv"}),
@@ -141,7 +141,7 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.read_trajectory, {"file": "motion.csv"}),
         (ac.round_corners, {"path": x["objective"], "tolerance": 1e-3}),
         (ac.run, {"job": x["job"]}),
-        (ac.shape, {"path": x["objective"], **on, "tolerance": 1e-3, "iterations": 1}),
+        (ac.shape, {"path": x["objective"], **on, "options": shaped}),
         (ac.smooth_curvature, {"path": x["path"], "tolerance": 1e-5}),
         (ac.stand_still, {"q": np.zeros(2), "duration": 1.0}),
         (ac.sweep, {"job": x["job"], "tolerances": [2e-3]}),
@@ -165,7 +165,11 @@ def plan_with(coefficients: Any) -> ac.Trajectory:
     """A plan with a constraint that has these coefficients."""
     x = right()
     constraint = SecondOrder("own", coefficients, [-0.05], [0.05])
-    return ac.plan(x["joint_path"], x["arm"], intervals=100, constraints=[constraint])
+    return ac.plan(
+        x["joint_path"],
+        x["arm"],
+        options=ac.Optimal(intervals=100, constraints=[constraint]),
+    )
 
 
 def instances() -> Iterator[Any]:
@@ -188,6 +192,8 @@ def instances() -> Iterator[Any]:
     yield ac.Obstacle(name="ball", shape=scene.Sphere(radius=0.1))
     yield SecondOrder("own", nothing, [-0.05], [0.05])
     yield robustness.Box(dead_time=1e-3)
+    yield from (ac.Optimal(), ac.Shaped(tolerance=1e-3), ac.Paper(), ac.Conventional())
+    yield from (ac.Inverse(), ac.PolePlacement(), ac.InverseDynamics(), ac.NoCompensation())
     yield from (
         ac.ReadOptions(units="mm"),
         ac.ArmOptions(tip="t"),
@@ -206,7 +212,7 @@ def instances() -> Iterator[Any]:
     yield from (judged, judged.uses[0])
     yield ac.evaluate(x["executed"], x["path"])
     yield ac.RigidBodyPlant(x["known"], x["servo"])
-    yield ac.shape(x["objective"], x["arm"], x["limits"], tolerance=1e-3, iterations=1)
+    yield ac.shape(x["objective"], x["arm"], x["limits"], ac.Shaped(tolerance=1e-3, iterations=1))
     lesson = ac.learn(x["taught"], x["executed"], arm=x["arm"], servo=x["servo"])
     yield from (lesson, lesson.runs[0])
     yield ac.explain(x["trajectory"], x["arm"], x["limits"])

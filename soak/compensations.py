@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 from soak import Outcome
 
-METHODS = ("none", "inverse", "pole_placement", "inverse_dynamics")
+NAMES = ("none", "inverse", "pole_placement", "inverse_dynamics")
 KP, KV, PERIOD = 25.0, 150.0, 4e-3
 # Gains of robots are within this share of the nominal ones; so many are drawn.
 GAINS, DRAWN = 0.2, 6
@@ -42,7 +43,7 @@ def run(seed: int) -> Outcome:
         return Outcome(kind=name, result="not planned")
     errors = []
     for method in ("none", None):
-        taught = ac.compensate(plan, servo, method=method, arm=arm, period=PERIOD)
+        taught = ac.compensate(plan, servo, METHODS[method](), arm=arm, period=PERIOD)
         done = ac.execute(taught, ac.RigidBodyPlant(arm, servo))
         errors.append(ac.evaluate(done, path).contour_error)
     none, default = errors
@@ -66,7 +67,7 @@ def rows(reserve: float) -> Iterator[str]:
     limits = {"speed": 0.1, "centripetal_acceleration": 1.0}
     plan = ac.plan(path, arm, arm.limits.replace(joint_acceleration=allowed, **limits))
     nominal = ac.ServoModel(kp=KP, kv=KV)
-    taught = [ac.compensate(plan, nominal, method=x, period=PERIOD, arm=arm) for x in METHODS]
+    taught = [ac.compensate(plan, nominal, METHODS[x](), period=PERIOD, arm=arm) for x in NAMES]
     loaded = arm.with_dynamics(payload=ac.Payload(mass=0.2, center=(0.0, 0.0, 0.05)))
     rough = arm.with_dynamics(coulomb=1.0, viscous=1.0)
     robots: dict[str, list[ac.ServoModel]] = {
@@ -107,8 +108,8 @@ def delayed(servo: ac.ServoModel, delay: float) -> ac.ServoModel:
 def main() -> None:
     """Print the table."""
     warnings.simplefilter("ignore")
-    print("| judged on | reserve | robot | " + " | ".join(f"`{x}`" for x in METHODS) + " |")
-    print("|---|---|---|" + "---|" * len(METHODS))
+    print("| judged on | reserve | robot | " + " | ".join(f"`{x}`" for x in NAMES) + " |")
+    print("|---|---|---|" + "---|" * len(NAMES))
     for reserve in (0.0, 0.02, 0.1):
         for row in rows(reserve):
             print(row, flush=True)

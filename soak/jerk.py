@@ -411,7 +411,7 @@ def _tool_limits(rng: Random, arm: Any, path: ac.JointPath) -> ac.Limits:
         "joint_acceleration": acceleration,
         "joint_jerk": factor * acceleration,
     }
-    plain = ac.plan(path, arm, ac.Limits.only(**wanted), intervals=200)
+    plain = ac.plan(path, arm, ac.Limits.only(**wanted), ac.Optimal(intervals=200))
     tool = Tool(arm, Sampled(plain.laws[0], 3))
     names = TOOL + (ANGULAR if arm.dimension == 3 else ())
     for name in names:
@@ -552,7 +552,7 @@ def judge_tool(planned: ac.Trajectory, arm: Any, limits: ac.Limits) -> tuple[lis
 def run_tool(seed: int) -> Outcome:
     """Plan and judge the problem of a seed that has limits of the tool."""
     problem = draw_tool(seed)
-    planned = ac.plan(problem.path, problem.arm, problem.limits, **problem.options)
+    planned = ac.plan(problem.path, problem.arm, problem.limits, ac.Optimal(**problem.options))
     notes, worst = judge_tool(planned, problem.arm, problem.limits)
     return Outcome(kind=problem.kind, result="planned", notes=notes, worst=worst)
 

@@ -71,7 +71,7 @@ def task(name):
             speed=0.25,
         )
     plan = ac.plan(path, arm, limits.for_joints(arm.dof))
-    taught = ac.compensate(plan, SERVO, method="inverse")
+    taught = ac.compensate(plan, SERVO, ac.Inverse())
     return Task(arm, path, taught, SLOW if name == "pmk3s" else ACCELERATION)
 
 

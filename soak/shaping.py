@@ -319,16 +319,14 @@ def time_rivals(planned: ac.Trajectory, problem: Problem) -> dict[str, float]:
         if name != "stops" and "zone" in problem.options:
             continue
         try:
-            found[name] = ac.plan(path, problem.arm, problem.limits, **options).duration
+            found[name] = ac.plan(path, problem.arm, problem.limits, ac.Optimal(**options)).duration
         except ac.ArmContourError:
             continue
     return found
 
 
 def _plan(problem: Problem) -> ac.Trajectory:
-    return ac.plan(
-        problem.objective, problem.arm, problem.limits, method="shaped", **problem.options
-    )
+    return ac.plan(problem.objective, problem.arm, problem.limits, ac.Shaped(**problem.options))
 
 
 def judge(planned: ac.Trajectory, problem: Problem) -> list[str]:

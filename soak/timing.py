@@ -299,7 +299,7 @@ def answer(problem: Any, judge: Callable[..., Any]) -> tuple[str, list[str], flo
     # Each end's speed may be refused once, and what is then said to be allowed can be had.
     for _ in range(3):
         try:
-            planned = ac.plan(problem.path, problem.arm, problem.limits, **options)
+            planned = ac.plan(problem.path, problem.arm, problem.limits, ac.Optimal(**options))
         except ac.NotRealizable as error:
             refused = str(error)
             if error.limit is None and _least_duration(problem) > LONGEST:

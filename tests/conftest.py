@@ -186,13 +186,13 @@ def traced(rounded: ac.RoundedPath, arm: ac.PlanarTwoLink) -> ac.JointPath:
 @pytest.fixture(scope="session")
 def mac(traced: ac.JointPath, arm: ac.PlanarTwoLink, limits: ac.Limits) -> ac.Trajectory:
     """The paper's job, planned by the paper's method with 600 knots a line."""
-    return ac.plan(traced, arm, limits, method="mac", knots=600)
+    return ac.plan(traced, arm, limits, ac.Paper(knots=600))
 
 
 @pytest.fixture(scope="session")
 def conventional(objective: ac.Path, arm: ac.PlanarTwoLink, limits: ac.Limits) -> ac.Trajectory:
     """The paper's job by the conventional method, at 0.04 m/s."""
-    return ac.plan(objective, arm, limits.replace(speed=0.04), method="conventional")
+    return ac.plan(objective, arm, limits.replace(speed=0.04), ac.Conventional())
 
 
 @pytest.fixture(scope="session")

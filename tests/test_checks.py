@@ -106,7 +106,7 @@ def pickled(x):
 def test_copies_are_locked_as_what_was_copied(copied, objective, arm, limits, servo, conventional):
     rounded = ac.round_corners(objective, tolerance=5e-3)
     planned = ac.plan(rounded, arm, limits)
-    taught = ac.compensate(conventional, servo, method="none")
+    taught = ac.compensate(conventional, servo, ac.NoCompensation())
     plant = ac.ServoPlant(arm, servo.for_joints(2), limits)
     executed = ac.execute(taught, plant)
     space = ac.load_arm("ur5e", payload=ac.Payload(mass=1.0))

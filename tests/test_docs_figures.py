@@ -18,16 +18,17 @@ ARM = ac.load_arm("pmk3s")
 OBJECTIVE = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3), (0.35, 0.35)])
 ROUNDED = ac.round_corners(OBJECTIVE, tolerance=5e-3)
 LIMITS = ARM.limits.replace(speed=0.15, centripetal_acceleration=0.09)
+INVERSE = ac.Inverse()
 
 
 @pytest.fixture(scope="module")
 def plans():
     """Plans by their reserve."""
-    return {x: ac.plan(ROUNDED, ARM, LIMITS, reserve=x) for x in (0.0, 0.005, 0.02)}
+    return {x: ac.plan(ROUNDED, ARM, LIMITS, ac.Optimal(reserve=x)) for x in (0.0, 0.005, 0.02)}
 
 
-def executed(plan, servo=SERVO, bodies=False, **how):
-    taught = ac.compensate(plan, SERVO, period=PERIOD, **how)
+def executed(plan, options=INVERSE, servo=SERVO, bodies=False, arm=None):
+    taught = ac.compensate(plan, SERVO, options, period=PERIOD, arm=arm)
     plant = ac.RigidBodyPlant(ARM, servo) if bodies else ac.ServoPlant(ARM, servo, LIMITS)
     return ac.execute(taught, plant)
 
@@ -55,16 +56,16 @@ def page(name):
 
 
 def test_the_table_of_the_readme_is_what_is_computed(plans):
-    slow = ac.plan(OBJECTIVE, ARM, LIMITS.replace(speed=0.04), method="conventional")
+    slow = ac.plan(OBJECTIVE, ARM, LIMITS.replace(speed=0.04), ac.Conventional())
     kept, full = plans[0.02], plans[0.0]
     rows = [
-        (slow, errors(slow, OBJECTIVE, method="none")),
-        (kept, errors(kept, method="none")),
+        (slow, errors(slow, OBJECTIVE, options=ac.NoCompensation())),
+        (kept, errors(kept, options=ac.NoCompensation())),
         (kept, errors(kept)),
         (kept, errors(kept, servo=OTHER)),
         (full, errors(full, servo=OTHER)),
         (kept, errors(kept, bodies=True)),
-        (kept, errors(kept, bodies=True, arm=ARM, method="inverse_dynamics")),
+        (kept, errors(kept, bodies=True, arm=ARM, options=ac.InverseDynamics())),
     ]
     lines = [x for x in page("README.md").splitlines() if " s | " in x]
     for (plan, found), line in zip(rows, lines, strict=True):
@@ -93,8 +94,8 @@ def test_figures_without_a_reserve(plans):
         *errors(plans[0.0]),
         *errors(plans[0.0], servo=OTHER),
         *(OTHER.kp, OTHER.kv),
-        *errors(plans[0.0], method="pole_placement"),
-        *errors(plans[0.0], servo=OTHER, method="pole_placement"),
+        *errors(plans[0.0], options=ac.PolePlacement()),
+        *errors(plans[0.0], servo=OTHER, options=ac.PolePlacement()),
     ]
     is_printed(found, numbers(text))
 
@@ -105,7 +106,7 @@ def test_the_table_of_poles(plans):
         pole, norm, *printed = numbers(line.replace(")^3", ""))
         poles = [float(pole)] * 3
         is_printed([float(pole_behaviour(SERVO, poles).demand[0])], [norm])
-        done = executed(plans[0.0], method="pole_placement", poles=poles)
+        done = executed(plans[0.0], options=ac.PolePlacement(poles=poles))
         error = ac.evaluate(done, ROUNDED).contour_error
         demand = abs(done.demand).max(axis=0)
         is_printed([*demand, error.rms * 1e3, error.max * 1e3], printed)

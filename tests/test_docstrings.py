@@ -15,15 +15,12 @@ import armcontour as ac
 from armcontour._describing import MOST_LINES, line_up
 from armcontour.identification.identification import DRIVE_CYCLE, LONGEST_DELAY
 from armcontour.io import parse_job
-from armcontour.io.job_model import TimingModel
 from armcontour.jobs import PlaceSearch
 from armcontour.placement.judging import Verdict
 from armcontour.placement.moving import Moves
 from armcontour.placement.placement import Place
 from armcontour.scene.scene import MARGINS
 from armcontour.timing.grid import DEFAULT_INTERVALS
-from armcontour.timing.jerk.task import MOST_ITERATIONS
-from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS
 
 SECTIONS = ("Args", "Attributes", "Raises")
 ENTRY = re.compile(r"(\*{0,2}\w+(?:, \*{0,2}\w+)*): *(.*)")
@@ -175,10 +172,8 @@ STATED = [
         field(ac.Goal, "saturation"),
     ),
     ("docs/concepts/programs.md", r"\| `(\w+)` \(default\) \| `inside", field(ac.Process, "order")),
-    ("docs/guides/optimal.md", r"The method `(\w+)` is the default", TimingModel().method),
-    ("src/armcontour/timing/planner.py", r"by default (\d+), fewer", DEFAULT_INTERVALS),
-    ("src/armcontour/timing/planner.py", r"by default (\d+) and \d+\.", MOST_ITERATIONS),
-    ("src/armcontour/timing/planner.py", r"by default \d+ and (\d+)\.", DEFAULT_ITERATIONS),
+    ("docs/guides/optimal.md", r"The method `(\w+)` is the default", ac.Optimal.method),
+    ("src/armcontour/timing/options.py", r"by default (\d+), fewer", DEFAULT_INTERVALS),
 ]
 
 

@@ -184,7 +184,7 @@ OTHERS = (None, "text", 3.5, [1, 2], {"a": 1}, np.zeros((2, 2)), object())
 # Objects among them that are right.
 TAKEN = {
     ("export", "file"): str, ("write_report", "file"): str,
-    ("Payload", "mass"): float, ("Process", "layers"): dict,
+    ("Payload", "mass"): float, ("Process", "layers"): dict, ("shape", "limits"): type(None),
 }  # fmt: skip
 
 
@@ -206,7 +206,7 @@ def test_other_objects_are_refused_in_one_sentence(
     objective, arm, limits, servo, conventional, planned, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    taught = ac.compensate(conventional, servo, method="none")
+    taught = ac.compensate(conventional, servo, ac.NoCompensation())
     plant, job = ac.ServoPlant(arm, servo, limits), built_in_job()
     parts = dict.fromkeys("lead_in lead_out switch tabs weave".split())
     parts |= {"events": (), "analog": (), "off_between": (), "by_layer": {}, "layers": {}}
@@ -215,7 +215,7 @@ def test_other_objects_are_refused_in_one_sentence(
         (ac.round_corners, (objective,), {"tolerance": 1e-3}),
         (ac.smooth_curvature, (objective,), {"tolerance": 1e-5}),
         (ac.plan, (objective, arm), {"limits": limits}),
-        (ac.shape, (objective, arm), {"limits": limits, "tolerance": 1e-3}),
+        (ac.shape, (objective, arm, limits, ac.Shaped(tolerance=1e-3)), {}),
         (ac.compensate, (conventional, servo), {"arm": arm, "limits": limits}),
         (ac.execute, (taught, plant), {}),
         (ac.evaluate, (None, objective), {"limits": limits}),

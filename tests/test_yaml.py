@@ -211,7 +211,7 @@ def test_compensation_and_execution_have_their_own_bounds():
     arm = ac.load_arm("pmk3s")
     limits = arm.limits.replace(speed=0.1)
     path = ac.Path.polyline([[0.30, 0.20], [0.34, 0.20]])
-    plan = ac.plan(path, arm, limits.replace(speed=1e-3), intervals=50)
+    plan = ac.plan(path, arm, limits.replace(speed=1e-3), ac.Optimal(intervals=50))
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     plant, taught = ac.ServoPlant(arm, servo), ac.compensate(plan, servo)
     for call, words in (
@@ -221,11 +221,11 @@ def test_compensation_and_execution_have_their_own_bounds():
         ),
         (lambda: ac.execute(taught, plant, resolution=1e-9), "The simulation of .* every 1e-09 s"),
         (
-            lambda: ac.plan(path, arm, limits, intervals=10**7),
-            "intervals must be",
+            lambda: ac.plan(path, arm, limits, ac.Optimal(intervals=10**7)),
+            "intervals of an",
         ),
         (
-            lambda: ac.compensate(plan, servo, method="pole_placement", poles=[-1e6, -1e6, -150.0]),
+            lambda: ac.compensate(plan, servo, ac.PolePlacement(poles=[-1e6, -1e6, -150.0])),
             "pole of 1e",
         ),
     ):

@@ -48,7 +48,7 @@ def draw_fig_bends() -> Figure:
 def draw_fig_evaluation() -> Figure:
     """Contour error and tracking error, on a robot with unequal gains."""
     plan = planned()
-    taught = ac.compensate(plan, SERVO, method="none", period=PERIOD)
+    taught = ac.compensate(plan, SERVO, ac.NoCompensation(), period=PERIOD)
     robot = ac.ServoPlant(ARM, SERVO.replace(kp=[25.0, 20.0]), LIMITS)
     executed = ac.execute(taught, robot)
     result = ac.evaluate(executed, ROUNDED, objective=OBJECTIVE, limits=LIMITS)

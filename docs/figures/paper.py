@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 from armcontour.timing.mac_line import Line
 
 FINE = 2e-4  # s: nearly a continuous command
@@ -41,15 +42,15 @@ class Result(NamedTuple):
 @cache
 def planned() -> ac.Trajectory:
     """The realizable trajectory."""
-    return ac.plan(ROUNDED, ARM, LIMITS, method="mac", knots=KNOTS)
+    return ac.plan(ROUNDED, ARM, LIMITS, ac.Paper(knots=KNOTS))
 
 
 @cache
 def conventional() -> Result:
     """Uniform speed along the objective path, no compensation."""
     limits = LIMITS.replace(speed=0.04)
-    trajectory = ac.plan(OBJECTIVE, ARM, limits, method="conventional")
-    taught = ac.compensate(trajectory, SERVO, method="none", period=FINE)
+    trajectory = ac.plan(OBJECTIVE, ARM, limits, ac.Conventional())
+    taught = ac.compensate(trajectory, SERVO, ac.NoCompensation(), period=FINE)
     executed = ac.execute(taught, ac.ServoPlant(ARM, SERVO, limits))
     return Result(
         executed, ac.evaluate(executed, OBJECTIVE, limits=limits, until=CONVENTIONAL_TIME)
@@ -59,7 +60,7 @@ def conventional() -> Result:
 @cache
 def proposed(method: str = "pole_placement", fill: str = "linear", period: float = FINE) -> Result:
     """The realizable trajectory, compensated, on a servo with an interpolation."""
-    taught = ac.compensate(planned(), SERVO, method=method, period=period)
+    taught = ac.compensate(planned(), SERVO, METHODS[method](), period=period)
     plant = ac.ServoPlant(ARM, SERVO.replace(interpolation=fill), LIMITS)
     executed = ac.execute(taught, plant)
     return Result(executed, ac.evaluate(executed, ROUNDED, objective=OBJECTIVE, limits=LIMITS))
@@ -167,7 +168,7 @@ def _angle(axes: Axes, at, between, radius: float, away: float, text: str) -> No
 def draw_fig05_passes() -> Figure:
     """Both passes over line 2 from rest to rest, run on beyond the assigned velocity."""
     path = ac.Path.polyline(OBJECTIVE.vertices[1:3])
-    trajectory = ac.plan(path, ARM, LIMITS, method="mac", knots=KNOTS)
+    trajectory = ac.plan(path, ARM, LIMITS, ac.Paper(knots=KNOTS))
     joint_path = ac.trace(path, ARM)
     share = np.linspace(0, 1, 1501)
     line, back = (

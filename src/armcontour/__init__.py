@@ -25,7 +25,14 @@ if TYPE_CHECKING:
     from armcontour.batches import Batch, Tally, batch
     from armcontour.certification import Certificate, certify, sweep
     from armcontour.clearance import Cell, Clearance, check_clearance
-    from armcontour.compensation import compensate
+    from armcontour.compensation import (
+        CompensationOptions,
+        Inverse,
+        InverseDynamics,
+        NoCompensation,
+        PolePlacement,
+        compensate,
+    )
     from armcontour.compensation.poles import fastest_poles
     from armcontour.errors import (
         ArmContourError,
@@ -100,7 +107,17 @@ if TYPE_CHECKING:
     from armcontour.report import write_report
     from armcontour.scene import Obstacle, Scene
     from armcontour.servo import ServoModel
-    from armcontour.timing import Explanation, explain, plan, shape
+    from armcontour.timing import (
+        Conventional,
+        Explanation,
+        Optimal,
+        Paper,
+        PlanOptions,
+        Shaped,
+        explain,
+        plan,
+        shape,
+    )
     from armcontour.tracing import trace
 
 _HOME = {
@@ -114,7 +131,14 @@ _HOME = {
     "batches": ("Batch", "Tally", "batch"),
     "certification": ("Certificate", "certify", "sweep"),
     "clearance": ("Cell", "Clearance", "check_clearance"),
-    "compensation": ("compensate",),
+    "compensation": (
+        "CompensationOptions",
+        "Inverse",
+        "InverseDynamics",
+        "NoCompensation",
+        "PolePlacement",
+        "compensate",
+    ),
     "compensation.poles": ("fastest_poles",),
     "errors": (
         "ArmContourError",
@@ -189,7 +213,17 @@ _HOME = {
     "report": ("write_report",),
     "scene": ("Obstacle", "Scene"),
     "servo": ("ServoModel",),
-    "timing": ("Explanation", "explain", "plan", "shape"),
+    "timing": (
+        "Conventional",
+        "Explanation",
+        "Optimal",
+        "Paper",
+        "PlanOptions",
+        "Shaped",
+        "explain",
+        "plan",
+        "shape",
+    ),
     "tracing": ("trace",),
 }
 __getattr__ = load_lazily("armcontour", _HOME)
@@ -207,7 +241,9 @@ __all__ = [
     "Clearance",
     "Collision",
     "CompensationError",
+    "CompensationOptions",
     "Contour",
+    "Conventional",
     "CsvFormat",
     "Demand",
     "Dwell",
@@ -220,6 +256,8 @@ __all__ = [
     "Goal",
     "Identification",
     "InvalidInput",
+    "Inverse",
+    "InverseDynamics",
     "Job",
     "JointPath",
     "Lead",
@@ -230,17 +268,22 @@ __all__ = [
     "Line",
     "Log",
     "McapFormat",
+    "NoCompensation",
     "NotRealizable",
     "NpzFormat",
     "Obstacle",
+    "Optimal",
     "Orientation",
+    "Paper",
     "Path",
     "Payload",
     "Pierce",
     "PlaceSearch",
     "Placement",
+    "PlanOptions",
     "PlanarTwoLink",
     "Plant",
+    "PolePlacement",
     "Process",
     "Program",
     "Rapid",
@@ -256,6 +299,7 @@ __all__ = [
     "SerialArm",
     "ServoModel",
     "ServoPlant",
+    "Shaped",
     "ShapedPath",
     "Study",
     "Switch",

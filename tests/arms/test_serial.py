@@ -281,7 +281,7 @@ ODD_CHAINS = (
     ({"gravity": [0, 0, np.inf]}, "gravity", "finite"),
     ({"axes": [[0, 0, 2], [0, 1, 0]]}, "unit vectors"),
     ({"armature": [-1, 0]}, "armature"),
-    ({"masses": [1, -1]}, "masses of a chain", "-1 kg at index 1"),
+    ({"masses": [1, -1]}, "link after b", "-1 kg"),
     ({"inertias": [np.eye(3), np.diag([1, 1, 3])]}, "link after b", "No body", "1, 1, 3"),
     ({"inertias": [np.triu(np.ones((3, 3))), np.eye(3)]}, "link after a", "symmetric"),
 )

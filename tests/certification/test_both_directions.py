@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 from armcontour.io import certificate_json, parse_job
 
 JOB = """
@@ -58,7 +59,7 @@ def test_the_tool_keeps_the_speed_of_every_segment(method):
     assert contour["speed_ratio"] == found.contours[0].speed_ratio <= 1.001
     # The uncertified plan was not.
     taught = ac.compensate(
-        ac.plan(job.path, job.arm, found.run.limits), job.servo, method=method, period=4e-3
+        ac.plan(job.path, job.arm, found.run.limits), job.servo, METHODS[method](), period=4e-3
     )
     fast = executed(replace(found, taught=taught))
     fast = ac.evaluate(fast, job.path, limits=found.run.limits)

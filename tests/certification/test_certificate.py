@@ -10,6 +10,7 @@ from soak.certificates import until_rest
 
 import armcontour as ac
 from armcontour.certification._derating import Derating, plan_derated
+from armcontour.compensation import METHODS
 from armcontour.io import certificate_json, derating_csv, parse_job
 from armcontour.jobs import Goal
 from armcontour.motion.command_limits import refuse_commands
@@ -94,7 +95,7 @@ def test_the_papers_job_every_four_milliseconds_and_the_parts_of_its_budget(cert
     assert budget.executed == pytest.approx(worst, rel=1e-12)
     assert budget.left == pytest.approx(2e-6 - worst, rel=1e-9)
     # With set-points twenty times as often only the servo's part is left.
-    often = ac.compensate(found.trajectory, found.job.servo, method="inverse", period=2e-4)
+    often = ac.compensate(found.trajectory, found.job.servo, ac.Inverse(), period=2e-4)
     ideal = ac.ServoPlant(found.job.arm, found.job.servo, saturation="none")
     tool = ac.execute(often, ideal, resolution=2e-4).tool
     # A third of a nanometre, up to rounding.
@@ -196,12 +197,12 @@ def test_a_total_tolerance_is_split_and_given_back():
 def test_a_command_keeps_to_joint_velocities(refuses):
     slow = parse_job(LINE)
     run = slow.runs[0]
-    plan = ac.plan(slow.path, slow.arm, run.limits, branch=slow.branch)
+    plan = ac.plan(slow.path, slow.arm, run.limits, ac.Optimal(branch=slow.branch))
     fastest = np.abs(plan(np.linspace(0, plan.duration, 2000), 1)).max(axis=0)
     # The plan may just be run, but the command that leads it exceeds the limit.
     limits = run.limits.replace(joint_velocity=fastest)
     slow = replace(slow, runs=(replace(run, limits=limits),))
-    taught = ac.compensate(plan, slow.servo, method="inverse")
+    taught = ac.compensate(plan, slow.servo, ac.Inverse())
     refuses(lambda: refuse_commands(taught, limits), ac.CompensationError, "joint_velocity")
     found = ac.certify(slow, goal=ac.Goal(servo=2e-6))
     refuse_commands(found.taught, limits)
@@ -295,7 +296,7 @@ def test_the_summary_repeats_it(certified):
     arm = ac.load_arm("pmk3s")
     again = plan_derated(ac.trace(path, arm), arm, limits, derating)
     servo = ac.ServoModel(**{k: v for k, v in repeat["servo"].items() if v is not None})
-    taught = ac.compensate(again, servo, method=repeat["compensation"], period=repeat["period"])
+    taught = ac.compensate(again, servo, METHODS[repeat["compensation"]](), period=repeat["period"])
     np.testing.assert_array_equal(taught.q, certified.taught.q)
     assert data["goal"]["servo"] == 2e-6 and "kp 25 1/s, kv 150 1/s" in data["model"]
     assert data["duration"] == certified.duration == again.duration

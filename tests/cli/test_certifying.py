@@ -1,6 +1,8 @@
 """`armcontour certify`."""
 
 import json
+from functools import reduce
+from operator import getitem
 from pathlib import Path as FilePath
 
 import pytest
@@ -24,15 +26,17 @@ def test_certify_writes_everything_that_repeats_it(command, job, tmp_path, done)
     shown = done("certify", job, "--out", out)
     data = summary(out)
     assert "independent joint servos" in shown
-    for name in ("off_drawing", "cost"):
-        unit = data["units"][name]
-        assert number(data["certificate"][name], unit) in shown
+    page = (out / "report.html").read_text(encoding="utf-8")
+    for name in ("off_drawing", "duration", "cost", "budget.left", "budget.executed"):
+        found = reduce(getitem, name.split("."), data["certificate"])
+        figure = number(found, data["units"][name])
+        assert figure in shown and figure in page
     written = {str(x.relative_to(out)) for x in out.rglob("*") if x.is_file()}
     assert set(data["files"]) == written - {".armcontour.json"}
     assert data["certificate"]["repeat"]["derating"] == "derating.csv"
     assert data["certificate"]["budget"]["total"] <= 2.1e-3
     assert data["runs"]["only"]["contour_error"]["max"] <= 1e-4
-    assert 'id="certificate"' in (out / "report.html").read_text(encoding="utf-8")
+    assert 'id="certificate"' in page
     code, _, errors = command("certify", job, "--out", out)
     assert code == 2 and "--force" in errors
 

@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse as sp
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 from armcontour.io.exports import export
 from armcontour.io.job_file import read_job
 from armcontour.io.json_text import data_json
@@ -77,7 +78,7 @@ def planned(arm, reserve):
     path = ac.Path.polyline(arm.tool_position(q[None])[0] + 0.1 * corners).pointing((0, 0, -1))
     path = ac.round_corners(path, tolerance=5e-4, continuity="curvature")
     limits = arm.limits.replace(speed=0.25, joint_jerk=4500.0)
-    return path, ac.plan(path, arm, limits, start=q, reserve=reserve)
+    return path, ac.plan(path, arm, limits, ac.Optimal(start=q, reserve=reserve))
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +93,7 @@ def free(square):
 
 @pytest.fixture(scope="module")
 def limited(square):
-    return ac.compensate(square[1], SERVO, period=PERIOD, command_limits=LIBFRANKA)
+    return ac.compensate(square[1], SERVO, ac.Inverse(command_limits=LIBFRANKA), period=PERIOD)
 
 
 def test_set_points_for_franky_sim_are_within_libfrankas_limits(square, free, limited):
@@ -118,7 +119,9 @@ def test_the_stated_error_is_that_of_the_execution(arm, reserve, duration, rms, 
     plant = ac.ServoPlant(arm, SERVO, saturation="none")
     fast = ac.Limits(joint_velocity=9.0)
     taught = [
-        ac.compensate(plan, SERVO, method=method, period=PERIOD, limits=fast, command_limits=limits)
+        ac.compensate(
+            plan, SERVO, METHODS[method](command_limits=limits), period=PERIOD, limits=fast
+        )
         for method, limits in (("inverse", LIBFRANKA), ("inverse", None), ("none", None))
     ]
     error, exact, plain = (
@@ -151,9 +154,9 @@ def test_set_points_are_the_nearest_ones(free, limited):
 @pytest.mark.parametrize("method", ["inverse", "none", "pole_placement"])
 def test_limits_that_do_not_bind_change_nothing(square, method):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    free = ac.compensate(square[1], servo, method=method)
+    free = ac.compensate(square[1], servo, METHODS[method]())
     wide = ac.Limits(joint_velocity=9.0, joint_acceleration=1e4, joint_jerk=1e7)
-    kept = ac.compensate(square[1], servo, method=method, command_limits=wide)
+    kept = ac.compensate(square[1], servo, METHODS[method](command_limits=wide))
     np.testing.assert_array_equal(kept.q, free.q)
     assert kept.start_time == free.start_time and kept.limit_cost is None
     assert max(x.max() for x in kept.command_use.values()) < 1
@@ -164,7 +167,7 @@ def test_set_points_beyond_a_range_alone_are_moved_to_its_end(square, free):
     upper = np.full(7, 3.0)
     upper[5] = (free.q[:, 5].max() + square[1](np.linspace(0, 1.75, 999))[:, 5].max()) / 2
     limits = ac.Limits(joint_upper=upper, joint_velocity=9.0)
-    found = ac.compensate(square[1], SERVO, period=PERIOD, command_limits=limits)
+    found = ac.compensate(square[1], SERVO, ac.Inverse(command_limits=limits), period=PERIOD)
     more = round((free.start_time - found.start_time) / PERIOD)
     q = np.pad(free.q, ((more, more), (0, 0)), mode="edge")
     assert (q > upper).any() and (found.q <= upper).all()
@@ -180,7 +183,7 @@ def test_a_motion_at_its_limits_all_the_time_gets_set_points_that_take_longer():
     tight = limits.replace(joint_jerk=500.0)
     servo = ac.ServoModel(order="delay", dead_time=3e-3)
     for method in ("none", "inverse"):
-        found = ac.compensate(plan, servo, method=method, period=2e-3, command_limits=tight)
+        found = ac.compensate(plan, servo, METHODS[method](command_limits=tight), period=2e-3)
         assert max(largest_shares(found.q, 2e-3, tight)) <= 1
         assert found.start_time < 0 and found.t[-1] > plan.duration
         assert found.limit_cost.contour_rms is None
@@ -198,7 +201,7 @@ def test_a_motion_at_its_limits_all_the_time_gets_set_points_that_take_longer():
 )
 def test_a_plan_above_the_limits_is_refused(square, limits, name, allowed):
     with pytest.raises(ac.CompensationError, match="command_limits") as refusal:
-        ac.compensate(square[1], SERVO, period=PERIOD, command_limits=limits)
+        ac.compensate(square[1], SERVO, ac.Inverse(command_limits=limits), period=PERIOD)
     error = refusal.value
     assert error.limit == name and error.allowed == allowed < error.needed
     orders = {"joint_upper": 0, "joint_velocity": 1, "joint_acceleration": 2}
@@ -209,7 +212,7 @@ def test_a_plan_above_the_limits_is_refused(square, limits, name, allowed):
 
 def test_only_limits_of_joints_limit_commands(square):
     with pytest.raises(ac.InvalidInput, match="speed"):
-        ac.compensate(square[1], SERVO, command_limits=ac.Limits(speed=0.1))
+        ac.compensate(square[1], SERVO, ac.Inverse(command_limits=ac.Limits(speed=0.1)))
 
 
 def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
@@ -229,7 +232,7 @@ def test_programs_with_fewer_digits_say_what_rounding_needs(tmp_path):
     plan = ac.plan(ac.JointPath.spline([start, end]), arm, arm.limits.replace(joint_jerk=400.0))
     servo = ac.ServoModel(kp=25.0, order="first")
     limits = ac.Limits(joint_jerk=1000.0)
-    taught = ac.compensate(plan, servo, period=2e-3, command_limits=limits)
+    taught = ac.compensate(plan, servo, ac.Inverse(command_limits=limits), period=2e-3)
     with pytest.warns(UserWarning, match="joint_jerk"):
         export(taught, tmp_path / "taught.script", arm=arm)
     lines = (tmp_path / "taught.script").read_text(encoding="utf-8").splitlines()
@@ -273,7 +276,7 @@ def test_a_job_has_command_limits_and_its_results_state_use_and_cost(tmp_path):
     place = tmp_path / "job.yaml"
     place.write_text(JOB, encoding="utf-8")
     job = read_job(place)
-    assert job.runs[1].command_limits.joint_acceleration is None
+    assert job.runs[1].compensation.command_limits.joint_acceleration is None
     study = ac.jobs.run(job)
     strict, wide = study.runs.values()
     limits = ac.Limits(joint_acceleration=9.999, joint_jerk=4999.0)

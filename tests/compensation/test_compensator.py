@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 from armcontour.motion import PathLaw, Rates
 
 from .motions import laps
 
 KP, KV = np.array([25.0, 20.0]), np.array([150.0, 100.0])
 UNEVEN = ac.ServoModel(kp=KP, kv=KV)
-METHODS = ("none", "inverse", "pole_placement")
+NAMES = ("none", "inverse", "pole_placement")
 
 
 def smooth(duration=1.0, size=(0.4, -0.3)):
@@ -31,7 +32,7 @@ def smooth(duration=1.0, size=(0.4, -0.3)):
 
 def test_a_ramp_in_closed_form():
     ramp = laps([0.0, 1.0], [(0.5, -1.0)], [(0.0, 0.0)])
-    taught = ac.compensate(ramp, UNEVEN, method="inverse", period=0.01)
+    taught = ac.compensate(ramp, UNEVEN, ac.Inverse(), period=0.01)
     t = taught.t
     lead = np.array([0.5, -1.0]) / KP  # the velocity error of the servo
     expected = np.array([0.3, -0.2]) + np.outer(t, [0.5, -1.0]) + lead
@@ -49,7 +50,7 @@ def test_a_parabola_in_closed_form(interpolation, gain):
     a, h = np.array([0.7, -0.4]), 0.01
     curve = laps([0.0, 1.0], [(0.1, 0.0)], [a])
     servo = UNEVEN.replace(interpolation=interpolation)
-    taught = ac.compensate(curve, servo, method="inverse", period=h)
+    taught = ac.compensate(curve, servo, ac.Inverse(), period=h)
     inside = (taught.t > 0.125) & (taught.t < 0.875)
     t = taught.t[inside, None]
     dq = np.array([0.1, 0.0]) + a * t
@@ -67,7 +68,7 @@ def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interp
     for phase in np.linspace(0, 1, 8, endpoint=False):
         half = 0.3 + phase * 4e-3
         plan = laps([0, half, 2 * half], [(0.0, 0.0), half * a], [a, -a])
-        taught = ac.compensate(plan, servo, method="inverse", period=4e-3)
+        taught = ac.compensate(plan, servo, ac.Inverse(), period=4e-3)
         done = ac.execute(taught, plant, resolution=4e-3 / 16)
         assert (np.abs(done.demand_range) < most * np.abs(a)).all()
         # Values of the exact command would ask for up to 1.31 and 1.44, and leave up to 8e-6 rad.
@@ -78,13 +79,13 @@ def test_rests_and_ends_are_the_plans():
     # At full acceleration from rest, as optimal plans begin.
     plan = laps([0.0, 0.5, 1.0], [(0.0, 0.0), (0.5, -0.5)], [(1.0, -1.0), (-1.0, 1.0)])
     still = laps([0.0, 1.0], np.zeros((1, 2)), np.zeros((1, 2)))
-    for method in METHODS:
-        taught = ac.compensate(plan, UNEVEN, method=method, period=0.01)
+    for method in NAMES:
+        taught = ac.compensate(plan, UNEVEN, METHODS[method](), period=0.01)
         np.testing.assert_array_equal(taught.q[0], plan(0.0), err_msg=method)
-        q = ac.compensate(still, UNEVEN, method=method, period=0.05).q
+        q = ac.compensate(still, UNEVEN, METHODS[method](), period=0.05).q
         np.testing.assert_allclose(q, np.tile((0.3, -0.2), (len(q), 1)), atol=1e-14)
     trajectory = smooth()
-    taught = ac.compensate(trajectory, UNEVEN, method="none", period=0.1)
+    taught = ac.compensate(trajectory, UNEVEN, ac.NoCompensation(), period=0.1)
     np.testing.assert_allclose(taught.q, trajectory(taught.t.clip(0, 1)), atol=1e-14)
     assert taught.trajectory is trajectory
 
@@ -92,8 +93,8 @@ def test_rests_and_ends_are_the_plans():
 @pytest.mark.filterwarnings("ignore:The command interval")
 def test_the_last_set_point_is_the_end():
     trajectory = smooth()
-    for method, period in product(METHODS, (0.1, 0.3, 4e-3, 1.0)):
-        taught = ac.compensate(trajectory, UNEVEN, method=method, period=period)
+    for method, period in product(NAMES, (0.1, 0.3, 4e-3, 1.0)):
+        taught = ac.compensate(trajectory, UNEVEN, METHODS[method](), period=period)
         np.testing.assert_array_equal(taught.q[-1], trajectory(1.0), err_msg=f"{method}, {period}")
         # The first set-point that may be the end is the first at or after it; of means, half an
         # interval after it.
@@ -104,11 +105,11 @@ def test_the_last_set_point_is_the_end():
     for method, more in (("none", 0), ("inverse", 2)):  # the inverse has one before and one after
         for duration in (0.3 * (1 - 1e-11), 0.3, 0.3 * (1 + 1e-11)):
             for period, count in ((0.1, 4), (0.01, 31), (0.3, 2)):
-                taught = ac.compensate(smooth(duration), UNEVEN, method=method, period=period)
+                taught = ac.compensate(smooth(duration), UNEVEN, METHODS[method](), period=period)
                 assert len(taught.q) == count + more, (method, duration, period)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", NAMES)
 def test_compensation_is_linear(method):
     times = [0.0, 0.3, 0.5, 0.9]
     rng = np.random.default_rng(0)
@@ -117,7 +118,7 @@ def test_compensation_is_linear(method):
 
     def taught(*k):
         trajectory = laps(times, *(np.tensordot(k, x, 1) for x in given))
-        return ac.compensate(trajectory, UNEVEN, method=method, period=0.01).q
+        return ac.compensate(trajectory, UNEVEN, METHODS[method](), period=0.01).q
 
     np.testing.assert_allclose(taught(a, b), a * taught(1, 0) + b * taught(0, 1), atol=1e-11)
 
@@ -127,7 +128,7 @@ def test_the_inverse_undoes_the_servo(arm):
     plant = ac.ServoPlant(arm, UNEVEN, ac.Limits.only())
     errors = []
     for period in (8e-3, 4e-3, 2e-3):
-        taught = ac.compensate(trajectory, UNEVEN, method="inverse", period=period)
+        taught = ac.compensate(trajectory, UNEVEN, ac.Inverse(), period=period)
         done = ac.execute(taught, plant, resolution=period)
         errors.append(np.abs(done.q - trajectory(done.t.clip(0, 1.0))).max())
     # Means over intervals, and lines between them, leave errors of second order in the period. They
@@ -139,19 +140,16 @@ def test_the_inverse_undoes_the_servo(arm):
 def test_refused_options(refuses):
     three = ac.ServoModel(kp=[1.0, 2.0, 3.0], kv=150.0)
     for servo, options, words in (
-        (UNEVEN, {"method": "magic"}, "inverse, pole_placement, inverse_dynamics, none"),
-        (UNEVEN, {"method": "inverse", "poles": [-1, -1, -1]}, "not poles"),
-        (
-            UNEVEN,
-            {"method": "pole_placement", "known": None, "gravity_feedforward": True},
-            "not grav",
-        ),
+        (UNEVEN, {"options": "inverse"}, "CompensationOptions"),
         (UNEVEN, {"period": 0.0}, "above zero"),
         (UNEVEN, {"period": -1e-3}, "-0.001 s"),
         (UNEVEN, {"period": np.nan}, "finite"),
         (three, {}, "kp has 3 values"),
     ):
         refuses(partial(ac.compensate, smooth(), servo, **options), ac.InvalidInput, words)
+    refuses(lambda: ac.Inverse(poles=[-1, -1, -1]), ac.InvalidInput, "poles")
+    refuses(lambda: ac.PolePlacement(gravity_feedforward=True), ac.InvalidInput, "gravity")
+    refuses(ac.CompensationOptions, ac.InvalidInput)
 
 
 def test_joints_of_several_orders_are_compensated_by_the_inverse(refuses):
@@ -164,10 +162,10 @@ def test_joints_of_several_orders_are_compensated_by_the_inverse(refuses):
     assert taught.method == "inverse"
     off = {}
     for method in ("inverse", "none"):
-        done = ac.execute(ac.compensate(plan, servo, method=method), ac.ServoPlant(arm, servo))
+        done = ac.execute(ac.compensate(plan, servo, METHODS[method]()), ac.ServoPlant(arm, servo))
         off[method] = np.abs(done.q - plan(np.clip(done.t, 0, plan.duration))).max(axis=0)
     assert (off["inverse"] < 0.02 * off["none"]).all()
-    call = partial(ac.compensate, plan, servo, method="pole_placement")
+    call = partial(ac.compensate, plan, servo, ac.PolePlacement())
     refuses(call, ac.InvalidInput, "order second, delay", "take the compensation inverse")
     # A joint without a model keeps its plan; bodies take no other loops.
     unknown = ac.ServoModel(order="unknown")

@@ -9,6 +9,7 @@ from benchmarks.ur5e import CORNER, CORNER_ERROR, DOWN, square
 from numpy.polynomial import Polynomial
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 from armcontour.drives import Drives
 from armcontour.motion import Law
 from armcontour.servo.simulation import polynomials, sample_command
@@ -50,8 +51,9 @@ def with_chain(arm, **changes):
     return ac.SerialArm(name=arm.name, chain=arm.chain.replace(**changes), limits=arm.limits)
 
 
-def compensate(plan, arm, servo=SERVO, period=PERIOD, **options):
-    return ac.compensate(plan, servo, method="inverse_dynamics", arm=arm, period=period, **options)
+def compensate(plan, arm, servo=SERVO, period=PERIOD, limits=None, **options):
+    how = {"arm": arm, "period": period, "limits": limits}
+    return ac.compensate(plan, servo, ac.InverseDynamics(**options), **how)
 
 
 def strong(arm, servo=SERVO, **options):
@@ -196,7 +198,9 @@ def test_every_joint_stands_still_first(heavy):
     plan = ac.plan(ac.JointPath.spline([START, START + 0.1]), heavy)
     for dead in (0.0, 4e-3, 6e-3, [0.0, 0.0, 0.0, 0.0, 0.0, 0.012]):
         for method in ("inverse", "inverse_dynamics"):
-            taught = ac.compensate(plan, SERVO.replace(dead_time=dead), method=method, arm=heavy)
+            taught = ac.compensate(
+                plan, SERVO.replace(dead_time=dead), METHODS[method](), arm=heavy
+            )
             np.testing.assert_array_equal(taught.q[0], plan(0.0))
             assert (taught.q[1] != taught.q[0]).any(), (dead, method)
 
@@ -245,11 +249,13 @@ def test_refused(light, refuses):
     for call, words in (
         (partial(compensate, SWING, None), "give compensate the arm"),
         (partial(compensate, SWING, light, first), "order second"),
-        (partial(compensate, SWING, light, poles=[-1.0, -1.0, -1.0]), "not poles"),
+        (partial(compensate, SWING, light, poles=[-1.0, -1.0, -1.0]), "poles"),
         (partial(compensate, SWING, rods), "rods has 2 joints"),
         (partial(compensate, plan, rods), "masses of the arm rods"),
     ):
         refuses(call, ac.InvalidInput, words)
     for method in ("none", "inverse", "pole_placement"):
-        first, second = (ac.compensate(SWING, SERVO, method=method, arm=x).q for x in (None, light))
+        first, second = (
+            ac.compensate(SWING, SERVO, METHODS[method](), arm=x).q for x in (None, light)
+        )
         np.testing.assert_array_equal(first, second)

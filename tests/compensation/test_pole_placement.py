@@ -8,6 +8,7 @@ import pytest
 from scipy import integrate, signal
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 from armcontour.compensation.pole_placement import default_poles
 from armcontour.compensation.poles import extreme_demands, fastest_poles, pole_behaviour
 from armcontour.motion import Law
@@ -38,7 +39,10 @@ POLES = (
     [-5, -20, -3000],
     [-3 + 2j, -3 - 2j, -2000],
 )
-place = partial(ac.compensate, method="pole_placement")
+
+
+def place(motion, servo, poles=None, **more):
+    return ac.compensate(motion, servo, ac.PolePlacement(poles=poles), **more)
 
 
 def test_set_points_are_26_applied_to_the_trajectory():
@@ -101,7 +105,7 @@ def test_default_poles_cancel_the_zero_and_all_joints_trail_alike(arm):
     plant = ac.ServoPlant(arm, UNEVEN, ac.Limits.only())
     gap = {}
     for method in ("pole_placement", "none"):
-        taught = ac.compensate(alike, UNEVEN, method=method, period=2e-4)
+        taught = ac.compensate(alike, UNEVEN, METHODS[method](), period=2e-4)
         done = ac.execute(taught, plant, resolution=2e-4)
         gap[method] = np.abs(np.diff(done.q, axis=1)).max()
     assert gap["pole_placement"] < 1e-4 < 1e-2 < gap["none"]
@@ -189,7 +193,7 @@ SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 @pytest.fixture(scope="module")
 def plan(traced, arm, limits):
     # With 1.4 % of the acceleration to spare.
-    return ac.plan(traced, arm, limits.replace(joint_acceleration=0.71), method="mac", knots=200)
+    return ac.plan(traced, arm, limits.replace(joint_acceleration=0.71), ac.Paper(knots=200))
 
 
 def test_lag_and_demand():
@@ -250,7 +254,7 @@ def test_the_fastest_poles_just_do_not_saturate(arm, plan, interpolation):
     assert p > {"linear": 300, "cubic": 100}[interpolation]
     for share, saturates in ((1.0, False), (1.03, True)):
         placed = np.column_stack([share * poles[:, :2], poles[:, 2]])
-        taught = ac.compensate(plan, servo, method="pole_placement", poles=placed)
+        taught = ac.compensate(plan, servo, ac.PolePlacement(poles=placed))
         done = ac.execute(taught, ac.ServoPlant(arm, servo, arm.limits))
         assert (done.peak_demand > 0.72).any() == saturates
 
@@ -258,7 +262,7 @@ def test_the_fastest_poles_just_do_not_saturate(arm, plan, interpolation):
 def test_the_fastest_poles_follow_better_and_stop_at_the_interval(arm, plan, rounded, limits):
     rms = []
     for poles in (None, fastest_poles(SERVO, plan, limits)):
-        taught = ac.compensate(plan, SERVO, method="pole_placement", poles=poles)
+        taught = ac.compensate(plan, SERVO, ac.PolePlacement(poles=poles))
         done = ac.execute(taught, ac.ServoPlant(arm, SERVO, arm.limits))
         rms.append(ac.evaluate(done, rounded, limits=limits).contour_error.rms)
     assert rms[1] < rms[0] / 5
@@ -278,7 +282,7 @@ def test_refused(mac, arm, refuses):
     for call in (
         partial(fastest_poles, first, mac, arm.limits),
         partial(pole_behaviour, first, [-1, -1, -1]),
-        partial(ac.compensate, mac, first, method="pole_placement"),
+        partial(ac.compensate, mac, first, ac.PolePlacement()),
     ):
         refuses(call, ac.InvalidInput, "order second", "take the compensation inverse")
 
@@ -308,7 +312,7 @@ def gains(order):
 
 def off(arm, servo, period, method="inverse", plant=None, **options):
     """Largest distance of a joint from the plan that it shall follow, at any time."""
-    taught = ac.compensate(SWING, servo, method=method, period=period, **options)
+    taught = ac.compensate(SWING, servo, METHODS[method](**options), period=period)
     done = ac.execute(taught, ac.ServoPlant(arm, plant or servo, ac.Limits.only()), resolution=1e-3)
     assert done.t[0] == taught.start_time == taught.t[0]
     return np.abs(done.q - SWING(done.t.clip(0, DURATION))).max()
@@ -340,7 +344,7 @@ def test_without_the_lead_a_joint_is_late(arm):
 
 def test_it_holds_before_and_after_and_none_leads_nothing():
     servo = ac.ServoModel(**gains("second"), dead_time=[0.01, 0.035])
-    taught = ac.compensate(SWING, servo, method="inverse", period=0.01)
+    taught = ac.compensate(SWING, servo, ac.Inverse(), period=0.01)
     assert taught.start_time == pytest.approx(-0.04)
     assert 0.0 in taught.t  # the plan begins at a set-point
     t = taught.t[:, None] + servo.dead_time
@@ -357,7 +361,7 @@ def test_it_holds_before_and_after_and_none_leads_nothing():
         np.testing.assert_allclose(taught.q[:, j], u, atol=3e-4)
     assert taught.t[-2] < DURATION + 0.005 - servo.dead_time.min() <= taught.t[-1] + 1e-12
     servo = ac.ServoModel(**gains("second"), dead_time=0.05, interpolation="step")
-    taught = ac.compensate(SWING, servo, method="none", period=0.01)
+    taught = ac.compensate(SWING, servo, ac.NoCompensation(), period=0.01)
     assert taught.start_time == 0.0
     np.testing.assert_allclose(taught.q, SWING(taught.t.clip(0, DURATION)), atol=1e-14)
 
@@ -367,8 +371,7 @@ def test_pole_placement_leads_too(arm):
     for dead, poles in product((0.04, 0.0345, [0.0115, 0.087]), (None, [-75.0, -75.0, -75.0])):
         done = []
         for servo in (prompt, prompt.replace(dead_time=dead)):
-            how = {"method": "pole_placement", "poles": poles}
-            taught = ac.compensate(SWING, servo, period=1e-3, **how)
+            taught = ac.compensate(SWING, servo, ac.PolePlacement(poles=poles), period=1e-3)
             done.append(
                 ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-3)
             )
@@ -378,7 +381,7 @@ def test_pole_placement_leads_too(arm):
 
 def test_first_order_in_closed_form():
     servo = ac.ServoModel(kp=[25.0, 40.0], order="first")
-    taught = ac.compensate(SWING, servo, method="inverse", period=2.5e-3)
+    taught = ac.compensate(SWING, servo, ac.Inverse(), period=2.5e-3)
     inside = (taught.t > 0.035) & (taught.t < DURATION - 0.035)
     t = taught.t[inside]
     u, bend = (SWING(t, k) + SWING(t, k + 1) / servo.kp for k in (0, 2))
@@ -392,7 +395,7 @@ def test_a_command_beyond_the_limits_is_refused(refuses):
     # The plan itself is within them: it ends at 0.8 and -1.0, and moves at 1.82 and 2.92 rad/s.
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
     loose = {"joint_lower": [-2.0, -2.0], "joint_upper": [2.0, 2.0], "joint_velocity": [20.0, 20.0]}
-    taught = ac.compensate(SWING, servo, method="inverse", limits=ac.Limits.only(**loose))
+    taught = ac.compensate(SWING, servo, ac.Inverse(), limits=ac.Limits.only(**loose))
     rates = np.abs(np.diff(taught.q, axis=0)) / 4e-3
     for limit, values, j in (
         ("joint_upper", [0.8, 2.0], 0),
@@ -405,8 +408,8 @@ def test_a_command_beyond_the_limits_is_refused(refuses):
         k = int(np.argmax(rates[:, j] if fast else np.abs(taught.q[:, j])))
         data = {"t": taught.t[k], "needed": rates[k, j] if fast else taught.q[k, j]}
         data |= {"joint": j, "limit": limit, "allowed": values[j]}
-        call = partial(ac.compensate, SWING, servo, method="inverse", limits=limits)
+        call = partial(ac.compensate, SWING, servo, ac.Inverse(), limits=limits)
         refuses(call, ac.CompensationError, f"joint {j + 1}", limit, **data)
-        ac.compensate(SWING, servo, method="none", limits=limits)
+        ac.compensate(SWING, servo, ac.NoCompensation(), limits=limits)
     # One limit serves all joints.
-    ac.compensate(SWING, servo, method="inverse", limits=ac.Limits.only(joint_velocity=20.0))
+    ac.compensate(SWING, servo, ac.Inverse(), limits=ac.Limits.only(joint_velocity=20.0))

@@ -65,7 +65,7 @@ def test_the_delay_that_all_joints_share_is_told_apart_from_what_they_do_not(arm
     limits = ac.Limits.only(joint_acceleration=2.0, speed=0.1)
     bent = ac.round_corners(ac.Path.polyline([(0.3, 0.2), (0.4, 0.2), (0.4, 0.25)]), tolerance=2e-3)
     plan = ac.plan(bent, arm, limits)
-    taught = ac.compensate(plan, ac.ServoModel(order="delay"), method="none")
+    taught = ac.compensate(plan, ac.ServoModel(order="delay"), ac.NoCompensation())
     for delays in ([0.05, 0.05], [0.05, 0.054]):
         servo = ac.ServoModel(order="delay", dead_time=delays)
         found = ac.evaluate(ac.execute(taught, ac.ServoPlant(arm, servo)), bent)
@@ -91,7 +91,7 @@ def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_acro
     plan = ac.plan(path, arm, ac.Limits.only(joint_acceleration=2.0, speed=0.1))
     unexplained = np.array([1e-4, 3e-4, 2e-4, 1e-4, 5e-4, 1e-4])[: arm.dof]
     servo = ac.ServoModel(kp=25.0, order="first", unexplained=unexplained)
-    done = ac.execute(ac.compensate(plan, servo, method="inverse"), ac.ServoPlant(arm, servo))
+    done = ac.execute(ac.compensate(plan, servo, ac.Inverse()), ac.ServoPlant(arm, servo))
     found = ac.evaluate(done, path)
     along, across = 0.0, 0.0
     unit = np.diff(path([0.0, path.length]), axis=0)[0] / path.length

@@ -69,7 +69,7 @@ def test_a_plan_with_a_limit_of_jerk_is_executed_with_it():
     limits = ac.Limits(joint_acceleration=0.72, joint_jerk=7.2)
     planned = ac.plan(path, ARM, limits)
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(planned, servo, method="inverse", period=1e-3)
+    taught = ac.compensate(planned, servo, ac.Inverse(), period=1e-3)
     plant = ac.ServoPlant(ARM, servo, limits)
     found = ac.evaluate(ac.execute(taught, plant), path, limits=limits, limit_use=True)
     np.testing.assert_allclose(found.jerk_ratio, found.jerk / 7.2)
@@ -77,7 +77,7 @@ def test_a_plan_with_a_limit_of_jerk_is_executed_with_it():
     assert found.limit_ratios["joint_jerk"] == pytest.approx(1, abs=1e-4)
     # Without the limit, the plan jumps.
     free = ac.plan(path, ARM, limits.replace(joint_jerk=np.inf))
-    taught = ac.compensate(free, servo, method="inverse", period=1e-3)
+    taught = ac.compensate(free, servo, ac.Inverse(), period=1e-3)
     rough = ac.evaluate(ac.execute(taught, plant), path, limits=limits)
     assert rough.jerk_ratio.max() > 10 and rough.command_jerk.max() > found.command_jerk.max()
     assert not ac.evaluate(ac.execute(taught, plant), path).jerk_ratio.any()

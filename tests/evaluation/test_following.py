@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 from armcontour.evaluation.following import follow_path
 from armcontour.frames import exp
 
@@ -121,7 +122,7 @@ SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 def run(arm, path, limits, method="none", objective=None, resolution=1e-3):
     planned = ac.plan(path, arm, limits)
-    taught = ac.compensate(planned, SERVO, method=method, period=4e-3)
+    taught = ac.compensate(planned, SERVO, METHODS[method](), period=4e-3)
     executed = ac.execute(taught, ac.ServoPlant(arm, SERVO, limits), resolution=resolution)
     return planned, executed, ac.evaluate(executed, path, objective=objective, limits=limits)
 

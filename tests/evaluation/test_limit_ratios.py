@@ -48,7 +48,7 @@ def dense(plan, places):
 
 def measured(plan, path, limits=LIMITS):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(plan, servo, method="inverse", period=4e-3)
+    taught = ac.compensate(plan, servo, ac.Inverse(), period=4e-3)
     executed = ac.execute(taught, ac.ServoPlant(ARM, servo))
     found = ac.evaluate(executed, path, limits=limits, limit_use=True).limit_ratios
     assert found is not None
@@ -58,11 +58,11 @@ def measured(plan, path, limits=LIMITS):
 @pytest.mark.parametrize(("method", "places"), [("optimal", 11), ("conventional", 200)])
 def test_they_are_those_of_denser_places(method, places):
     # Limits of jerk are not planned for, but counted.
-    task = LIMITS.replace(joint_jerk=np.inf, path_jerk=np.inf)
+    task, options = LIMITS.replace(joint_jerk=np.inf, path_jerk=np.inf), ac.Optimal()
     path = ac.round_corners(PATH, tolerance=5e-3)
     if method == "conventional":
-        task, path = ac.Limits.only(speed=0.04), PATH
-    plan = ac.plan(path, ARM, task, method=method)
+        task, path, options = ac.Limits.only(speed=0.04), PATH, ac.Conventional()
+    plan = ac.plan(path, ARM, task, options)
     found = measured(plan, path)
     for name, ratio in dense(plan, places).items():
         assert found[name] == pytest.approx(ratio, rel=1e-6, abs=1e-9), name

@@ -67,7 +67,7 @@ def test_the_papers_job_uses_its_joints_and_keeps_its_limits(arm):
     limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
     planned = ac.plan(rounded, arm, limits)
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(planned, servo, method="pole_placement", period=2e-4)
+    taught = ac.compensate(planned, servo, ac.PolePlacement(), period=2e-4)
     executed = ac.execute(taught, ac.ServoPlant(arm, servo))
     found = ac.evaluate(executed, rounded, limits=limits, limit_use=True)
     # Lines 1 and 3 and line 2 beside its middle run at a joint's limit: all but the corners and the

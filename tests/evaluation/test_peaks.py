@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 
 # Errors agree with those of samples so many times as often by this share; a sampled kink is lower.
 FINER, AGREE = 50, 1e-6
@@ -29,7 +30,12 @@ def plan(arm_name, speed, tolerance, space):
         objective = objective.oriented(turns)
     path = ac.round_corners(objective, tolerance=tolerance) if tolerance else objective
     limits = arm.limits.replace(speed=speed)
-    return arm, objective, path, ac.plan(path, arm, limits, branch=None if space else "positive")
+    return (
+        arm,
+        objective,
+        path,
+        ac.plan(path, arm, limits, ac.Optimal(branch=None if space else "positive")),
+    )
 
 
 def executions(trajectory, plant, period, method, resolution):
@@ -37,7 +43,7 @@ def executions(trajectory, plant, period, method, resolution):
     known = plant.servo.replace(dead_time=0.0)
     if known.order == "first" and method == "pole_placement":
         method = "inverse"
-    taught = ac.compensate(trajectory, known, method=method, period=period)
+    taught = ac.compensate(trajectory, known, METHODS[method](), period=period)
     return (ac.execute(taught, plant, resolution=resolution / k) for k in (1, FINER))
 
 
@@ -115,7 +121,7 @@ def test_a_peak_where_the_path_turns_is_found_though_no_sample_shows_it():
     objective = ac.Path.polyline(TURNING)
     path = ac.round_corners(objective, tolerance=4e-5)
     limits = arm.limits.replace(speed=0.5, joint_acceleration=20.0)
-    trajectory = ac.plan(path, arm, limits, branch="positive")
+    trajectory = ac.plan(path, arm, limits, ac.Optimal(branch="positive"))
     plant = ac.ServoPlant(arm, ac.ServoModel(kp=40.0, kv=1000.0), saturation="none")
     coarse, fine = executions(trajectory, plant, 8e-3, "inverse", 8e-3)
     error = ac.evaluate(coarse, path, objective=objective).objective_error
@@ -163,9 +169,11 @@ def short_contours(length, resolution):
     ]
     moves = (contours[0], ac.Rapid(), contours[1], ac.Dwell(duration=0.1))
     program = ac.Program(moves=moves)
-    trajectory = ac.plan(program, arm, arm.limits.replace(speed=0.15), branch="positive")
+    trajectory = ac.plan(
+        program, arm, arm.limits.replace(speed=0.15), ac.Optimal(branch="positive")
+    )
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(trajectory, servo, method="inverse", period=8e-3)
+    taught = ac.compensate(trajectory, servo, ac.Inverse(), period=8e-3)
     return program, ac.execute(taught, ac.ServoPlant(arm, servo), resolution=resolution)
 
 
@@ -199,7 +207,7 @@ def test_an_execution_that_was_cut_has_no_peak_that_was_not_there():
     for kv in (None, 150.0):
         servo = ac.ServoModel(kp=25.0, kv=kv, order="first" if kv is None else "second")
         plant = ac.ServoPlant(arm, servo, saturation="none")
-        whole = ac.execute(ac.compensate(trajectory, servo, method="inverse", period=4e-3), plant)
+        whole = ac.execute(ac.compensate(trajectory, servo, ac.Inverse(), period=4e-3), plant)
         most = ac.evaluate(whole, path).contour_error.max
         for part in PARTS:
             cut = replace(whole, **{name: getattr(whole, name)[part] for name in names})

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.program import (
@@ -30,8 +31,8 @@ DRAWN = Program(moves=(Contour(path=SQUARE), Dwell(duration=0.2), Contour(path=B
 
 
 def executed(program, method="none"):
-    trajectory = ac.plan(program, ARM, LIMITS, reserve=0.2)
-    taught = ac.compensate(trajectory, SERVO, method=method, period=4e-3)
+    trajectory = ac.plan(program, ARM, LIMITS, ac.Optimal(reserve=0.2))
+    taught = ac.compensate(trajectory, SERVO, METHODS[method](), period=4e-3)
     return ac.execute(taught, ac.ServoPlant(ARM, SERVO, LIMITS))
 
 
@@ -155,12 +156,12 @@ def test_the_objective_gives_corners_and_short_contours_are_judged_too(
 
 def test_a_rapid_is_not_judged_by_limits_of_the_tool():
     limits = LIMITS.replace(speed=0.02, tool_acceleration=0.1)
-    trajectory = ac.plan(DRAWN, ARM, limits, reserve=0.2)
+    trajectory = ac.plan(DRAWN, ARM, limits, ac.Optimal(reserve=0.2))
     (rapid,) = (x for x in trajectory.spans if x.kind == "rapid")
     t = np.linspace(*rapid.t, 200)
     speed = np.linalg.norm(ARM.tool_velocity(trajectory(t), trajectory(t, 1)), axis=1)
     assert speed.max() > 0.05
-    taught = ac.compensate(trajectory, SERVO, method="inverse", period=4e-3)
+    taught = ac.compensate(trajectory, SERVO, ac.Inverse(), period=4e-3)
     execution = ac.execute(taught, ac.ServoPlant(ARM, SERVO, limits))
     found = ac.evaluate(execution, DRAWN, limits=limits, limit_use=True)
     for name in ("speed", "tool_acceleration", "centripetal_acceleration"):

@@ -31,7 +31,7 @@ class Noted(ac.ServoPlant):
 def test_users_make_plants_of_their_own(arm):
     path = ac.Path.polyline([(0.35, 0.10), (0.36, 0.10)])
     plan = ac.plan(path, arm, arm.limits.replace(speed=0.1))
-    taught = ac.compensate(plan, SERVO, method="none", period=4e-3)
+    taught = ac.compensate(plan, SERVO, ac.NoCompensation(), period=4e-3)
     plant = Counting(Noted(arm, SERVO, "mine"))
     assert ac.execute(taught, plant).t.size and plant.runs == 1
     assert plant.inner.note == "mine"

@@ -223,7 +223,7 @@ def test_a_plan_within_every_torque_limit_runs():
     planned = ac.plan(path, arm, limits)
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     taught = ac.compensate(
-        planned, servo, method="pole_placement", period=0.004, limits=ac.Limits.only()
+        planned, servo, ac.PolePlacement(), period=0.004, limits=ac.Limits.only()
     )
     done = ac.execute(taught, ac.ServoPlant(arm, servo, limits))
     assert (np.abs(arm.torque(done.q, done.dq, 0 * done.q)) / torque).max() > 1.02

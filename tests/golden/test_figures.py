@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 
 FIGURES = yaml.safe_load((Path(__file__).parent / "figures.yaml").read_text(encoding="utf-8"))
 FIELDS = set("id quantity source section table_or_figure value unit erratum".split())
@@ -40,7 +41,7 @@ class Bench:
         return self.mac.duration
 
     def T_with_stops(self):  # noqa: N802  # likewise
-        return ac.plan(self.objective, self.arm, self.limits, method="mac", knots=600).duration
+        return ac.plan(self.objective, self.arm, self.limits, ac.Paper(knots=600)).duration
 
     def corner(self, i, what):
         corners = self.rounded.corners
@@ -89,7 +90,7 @@ class Bench:
         servo = ac.ServoModel(kp={"even": (25.0, 25.0), "uneven": (25.0, 20.0)}[gains], kv=150.0)
         plan = self.mac if timing == "mac" else self.conventional_plan
         options = {} if poles is None else {"poles": poles}
-        taught = ac.compensate(plan, servo, method=compensation, period=period, **options)
+        taught = ac.compensate(plan, servo, METHODS[compensation](**options), period=period)
         return ac.execute(taught, ac.ServoPlant(self.arm, servo))
 
 

@@ -25,7 +25,7 @@ STAMPS = np.array([0.000, 0.712, 1.182, 1.758, 2.294, 2.848, 3.344, 3.894, 4.490
 
 @pytest.fixture(scope="module")
 def planned(arm, rounded, limits):
-    return ac.plan(rounded, arm, limits, method="mac")
+    return ac.plan(rounded, arm, limits, ac.Paper())
 
 
 def forward(theta1, theta2):
@@ -100,7 +100,7 @@ class TestCorners:
         rounded = ac.round_corners(path, tolerance=2e-4, acceleration=0.09)
         limits = arm.limits.replace(speed=0.03, centripetal_acceleration=0.09)
         assert rounded.corners.speed[0] > 0.03
-        planned = ac.plan(rounded, arm, limits, method="mac")
+        planned = ac.plan(rounded, arm, limits, ac.Paper())
         corner = next(x for x in planned.stretches if x.kind == "corner")
         assert_allclose(corner.speed, 0.03, rtol=1e-6)
 
@@ -195,7 +195,7 @@ class TestLaps:
         line = ac.Path.polyline([(-0.065, 0.300), (0.335, 0.300)])
         limits = arm.limits.replace(speed=0.3)
         with pytest.raises(ac.NotRealizable) as caught:
-            ac.plan(line, arm, limits, method="mac", knots=1000)
+            ac.plan(line, arm, limits, ac.Paper(knots=1000))
         assert caught.value.joint == 1
         assert caught.value.needed > LIMIT
         assert 0.12 < caught.value.s < 0.14  # before the joint turns round at 0.200 m
@@ -359,8 +359,7 @@ class TestCompensator:
 
     def test_eq26_without_the_minus_is_what_the_library_does(self, planned):
         servo = ac.ServoModel(kp=KP, kv=KV)
-        how = {"method": "pole_placement", "poles": self.poles, "period": 4e-3}
-        taught = ac.compensate(planned, servo, **how)
+        taught = ac.compensate(planned, servo, ac.PolePlacement(poles=self.poles), period=4e-3)
         t = np.arange(0, taught.t[-1], 1e-4)
         start = planned(0.0)
         moved = planned(np.minimum(t, planned.duration)) - start

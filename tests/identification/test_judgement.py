@@ -9,6 +9,7 @@ import yaml
 import armcontour as ac
 from armcontour.cli.identifying import identify_files
 from armcontour.cli.options import IdentifyOptions
+from armcontour.compensation import METHODS
 from armcontour.io import parse_job
 from armcontour.io.robot_file import read_servo
 from armcontour.servo.simulation import JointServo, LoggedCommand, follow
@@ -86,7 +87,7 @@ def test_the_delay_that_joints_share_is_compensated_for_a_joint_without_a_model(
     arm = ac.load_arm("pmk3s")
     corner = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.35, 0.18)])
     path = ac.round_corners(corner, tolerance=5e-3)
-    planned = ac.plan(path, arm, arm.limits.replace(speed=0.05), reserve=0.3)
+    planned = ac.plan(path, arm, arm.limits.replace(speed=0.05), ac.Optimal(reserve=0.3))
     names = ("kp", "kv", "dead_time")
     truth = ac.ServoModel(**{x: [getattr(y, x) for y in SERVOS] for x in names})
     servo = found.servo_model()
@@ -98,7 +99,7 @@ def test_the_delay_that_joints_share_is_compensated_for_a_joint_without_a_model(
     ):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            taught = ac.compensate(planned, x, method=method)
+            taught = ac.compensate(planned, x, METHODS[method]())
         executed = ac.execute(taught, ac.ServoPlant(arm, truth))
         errors.append(ac.evaluate(executed, path).contour_error.rms)
     # Compensation of one joint turns the delay of the other one into contour error.
@@ -120,13 +121,13 @@ def test_one_program_is_provisional_and_the_file_says_so(good, tmp_path, capsys)
     assert servo.programs == 1 and servo.doubt
     arm = ac.load_arm("pmk3s")
     line = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15)])
-    planned = ac.plan(line, arm, arm.limits.replace(speed=0.05), reserve=0.1)
+    planned = ac.plan(line, arm, arm.limits.replace(speed=0.05), ac.Optimal(reserve=0.1))
     with pytest.warns(UserWarning, match="may be worse than none"):
         ac.compensate(planned, servo)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         ac.compensate(planned, trusted)
-        ac.compensate(planned, servo, method="none")
+        ac.compensate(planned, servo, ac.NoCompensation())
     data = yaml.safe_load((tmp_path / "one" / "servo.yaml").read_text())
     job = {
         "name": "line",

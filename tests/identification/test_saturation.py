@@ -85,7 +85,7 @@ def hal():
     points = ((0.35, 0.1), (0.41, 0.15), (0.28, 0.3))
     path = ac.round_corners(ac.Path.polyline(points), tolerance=5e-3)
     limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
-    plan = ac.plan(path, arm, limits, reserve=0.02)
+    plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.02))
     robot = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0, cycle=CYCLE))
     first = ac.compensate(plan, ac.ServoModel(kp=20.0, kv=120.0), period=4e-3)
     done = ac.execute(first, robot, resolution=CYCLE)

@@ -8,6 +8,7 @@ import numpy as np
 import yaml
 from tests.io.tables import refusals, rows, values
 
+import armcontour as ac
 from armcontour.cli.running import built_in_job
 from armcontour.io import json_schema, parse_job, read_job
 from armcontour.jobs import Rounding
@@ -44,7 +45,8 @@ def parse(changes):
 # Changes of the good job, and what is then where.
 VALUES = """
 title: x => {arm.name: PMK-3s, path.vertices: [[0.3, 0.2], [0.4, 0.2], [0.4, 0.3]]}
-title: x => {runs.one.timing: mac, runs.one.compensation: inverse, runs.one.period: 4.0e-3}
+title: x => {runs.one.timing.method: mac, runs.one.period: 4.0e-3}
+title: x => {runs.one.compensation.method: inverse}
 title: x => {runs.one.limits.speed: 0.1, runs.one.rounding.tolerance: 2.0e-3, servo.kp: [25, 25]}
 title: x => {runs.one.limits.joint_acceleration: [0.72, 0.72]}
 runs.one: {limits: {speed: 40 mm/s}} => {runs.one.limits.speed: 0.04}
@@ -61,7 +63,7 @@ plant: {dead_time: 44 ms} => {plant_servo.kp: [25, 25], plant_servo.kv: [150, 15
 plant: {dead_time: 44 ms} => {plant_servo.dead_time: [0.044, 0.044], servo.dead_time: [0, 0]}
 plant: {order: first} => {plant_servo.order: first, plant_servo.kv: null}
 plant: {} => {plant_servo.order: second}
-experiment: {} => {runs.one.compensation: inverse}
+experiment: {} => {runs.one.compensation.method: inverse}
 corners: {speed: 0.03 m/s, acceleration: 0.05} => {runs.one.limits.centripetal_acceleration: 0.09}
 limits: {} | corners: {speed: 1, acceleration: 1} => {runs.0.limits.centripetal_acceleration: 1}
 """
@@ -84,14 +86,14 @@ def test_a_good_job_is_read_in_si_units():
     free = "shape: free, tolerance: 5 mm, line_tolerance: 0.1 mm, zone: 20 mm, iterations: 7"
     run = parse(f"runs.one: {{corners: {{{free}}}}}").runs[0]
     free = {"shape": "free", "line_tolerance": 1e-4, "zone": 0.02, "iterations": 7}
-    assert run.timing == "optimal" and run.rounding == Rounding(tolerance=5e-3, **free)
+    assert run.timing == ac.Optimal() and run.rounding == Rounding(tolerance=5e-3, **free)
     # PyYAML would read a text.
     text = with_change("corners: {tolerance: X}").replace("X", "2e-3")
     assert parse_job(text).runs[0].rounding == Rounding(tolerance=2e-3)
     for given, experiment, expected in rows(GRAVITY):
         method = f"runs.one.compensation: {{method: inverse_dynamics, {given[1:]}"
-        options = parse(f"{method} | experiment: {experiment}").runs[0].compensation_options
-        assert options == {"gravity_feedforward": expected == "true"}, (given, experiment)
+        options = parse(f"{method} | experiment: {experiment}").runs[0].compensation
+        assert options.gravity_feedforward is (expected == "true"), (given, experiment)
 
 
 BAD = r"""
@@ -104,7 +106,7 @@ corners.tolerance: -2 mm => corners.tolerance: must not be negative, but is -2 m
 runs.one.timing.method: shaped => timing.method: shaped ... {shape: free, toler
 runs.one.compensation: {method: full} => method: must be inverse, pole_placement, inverse_dynamics
 runs.one.compensation: {poles: [-1, -1]} => poles: needs at least 3 entries, but has 2
-runs.one.compensation: {method: inverse, gravity_feedforward: false} => .gravity_feedforward goes
+runs.one.compensation: {method: inverse, gravity_feedforward: false} => gravity_feedforward goes
 runs.one.timing.knots: 1 => runs.one.timing.knots: must be at least 8, but is 1.
 limits.speed: "0.1" => limits.speed: '0.1' has no unit
 limits.speed: 5 mm => limits.speed: must be a quantity in m/s

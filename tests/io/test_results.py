@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 from armcontour.errors import InvalidInput
 from armcontour.io import ResultFolder
 from armcontour.io.exports import make_table
@@ -230,7 +231,7 @@ def test_an_earlier_result_has_the_derivatives_that_its_run_had(method, tmp_path
     planned = ac.plan(path, ARM, ac.Limits(joint_acceleration=0.72, joint_jerk=7.2))
     assert planned.duration % PERIOD > 1e-6
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(planned, servo, method=method, period=PERIOD)
+    taught = ac.compensate(planned, servo, METHODS[method](), period=PERIOD)
     runs = {"a": {"period": PERIOD, "compensation": method}}
     about = {"job": "line", "arm": {"joints": ARM.joint_names}, "runs": runs}
     with ResultFolder(tmp_path / "out") as folder:

@@ -9,8 +9,7 @@ SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 def a_run(name="one", **values):
     """An optimal run with the inverse of the servo every 4 ms, but for the given values."""
-    asked = {"timing": "optimal", "compensation": "inverse", "rounding": None, "period": 4e-3}
-    return Run(**{"name": name, **asked, **values})
+    return Run(name=name, **values)
 
 
 def a_job(path, *runs, arm=ARM, process=None):

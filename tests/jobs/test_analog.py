@@ -44,7 +44,7 @@ def test_values_follow_the_tool_along_free_corners():
     # Along a shaped curve, arc lengths and the tool differ in speed, by 2e-6 here.
     path = ac.Path.polyline([[0.30, 0.18], [0.34, 0.16], [0.36, 0.20], [0.32, 0.21]])
     fast = ARM.limits.replace(speed=0.1)
-    shaped = ac.shape(path, ARM, fast, tolerance=2e-3)
+    shaped = ac.shape(path, ARM, fast, ac.Shaped(tolerance=2e-3))
     program, trajectory = Program.of(shaped), ac.plan(shaped, ARM, fast)
     power = analog_outputs(program, trajectory, Process(analog=(POWER,)), fast)["power"]
     t = np.linspace(0, trajectory.duration, 2001)[:-1]

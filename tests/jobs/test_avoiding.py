@@ -105,7 +105,7 @@ def test_plan_and_a_job_choose_the_same_configuration(job):
     clear = plan_of(alone, scene=scene)
     limits = alone.runs[0].limits
     for fits, like in ((None, fastest), (ac.Cell(job.arm, scene).fits, clear)):
-        found = ac.plan(alone.path, job.arm, limits, fits=fits)
+        found = ac.plan(alone.path, job.arm, limits, ac.Optimal(fits=fits))
         np.testing.assert_allclose(found(0.0), like.trajectory(0.0), atol=1e-9)
         assert found.duration == pytest.approx(like.trajectory.duration, rel=1e-6)
     assert np.abs(fastest.trajectory(0.0) - clear.trajectory(0.0)).max() > 0.1

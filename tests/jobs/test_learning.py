@@ -64,7 +64,7 @@ def test_limits_that_are_exceeded_before_learning_are_not_kept_but_said(job, pla
 def test_gravity_is_fed_forward_as_the_compensation_says(plan):
     """A run without an experiment, as for a real robot, says so by its compensation alone."""
     for feeds in (True, False):
-        options = {"gravity_feedforward": feeds}
-        run = dataclasses.replace(plan.run, compensation_options=options, experiment=None)
+        options = ac.InverseDynamics(gravity_feedforward=feeds)
+        run = dataclasses.replace(plan.run, compensation=options, experiment=None)
         assert feeds_gravity_forward(run) is feeds
-        assert feeds_gravity_forward(dataclasses.replace(run, compensation_options={}))
+        assert feeds_gravity_forward(dataclasses.replace(run, compensation=ac.InverseDynamics()))

@@ -198,10 +198,10 @@ def test_a_plan_carries_its_limits_to_all_that_comes_after_it():
     limits = ac.Limits(speed=0.1, joint_acceleration=0.4)
     program = ac.Program(moves=(ac.Contour(path=path), ac.Rapid(), ac.Contour(path=path)))
     for plan in (
-        ac.plan(path, arm, limits, reserve=0.02),
+        ac.plan(path, arm, limits, ac.Optimal(reserve=0.02)),
         ac.plan(program, arm, limits),
-        ac.plan(path, arm, limits, duration=9.0),
-        ac.plan(path, arm, limits, method="conventional"),
+        ac.plan(path, arm, limits, ac.Optimal(duration=9.0)),
+        ac.plan(path, arm, limits, ac.Conventional()),
     ):
         np.testing.assert_array_equal(plan.limits.joint_acceleration, [0.4, 0.4])
         assert plan.limits.speed == 0.1
@@ -209,10 +209,10 @@ def test_a_plan_carries_its_limits_to_all_that_comes_after_it():
             speed = span.trajectory.limits.speed
             assert speed == (0.1 if span.kind == "contour" else None)
         assert ac.check(plan, arm)["joint_acceleration"].limit == 0.4
-    plan = ac.plan(path, arm, limits, reserve=0.02)
+    plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.02))
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     # Drives saturate at the limits of the plan, and explicit limits win over these.
-    taught = ac.compensate(plan, servo, method="none")
+    taught = ac.compensate(plan, servo, ac.NoCompensation())
     for given, bound in ((None, 0.4), (ac.Limits(joint_acceleration=0.6), 0.6)):
         done = ac.execute(taught, ac.ServoPlant(arm, servo, given))
         np.testing.assert_array_equal(done.plant.acceleration, [bound, bound])
@@ -234,7 +234,7 @@ def test_the_readme_s_job_with_limits_above_the_arm_s_on_the_plant_of_the_readme
     rounded = ac.round_corners(objective, tolerance=5e-3)
     limits = arm.limits.replace(speed=0.15, joint_acceleration=8.0, centripetal_acceleration=0.09)
     with pytest.warns(UserWarning, match="8 rad/s², the arm's 0.72"):
-        planned = ac.plan(rounded, arm, limits, reserve=0.02)
+        planned = ac.plan(rounded, arm, limits, ac.Optimal(reserve=0.02))
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     executed = ac.execute(ac.compensate(planned, servo, period=4e-3), ac.ServoPlant(arm, servo))
     error = ac.evaluate(executed, rounded, objective=objective).contour_error

@@ -25,7 +25,8 @@ TWO = (Contour(path=SQUARE, name="square"), Contour(path=BEND))
 
 
 def job(process, *moves, arm=ARM, **values):
-    asked = {"limits": LIMITS, "rounding": Rounding(tolerance=1e-3), "reserve": 0.1, **values}
+    timing = ac.Optimal(reserve=0.1)
+    asked = {"limits": LIMITS, "rounding": Rounding(tolerance=1e-3), "timing": timing, **values}
     program = Program(moves=moves or TWO)
     return a_job(program, a_run("taught", **asked), arm=arm, process=process)
 
@@ -35,7 +36,7 @@ def planned(done):
     (this,) = done.runs
     _, program = programs_of(done, this)
     traced, found = trace_run(done, this, program), []
-    trajectory = ac.plan(traced, done.arm, this.limits, **this.plan_options)
+    trajectory = ac.plan(traced, done.arm, this.limits, this.timing)
     for span in trajectory.spans:
         if span.work is not None:
             t = np.array(span.work)
@@ -142,7 +143,7 @@ def test_what_makes_no_job_is_refused():
     led = Process(lead_in=Lead(length=0.01))
     refused((lambda: run(job(auto, *TWO, far)), "Contour E7", "PMK-3s"), kind=Unreachable)
     refused(
-        (lambda: run(job(auto, timing="mac")), "Run taught", "optimal", "mac"),
+        (lambda: run(job(auto, timing=ac.Paper())), "Run taught", "optimal", "mac"),
         (lambda: job(Process(), until=3.0), "until is for a job with a single path"),
         (lambda: run(job(led, Contour(path=BEND), until=3.0)), "until"),
         (lambda: run(job(Process(from_s=1.0))), "resumed at 1 m"),
@@ -190,7 +191,9 @@ def test_runs_a_program_from_its_drawing_to_its_evaluation():
 def test_runs_share_their_tracing_and_find_their_own_leads():
     one = job(Process(lead_in=Lead(length=0.01)))
     (this,) = one.runs
-    mac = dataclasses.replace(this, name="mac", timing="mac", compensation="none")
+    mac = dataclasses.replace(
+        this, name="mac", timing=ac.Paper(reserve=0.1), compensation=ac.NoCompensation()
+    )
     slower = dataclasses.replace(this, name="slow", limits=LIMITS.replace(speed=0.02))
     runs = run(dataclasses.replace(one, runs=(this, mac, slower))).runs
     assert runs["mac"].traced is runs["taught"].traced is not runs["slow"].traced
@@ -198,7 +201,7 @@ def test_runs_share_their_tracing_and_find_their_own_leads():
     assert runs["mac"].trajectory.method == "mac"
     auto = job(Process(lead_in=Lead()), Contour(path=BEND), rounding=None)
     (this,) = auto.runs
-    less = dataclasses.replace(this, name="less", reserve=0.5)
+    less = dataclasses.replace(this, name="less", timing=ac.Optimal(reserve=0.5))
     runs = ac.jobs.run(dataclasses.replace(auto, runs=(this, less)), simulate=False).runs
     assert runs["less"].path.contours[0].work[0] > runs["taught"].path.contours[0].work[0]
 
@@ -230,10 +233,10 @@ ARCS = Rounding(tolerance=1e-3, continuity="tangent")
 
 def plans(path, *runs, arm=ARM):
     asked = {
-        "compensation": "none",
+        "compensation": ac.NoCompensation(),
         "limits": arm.limits.replace(speed=0.1, joint_jerk=7.2).for_joints(arm.dof),
         "rounding": Rounding(tolerance=1e-3),
-        "timing_options": {"intervals": 200},
+        "timing": ac.Optimal(intervals=200),
     }
     made = (a_run(f"run{i}", **asked | x) for i, x in enumerate(runs))
     return list(run(a_job(path, *made, arm=arm), simulate=False).runs.values())
@@ -244,7 +247,7 @@ def stops_said(sentences):
 
 
 def test_the_ends_of_an_arc_are_said_once_and_counted_by_contours():
-    runs = ({}, {"compensation": "inverse"}, {"compensation": "none"})
+    runs = ({}, {"compensation": ac.Inverse()}, {"compensation": ac.NoCompensation()})
     found = plans(BENT, *({**x, "rounding": None} for x in runs))
     for plan in found:
         assert [x.s for x in plan.jerk_stops] == pytest.approx(ENDS, abs=1e-12)
@@ -299,7 +302,8 @@ def test_stops_that_are_not_there_or_are_there_anyway_are_not_said():
     (plan,) = plans(CORNER, {"rounding": None})
     assert plan.full_stops == {"rounding off": 1} and plan.jerk_stops == ()
     assert plan.stops_note == "Run run0: 1 full stop inside contours (1 rounding off)."
-    slow = dataclasses.replace(plan.run, duration=2 * plan.trajectory.duration)
+    timing = dataclasses.replace(plan.run.timing, duration=2 * plan.trajectory.duration)
+    slow = dataclasses.replace(plan.run, timing=timing)
     again = run(a_job(plan.path, slow), simulate=False).runs["run0"]
     assert again.full_stops == {"rounding off": 1} and again.jerk_stops == ()
 

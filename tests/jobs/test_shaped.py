@@ -21,15 +21,20 @@ ARCS = Rounding(tolerance=1e-3)
 
 
 def a_run(name="free", **values):
-    asked = {"limits": LIMITS, "rounding": FREE, "timing_options": {"intervals": 300}}
+    asked = {"limits": LIMITS, "rounding": FREE, "timing": ac.Optimal(intervals=300)}
     return making.a_run(name, **asked | values)
 
 
 @pytest.fixture(scope="module")
 def plans():
     """Plans of runs that differ in one value each."""
-    others = (a_run("arcs", rounding=ARCS), a_run("sharp", rounding=None), a_run("r", reserve=0.3))
-    more = (a_run("b", compensation="none"), a_run("d", timing_options={"intervals": 200}))
+    others = (
+        a_run("arcs", rounding=ARCS),
+        a_run("sharp", rounding=None),
+        a_run("r", timing=ac.Optimal(intervals=300, reserve=0.3)),
+    )
+    coarse = a_run("d", timing=ac.Optimal(intervals=200))
+    more = (a_run("b", compensation=ac.NoCompensation()), coarse)
     return run(a_job(BEND, a_run(), *others, *more), simulate=False).runs
 
 
@@ -39,7 +44,7 @@ def test_shaped_runs_keep_the_reserve_and_share_shapes(plans):
     assert plans["free"].trajectory.method == "optimal"
     assert plans["free"].trajectory.duration <= plans["arcs"].trajectory.duration * (1 + 1e-9)
     kept = LIMITS.replace(joint_acceleration=0.7 * np.asarray(LIMITS.joint_acceleration))
-    alone = ac.plan(BEND, ARM, kept, method="shaped", tolerance=1e-3, iterations=3, intervals=300)
+    alone = ac.plan(BEND, ARM, kept, ac.Shaped(tolerance=1e-3, iterations=3, intervals=300))
     assert plans["r"].trajectory.duration == pytest.approx(alone.duration, rel=1e-12)
     assert plans["r"].trajectory.duration > plans["free"].trajectory.duration
     free = plans["free"]
@@ -49,8 +54,9 @@ def test_shaped_runs_keep_the_reserve_and_share_shapes(plans):
 
 def test_a_given_duration_and_the_execution_are_as_for_arcs():
     # Without a reserve the servo saturates and overshoots.
-    values = {"free": {}, "slow": {"duration": 4.0}}
-    found = run(a_job(BEND, *(a_run(k, reserve=0.1, **x) for k, x in values.items()))).runs
+    durations = {"free": None, "slow": 4.0}
+    timings = {k: ac.Optimal(intervals=300, reserve=0.1, duration=x) for k, x in durations.items()}
+    found = run(a_job(BEND, *(a_run(k, timing=x) for k, x in timings.items()))).runs
     assert found["slow"].trajectory.duration == pytest.approx(4.0, abs=1e-9)
     assert found["slow"].path is found["free"].path
     for x in found.values():
@@ -93,9 +99,9 @@ def test_values_that_do_not_go_together_are_refused():
         (made(tolerance=1e-3, zone=0.02), "corners.zone"),
         (made(**free, line_tolerance=2e-3, zone=0.02), "corners.line_tolerance of 2 mm"),
         (made(**free, line_tolerance=1e-4), "line_tolerance is given without zone"),
-        (made(shape="free", tolerance=float("nan")), "corners: tolerance"),
-        (made(**free, iterations=-1), "corners: iterations"),
-        (lambda: a_run(timing="mac", timing_options={}), "timing method optimal", "mac"),
+        (made(shape="free", tolerance=float("nan")), "tolerance of a rounding"),
+        (made(**free, iterations=-1), "iterations of a rounding"),
+        (lambda: a_run(timing=ac.Paper()), "timing method optimal", "mac"),
     )
 
 
@@ -109,7 +115,7 @@ def test_an_arm_in_space_keeps_the_configuration_that_it_was_shaped_for():
     moves = tuple(Contour(path=x.pointing((0, 0, -1))) for x in (circle, bend))
     rounding = Rounding(shape="free", tolerance=2.5e-4, iterations=2)
     limits = arm.limits.replace(speed=0.1, centripetal_acceleration=1.0)
-    this = a_run(limits=limits, rounding=rounding, reserve=0.1)
+    this = a_run(limits=limits, rounding=rounding, timing=ac.Optimal(intervals=300, reserve=0.1))
     plan = run(a_job(Program(moves=moves), this, arm=arm), simulate=False).runs["free"]
     for span, x in zip(plan.trajectory.contour_spans, plan.path.contours, strict=True):
         assert span.t[1] - span.t[0] == pytest.approx(x.path.outcome.durations["shaped"], rel=1e-9)
@@ -127,7 +133,7 @@ def test_a_shape_is_never_slower_than_arcs_of_a_redundant_arm():
     limits = arm.limits.replace(speed=0.15, joint_torque=np.inf, joint_jerk=np.inf)
     arcs = Rounding(tolerance=3e-4, angular_tolerance=0.03)
     free = dataclasses.replace(arcs, shape="free", iterations=1)
-    asked = {"limits": limits, "reserve": 0.1, "timing_options": {"intervals": 150}}
+    asked = {"limits": limits, "timing": ac.Optimal(reserve=0.1, intervals=150)}
     runs = (a_run("a", rounding=arcs, **asked), a_run("b", rounding=free, **asked))
     for given in (path, Program(moves=(Contour(path=path), ac.Dwell(duration=0.1)))):
         plans = run(a_job(given, *runs, arm=arm), simulate=False).runs

@@ -27,19 +27,17 @@ from armcontour.tracing.tracer import trace_all
 def job(arm, objective, servo, limits):
     proposed = a_run(
         "proposed",
-        timing="mac",
-        compensation="pole_placement",
+        timing=ac.Paper(knots=60),
+        compensation=ac.PolePlacement(poles=[-100.0, -100.0, -100.0]),
         limits=limits,
         rounding=Rounding(tolerance=5e-3),
-        timing_options={"knots": 60},
-        compensation_options={"poles": [-100.0, -100.0, -100.0]},
         until=6.0,
     )
     slow = limits.replace(speed=0.04)
-    other = {"timing": "conventional", "compensation": "none", "limits": slow, "period": 1e-2}
+    methods = {"timing": ac.Conventional(), "compensation": ac.NoCompensation()}
     plant, runs = (
         ac.ServoModel(kp=[24.0, 26.0], kv=150.0),
-        (proposed, a_run("conventional", **other)),
+        (proposed, a_run("conventional", **methods, limits=slow, period=1e-2)),
     )
     values = {"servo": servo, "plant_servo": plant, "runs": runs}
     return ac.Job(name="paper", title="The paper's job", arm=arm, path=objective, **values)
@@ -64,10 +62,8 @@ def test_run_is_all_arrows_one_by_one(job, study):
         path, found = job.path, study.runs[this.name]
         if this.rounding is not None:
             path = ac.round_corners(path, tolerance=5e-3, acceleration=0.09)
-        asked = {"method": this.timing, **this.timing_options}
-        trajectory = ac.plan(ac.trace(path, job.arm), job.arm, this.limits, **asked)
-        asked = {"method": this.compensation, "period": this.period, **this.compensation_options}
-        taught = ac.compensate(trajectory, job.servo, **asked)
+        trajectory = ac.plan(ac.trace(path, job.arm), job.arm, this.limits, this.timing)
+        taught = ac.compensate(trajectory, job.servo, this.compensation, period=this.period)
         execution = ac.execute(taught, ac.ServoPlant(job.arm, job.plant_servo, this.limits))
         asked = {"objective": job.path, "limits": this.limits, "until": this.until}
         evaluation = ac.evaluate(execution, path, **asked)
@@ -155,7 +151,7 @@ def test_what_cannot_be_is_refused_with_its_run_before_any_run_starts(job, in_sp
 
     (this,) = in_space.runs
     jerky = this.limits.replace(joint_jerk=100.0).for_joints(6)
-    by_mac = changed(this, name="two", limits=jerky, timing="mac")
+    by_mac = changed(this, name="two", limits=jerky, timing=ac.Paper())
     free = changed(this, limits=jerky, rounding=Rounding(shape="free", tolerance=1e-3))
     bodies = changed(job.runs[1], experiment=Experiment())
     lag, said = ac.ServoModel(kp=25.0, order="first"), "Run conventional: experiment: "
@@ -203,21 +199,21 @@ def in_space():
     """A line of the UR5e, as quick as it gets."""
     arm = ac.load_arm("ur5e")
     path = ac.Path.polyline([[0.4, 0.0, 0.2], [0.5, 0.05, 0.2]]).oriented([1.0, 0.0, 0.0, 0.0])
-    this = a_run(compensation="none", limits=arm.limits.replace(speed=0.25))
+    this = a_run(compensation=ac.NoCompensation(), limits=arm.limits.replace(speed=0.25))
     servo = ac.ServoModel(kp=25.0, kv=150.0).for_joints(6)
     return ac.Job(name="line", title="A line", arm=arm, path=path, servo=servo, runs=(this,))
 
 
 def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
     (this,) = in_space.runs
-    grid = {"grid": np.arange(0.0, 0.1, 0.01)}
+    grid = ac.Optimal(grid=np.arange(0.0, 0.1, 0.01))
     others = {
         "slow": {"limits": this.limits.replace(speed=0.1)},
-        "spared": {"reserve": 0.1},
-        "late": {"duration": 5.0},
-        "gridded": {"timing_options": grid},
+        "spared": {"timing": ac.Optimal(reserve=0.1)},
+        "late": {"timing": ac.Optimal(duration=5.0)},
+        "gridded": {"timing": grid},
     }
-    again = changed(this, name="again", compensation="pole_placement")
+    again = changed(this, name="again", compensation=ac.PolePlacement())
     runs = (this, again, *(changed(this, name=k, **x) for k, x in others.items()))
     found = ac.run(with_runs(in_space, *runs)).runs
     assert found["again"].trajectory is found["one"].trajectory

@@ -21,7 +21,8 @@ LIMITS = ARM.limits.replace(speed=0.1, centripetal_acceleration=0.09)
 
 
 def job(path, *, arm=ARM, process=None, **values):
-    asked = {"limits": LIMITS, "rounding": Rounding(tolerance=0.25e-3), "reserve": 0.1, **values}
+    own = {"rounding": Rounding(tolerance=0.25e-3), "timing": ac.Optimal(reserve=0.1)}
+    asked = {"limits": LIMITS, **own, **values}
     return a_job(path, a_run(**asked), arm=arm, process=process)
 
 
@@ -77,12 +78,14 @@ def test_a_demand_far_above_the_limit_is_said_and_by_whom():
 
 
 def test_a_duration_is_kept():
-    plan = run(job(drawn(), duration=4.0), simulate=False).runs["one"]
+    plan = run(job(drawn(), timing=ac.Optimal(reserve=0.1, duration=4.0)), simulate=False).runs[
+        "one"
+    ]
     assert plan.trajectory.duration == pytest.approx(4.0, rel=1e-12)
 
 
 def test_who_judges_set_points_that_are_for_the_bodies():
-    options = {"compensation": "inverse_dynamics", "limits": LIMITS.replace(joint_jerk=20.0)}
+    options = {"compensation": ac.InverseDynamics(), "limits": LIMITS.replace(joint_jerk=20.0)}
     straight = ac.Path.polyline(LINES[:2])
     bare = only(job(straight, **options))
     (warning,) = bare.warnings
@@ -96,7 +99,7 @@ def test_who_judges_set_points_that_are_for_the_bodies():
 
 def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
     experiment = Experiment(coulomb=[0.02, 0.0])
-    seen = only(job(ac.Path.polyline(LINES), compensation="inverse", experiment=experiment))
+    seen = only(job(ac.Path.polyline(LINES), compensation=ac.Inverse(), experiment=experiment))
     judged, plain = seen.experiment.evaluation, seen.experiment.uncompensated
     assert plain.contour_error.rms > judged.contour_error.rms > 0
     for evaluation, uncompensated in ((judged, judged), (judged, None), (plain, judged)):
@@ -110,7 +113,9 @@ def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
         assert f"{value * 1e3:.4g} " in said[0]
     assert "method: inverse_dynamics" in said[0] and "0.02, 0 N m" in said[0]
     assert (
-        only(job(ac.Path.polyline(LINES), compensation="none", experiment=experiment)).warnings
+        only(
+            job(ac.Path.polyline(LINES), compensation=ac.NoCompensation(), experiment=experiment)
+        ).warnings
         == ()
     )
 
@@ -139,7 +144,7 @@ def slow(path, **values):
     arm = ac.load_arm("ur5e" if ac.Program.of(path).contours[0].path.dimension == 3 else "pmk3s")
     limits = arm.limits.replace(speed=0.15, joint_torque=np.inf, **values.pop("limits", {}))
     rounding = Rounding(tolerance=3e-4, angular_tolerance=0.03)
-    asked = {"compensation": "none", "limits": limits, "rounding": rounding, **values}
+    asked = {"compensation": ac.NoCompensation(), "limits": limits, "rounding": rounding, **values}
     found = warnings_of(job(path, arm=arm, **asked))
     return [x for x in found if "mm/s on average" in x]
 
@@ -153,7 +158,11 @@ def test_contours_far_slower_than_assigned_are_warned_of_with_the_slowest():
     circle = ac.Path.from_segments([ac.Arc(start=(0.32, 0.2), center=(0.3, 0.2), angle=2 * np.pi)])
     assert len(slow(circle, limits={"centripetal_acceleration": 0.02})) == 1
     # Smooth axes, a given duration and lines without room for their speed are not warned of.
-    assert slow(measured(0.0)) == slow(measured(6e-3), duration=30.0) == []
+    assert (
+        slow(measured(0.0))
+        == slow(measured(6e-3), timing=ac.Optimal(reserve=0.1, duration=30.0))
+        == []
+    )
     for length in (1e-4, 5e-3, 0.05):
         line = ac.Path.polyline([(0.30, 0.20), (0.30 + length, 0.20)])
         assert slow(line) == [], length

@@ -32,7 +32,7 @@ def test_the_papers_job_with_a_gain_that_is_not_known():
     path = ac.round_corners(objective, tolerance=5e-3)
     plan = ac.plan(path, job.arm, job.runs[-1].limits)
     assert plan.duration <= 5.335
-    taught = ac.compensate(plan, SERVO, method="inverse_dynamics", arm=job.arm)
+    taught = ac.compensate(plan, SERVO, ac.InverseDynamics(), arm=job.arm)
 
     def robot(seed):
         real = SERVO.replace(kp=[25.0, 24.0])
@@ -59,7 +59,7 @@ def in_space(runs):
         joint_velocity=3.14, joint_acceleration=6.4, joint_jerk=320.0, speed=0.25
     )
     plan = ac.plan(path, arm, limits)
-    taught = ac.compensate(plan, SERVO, method="inverse_dynamics", arm=arm)
+    taught = ac.compensate(plan, SERVO, ac.InverseDynamics(), arm=arm)
 
     def robot(seed):
         real = SERVO.replace(kp=[25.0, 24.0, 26.0, 23.0, 25.0, 25.5])

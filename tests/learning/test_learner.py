@@ -28,7 +28,7 @@ def path():
 def taught(arm, path):
     limits = ac.Limits.only(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0)
     plan = gentle_plan(path, arm, limits.for_joints(2))
-    return ac.compensate(plan, SERVO, method="inverse")
+    return ac.compensate(plan, SERVO, ac.Inverse())
 
 
 def plant(arm, run, *, dead_time=0.0, noise=1e-6):
@@ -162,7 +162,7 @@ def test_one_joint_at_its_limit_does_not_end_learning(ki, bars):
         true, servo.replace(kp=[26.0, 24.0, 25.0, 24.0, 26.0, 25.0]), nominal.limits, noise=1e-5,
         seed=3,
     )  # fmt: skip
-    taught = ac.compensate(plan, servo, method="inverse_dynamics", arm=nominal, period=4e-3)
+    taught = ac.compensate(plan, servo, ac.InverseDynamics(), arm=nominal, period=4e-3)
     errors = []
     for _ in range(3):
         done = ac.execute(taught, robot)
@@ -191,7 +191,7 @@ def test_the_first_order_servo_learns_without_masses():
     arm = rods()
     servo = ac.ServoModel(kp=25.0, order="first")
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits)
-    taught = ac.compensate(plan, servo, method="inverse")
+    taught = ac.compensate(plan, servo, ac.Inverse())
     robot = ac.ServoPlant(arm, servo.replace(kp=[23.0, 27.0]))
     first = ac.execute(taught, robot)
     lesson = ac.learn(taught, first, arm=arm, servo=servo)
@@ -209,7 +209,7 @@ def test_the_controller_may_know_another_arm(arm, taught):
     )
     bare = loaded._copy(chain=loaded.chain.replace(payload=None))
     plan = taught.trajectory
-    right = ac.compensate(plan, SERVO, method="inverse_dynamics", arm=loaded, known=bare)
+    right = ac.compensate(plan, SERVO, ac.InverseDynamics(known=bare), arm=loaded)
     robot = ac.RigidBodyPlant(
         loaded, SERVO, ac.Limits.only(joint_torque=1e3).for_joints(2), known=bare
     )

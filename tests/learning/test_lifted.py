@@ -123,7 +123,7 @@ def test_expected_motion_is_that_of_a_plant_with_feed_forward(kind):
         kp=[25.0, 20.0], kv=150.0, dead_time=3.3e-3, interpolation=kind, velocity_feedforward=0.8,
         **more,
     ).for_joints(2)  # fmt: skip
-    taught = ac.compensate(plan, servo, method="none", period=4e-3)
+    taught = ac.compensate(plan, servo, ac.NoCompensation(), period=4e-3)
     done = ac.execute(taught, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
     lifted = Lifted(taught, Nominal(arm=arm, servo=servo))
     inside = (lifted.t >= done.t[0]) & (lifted.t <= done.t[-1])

@@ -12,7 +12,7 @@ from .robots import SERVO, rods
 
 
 def executed(arm, path):
-    taught = ac.compensate(ac.plan(ac.JointPath.spline(path), arm), SERVO, method="none")
+    taught = ac.compensate(ac.plan(ac.JointPath.spline(path), arm), SERVO, ac.NoCompensation())
     return taught, log_of(arm, taught)
 
 
@@ -54,7 +54,7 @@ def test_other_logs_are_refused(run, refuses):
         np.stack([np.interp(t, log.t, x) for x in y.T], axis=1) for y in (log.command, log.measured)
     ]
     coarse = ac.Recording(t=t, command=rows[0], q=rows[1], source="run1.csv")
-    plain = ac.compensate(taught.trajectory, SERVO, method="inverse")
+    plain = ac.compensate(taught.trajectory, SERVO, ac.Inverse())
     for wrong, words in (
         (other(log, measured=np.degrees(log.measured)), "look like degrees"),
         (of_both(log, np.degrees), "degrees"),
@@ -78,7 +78,7 @@ def test_other_logs_are_refused(run, refuses):
 def test_the_log_of_another_run(run, amplitude):
     """Its set-points are other ones, by 30 times the noise of the log and more."""
     arm, taught, _ = run
-    taught = ac.compensate(taught.trajectory, SERVO, method="inverse")
+    taught = ac.compensate(taught.trajectory, SERVO, ac.Inverse())
     wave = amplitude * np.sin(0.02 * np.arange(len(taught.q)))[:, None]
     other_run = replace(taught, q=taught.q + wave)
     log = log_of(arm, other_run)

@@ -22,7 +22,7 @@ class Robot:
             2
         )
         self.plan = gentle_plan(rounded(), self.arm, limits)
-        self.taught = ac.compensate(self.plan, SERVO, method="inverse")
+        self.taught = ac.compensate(self.plan, SERVO, ac.Inverse())
         self.plant = ac.ServoPlant(self.arm, SERVO.replace(kp=GAINS), saturation="none")
 
     def run(self, taught):

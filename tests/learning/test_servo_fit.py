@@ -102,7 +102,7 @@ def one_moves(servo, true, noise=1e-5):
     """A lesson of a planar arm whose second joint stands still."""
     arm = rods()
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 0.9)]), arm, arm.limits)
-    taught = ac.compensate(plan, servo, method="inverse")
+    taught = ac.compensate(plan, servo, ac.Inverse())
     done = ac.execute(taught, ac.ServoPlant(arm, true, saturation="none"))
     return ac.learn(taught, log_of(done, noise), arm=arm, servo=servo)
 
@@ -142,7 +142,7 @@ def test_learning_starts_from_any_servo(servo):
     """The second run shows an error that is 30 times smaller; a third one the noise."""
     arm = rods()
     limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(2)
-    taught = ac.compensate(gentle_plan(rounded(), arm, limits), servo, method="inverse")
+    taught = ac.compensate(gentle_plan(rounded(), arm, limits), servo, ac.Inverse())
     robot = ac.ServoPlant(arm, ac.ServoModel(**LOOPS), saturation="none")
     errors = []
     for k in range(2):

@@ -18,7 +18,7 @@ def arm():
 @pytest.fixture(scope="module")
 def taught(arm):
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits, 0.1)
-    return ac.compensate(plan, SERVO, method="inverse")
+    return ac.compensate(plan, SERVO, ac.Inverse())
 
 
 def give_way(executed):

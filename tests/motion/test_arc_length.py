@@ -10,6 +10,7 @@ import armcontour as ac
 from armcontour.geometry import Path
 from armcontour.motion import Method, Rates, Span, stand_still
 from armcontour.program import Contour, Dwell, Program
+from armcontour.timing import METHODS
 
 ARM = ac.load_arm("pmk3s")
 LIMITS = ARM.limits.replace(speed=0.1, centripetal_acceleration=0.09)
@@ -29,17 +30,16 @@ UNEVEN = Path.from_segments(
 ASIDE = 1e-6
 # A trajectory of every kind of law; those of programs have a rapid and a dwell.
 MAKERS = {
-    "optimal": lambda: ac.plan(ROUNDED, ARM, LIMITS, intervals=400),
-    "optimal, sharp": lambda: ac.plan(OBJECTIVE, ARM, LIMITS, intervals=400),
-    "mac": lambda: ac.plan(ROUNDED, ARM, SLOW, method="mac"),
-    "mac, sharp": lambda: ac.plan(OBJECTIVE, ARM, SLOW, method="mac"),
-    "conventional": lambda: ac.plan(ROUNDED, ARM, SLOW, method="conventional"),
-    "conventional, uneven": lambda: ac.plan(UNEVEN, ARM, SLOW, method="conventional"),
-    "program, optimal": lambda: ac.plan(PROGRAM, ARM, LIMITS, intervals=400),
-    "program, mac": lambda: ac.plan(PROGRAM, ARM, SLOW, method="mac"),
-    "program, conventional": lambda: ac.plan(PROGRAM, ARM, SLOW, method="conventional"),
+    "optimal": lambda: ac.plan(ROUNDED, ARM, LIMITS, ac.Optimal(intervals=400)),
+    "optimal, sharp": lambda: ac.plan(OBJECTIVE, ARM, LIMITS, ac.Optimal(intervals=400)),
+    "mac": lambda: ac.plan(ROUNDED, ARM, SLOW, ac.Paper()),
+    "mac, sharp": lambda: ac.plan(OBJECTIVE, ARM, SLOW, ac.Paper()),
+    "conventional": lambda: ac.plan(ROUNDED, ARM, SLOW, ac.Conventional()),
+    "conventional, uneven": lambda: ac.plan(UNEVEN, ARM, SLOW, ac.Conventional()),
+    "program, optimal": lambda: ac.plan(PROGRAM, ARM, LIMITS, ac.Optimal(intervals=400)),
+    "program, mac": lambda: ac.plan(PROGRAM, ARM, SLOW, ac.Paper()),
+    "program, conventional": lambda: ac.plan(PROGRAM, ARM, SLOW, ac.Conventional()),
 }
-METHODS = ("optimal", "mac", "conventional")
 SHARES = np.concatenate(
     [[0, 1, 0.5, 5e-324, 1e-300, 1e-16, 1 - 2**-53], np.random.default_rng(0).random(200)]
 )
@@ -198,7 +198,7 @@ def test_a_program_counts_on_where_its_contours_do_and_stands_still_between_them
 @pytest.mark.parametrize("method", METHODS)
 def test_a_program_may_stand_at_both_of_its_ends(method):
     moves = (Dwell(duration=0.1), Contour(path=ROUNDED), Dwell(duration=0.2))
-    trajectory = ac.plan(Program(moves=moves), ARM, SLOW, method=method)
+    trajectory = ac.plan(Program(moves=moves), ARM, SLOW, METHODS[method]())
     ends = np.array([0.0, ROUNDED.length])
     (contour,) = trajectory.contour_spans
     assert trajectory.time_at(ends).tolist() == pytest.approx([0.0, contour.t[1]], abs=1e-12)

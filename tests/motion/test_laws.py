@@ -93,7 +93,11 @@ def many():
     laws, q = [], np.zeros(2)
     for k in range(12):
         points = np.concatenate([[q], q + rng.uniform(-1, 1, (k % 4 + 1, 2))])
-        laws += ac.plan(JointPath.spline(points), limits=LIMITS, intervals=40).laws
+        laws += ac.plan(
+            JointPath.spline(points),
+            limits=LIMITS,
+            options=ac.Optimal(intervals=40),
+        ).laws
         q = points[-1]
         if k in (3, 7):
             laws.append(stand_still(q, 0.25))
@@ -253,7 +257,7 @@ def planned(jerk):
     continuity = "tangent" if jerk is None else "curvature"
     path = ac.round_corners(path, tolerance=5e-3, continuity=continuity)
     limits = ac.Limits(speed=0.2, joint_acceleration=2.0, joint_jerk=jerk)
-    return ac.plan(path.oriented(np.diag([1, -1, -1])), arm, limits, intervals=200)
+    return ac.plan(path.oriented(np.diag([1, -1, -1])), arm, limits, ac.Optimal(intervals=200))
 
 
 @pytest.fixture(
@@ -335,7 +339,7 @@ def test_long_intervals_lose_no_peak(jerk):
     limits = ac.Limits(joint_acceleration=2.0, joint_velocity=1.0, joint_jerk=jerk)
     for k in range(6 if jerk is None else 3):
         joint_path = ac.JointPath.spline(random.uniform(-1.5, 1.5, (4, 6)))
-        law = ac.plan(joint_path, arm, limits, intervals=12).laws[0]
+        law = ac.plan(joint_path, arm, limits, ac.Optimal(intervals=12)).laws[0]
         full, speeds = limits_of(law)
         for row in range(4):
             only = 1e3 * np.sign(full)

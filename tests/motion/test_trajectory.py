@@ -167,7 +167,7 @@ def test_tool_speed_and_saturation(arm):
 def test_motion_between_results_is_known_at_steps_of_the_command_interval_only(conventional, arm):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     plant = ac.ServoPlant(arm, servo, saturation="none")
-    whole = ac.execute(ac.compensate(conventional, servo, method="none", period=4e-3), plant)
+    whole = ac.execute(ac.compensate(conventional, servo, ac.NoCompensation(), period=4e-3), plant)
     here = np.array([7])
     assert len(whole.between(here)(whole.t[7:8] + 2e-4)) == 1
     names = ("t", "q", "dq", "ddq", "demand")

@@ -21,14 +21,14 @@ def bound_at(motion, t):
 @pytest.mark.filterwarnings("ignore:Limits of jerk add")
 def test_no_joint_moves_farther_than_its_bound():
     for limits, options in (
-        ({}, {}),
-        ({"centripetal_acceleration": 0.09}, {"method": "mac"}),
-        ({}, {"method": "conventional"}),
-        ({"joint_jerk": 50.0}, {}),
+        ({}, ac.Optimal()),
+        ({"centripetal_acceleration": 0.09}, ac.Paper()),
+        ({}, ac.Conventional()),
+        ({"joint_jerk": 50.0}, ac.Optimal()),
     ):
         line = ac.Path.polyline([[0.35, 0.1], [0.41, 0.15]])
-        path = line if options.get("method") == "conventional" else PATH
-        motion = ac.plan(path, ARM, LIMITS.replace(**limits), **options)
+        path = line if options.method == "conventional" else PATH
+        motion = ac.plan(path, ARM, LIMITS.replace(**limits), options)
         t, travel = joint_travel(motion)
         assert t[0] == 0.0 and t[-1] == pytest.approx(motion.duration)
         dense = np.linspace(0.0, motion.duration, 20_001)
@@ -40,7 +40,7 @@ def test_no_joint_moves_farther_than_its_bound():
 
 def test_an_executed_motion_has_bounds_too(servo):
     plan = ac.plan(PATH, ARM, LIMITS)
-    taught = ac.compensate(plan, servo, method="inverse", period=0.004, arm=ARM)
+    taught = ac.compensate(plan, servo, ac.Inverse(), period=0.004, arm=ARM)
     plant = ac.ServoPlant(ARM, servo, ARM.limits)
     coarse, fine = (ac.execute(taught, plant, resolution=x) for x in (4, 32))
     bound = bound_at(coarse, fine.t)

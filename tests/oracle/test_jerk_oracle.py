@@ -29,7 +29,7 @@ KEPT = {
 
 
 def test_a_line_and_the_oracle_take_what_the_closed_form_says():
-    planned = ac.plan(LINE, limits=LIMITS, intervals=1000)
+    planned = ac.plan(LINE, limits=LIMITS, options=ac.Optimal(intervals=1000))
     assert 1 <= planned.duration / EXACT <= 1 + 1e-3
     pytest.importorskip("casadi")
     found = solve(LINE, Bounds.of(LIMITS, 1), (80, 300)).duration

@@ -47,7 +47,7 @@ def problem(seed):
 def ours(points, velocity, acceleration, **options):
     limits = ac.Limits(joint_velocity=velocity, joint_acceleration=acceleration)
     arm = SimpleNamespace(dof=points.shape[1], limits=limits)
-    return ac.plan(ac.JointPath.spline(points), arm, **options), limits
+    return ac.plan(ac.JointPath.spline(points), arm, limits, ac.Optimal(**options)), limits
 
 
 def peer(points, velocity, acceleration, grid, scheme):

@@ -229,7 +229,7 @@ def test_viscous_friction_is_kept_and_costs_what_it_must():
     assert max(found.values()) <= 1 + 1e-9
     assert found["torque"] > 0.9999
     # The lines that stand for friction cost nothing to speak of.
-    finer = ac.plan(path, given.arm, given.limits, intervals=40_000)
+    finer = ac.plan(path, given.arm, given.limits, ac.Optimal(intervals=40_000))
     assert planned.duration == pytest.approx(finer.duration, rel=2e-4)
     # The reference is of first order in its stages.
     assert finer.duration == pytest.approx(with_true_friction(given, 6000), rel=1e-3)

@@ -55,7 +55,7 @@ def moved(job, frame):
 def plan(job):
     (run,) = job.runs
     path = ac.round_corners(job.path, tolerance=run.rounding.tolerance)
-    return ac.plan(path, job.arm, run.limits, start=job.start, **run.plan_options)
+    return ac.plan(path, job.arm, run.limits, replace(run.timing, start=job.start))
 
 
 def durations(found, job, anchor):
@@ -243,7 +243,7 @@ def test_no_feasible_place_says_how_far_out_of_reach_it_is(square):
 
 def test_wrong_wishes_are_refused(square):
     (run,) = square.runs
-    slow = replace(square, runs=(replace(run, duration=5.0),))
+    slow = replace(square, runs=(replace(run, timing=ac.Optimal(duration=5.0)),))
     for job, wrong, words in (
         (square, {"objective": "beauty"}, "must be one of cycle, manipulability"),
         (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),

@@ -8,7 +8,9 @@ import armcontour as ac
 from armcontour.timing.constraints import SecondOrder
 
 # Base classes, errors, and what is identified from logs of a whole arm.
-NOT_MADE = {"Arm", "Plant", "RobotIdentification", "__version__"}
+NOT_MADE = {
+    "Arm", "CompensationOptions", "PlanOptions", "Plant", "RobotIdentification", "__version__",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +41,8 @@ def test_arguments_of_another_class_are_refused_before_anything_is_done(files, r
     x, told = calls.right(), []
     plan, learn = (lambda **more: ac.plan(x["path"], x["arm"], x["limits"], **more)), ac.learn
     refuses(lambda: plan(progress=3), ac.InvalidInput, "plan", "function", "progress", "int")
-    refuses(lambda: plan(fits="all"), ac.InvalidInput, "plan", "fits", "str")
+    refuses(lambda: plan(options="all"), ac.InvalidInput, "plan", "PlanOptions", "options", "str")
+    refuses(lambda: ac.Optimal(fits="all"), ac.InvalidInput, "fits", "str")
     refuses(lambda: ac.plan(x["path"], x["trajectory"]), ac.InvalidInput, "Arm", "Trajectory")
     given = (x["taught"], x["executed"])
     for servo in (x["arm"], None, {"kp": 25.0}):
@@ -63,7 +66,7 @@ def test_shapes_that_do_not_fit_never_reach_compiled_code(refuses):
     for coefficients in (np.zeros((3, 1, 1)), (1.0, 2.0), None, "a"):
         own = SecondOrder("own", lambda s, side, c=coefficients: c, [-1.0], [np.inf])
         refuses(
-            lambda c=own: ac.plan(path, calls.right()["arm"], constraints=[c]),
+            lambda c=own: ac.plan(path, calls.right()["arm"], options=ac.Optimal(constraints=[c])),
             ac.InvalidInput,
             "coefficients of own",
         )

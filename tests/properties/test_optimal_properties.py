@@ -36,7 +36,7 @@ def problems(draw):
 
 def plan(points, limits, intervals=INTERVALS):
     path = ac.JointPath.spline(points)
-    return ac.plan(path, robot(path.dof), limits, intervals=intervals)
+    return ac.plan(path, robot(path.dof), limits, ac.Optimal(intervals=intervals))
 
 
 @given(problems())
@@ -110,7 +110,7 @@ def test_lines_on_which_a_joint_turns_round(arm, worst_ratios):
         limits = ac.Limits.only(
             joint_acceleration=10 ** rng.uniform(-0.5, 0.5, 2), speed=10 ** rng.uniform(-1.5, 0)
         )
-        planned = ac.plan(path, arm, limits, intervals=INTERVALS)
+        planned = ac.plan(path, arm, limits, ac.Optimal(intervals=INTERVALS))
         found = worst_ratios(planned, limits, arm, places=10)
         assert max(found.values()) <= 1 + LEAK, path.vertices
         assert set(found) == {"joint_acceleration", "speed"}
@@ -136,7 +136,7 @@ def test_random_polylines(arm, batch):
     for _ in range(40):
         path, limits, knots = random_job(rng)
         try:
-            planned = ac.plan(path, arm, limits, method="mac", knots=knots)
+            planned = ac.plan(path, arm, limits, ac.Paper(knots=knots))
         except ac.NotRealizable as error:
             assert 0 <= error.s <= path.length
             if "at rest next to an arc" in str(error):  # the arc used up the first or last line
@@ -242,7 +242,7 @@ def test_plans_at_the_very_limit(arm, signs, period, share, gain, lap):
     )
     servo = ac.ServoModel(kp=kp, kv=kv)
     planned = ac.Trajectory(laws=(law,), method="hand")
-    taught = ac.compensate(planned, servo, method="inverse", period=period)
+    taught = ac.compensate(planned, servo, ac.Inverse(), period=period)
     done = run(arm, taught.q, period, kp, kv, LIMIT)
     np.testing.assert_allclose(done.q[:, 0], -done.q[:, 1], atol=1e-9)  # the two mirror each other
 

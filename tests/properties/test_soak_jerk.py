@@ -37,7 +37,7 @@ def problem():
 
 @pytest.fixture(scope="module")
 def planned(problem):
-    return ac.plan(problem.path, limits=problem.limits, intervals=200)
+    return ac.plan(problem.path, limits=problem.limits, options=ac.Optimal(intervals=200))
 
 
 def _with(planned, **changes):

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plotly.offline import get_plotlyjs
 
+import armcontour as ac
 from armcontour.geometry.cutting import cut_path
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.read import read_path
@@ -66,7 +67,7 @@ def in_space(tmp_path_factory):
     # Without compensation, so that errors are larger than what pictures round to.
     file = tmp_path_factory.mktemp("space") / "program.ngc"
     file.write_text(GCODE, encoding="utf-8")
-    return run(replace_runs(read_cell("ur5e", file), compensation="none"))
+    return run(replace_runs(read_cell("ur5e", file), compensation=ac.NoCompensation()))
 
 
 def traces(figure):
@@ -110,7 +111,9 @@ def test_the_drawn_contours_and_the_band_of_the_kerf_are_drawn():
     job = read_cell("ur5e", DRAWINGS / "plate.dxf")
     lead = Lead(length=2e-3, shape="arc", active=True)
     process = Process(kerf=1e-3, lead_in=lead, lead_out=Lead(length=2e-3, shape="arc"))
-    study = run(replace_runs(dataclasses.replace(job, process=process), compensation="none"))
+    study = run(
+        replace_runs(dataclasses.replace(job, process=process), compensation=ac.NoCompensation())
+    )
     found = traces(sections.program(study).figures[0])
     (result,) = study.runs.values()
     drawn, band = points(found["as drawn"]), points(found["kerf, 1 mm"])

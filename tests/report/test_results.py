@@ -16,7 +16,7 @@ def results(arm, objective, tolerance):
     """A plan, its execution and its evaluation."""
     rounded = ac.round_corners(objective, tolerance=tolerance)
     limits = arm.limits.replace(speed=0.15)
-    planned = ac.plan(rounded, arm, limits, reserve=0.05)
+    planned = ac.plan(rounded, arm, limits, ac.Optimal(reserve=0.05))
     executed = ac.execute(ac.compensate(planned, SERVO), ac.ServoPlant(arm, SERVO, limits))
     return planned, executed, ac.evaluate(executed, rounded, objective=objective, limits=limits)
 

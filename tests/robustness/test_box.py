@@ -148,7 +148,7 @@ def test_unknown_weight_sags_from_the_start_to_the_end():
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     path = ac.Path.polyline([(0.45, 0.08, 0.2), (0.46, 0.08, 0.2)])
     path = path.oriented(np.diag([1.0, -1.0, -1.0]))
-    taught = ac.compensate(ac.plan(path, arm), servo, method="inverse_dynamics", arm=arm)
+    taught = ac.compensate(ac.plan(path, arm), servo, ac.InverseDynamics(), arm=arm)
     u = Unknowns.of(Box(payload=[0.0, 0.5]), arm, servo)
     found = deviations_of(taught, path, u)
     load = ac.Payload(mass=0.5, center=arm.chain.tool.position)

@@ -8,6 +8,7 @@ from soak.certificates import random_job
 
 import armcontour as ac
 from armcontour.arms.planar import Tube
+from armcontour.compensation import METHODS
 from armcontour.geometry._segments import search_along
 from armcontour.geometry.nearest import pack
 from armcontour.motion import LapLaw
@@ -21,14 +22,14 @@ SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 @pytest.fixture(scope="module")
 def job(mac, rounded, arm, limits):
     """Taught data without compensation, path, arm, servo, limits."""
-    taught = ac.compensate(mac, SERVO, method="none", period=PERIOD)
+    taught = ac.compensate(mac, SERVO, ac.NoCompensation(), period=PERIOD)
     return taught, rounded, arm, SERVO, limits
 
 
 @pytest.fixture(scope="module")
 def leading(mac, job):
     """The same with taught data that saturates most robots of a box."""
-    return ac.compensate(mac, SERVO, method="inverse", period=PERIOD), *job[1:]
+    return ac.compensate(mac, SERVO, ac.Inverse(), period=PERIOD), *job[1:]
 
 
 def reference(taught, path, arm, servo, limits, until=None, resolution=1e-3):
@@ -107,7 +108,7 @@ def test_saturated_executions_and_other_limits_and_periods(mac, job):
         ("pole_placement", PERIOD, limits),
         ("inverse", 0.011, uneven),
     ):
-        taught = ac.compensate(mac, servo, method=method, period=period)
+        taught = ac.compensate(mac, servo, METHODS[method](), period=period)
         setting = taught, path, arm, servo, own
         found = spread(*setting, Box(gains=0.1), samples=6)
         assert found.saturated.max() > 0.3

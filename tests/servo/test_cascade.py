@@ -23,7 +23,7 @@ def plan():
     corner = ac.Path.polyline([(0.3, 0.2), (0.36, 0.2), (0.36, 0.26)])
     path = ac.round_corners(corner, tolerance=2e-3, continuity="curvature")
     limits = ac.Limits(joint_acceleration=[5.0, 5.0], joint_jerk=[60.0, 60.0], speed=0.1)
-    return ac.plan(path, ARM, limits, intervals=300)
+    return ac.plan(path, ARM, limits, ac.Optimal(intervals=300))
 
 
 def command(q, interpolation, t):
@@ -154,7 +154,7 @@ def test_set_points_compensate_the_cascade(plan, interpolation, feed):
             kp=(12.0, 9.0), kv=80.0, ki=(ki, ki / 2), interpolation=interpolation,
             velocity_feedforward=feed[0], acceleration_feedforward=feed[1], dead_time=6e-3,
         )  # fmt: skip
-        taught = ac.compensate(plan, servo, method="inverse", period=period)
+        taught = ac.compensate(plan, servo, ac.Inverse(), period=period)
         done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=1e-3)
         inside = (done.t > 0) & (done.t < plan.duration)
         off.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
@@ -174,7 +174,7 @@ def test_set_points_compensate_drives_with_a_cycle(plan, cycle, feed):
         servo = ac.ServoModel(
             kp=12.0, kv=80.0, ki=ki, velocity_feedforward=feed, dead_time=6e-3, cycle=cycle
         )
-        taught = ac.compensate(plan, servo, method="inverse", period=1e-3)
+        taught = ac.compensate(plan, servo, ac.Inverse(), period=1e-3)
         done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=1e-3)
         inside = (done.t > 0) & (done.t < plan.duration)
         off.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
@@ -216,6 +216,6 @@ def test_integrators_that_no_model_has_are_refused(plan, refuses):
     ):  # fmt: skip
         refuses(lambda given=given: ac.ServoModel(**given), InvalidInput, words)
     servo, words = ac.ServoModel(kp=5.0, kv=50.0, ki=1.0), "and without integrator"
-    poles = lambda: ac.compensate(plan, servo, method="pole_placement")  # noqa: E731
+    poles = lambda: ac.compensate(plan, servo, ac.PolePlacement())  # noqa: E731
     refuses(poles, InvalidInput, words)
     assert "ki 1 1/s" in str(servo)

@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 import armcontour as ac
+from armcontour.compensation import METHODS
 from armcontour.motion import TaughtData
 
 PERIOD, LATE = 4e-3, 5.3e-3
@@ -33,9 +34,7 @@ def plan(arm):
         ac.round_corners(path, tolerance=2e-3),
         arm,
         limits,
-        intervals=400,
-        reserve=0.5,
-        branch="positive",
+        ac.Optimal(intervals=400, reserve=0.5, branch="positive"),
     )
 
 
@@ -116,7 +115,7 @@ def test_the_transfer_function():
 
 
 def follow(plan, arm, servo, limits, method):
-    taught = ac.compensate(plan, servo, method=method, period=PERIOD)
+    taught = ac.compensate(plan, servo, METHODS[method](), period=PERIOD)
     return taught, ac.execute(taught, ac.ServoPlant(arm, servo, limits))
 
 
@@ -159,7 +158,7 @@ def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
     plan = ac.plan(path, arm, arm.limits.replace(speed=0.25, joint_jerk=100.0))
     servo, errors = ac.ServoModel(kp=25.0, kv=150.0, velocity_feedforward=1.0), []
     for method in ("inverse_dynamics", "none"):
-        taught = ac.compensate(plan, servo, method=method, arm=arm)
+        taught = ac.compensate(plan, servo, METHODS[method](), arm=arm)
         done = ac.execute(taught, ac.RigidBodyPlant(arm, servo))
         errors.append(ac.evaluate(done, path).contour_error.rms)
     assert errors[0] < min(1e-6, 0.1 * errors[1])
@@ -246,7 +245,7 @@ def test_the_inverse_of_a_lag_with_feedforward_is_never_worse_than_none(kp, arm,
         servo = ac.ServoModel(kp=kp, order="first", velocity_feedforward=f, dead_time=[4e-3, 7e-3])
         errors = []
         for method in ("inverse", "none"):
-            taught = ac.compensate(plan, servo, method=method, arm=arm)
+            taught = ac.compensate(plan, servo, METHODS[method](), arm=arm)
             done = ac.execute(taught, ac.ServoPlant(arm, servo))
             errors.append(ac.evaluate(done, path).contour_error)
         assert errors[0].rms < 0.1 * errors[1].rms
@@ -267,7 +266,7 @@ SLOW = {
 @pytest.mark.parametrize("kind", SLOW)
 def test_a_slow_transient_is_cut_off_with_a_bound_of_the_error_that_remains(kind, arm, plan):
     servo = ac.ServoModel(**SLOW[kind], velocity_feedforward=[0.8, 1.2], acceleration_limit=np.inf)
-    taught = ac.compensate(plan, servo, method="inverse")
+    taught = ac.compensate(plan, servo, ac.Inverse())
     end = plan(plan.duration, side="left")
     # A fifth of the motion, in the end at rest at the end of the plan.
     assert taught.t[-1] < 1.2 * plan.duration + 2 * PERIOD
@@ -283,5 +282,5 @@ def test_a_slow_transient_is_cut_off_with_a_bound_of_the_error_that_remains(kind
 
 def test_short_transients_are_not_cut_off(arm, plan):
     servo = servo_of("first order", kp=200.0)
-    assert ac.compensate(plan, servo, method="inverse").cut_off is None
-    assert ac.compensate(plan, servo, method="none").cut_off is None
+    assert ac.compensate(plan, servo, ac.Inverse()).cut_off is None
+    assert ac.compensate(plan, servo, ac.NoCompensation()).cut_off is None

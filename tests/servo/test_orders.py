@@ -18,7 +18,7 @@ Q = np.stack([0.3 + 0.05 * np.sin(20 * T) * T / T[-1], 0.2 - 0.3 * T**2], axis=1
 def execute():
     path = ac.Path.polyline([(0.30, 0.20), (0.36, 0.20)])
     limits = ac.Limits(joint_acceleration=[20.0, 20.0], speed=0.2)
-    plan = ac.plan(path, ARM, limits, intervals=20)
+    plan = ac.plan(path, ARM, limits, ac.Optimal(intervals=20))
     taught = TaughtData(period=PERIOD, q=Q, trajectory=plan, method="none")
     return lambda servo: ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=PERIOD)
 
@@ -125,12 +125,12 @@ def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
 def test_set_points_compensate_the_cycle_of_drives(kind, feed):
     path = ac.round_corners(ac.Path.polyline([(0.30, 0.20), (0.36, 0.20)]), tolerance=2e-3)
     limits = ac.Limits(joint_acceleration=[5.0, 5.0], joint_jerk=[50.0, 50.0], speed=0.1)
-    plan = ac.plan(path, ARM, limits, intervals=200)
+    plan = ac.plan(path, ARM, limits, ac.Optimal(intervals=200))
     for period in (PERIOD, 2e-4):
         off = []
         for cycle in (0.0, 2e-3):
             servo = ac.ServoModel(kp=20.0, velocity_feedforward=feed, cycle=cycle, **kind)
-            taught = ac.compensate(plan, servo, method="inverse", period=period)
+            taught = ac.compensate(plan, servo, ac.Inverse(), period=period)
             # What the joints do between cycles is not compensated.
             done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=period)
             inside = (done.t > 0) & (done.t < plan.duration)
@@ -144,9 +144,9 @@ def test_jumps_of_acceleration_do_not_saturate_a_drive_with_a_cycle():
     path = ac.round_corners(ac.Path.polyline(points), tolerance=5e-3)
     arm = ac.load_arm("pmk3s")
     limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
-    plan = ac.plan(path, arm, limits, reserve=0.02)
+    plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.02))
     servo = ac.ServoModel(kp=25.0, kv=150.0, cycle=1e-3)
-    taught = ac.compensate(plan, servo, method="inverse", period=PERIOD)
+    taught = ac.compensate(plan, servo, ac.Inverse(), period=PERIOD)
     done = ac.execute(taught, ac.ServoPlant(arm, servo))
     assert np.all(np.abs(done.demand) < limits.joint_acceleration)
     assert ac.evaluate(done, path).contour_error.rms < 2e-8
@@ -156,11 +156,13 @@ def test_jumps_of_acceleration_do_not_saturate_a_drive_with_a_cycle():
 @pytest.mark.parametrize("kind", [{"kv": 150.0}, {"order": "first"}])
 def test_set_points_compensate_dry_dry_friction(kind, feed):
     path = ac.round_corners(ac.Path.polyline([(0.30, 0.20), (0.36, 0.20)]), tolerance=2e-3)
-    plan = ac.plan(path, ARM, ac.Limits(joint_acceleration=[5.0, 5.0], speed=0.1), intervals=200)
+    plan = ac.plan(
+        path, ARM, ac.Limits(joint_acceleration=[5.0, 5.0], speed=0.1), ac.Optimal(intervals=200)
+    )
     off = []
     for friction in (0.0, 1e-4):
         servo = ac.ServoModel(kp=20.0, velocity_feedforward=feed, friction=friction, **kind)
-        taught = ac.compensate(plan, servo, method="inverse", period=PERIOD)
+        taught = ac.compensate(plan, servo, ac.Inverse(), period=PERIOD)
         done = ac.execute(taught, ac.ServoPlant(ARM, servo))
         inside = (done.t > 0.1) & (done.t < plan.duration - 0.1)
         off.append(np.abs((done.q - plan(np.clip(done.t, 0, plan.duration)))[inside]).mean())

@@ -47,7 +47,7 @@ def test_a_velocity_limit_holds_beside_a_kink(lead, acceleration):
     limits = ac.Limits.only(joint_velocity=[1.0, 1.0], joint_acceleration=[acceleration, 50.0])
     path = bent_path(1.0, 2.0, lead, 0.2)
     for intervals in (20, 40, 400, 4000):
-        planned = plan_optimal(path, TwoJoints(), limits, intervals=intervals)
+        planned = plan_optimal(path, TwoJoints(), limits, ac.Optimal(intervals=intervals))
         assert largest(planned, 1)[0] <= 1 + 1e-9, intervals
         assert largest(planned, 2)[0] <= acceleration * (1 + 1e-9), intervals
 
@@ -55,7 +55,7 @@ def test_a_velocity_limit_holds_beside_a_kink(lead, acceleration):
 def test_an_interval_between_two_rests_is_planned():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)])
     limits = ac.Limits.only(joint_acceleration=[1.0, 1.0])
-    planned = plan_optimal(path, TwoJoints(), limits, grid=np.array([0.0, path.length]))
+    planned = plan_optimal(path, TwoJoints(), limits, ac.Optimal(grid=np.array([0.0, path.length])))
     assert planned.duration == pytest.approx(2.0)
     assert len(grid_through(path, np.array([0.0]))) == 2
 
@@ -79,7 +79,7 @@ def test_the_smaller_of_two_radii_limits():
     limits = ac.Limits.only(joint_velocity=[10.0, 10.0])
     for radii in ([0.5], [0.5, 0.7]):
         own = [Round(x) for x in radii]
-        planned = plan_optimal(path, TwoJoints(), limits, constraints=own)
+        planned = plan_optimal(path, TwoJoints(), limits, ac.Optimal(constraints=own))
         assert planned.duration == pytest.approx(2 * np.sqrt(1 / 0.5), rel=1e-6)
 
 
@@ -132,7 +132,7 @@ def test_a_row_whose_part_of_the_mean_cancels_still_limits(steps, share, sign):
     bounds = ([-1e3], [1.0]) if sign > 0 else ([-1.0], [1e3])
     limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
     own = SecondOrder("own", coefficients, *bounds)
-    planned = ac.plan(EVEN, limits=limits, constraints=[own], grid=grid)
+    planned = ac.plan(EVEN, limits=limits, options=ac.Optimal(constraints=[own], grid=grid))
     u, x = near_the_middle(planned)
     assert (-2 * w * share * u + x).max() <= 1 + 1e-9
     assert (-2 * w * share * u + x).max() > 0.99
@@ -143,7 +143,13 @@ def test_a_row_whose_part_of_the_mean_cancels_still_limits(steps, share, sign):
 def test_a_vector_whose_part_of_the_mean_cancels_still_limits(share, off):
     limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
     own = Vectors(share, off)
-    u, x = near_the_middle(ac.plan(EVEN, limits=limits, constraints=[own], grid=grid))
+    u, x = near_the_middle(
+        ac.plan(
+            EVEN,
+            limits=limits,
+            options=ac.Optimal(constraints=[own], grid=grid),
+        )
+    )
     size = np.linalg.norm(own.a * u[:, None] + own.b * x[:, None], axis=1)
     assert size.max() <= 1 + 1e-9
     assert size.max() > 0.99
@@ -154,7 +160,13 @@ def test_vectors_whose_parts_of_the_mean_cancel_up_to_rounding_still_limit(share
     limits, grid = ac.Limits(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
     for b in np.random.default_rng(4).uniform(-3, 3, (20, 3)):
         own = Vectors(share, 0.0, b)
-        u, x = near_the_middle(ac.plan(EVEN, limits=limits, constraints=[own], grid=grid))
+        u, x = near_the_middle(
+            ac.plan(
+                EVEN,
+                limits=limits,
+                options=ac.Optimal(constraints=[own], grid=grid),
+            )
+        )
         size = np.linalg.norm(own.a * u[:, None] + own.b * x[:, None], axis=1)
         assert 0.99 < size.max() <= 1 + 1e-9
 
@@ -170,13 +182,14 @@ def test_refusals(refuses):
         {"start_speed": -0.05},
         {"end_speed": np.inf},
     ):
-        refuses(lambda x=options: plan_optimal(path, TwoJoints(), limits, **x), ac.InvalidInput)
+        refuses(
+            lambda x=options: plan_optimal(path, TwoJoints(), limits, ac.Optimal(**x)),
+            ac.InvalidInput,
+        )
     # A constraint that limits nothing says so.
-    more = {"constraints": [JointMotion((-np.ones(2), np.ones(2)))]}
+    more = ac.Optimal(constraints=[JointMotion((-np.ones(2), np.ones(2)))])
     words = "Nothing limits the acceleration"
-    refuses(
-        lambda: plan_optimal(path, TwoJoints(), ac.Limits.only(), **more), ac.InvalidInput, words
-    )
+    refuses(lambda: plan_optimal(path, TwoJoints(), ac.Limits.only(), more), ac.InvalidInput, words)
 
 
 def test_a_circle_of_many_chords_takes_as_long_as_a_circle(arm):
@@ -194,9 +207,9 @@ def test_a_circle_of_many_chords_takes_as_long_as_a_circle(arm):
 def test_the_tool_acceleration_holds_where_the_curvature_varies_along_a_piece(arm):
     limits = arm.limits.replace(tool_acceleration=0.3)
     objective = ac.Path.polyline([(0.3, 0.15), (0.4, 0.15), (0.4, 0.25)])
-    path = ac.shape(objective, arm, limits, tolerance=5e-3, iterations=5)
+    path = ac.shape(objective, arm, limits, ac.Shaped(tolerance=5e-3, iterations=5))
     for intervals in (100, 1000):
-        (law,) = ac.plan(path, arm, limits, intervals=intervals).laws
+        (law,) = ac.plan(path, arm, limits, ac.Optimal(intervals=intervals)).laws
         state = (law.on_interval(*inside(law), x) for x in range(3))
         used = np.linalg.norm(arm.tool_acceleration(*state), axis=1) / limits.tool_acceleration
         # At the corner, where the curvature varies the most, hardly anything is left unused.

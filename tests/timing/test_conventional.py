@@ -30,7 +30,7 @@ def test_joint_limits_are_not_planned_for_and_the_stretch_reports_the_demand(
     arm, objective, limits, conventional
 ):
     tight = limits.replace(joint_acceleration=1e-6, joint_velocity=1e-6, speed=0.04)
-    planned = ac.plan(objective, arm, tight, method="conventional")
+    planned = ac.plan(objective, arm, tight, ac.Conventional())
     assert planned.duration == pytest.approx(9.0655, abs=1e-3)
     assert (planned.stretches[0].demand > 1e-6).all()
     (stretch,) = conventional.stretches
@@ -38,7 +38,7 @@ def test_joint_limits_are_not_planned_for_and_the_stretch_reports_the_demand(
     assert stretch.speed == pytest.approx(0.04, rel=1e-6)
     # Close past the base the joints' demand peaks over a few millimetres of a long line.
     path = ac.Path.polyline([(-0.2, 0.04), (0.45, 0.04)])
-    peak = ac.plan(path, arm, limits.replace(speed=0.1), method="conventional")
+    peak = ac.plan(path, arm, limits.replace(speed=0.1), ac.Conventional())
     for planned in (conventional, peak):
         fine = np.abs(planned(np.linspace(0, planned.duration, 100_001), 2)).max(axis=0)
         np.testing.assert_allclose(planned.stretches[0].demand, fine, rtol=1e-3)
@@ -52,7 +52,7 @@ def test_segments_have_their_own_speeds(arm, limits):
             ac.Line(start=(0.36, 0.28), end=(0.30, 0.28), demand=ac.Demand(speed=9.0)),
         ]
     )
-    planned = ac.plan(path, arm, limits.replace(speed=0.04), method="conventional")
+    planned = ac.plan(path, arm, limits.replace(speed=0.04), ac.Conventional())
     assert planned.duration == pytest.approx(0.06 / 0.02 + 0.08 / 0.04 + 0.06 / 0.04)
     speed = [np.linalg.norm(arm.tool_velocity(planned(t), planned(t, 1))) for t in (1.0, 4.0, 6.0)]
     np.testing.assert_allclose(speed, [0.02, 0.04, 0.04], rtol=1e-6)
@@ -78,7 +78,7 @@ def test_kept_between_the_points(way, robot):
         speed=0.5, angular_speed=0.6, angular_acceleration=2.0, joint_acceleration=None
     )
     for intervals in (200, 4000):
-        planned = ac.plan(way, robot, limits, intervals=intervals)
+        planned = ac.plan(way, robot, limits, ac.Optimal(intervals=intervals))
         found = ac.check(planned, robot, limits, points=30)
         assert not found.violated, found.worst
         assert found["angular_speed"].ratio == pytest.approx(1, abs=1e-4)
@@ -124,42 +124,42 @@ SPLINE = ac.JointPath.spline(np.random.default_rng(11).uniform(-2, 2, (5, 6)))
 def test_a_path(rounded, arm, limits, worst_ratios, refuses):
     fastest = ac.plan(rounded, arm, limits).duration
     for slower in (1.0, 1.37, 40.0):
-        planned = ac.plan(rounded, arm, limits, duration=slower * fastest)
+        planned = ac.plan(rounded, arm, limits, ac.Optimal(duration=slower * fastest))
         assert planned.duration == pytest.approx(slower * fastest, rel=1e-12)
         assert all(x <= 1 + 1e-9 for x in worst_ratios(planned, limits, arm).values()), slower
         found = rounded.project(arm.tool_position(planned(np.linspace(0, planned.duration, 2001))))
         assert found.distance.max() < 1e-7
         np.testing.assert_allclose(found.s[[0, -1]], [0, rounded.length], atol=1e-7)
     # It moves as it says: velocities and accelerations are the derivatives, by differences.
-    planned, step = ac.plan(rounded, arm, limits, duration=9.0), 1e-6
+    planned, step = ac.plan(rounded, arm, limits, ac.Optimal(duration=9.0)), 1e-6
     middle = (planned.breaks[:-1] + planned.breaks[1:]) / 2
     for order in (0, 1):
         rise = (planned(middle + step, order) - planned(middle - step, order)) / (2 * step)
         np.testing.assert_allclose(planned(middle, order + 1), rise, atol=1e-5)
     # Too short a duration names the fastest.
     refuses(
-        lambda: ac.plan(rounded, arm, limits, duration=0.99 * fastest),
+        lambda: ac.plan(rounded, arm, limits, ac.Optimal(duration=0.99 * fastest)),
         ac.NotRealizable,
         f"takes {fastest:.9g} s",
         limit="duration",
         needed=fastest,
         allowed=0.99 * fastest,
     )
-    named = ac.plan(rounded, arm, limits, duration=float(f"{fastest:.9g}"))
+    named = ac.plan(rounded, arm, limits, ac.Optimal(duration=float(f"{fastest:.9g}")))
     assert named.duration == pytest.approx(fastest, rel=2e-9)
 
 
-def test_refused(traced, arm, limits, refuses):
-    more = {"method": "mac"}, {"start_speed": 0.01}
-    for options in (*({"duration": x} for x in (0.0, np.nan, 2e6)), *more):
+def test_refused(refuses):
+    for options in (*({"duration": x} for x in (0.0, np.nan, 2e6)), {"start_speed": 0.01}):
         given = {"duration": 9.0} | options
-        refuses(lambda x=given: ac.plan(traced, arm, limits, **x), ac.InvalidInput)
+        refuses(lambda x=given: ac.Optimal(**x), ac.InvalidInput)
+    refuses(lambda: ac.Paper(duration=9.0), ac.InvalidInput, "duration")
 
 
 def test_a_joint_path_that_stands_still_somewhere(worst_ratios):
     path = ac.JointPath.spline([(0.0, 0.0), (0.6, 1.1), (0.0, 0.0)], ends="clamped")
     limits = ac.Limits.only(joint_acceleration=[5.0, 8.0])
-    planned = ac.plan(path, limits=limits, duration=3.0)
+    planned = ac.plan(path, limits=limits, options=ac.Optimal(duration=3.0))
     assert planned.duration == pytest.approx(3.0, rel=1e-12)
     assert max(worst_ratios(planned, limits).values()) <= 1 + 1e-9
 
@@ -170,7 +170,7 @@ def test_all_contours_of_a_program_share_one_factor(arm, limits):
         moves=(ac.Contour(path=lines[0]), ac.Dwell(duration=0.25), ac.Contour(path=lines[1]))
     )
     fastest = ac.plan(program, arm, limits)
-    planned = ac.plan(program, arm, limits, duration=2 * fastest.duration)
+    planned = ac.plan(program, arm, limits, ac.Optimal(duration=2 * fastest.duration))
     assert planned.duration == pytest.approx(2 * fastest.duration, rel=1e-12)
     for fast, slow in zip(fastest.spans, planned.spans, strict=True):
         ratio = (slow.t[1] - slow.t[0]) / (fast.t[1] - fast.t[0])
@@ -187,9 +187,11 @@ def test_gravity_and_friction():
     viscous = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
     robot = SerialArm(name="UR5e", chain=ur5e.chain.replace(viscous=viscous), limits=ur5e.limits)
     limits = ac.Limits.only(joint_torque=ur5e.limits.joint_torque, joint_velocity=3.0)
-    fastest = ac.plan(SPLINE, robot, limits, intervals=500).duration
+    fastest = ac.plan(SPLINE, robot, limits, ac.Optimal(intervals=500)).duration
     for slower in (1.0003, 1.5, 6.0):
-        planned = ac.plan(SPLINE, robot, limits, intervals=500, duration=slower * fastest)
+        planned = ac.plan(
+            SPLINE, robot, limits, ac.Optimal(intervals=500, duration=slower * fastest)
+        )
         assert planned.duration == pytest.approx(slower * fastest, rel=1e-12)
         assert not ac.check(planned, robot, limits, points=30).violated, slower
         assert planned.time_at(SPLINE.length) > planned.duration * (1 - 1e-3)

@@ -17,7 +17,7 @@ SPEED, ACCELERATION = 0.1, 0.2  # m/s, m/s²
 
 def explained(path, arm, limits, *, tiled=True, **options):
     """A plan and its explanation, whose parts lie in order and cover all of it."""
-    planned = ac.plan(path, arm, limits, **options)
+    planned = ac.plan(path, arm, limits, ac.Optimal(**options))
     found = explain(planned, arm, limits, **options)
     law = planned.laws[0]
     t, s = (np.array([getattr(x, name) for x in found.bindings]) for name in ("t", "s"))
@@ -245,22 +245,18 @@ def test_margins_of_wide_intervals_do_not_hide_what_binds(arm):
     path = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30)])
     path = ac.round_corners(path, tolerance=5e-3, continuity="curvature")
     limits = ac.Limits.only(tool_acceleration=0.3)
-    planned = ac.plan(path, arm, limits, intervals=300)
+    planned = ac.plan(path, arm, limits, ac.Optimal(intervals=300))
     found = ac.explain(planned, arm, limits)
     assert idle(found) < 0.03 * planned.duration
     assert set(names(found)) == {"tool acceleration"}
 
 
-# Those of the paper; the optimal planner has its own tests.
-METHODS = ("mac", "conventional")
-
-
 def test_a_path_is_traced_on_the_way(arm, rounded, traced, limits):
-    direct = ac.plan(rounded, arm, limits, method="mac", knots=50)
-    by_hand = ac.plan(traced, arm, limits, method="mac", knots=50)
+    direct = ac.plan(rounded, arm, limits, ac.Paper(knots=50))
+    by_hand = ac.plan(traced, arm, limits, ac.Paper(knots=50))
     assert direct.duration == by_hand.duration
     assert direct.path is rounded and direct.method == "mac"
-    other = ac.plan(rounded, arm, limits.replace(speed=0.05), method="mac", branch="negative")
+    other = ac.plan(rounded, arm, limits.replace(speed=0.05), ac.Paper(branch="negative"))
     t = np.linspace(0, other.duration, 101)
     assert (other(t)[:, 1] < 0).all()
     assert rounded.project(arm.tool_position(other(t))).distance.max() < 1e-6
@@ -268,41 +264,40 @@ def test_a_path_is_traced_on_the_way(arm, rounded, traced, limits):
 
 def test_refusals(arm, rounded, traced, objective, limits, refuses):
     spline = ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)])
-    mac, rows = {"method": "mac"}, []
-    for options in (
-        {"method": "fast"},
-        mac | {"intervals": 50},
-        {"method": "conventional", "knots": 3},
-        mac | {"knots": 7},
-        mac | {"period": 0.0},
-        mac | {"period": np.nan},
-        mac | {"branch": "up"},
+    for call in (
+        lambda: ac.Paper(intervals=50),
+        lambda: ac.Conventional(knots=3),
+        lambda: ac.Paper(knots=7),
+        lambda: ac.Paper(period=0.0),
+        lambda: ac.Paper(period=np.nan),
+        ac.PlanOptions,
     ):
-        rows.append((rounded, limits, options, ac.InvalidInput, {}))
-    for method in METHODS:
+        refuses(call, ac.InvalidInput)
+    rows = [(rounded, limits, ac.Paper(branch="up"), ac.InvalidInput, {})]
+    for options in (ac.Paper(), ac.Conventional()):
         # The arm's limits hold no assigned velocity, which the method needs.
-        rows.append((rounded, None, {"method": method}, ac.InvalidInput, {}))
-        rows.append((spline, limits, {"method": method}, ac.InvalidInput, {}))
+        rows.append((rounded, None, options, ac.InvalidInput, {}))
+        rows.append((spline, limits, options, ac.InvalidInput, {}))
         for name in ("joint_jerk", "tool_jerk", "path_jerk"):
             jerk = limits.replace(**{name: 10.0})
-            rows.append((traced, jerk, {"method": method}, ac.NotRealizable, {"limit": name}))
+            rows.append((traced, jerk, options, ac.NotRealizable, {"limit": name}))
     # Along a shaped path accelerations jump.
-    jerk, shaped = limits.replace(joint_jerk=10.0, tool_jerk=5.0), {"tolerance": 1e-3}
+    jerk, shaped = limits.replace(joint_jerk=10.0, tool_jerk=5.0), ac.Shaped(tolerance=1e-3)
     data = {"limit": "joint_jerk"}
-    rows.append((objective, jerk, {"method": "shaped"} | shaped, ac.NotRealizable, data))
-    refuses(lambda: ac.shape(objective, arm, jerk, **shaped), ac.NotRealizable, **data)
+    rows.append((objective, jerk, shaped, ac.NotRealizable, data))
+    refuses(lambda: ac.shape(objective, arm, jerk, shaped), ac.NotRealizable, **data)
     for own in ({"joint_acceleration": np.inf}, {"joint_acceleration": [1.0, 1.0, 1.0]}):
-        rows.append((rounded, limits.replace(**own), mac, ac.InvalidInput, {}))
-    rows.append((traced, limits, {"branch": "negative"}, ac.InvalidInput, {}))
+        rows.append((rounded, limits.replace(**own), ac.Paper(), ac.InvalidInput, {}))
+    rows.append((traced, limits, ac.Optimal(branch="negative"), ac.InvalidInput, {}))
     for path, own, options, kind, data in rows:
-        refuses(lambda x=path, y=own, z=options: ac.plan(x, arm, y, **z), kind, **data)
+        refuses(lambda x=path, y=own, z=options: ac.plan(x, arm, y, z), kind, **data)
 
 
 def test_an_infinite_limit_of_jerk_is_none(arm, traced, limits):
     slow = limits.replace(speed=0.04)
     endless = slow.replace(joint_jerk=[np.inf, np.inf])
     assert endless.jerk_limits == ()
-    durations = [ac.plan(traced, arm, x, method="mac", knots=50).duration for x in (slow, endless)]
+    durations = [ac.plan(traced, arm, x, ac.Paper(knots=50)).duration for x in (slow, endless)]
     assert durations[0] == durations[1]
 
 
@@ -314,7 +309,7 @@ def test_a_constraint_with_two_rows_has_one_name(arm, limits):
         return one * (1.0, 2.0), 0 * one, 0 * one
 
     gentle = SecondOrder("gentle", coefficients, [-0.05, -0.09], [0.05, 0.09])
-    planned = ac.plan(path, arm, limits, constraints=[gentle])
+    planned = ac.plan(path, arm, limits, ac.Optimal(constraints=[gentle]))
     found = ac.explain(planned, arm, limits, constraints=[gentle])
     assert {x.limit for x in found.bindings} & {"gentle"}
     # The second row is the tighter one.

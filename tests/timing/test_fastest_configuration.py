@@ -24,7 +24,7 @@ SEAMS = {
 
 
 def roughly(joint_path, arm, limits):
-    return plan_optimal(joint_path, arm, limits, intervals=here.ROUGHLY).duration
+    return plan_optimal(joint_path, arm, limits, here.ROUGHLY).duration
 
 
 @pytest.fixture(scope="module", params=SEAMS)

@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 import armcontour as ac
+from armcontour.timing import METHODS
 
 LINK, LIMIT = 0.25, 0.72  # m, rad/s²
 NEAR, FAR = 0.2, 0.4  # m
@@ -38,7 +39,7 @@ def kinds(planned):
 def test_a_triangle_in_closed_form(scissors, outward):
     ends = [(0, NEAR), (0, FAR)]
     path = ac.Path.polyline(ends if outward else ends[::-1])
-    planned = ac.plan(path, scissors, scissors.limits.replace(speed=9.0), method="mac", knots=600)
+    planned = ac.plan(path, scissors, scissors.limits.replace(speed=9.0), ac.Paper(knots=600))
     way = elbow(NEAR) - elbow(FAR)
     assert planned.duration == pytest.approx(2 * np.sqrt(way / LIMIT), rel=1e-5)
     assert kinds(planned) == ["MAC", "MDC"]
@@ -52,7 +53,7 @@ def test_a_triangle_in_closed_form(scissors, outward):
 def test_a_trapezoid_in_closed_form(scissors, speed):
     path, knots = ac.Path.polyline([(0, NEAR), (0, FAR)]), 2000
     limits = scissors.limits.replace(speed=speed)
-    planned = ac.plan(path, scissors, limits, method="mac", knots=knots)
+    planned = ac.plan(path, scissors, limits, ac.Paper(knots=knots))
 
     def too_fast(t, start, sign):
         q2 = elbow(start) - sign * LIMIT * t**2 / 2
@@ -79,16 +80,16 @@ def test_scaled_limits_reversal_and_convergence(arm, rounded, traced, limits, ma
         speed=limits.speed * k,
         centripetal_acceleration=limits.centripetal_acceleration * k**2,
     )
-    planned = ac.plan(rounded, arm, faster, method="mac", knots=600)
+    planned = ac.plan(rounded, arm, faster, ac.Paper(knots=600))
     assert planned.duration * k == pytest.approx(mac.duration, rel=1e-9)
     back = ac.round_corners(ac.Path.polyline(rounded.objective.vertices[::-1]), tolerance=5e-3)
     for knots in (100, 600):
         there, again = (
-            ac.plan(x, arm, limits, method="mac", knots=knots).duration for x in (rounded, back)
+            ac.plan(x, arm, limits, ac.Paper(knots=knots)).duration for x in (rounded, back)
         )
         assert again == pytest.approx(there, rel=2e-4)
     coarse, finer, fine = (
-        ac.plan(traced, arm, limits, method="mac", knots=n).duration for n in (75, 2400, 9600)
+        ac.plan(traced, arm, limits, ac.Paper(knots=n)).duration for n in (75, 2400, 9600)
     )
     errors = [abs(x - fine) for x in (coarse, mac.duration, finer)]
     assert errors[0] > 2 * errors[1] > 4 * errors[2]
@@ -97,7 +98,7 @@ def test_scaled_limits_reversal_and_convergence(arm, rounded, traced, limits, ma
 
 def test_the_papers_job_keeps_every_limit_and_one_joint_is_at_its_limit(arm, rounded, limits, mac):
     for knots in (8, 50, 600, None):
-        planned = ac.plan(rounded, arm, limits, method="mac", knots=knots)
+        planned = ac.plan(rounded, arm, limits, ac.Paper(knots=knots))
         t = np.linspace(0, planned.duration, 20001)
         assert tool_speed(planned, arm, t).max() <= limits.speed * (1 + 1e-6), knots
         assert_accelerations_kept(planned, limits.joint_acceleration)
@@ -145,12 +146,12 @@ def test_corners_are_run_at_their_own_speed(arm, rounded, limits, mac):
     # A wide one is not run faster than assigned. docs/method.md: (16) also needs v_t <= v_a.
     path = ac.round_corners(ac.Path.polyline([(0.2, 0.3), (0.3, 0.3), (0.36, 0.2)]), tolerance=5e-3)
     slow = limits.replace(speed=0.02, centripetal_acceleration=np.inf)
-    (corner,) = (x for x in ac.plan(path, arm, slow, method="mac").stretches if x.kind == "corner")
+    (corner,) = (x for x in ac.plan(path, arm, slow, ac.Paper()).stretches if x.kind == "corner")
     assert corner.speed == pytest.approx(0.02, rel=1e-6)
 
 
 def test_a_sharp_corner_is_a_stop_and_a_straight_joint_is_passed_at_speed(arm, objective, limits):
-    planned = ac.plan(objective, arm, limits, method="mac", knots=200)
+    planned = ac.plan(objective, arm, limits, ac.Paper(knots=200))
     at = [x.t[1] for x in planned.stretches if x.s[1] in objective.stops]
     assert len(at) == 2
     np.testing.assert_allclose(tool_speed(planned, arm, np.array(at)), 0, atol=1e-9)
@@ -158,7 +159,7 @@ def test_a_sharp_corner_is_a_stop_and_a_straight_joint_is_passed_at_speed(arm, o
     assert planned.duration == pytest.approx(5.23, abs=0.01)
     places = [(0.30, 0.2), (0.34, 0.2), (0.38, 0.2)]
     paths = ac.Path.polyline(places[::2]), ac.Path.polyline(places)
-    one, two = (ac.plan(x, arm, limits, method="mac", knots=800) for x in paths)
+    one, two = (ac.plan(x, arm, limits, ac.Paper(knots=800)) for x in paths)
     assert two.duration == pytest.approx(one.duration, rel=1e-3)
     passing = next(x.t[1] for x in two.stretches if x.s[1] == pytest.approx(0.04))
     assert tool_speed(two, arm, passing) > 0.05
@@ -176,7 +177,7 @@ def test_a_short_line_lowers_its_corners_speed(arm, limits):
     ):
         path = ac.round_corners(ac.Path.polyline(points), tolerance=tolerance)
         assert not path.corners.shrunk.any()
-        planned = ac.plan(path, arm, limits, method="mac", knots=100)
+        planned = ac.plan(path, arm, limits, ac.Paper(knots=100))
         wanted = np.sqrt(0.09 * path.corners.radius)
         found = np.array([x.speed for x in planned.stretches if x.kind == "corner"])
         assert found[lowered] < 0.6 * wanted[lowered], points
@@ -192,7 +193,7 @@ def test_a_meeting_next_to_a_knot_keeps_the_limit(arm, limits):
     # The end is moved by less than a lap, so that the passes meet anywhere between two knots.
     for seed in range(30):
         path = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15 + 1e-4 * seed)])
-        planned = ac.plan(path, arm, limits, method="mac", knots=20)
+        planned = ac.plan(path, arm, limits, ac.Paper(knots=20))
         assert kinds(planned) == ["MAC", "MDC"], seed
         assert_accelerations_kept(planned, limits.joint_acceleration)
 
@@ -205,7 +206,7 @@ def test_segments_have_their_own_speeds(arm, objective, limits):
     ]
     rounded = ac.round_corners(ac.Path.from_segments(lines), tolerance=5e-3)
     top = {}
-    for x in ac.plan(rounded, arm, limits, method="mac", knots=600).stretches:
+    for x in ac.plan(rounded, arm, limits, ac.Paper(knots=600)).stretches:
         top[x.name] = max(top.get(x.name, 0.0), x.speed)
     for name, most, near in (("line 1", 0.03, 2e-3), ("line 2", 0.06, 1e-2), ("corner 1", 0.03, 1)):
         assert most * (1 - near) <= top[name] <= most * (1 + 1e-6)
@@ -217,14 +218,14 @@ def test_a_joint_that_turns_round_too_late_is_not_realizable(arm, limits):
     with pytest.raises(
         ac.NotRealizable, match="line 1 at 0.1329 m .* does not look ahead"
     ) as found:
-        ac.plan(path, arm, limits.replace(speed=0.3), method="mac")
+        ac.plan(path, arm, limits.replace(speed=0.3), ac.Paper())
     error = found.value
     assert error.s == pytest.approx(0.133, abs=1e-3)
     assert error.joint == 1 and error.limit == "joint_acceleration"
     assert error.needed > error.allowed == 0.72
     np.testing.assert_allclose(error.point, path(error.s), atol=1e-7)
     # At half the speed it is.
-    planned = ac.plan(path, arm, limits.replace(speed=0.15), method="mac")
+    planned = ac.plan(path, arm, limits.replace(speed=0.15), ac.Paper())
     assert_accelerations_kept(planned, limits.joint_acceleration)
     t = np.linspace(0, planned.duration, 20001)
     assert np.ptp(np.sign(planned(t, 1)[:, 1])) == 2  # joint 2 does turn round
@@ -237,11 +238,11 @@ def test_corners_a_joint_cannot_take_and_arcs_at_the_ends_are_not_realizable(arm
     ring = ac.Arc(start=(0.4, 0.2), center=(0.3, 0.2), angle=2 * np.pi)
     for segments, s in (([arc, after], 0.0), ([before, arc], 0.05), ([ring], 0.0)):
         with pytest.raises(ac.NotRealizable) as caught:
-            ac.plan(ac.Path.from_segments(segments), arm, limits, method="mac")
+            ac.plan(ac.Path.from_segments(segments), arm, limits, ac.Paper())
         assert caught.value.s == pytest.approx(s)
         np.testing.assert_allclose(caught.value.point, (0.4, 0.2), atol=1e-12)
     with pytest.raises(ac.NotRealizable, match="On corner") as caught:
-        ac.plan(rounded, arm, limits.replace(centripetal_acceleration=0.3), method="mac")
+        ac.plan(rounded, arm, limits.replace(centripetal_acceleration=0.3), ac.Paper())
     error = caught.value
     assert error.limit == "joint_acceleration" and error.needed > error.allowed == 0.72
     assert error.joint in (0, 1) and error.t > 0
@@ -252,7 +253,7 @@ def test_joint_velocities_are_checked(arm, rounded, limits, mac):
 
     def planned(share):
         own = limits.replace(joint_velocity=peak * share)
-        return ac.plan(rounded, arm, own, method="mac", knots=600)
+        return ac.plan(rounded, arm, own, ac.Paper(knots=600))
 
     assert planned(1.001).duration == mac.duration
     with pytest.raises(ac.NotRealizable) as caught:
@@ -280,7 +281,7 @@ def test_six_and_seven_joints(name):
     robot = ac.load_arm(name)
     limits = robot.limits.replace(speed=0.2, centripetal_acceleration=0.5, joint_jerk=np.inf)
     way = ac.trace(path(), robot)
-    planned = ac.plan(way, robot, limits, method="mac")
+    planned = ac.plan(way, robot, limits, ac.Paper())
     used = {x.name: x.ratio for x in ac.check(planned, robot, limits, points=5).uses}
     # Other joints' velocities step at knots, and the traced path has its play.
     assert used.pop("velocity_step") < 10
@@ -292,7 +293,7 @@ def test_joints_that_hardly_move(robot):
     """A line that two joints would do, seen by six."""
     limits = robot.limits.replace(speed=0.3)
     up = np.array([[0.4, 0.1333, 0.3], [0.4, 0.1333, 0.5]])
-    planned = ac.plan(path(up), robot, limits, method="mac")
+    planned = ac.plan(path(up), robot, limits, ac.Paper())
     found = ac.check(planned, robot, limits, points=5)
     assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
 
@@ -304,7 +305,7 @@ def test_torque_and_turning_are_looked_at_afterwards(method, robot, refuses, arm
     data = {"joint": 1, "limit": "joint_torque", "allowed": 28.0}
 
     def call(way, own):
-        return lambda: ac.plan(way, robot, own, method=method)
+        return lambda: ac.plan(way, robot, own, METHODS[method]())
 
     refuses(
         call(ac.trace(path(), robot), strong),
@@ -317,14 +318,14 @@ def test_torque_and_turning_are_looked_at_afterwards(method, robot, refuses, arm
         refuses(call(TURNING, allowed), ac.NotRealizable, "of turning", **data)
         planar = limits.replace(**{name: 1.0})
         with pytest.raises(ac.InvalidInput, match="a point without an orientation"):
-            ac.plan(rounded, arm, planar, method=method)
+            ac.plan(rounded, arm, planar, METHODS[method]())
     # Where and when it is.
     allowed = fast.replace(angular_speed=1e-3)
     with pytest.raises(ac.NotRealizable) as caught:
-        ac.plan(TURNING, robot, allowed, method=method)
+        ac.plan(TURNING, robot, allowed, METHODS[method]())
     found = caught.value
     assert found.s > 0 and found.t > 0 and f"at {found.s:.4g} m" in str(found)
-    planned = ac.plan(TURNING, robot, fast, method=method)
+    planned = ac.plan(TURNING, robot, fast, METHODS[method]())
     state = (planned([found.t], order) for order in (0, 1))
     tool = robot.tool_twist(*state)[0]
     assert np.linalg.norm(tool[3:]) == pytest.approx(found.needed, rel=1e-4)

@@ -81,22 +81,22 @@ def test_the_line_on_which_the_papers_method_breaks_its_limit(arm, kept):
     fast = arm.limits.replace(speed=0.3)
     path = ac.Path.polyline(LINE)
     with pytest.raises(ac.NotRealizable):
-        ac.plan(path, arm, fast, method="mac")
+        ac.plan(path, arm, fast, ac.Paper())
     planned = kept(ac.plan(path, arm, fast), fast, arm)
     t = np.linspace(0, planned.duration, 2001)
     assert np.ptp(np.sign(planned(t, 1)[:, 1])) == 2  # joint 2 does turn round
     # With the reversal on a grid point, next to one, and between two.
     for intervals in (2, 10, 17, 50, 113, 300, 398):
-        coarse = kept(ac.plan(path, arm, fast, intervals=intervals), fast, arm)
+        coarse = kept(ac.plan(path, arm, fast, ac.Optimal(intervals=intervals)), fast, arm)
         assert 1 <= coarse.duration / planned.duration < 1.02, intervals
     # The path acceleration is a difference of ds² over half a micrometre here.
-    kept(ac.plan(path, arm, fast, intervals=400_000), fast, arm, places=1)
+    kept(ac.plan(path, arm, fast, ac.Optimal(intervals=400_000)), fast, arm, places=1)
 
 
 def straight(direction, limits, **options):
     """A straight way in joint space of the given extent, planned."""
     path = ac.JointPath.spline([np.zeros(len(direction)), np.asarray(direction, float)])
-    return ac.plan(path, robot(len(direction)), ac.Limits.only(**limits), **options)
+    return ac.plan(path, robot(len(direction)), ac.Limits.only(**limits), ac.Optimal(**options))
 
 
 def trapezoid(length, up, down, top=np.inf, begin=0.0, end=0.0):
@@ -174,7 +174,7 @@ def test_tool_acceleration_on_a_line_and_a_circle(arm, kept):
     assert found == pytest.approx(2 * np.sqrt(path.length / ACCELERATION), rel=1e-5)
     expected = (LEMNISCATE + 1.5 * np.pi) * np.sqrt(RADIUS / ACCELERATION)
     for intervals, within in ((100, 2e-3), (500, 1e-4), (None, 1e-5)):
-        found = ac.plan(circle(), arm, only, intervals=intervals)
+        found = ac.plan(circle(), arm, only, ac.Optimal(intervals=intervals))
         kept(found, only, arm, binds=("tool_acceleration",), near=1e-6)
         assert 1 - 1e-9 <= found.duration / expected < 1 + within
     # At an assigned velocity.
@@ -256,7 +256,7 @@ def test_joint_acceleration_in_the_general_form(traced, arm, limits, planned, ke
 
     own = SecondOrder("made-up torque", coefficients, [-0.72] * 2, [0.72] * 2, joints=True)
     free = limits.replace(joint_acceleration=50.0)
-    again = kept(ac.plan(traced, arm, free, constraints=[own]), limits, arm)
+    again = kept(ac.plan(traced, arm, free, ac.Optimal(constraints=[own])), limits, arm)
     assert again.duration == pytest.approx(planned.duration, rel=1e-5)
 
 
@@ -285,15 +285,15 @@ def test_refusals(rounded, traced, arm, limits, refuses):
         own = arm.limits.replace(**{name: 0.1})
         refuses(lambda x=own: ac.plan(spline, arm, x), ac.InvalidInput, "need a tool path")
     for points in (np.array([-0.1, 0.1]), np.array([0.1, 1.0]), np.zeros((2, 2))):
-        refuses(lambda x=points: ac.plan(traced, arm, limits, grid=x), ac.InvalidInput, "Grid")
+        refuses(lambda x=points: ac.plan(traced, arm, limits, ac.Optimal(grid=x)), ac.InvalidInput)
 
 
 def test_grids_of_ones_own_coarse_and_fine(traced, arm, limits, planned, kept):
-    own = ac.plan(traced, arm, limits, grid=np.linspace(0, traced.length, 3001))
+    own = ac.plan(traced, arm, limits, ac.Optimal(grid=np.linspace(0, traced.length, 3001)))
     assert np.isin(traced.breaks, own.laws[0].s).all()
     cases = [(own, 1e-4, 50)]
     for intervals, within in ((50, 2e-2), (500, 1e-3), (40_000, 1e-4)):
-        other = ac.plan(traced, arm, limits, intervals=intervals)
+        other = ac.plan(traced, arm, limits, ac.Optimal(intervals=intervals))
         cases.append((other, within, 50 if intervals < 10_000 else 4))
     for other, within, places in cases:
         kept(other, limits, arm, places=places)
@@ -331,7 +331,7 @@ def test_the_guarantee_costs_little(traced, arm, limits, intervals, cost):
     jobs = [(traced, arm, limits)] if intervals == 4000 else []
     for k, job in enumerate([*jobs, *(random_spline(seed) for seed in range(60))]):
         bare = collocated(*job, intervals)
-        assert ac.plan(*job, intervals=intervals).duration < bare * (1 + cost), k
+        assert ac.plan(*job, ac.Optimal(intervals=intervals)).duration < bare * (1 + cost), k
 
 
 def test_micro_segments(arm, kept):
@@ -358,7 +358,7 @@ def plan_what_is_allowed(path, arm, limits, **options):
     """Plan with the speeds that refusals name; the number of refusals, and the plan."""
     for refusals in range(3):
         try:
-            return refusals, ac.plan(path, arm, limits, **options)
+            return refusals, ac.plan(path, arm, limits, ac.Optimal(**options))
         except ac.NotRealizable as error:
             name = error.limit.replace(" ", "_")
             assert error.allowed < options[name]
@@ -450,7 +450,11 @@ def test_a_limit_that_no_grid_resolves_is_refused_in_bounded_memory(refuses):
 
     path, limits = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)]), ac.Limits(joint_acceleration=1.0)
     own = [SecondOrder("rough", rough, [-1.0], [1.0])]
-    refuses(lambda: ac.plan(path, limits=limits, constraints=own), ac.NotRealizable, "grid")
+    refuses(
+        lambda: ac.plan(path, limits=limits, options=ac.Optimal(constraints=own)),
+        ac.NotRealizable,
+        "grid",
+    )
     # Refined without a bound, 4000 intervals grow to more than a million.
     assert 10_000 < max(places) < 700_000
 

@@ -16,7 +16,7 @@ from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import ArmContourError, InvalidInput, NotRealizable, Unreachable
 from armcontour.geometry import Arc, Path
 from armcontour.program import Contour, Dwell, Event, Lead, Process, Program, Rapid, Switch
-from armcontour.timing import trace_program
+from armcontour.timing import METHODS, trace_program
 from armcontour.timing.program_tracing import trace_by_duration
 
 PMK3S = ac.load_arm("pmk3s")
@@ -139,7 +139,7 @@ def test_keeps_all_that_holds_of_programs_in_space():
 def test_the_other_methods_plan_programs_too(method):
     events = Event(name="a", s=0.013), Event(name="b", s=0.06, lead_time=0.05)
     program = plane(SQUARE, Contour(path=BEND, events=events), process=Process(switch=Switch()))
-    trajectory = ac.plan(program, PMK3S, IN_PLANE.replace(speed=0.05), method=method)
+    trajectory = ac.plan(program, PMK3S, IN_PLANE.replace(speed=0.05), METHODS[method]())
     assert trajectory.method == method
     if method == "mac":
         begins = [x.t[0] for x in trajectory.spans]
@@ -228,7 +228,7 @@ def test_free_rapids_are_bang_bang_at_the_limits_of_the_joints(arm):
         joint_acceleration=most,
         joint_velocity=fast,
     )
-    trajectory = ac.plan(program_of(*paths), arm, limits, method="optimal")
+    trajectory = ac.plan(program_of(*paths), arm, limits, ac.Optimal())
     (rapid,) = (x for x in trajectory.spans if x.kind == "rapid")
     begin, end = (trajectory(t) for t in rapid.t)
     way = np.abs(end - begin)
@@ -275,10 +275,14 @@ def test_contours_take_their_time_alone_and_leave_a_reserve_on_rapids_too():
     spans = ac.plan(program_of(BEND, Rapid(), second), PMK3S, IN_PLANE).spans
     assert [x.kind for x in spans] == ["contour", "contour"]  # they meet
     branch = PMK3S.branch_of(ac.plan(TWO, PMK3S, IN_PLANE)(0.0))
-    alone = [ac.plan(x, PMK3S, IN_PLANE, branch=branch).duration for x in (BEND, SQUARE)]
+    alone = [
+        ac.plan(x, PMK3S, IN_PLANE, ac.Optimal(branch=branch)).duration for x in (BEND, SQUARE)
+    ]
     ratios, told = [], []
     for reserve in (0.0, 0.4):
-        trajectory = ac.plan(TWO, PMK3S, IN_PLANE, reserve=reserve, progress=told.append)
+        trajectory = ac.plan(
+            TWO, PMK3S, IN_PLANE, ac.Optimal(reserve=reserve), progress=told.append
+        )
         for span in trajectory.spans:
             use = ac.check(span.trajectory, PMK3S, PMK3S.limits)["joint_acceleration"].ratio
             assert use <= 1 - reserve + 1e-6
@@ -302,14 +306,16 @@ def test_errors_name_the_contour_or_the_rapid(refuses):
     ):
         refuses(lambda x=moves: ac.plan(program_of(*x), PMK3S, IN_PLANE), kind, words)
     alone = program_of(Contour(path=arc, name="E8"))
-    refuses(lambda: ac.plan(alone, PMK3S, IN_PLANE, method="mac"), NotRealizable, "contour E8:")
+    refuses(lambda: ac.plan(alone, PMK3S, IN_PLANE, ac.Paper()), NotRealizable, "contour E8:")
     # Options of one path hold for a program of one only.
     options = {"start_speed": 0.02, "end_speed": 0.01, "grid": np.linspace(0, 0.1, 50)}
     for name, x in options.items():
-        refuses(lambda x={name: x}: ac.plan(TWO, PMK3S, IN_PLANE, **x), InvalidInput, name)
+        refuses(
+            lambda x={name: x}: ac.plan(TWO, PMK3S, IN_PLANE, ac.Optimal(**x)), InvalidInput, name
+        )
     del options["grid"]
-    found = ac.plan(program_of(BEND), PMK3S, IN_PLANE, **options)
-    assert found.duration == ac.plan(BEND, PMK3S, IN_PLANE, **options).duration
+    found = ac.plan(program_of(BEND), PMK3S, IN_PLANE, ac.Optimal(**options))
+    assert found.duration == ac.plan(BEND, PMK3S, IN_PLANE, ac.Optimal(**options)).duration
     np.testing.assert_allclose(found.speed_at([0.0, BEND.length], side="left")[1], 0.01)
     np.testing.assert_allclose(found.s(0.0, 1), 0.02)
 
@@ -320,7 +326,9 @@ def test_explains_every_contour_of_a_program_in_its_own_time_and_place():
     told = ac.explain(trajectory, PMK3S)
     paths = [x.path for x in program.contours]
     branch = PMK3S.branch_of(trajectory(0.0))
-    alone = [ac.explain(ac.plan(x, PMK3S, IN_PLANE, branch=branch), PMK3S) for x in paths]
+    alone = [
+        ac.explain(ac.plan(x, PMK3S, IN_PLANE, ac.Optimal(branch=branch)), PMK3S) for x in paths
+    ]
     expected = [
         (x.name, *(np.array(x.t) + span.t[0]), *(np.array(x.s) + span.s[0]))
         for one, span in zip(alone, trajectory.contour_spans, strict=True)
@@ -416,7 +424,7 @@ def test_of_configurations_as_fast_for_a_contour_that_for_the_next_ones_is_chose
     limits = IN_SPACE.replace(speed=0.02, joint_torque=np.inf)
     equals = next(trace_by_duration(program.contours[0].path, UR5E, limits))
     assert len(equals) > 1
-    durations = [ac.plan(program, UR5E, limits, start=x(0.0)).duration for x in equals]
+    durations = [ac.plan(program, UR5E, limits, ac.Optimal(start=x(0.0))).duration for x in equals]
     assert max(durations) > 1.001 * min(durations)
     found = ac.plan(program, UR5E, limits)
     assert found.duration == pytest.approx(min(durations), rel=1e-6)
@@ -478,7 +486,7 @@ def test_a_path_a_program_of_it_and_its_joint_path_have_one_plan(method):
         ac.trace(path, PMK3S, branch="negative"),
         trace_program(program, PMK3S, IN_PLANE),
     )
-    plans = [ac.plan(x, PMK3S, IN_PLANE, method=method) for x in given]
+    plans = [ac.plan(x, PMK3S, IN_PLANE, METHODS[method]()) for x in given]
     t = np.linspace(0, plans[0].duration, 500)
     for x in plans:
         assert x.duration == plans[0].duration and x.path is path
@@ -493,31 +501,35 @@ def test_a_traced_program_is_timed_again_without_tracing(monkeypatch, refuses):
     program, told = ac.prepare(program_of(SQUARE, BEND), AROUND), []
     traced = trace_program(program, PMK3S, IN_PLANE, progress=told.append)
     assert told == [Step(("tracing",), x) for x in (0.5, 1.0)]
-    whole = ac.plan(program, PMK3S, IN_PLANE, reserve=0.2)
+    whole = ac.plan(program, PMK3S, IN_PLANE, ac.Optimal(reserve=0.2))
     tracing = sys.modules["armcontour.timing.program_tracing"]
     for name in ("trace_by_duration", "trace"):
         monkeypatch.setattr(tracing, name, None)
-    again = ac.plan(traced, PMK3S, IN_PLANE, reserve=0.2)
+    again = ac.plan(traced, PMK3S, IN_PLANE, ac.Optimal(reserve=0.2))
     assert again.duration == whole.duration and again.events == whole.events
     assert [x.t for x in again.spans] == [x.t for x in whole.spans]
     narrow = IN_PLANE.replace(joint_upper=traced.joint_paths[0](0.0) + 0.01)
     refuses(lambda: ac.plan(traced, PMK3S, narrow), Unreachable, "contour 1:", "upper limit")
     refuses(lambda: ac.plan(traced, UR5E), InvalidInput, "2 joints", "6")
-    refuses(lambda: ac.plan(traced, PMK3S, branch="negative"), InvalidInput, "branch")
+    refuses(
+        lambda: ac.plan(traced, PMK3S, options=ac.Optimal(branch="negative")),
+        InvalidInput,
+        "branch",
+    )
 
 
 def test_other_processes_give_the_same_plans(monkeypatch):
     lines = [Path.polyline([[0.3, y], [0.31, y]]) for y in np.linspace(-0.1, 0.1, 12)]
     program = program_of(*(in_space(x) for x in lines))
-    options = {"intervals": 100, "reserve": 0.2}
-    alone = ac.plan(program, UR5E, IN_SPACE, **options)
+    options = ac.Optimal(intervals=100, reserve=0.2)
+    alone = ac.plan(program, UR5E, IN_SPACE, options)
     # From the second move on others plan.
     monkeypatch.setattr("armcontour._pool.START", 1e-9)
     monkeypatch.setattr("armcontour._pool.processors", lambda: 2)
     told = []
     monkeypatch.setattr("armcontour._pool.start", lambda: told.append("started") or start())
     traced = trace_program(program, UR5E, IN_SPACE, progress=told.append)
-    shared = ac.plan(traced, UR5E, IN_SPACE, progress=told.append, **options)
+    shared = ac.plan(traced, UR5E, IN_SPACE, options, progress=told.append)
     t = np.linspace(0, alone.duration, 999)
     assert np.array_equal(alone.starts, shared.starts)
     assert all(np.array_equal(alone(t, k), shared(t, k)) for k in range(3))
@@ -536,7 +548,7 @@ def test_what_cannot_be_traced_is_said_before_what_cannot_be_planned(monkeypatch
     for alone in (1e9, 1e-9) if traced_first else (1e-9,):
         monkeypatch.setattr("armcontour._pool.START", alone)
         with pytest.raises(NotRealizable if traced_first else Unreachable) as found:
-            ac.plan(given, UR5E, WEAK, intervals=100)
+            ac.plan(given, UR5E, WEAK, ac.Optimal(intervals=100))
         refused.append(int(re.match(r"contour (\d+):", str(found.value))[1]))
     # Of several contours that cannot be planned the first one is named.
     assert 3 < refused[0] == refused[1] < 10 if traced_first else refused == [7]

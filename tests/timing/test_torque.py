@@ -46,7 +46,11 @@ def test_friction_is_kept_where_joints_turn_round():
         rate = planned(np.linspace(0, planned.duration, 1000), 1)
         assert (rate.min(axis=0) < 0).all() and (rate.max(axis=0) > 0).all()
     for intervals in (10, 50, 300):
-        judged(ac.plan(path, arm, torque_only(arm), intervals=intervals), arm, torque_only(arm))
+        judged(
+            ac.plan(path, arm, torque_only(arm), ac.Optimal(intervals=intervals)),
+            arm,
+            torque_only(arm),
+        )
 
 
 def test_stops_and_speeds_at_the_ends():
@@ -56,7 +60,7 @@ def test_stops_and_speeds_at_the_ends():
     coefficients = np.zeros((len(steps), 6, 6))
     coefficients[:, 0], coefficients[:, 1] = POINTS[:-1], steps
     path = ac.JointPath(breaks=breaks, coefficients=coefficients)
-    planned = ac.plan(path, arm, torque_only(arm), start_speed=0.1, end_speed=0.05)
+    planned = ac.plan(path, arm, torque_only(arm), ac.Optimal(start_speed=0.1, end_speed=0.05))
     judged(planned, arm, torque_only(arm))
     (law,) = planned.laws
     assert law.speeds[[0, -1]] == pytest.approx([0.1, 0.05])
@@ -87,12 +91,12 @@ def test_tiny_intervals_next_to_a_rest_do_not_spoil_others(seed, rubs, start_spe
     holding = np.abs(arm.torque(q, 0 * q, 0 * q)).max(axis=0) + rubs * COULOMB
     limits = ac.Limits(joint_torque=np.maximum(holding / 0.83, 0.2 * arm.limits.joint_torque))
     fine = NEAR_THE_START * path.length
-    planned = ac.plan(path, arm, limits, grid=fine, start_speed=start_speed)
+    planned = ac.plan(path, arm, limits, ac.Optimal(grid=fine, start_speed=start_speed))
     judged(planned, arm, limits)
     assert len(planned.breaks) < 2 * len(fine)
-    even = ac.plan(path, arm, limits, grid=np.linspace(0, path.length, 301))
+    even = ac.plan(path, arm, limits, ac.Optimal(grid=np.linspace(0, path.length, 301)))
     assert planned.duration == pytest.approx(even.duration, rel=1e-3)
-    usual = ac.plan(path, arm, limits, start_speed=start_speed)
+    usual = ac.plan(path, arm, limits, ac.Optimal(start_speed=start_speed))
     judged(usual, arm, limits)
     # Friction counts against both limits where a joint turns, on a longer stretch if it is coarse.
     assert planned.duration == pytest.approx(usual.duration, rel=5e-3 if rubs else 1e-3)
@@ -153,8 +157,8 @@ def test_no_plan_is_given_up_that_would_gain_much(monkeypatch):
         limits = torque_only(arm, joint_velocity=np.full(6, 2.0))
         path = ac.JointPath.spline(np.random.default_rng(seed).uniform(-1.2, 1.2, (5, 6)))
         grid = np.linspace(0, 1, intervals + 1) * path.length
-        usual = plan_optimal(path, arm, limits, grid=grid).duration
+        usual = plan_optimal(path, arm, limits, ac.Optimal(grid=grid)).duration
         with monkeypatch.context() as never:
             never.setattr(optimal, "Rules", lambda *x: Rules(*x, gain=-1.0))
-            longest = plan_optimal(path, arm, limits, grid=grid).duration
+            longest = plan_optimal(path, arm, limits, ac.Optimal(grid=grid)).duration
         assert usual == pytest.approx(longest, rel=5e-6), (seed, viscous, intervals)

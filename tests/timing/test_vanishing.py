@@ -78,7 +78,11 @@ def test_a_cubic_passes_the_place_at_which_it_does_not_move(factor, stops, worst
     assert 1 - 1e-12 <= planned.duration / best < 1 + 1e-4
     assert worst_ratios(planned, limits)["joint_acceleration"] <= 1 + 1e-9
     # A start speed means the same along a straight piece.
-    begun = ac.plan(path, limits=ac.Limits.only(joint_acceleration=2.0), start_speed=0.5)
+    begun = ac.plan(
+        path,
+        limits=ac.Limits.only(joint_acceleration=2.0),
+        options=ac.Optimal(start_speed=0.5),
+    )
     np.testing.assert_allclose(begun(0.0, 1), 3 * WAY * 0.5, rtol=1e-9)
 
 
@@ -145,7 +149,7 @@ def test_bent_quintics_from_rest_without_acceleration(seed, worst_ratios):
     planned = ac.plan(path, limits=limits)
     assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9
     np.testing.assert_allclose(planned([0, planned.duration], 1), 0, atol=1e-9)
-    fine = ac.plan(path, limits=limits, intervals=40_000)
+    fine = ac.plan(path, limits=limits, options=ac.Optimal(intervals=40_000))
     assert 0 <= planned.duration / fine.duration - 1 < 3e-4
     # It is the same curve: Newton's steps from the nearest sample find no distance.
     found = planned(np.linspace(0, planned.duration, 2001))
@@ -170,7 +174,7 @@ def test_out_and_back_along_a_spline(ends, worst_ratios):
         limits = ac.Limits.only(joint_acceleration=most, joint_velocity=3.0)
         planned = ac.plan(path, limits=limits)
         assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9, seed
-        fine = ac.plan(path, limits=limits, intervals=40_000)
+        fine = ac.plan(path, limits=limits, options=ac.Optimal(intervals=40_000))
         assert 0 <= planned.duration / fine.duration - 1 < 3e-4, seed
         # The way back takes as long as the way out; it is not stopped at the tip for long.
         np.testing.assert_allclose(planned(planned.duration / 2), out[-1], atol=1e-3)
@@ -184,22 +188,23 @@ def test_pieces_in_which_nothing_moves_are_left_out(refuses):
     planned = ac.plan(path, limits=limits)
     assert planned.duration >= 2 * np.sqrt(2 / 2.0)
     np.testing.assert_allclose(planned(planned.duration), 2.0)
-    given = ac.plan(path, limits=limits, grid=np.linspace(0, 3, 50))
+    given = ac.plan(path, limits=limits, options=ac.Optimal(grid=np.linspace(0, 3, 50)))
     assert given.duration == pytest.approx(planned.duration, rel=1e-2)
     # A constraint counts in s, so that nothing is left out; it is said which piece is at fault.
     idle = SecondOrder("idle", lambda s, side: 3 * (np.zeros((len(s), 1)),), [-1.0], [1.0])
     still[:, 1], still[:, 0] = 0.0, 1.0
     nothing = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
     bent, flat = (of([(0.0, 0.0), (1.0, 2.0)]) for of in (ac.JointPath.spline, ac.Path.polyline))
+    plain = ac.Optimal()
     for given, own, options, words in (
-        (path, limits, {"constraints": [idle]}, "No joint moves from s = 1 to"),
-        (nothing, limits, {}, "No joint moves"),
+        (path, limits, ac.Optimal(constraints=[idle]), "No joint moves from s = 1 to"),
+        (nothing, limits, plain, "No joint moves"),
         # Without an arm.
-        (bent, limits.replace(joint_torque=1.0), {}, "an arm with masses"),
-        (bent, None, {}, "needs an Arm"),
-        (flat, ac.Limits.only(speed=1.0), {}, "needs an Arm"),
+        (bent, limits.replace(joint_torque=1.0), plain, "an arm with masses"),
+        (bent, None, plain, "needs an Arm"),
+        (flat, ac.Limits.only(speed=1.0), plain, "needs an Arm"),
     ):
-        call = functools.partial(ac.plan, given, limits=own, **options)
+        call = functools.partial(ac.plan, given, limits=own, options=options)
         refuses(call, ac.InvalidInput, words)
 
 
@@ -213,10 +218,16 @@ def test_a_given_grid_plans_a_cusp_that_the_default_grid_plans(count, extra):
     limits = ac.Limits.only(joint_acceleration=[1.0, 1.0], joint_velocity=[1.0, 1.0])
     grid = np.sort(np.concatenate([np.linspace(0, 1.6, count), extra]))
     expected = ac.plan(path, limits=limits).duration
-    assert ac.plan(path, limits=limits, grid=grid).duration == pytest.approx(expected, rel=5e-3)
+    assert ac.plan(path, limits=limits, options=ac.Optimal(grid=grid)).duration == pytest.approx(
+        expected, rel=5e-3
+    )
     idle = SecondOrder("idle", lambda s, side: 3 * (np.zeros((len(s), 1)),), [-1.0], [1.0])
     with pytest.raises(ac.NotRealizable) as refused:
-        ac.plan(path, limits=limits, grid=grid, constraints=[idle])
+        ac.plan(
+            path,
+            limits=limits,
+            options=ac.Optimal(grid=grid, constraints=[idle]),
+        )
     assert refused.value.s == 0.5
 
 
@@ -227,8 +238,16 @@ def test_grid_points_next_to_a_rest_do_not_refine_all_of_the_grid(start_speed, c
     limits = ac.Limits(joint_acceleration=[1.0, 1.0, 1.0])
     share = np.concatenate([np.linspace(0, 1, count), np.geomspace(1e-9, 1e-3, 10)])
     grid = np.sort(share) * path.length
-    planned = ac.plan(path, limits=limits, start_speed=start_speed, grid=grid)
+    planned = ac.plan(
+        path,
+        limits=limits,
+        options=ac.Optimal(start_speed=start_speed, grid=grid),
+    )
     assert len(planned.breaks) < 4 * len(grid)
-    expected = ac.plan(path, limits=limits, start_speed=start_speed, intervals=40_000).duration
+    expected = ac.plan(
+        path,
+        limits=limits,
+        options=ac.Optimal(start_speed=start_speed, intervals=40_000),
+    ).duration
     assert planned.duration == pytest.approx(expected, rel=3e-4 if count > 100 else 3e-3)
     assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9

@@ -7,6 +7,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.arms import Chain, SerialArm
+from armcontour.timing import METHODS
 from armcontour.tracing import refuse_out_of_range, trace_all
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -36,7 +37,7 @@ def test_ranges_that_limits_narrow_or_widen_are_used(ur5e):
     for q in ways:
         np.testing.assert_allclose(ur5e.tool_position(q), LINE(S), atol=1e-9)
     for start in (None, found[0](0.0) + 0.01):
-        planned = ac.plan(LINE, ur5e, limits, start=start)
+        planned = ac.plan(LINE, ur5e, limits, ac.Optimal(start=start))
         ways.append(planned(np.linspace(0, planned.duration, 200)))
     assert all(((q[:, 3] > 3.2) & (q[:, 3] < 6.28)).all() for q in ways)
     tight = ur5e.with_limits(ranges(ur5e, 1, 0.5, 0.6))
@@ -158,4 +159,4 @@ def test_every_method_refuses(traced, arm, limits):
     narrow = limits.replace(joint_upper=traced(0.0) + 0.01)
     for method in ("optimal", "mac", "conventional"):
         with pytest.raises(ac.Unreachable, match="beyond its upper limit"):
-            ac.plan(traced, arm, narrow, method=method)
+            ac.plan(traced, arm, narrow, METHODS[method]())

@@ -96,7 +96,7 @@ class Chain(Checked):
     rotations: Annotated[FloatArray, Quantity(""), Axes("joints", 3, 3)]
     positions: Annotated[FloatArray, LENGTH, Axes("joints", 3)]
     axes: Annotated[FloatArray, Quantity(""), Axes("joints", 3)]
-    masses: Annotated[FloatArray, Quantity("kg", sign="not negative"), Axes("joints")] | None = None
+    masses: Annotated[FloatArray, Quantity("kg"), Axes("joints")] | None = None
     centers: Annotated[FloatArray, LENGTH, Axes("joints", 3)] | None = None
     inertias: Annotated[FloatArray, INERTIA, Axes("joints", 3, 3)] | None = None
     armature: Annotated[JointArmatures, Axes("joints")] | None = None
@@ -127,10 +127,14 @@ class Chain(Checked):
         self._refuse_bodies()
 
     def _refuse_bodies(self) -> None:
-        """Refuse links with an inertia that no body can have."""
+        """Refuse links with a negative mass, or with an inertia that no body can have."""
         if self.masses is None or self.inertias is None:
             return
-        for name, inertia in zip(self.joints, self.inertias, strict=True):
+        for name, mass, inertia in zip(self.joints, self.masses, self.inertias, strict=True):
+            if mass < 0:
+                raise InvalidInput(
+                    f"The link after {name} has the mass {mass:g} kg: it must not be negative."
+                )
             refuse_inertia(f"the link after {name}", inertia)
 
     def __len__(self) -> int:

@@ -14,6 +14,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour.certification._uses import Robot
+from armcontour.compensation import PolePlacement
 from armcontour.motion import Law, Span, TaughtData, Trajectory, stand_still
 
 # After this many of the servo's slowest time constants, 2e-9 of its response is left: of errors of
@@ -110,9 +111,9 @@ def memory(robot: Robot) -> float:
     if servo.has_feedforward:
         # The compensator undoes feed-forward with a transient of its own.
         rates.append(1 / float(servo.lead[0].max()))
-    poles = robot.run.compensation_options.get("poles")
-    if poles is not None:
-        rates.append(float(np.abs(np.real(np.asarray(poles, dtype=np.complex128))).min()))
+    options = robot.run.compensation
+    if isinstance(options, PolePlacement) and options.poles is not None:
+        rates.append(float(np.abs(np.real(np.asarray(options.poles, dtype=np.complex128))).min()))
     if box is not None:
         late = late + _checks.per_joint("dead_time of the box", box.dead_time, dof, "s")
     return FORGOTTEN / min(rates) + float(late.max())

@@ -20,6 +20,7 @@ from armcontour.timing.constraints import (
 )
 from armcontour.timing.grid import Grid, place_grid
 from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.options import Optimal
 from armcontour.timing.topp.limits import Ceiling, Form
 from armcontour.tracing import refuse_out_of_range
 
@@ -168,8 +169,8 @@ def plan_derated(
     refuse_out_of_range(joint_path, limits)
     others = {name: getattr(limits, name) * factor for name, factor in factors.items()}
     rest = limits.replace(joint_acceleration=math.inf, **others)
-    constraints: list[Constraint] = [Cap(derating)]
+    constraints: tuple[Constraint, ...] = (Cap(derating),)
     if limits.joint_acceleration is not None:
-        constraints.append(DeratedAcceleration(*limits.acceleration_bounds(arm.dof), derating))
-    found = plan_optimal(joint_path, arm, rest, intervals=intervals, constraints=constraints)
-    return found.limited(limits)
+        constraints += (DeratedAcceleration(*limits.acceleration_bounds(arm.dof), derating),)
+    options = Optimal(intervals=intervals, constraints=constraints)
+    return plan_optimal(joint_path, arm, rest, options).limited(limits)

@@ -7,6 +7,7 @@ from typing import NamedTuple, NoReturn
 
 from armcontour.certification._search import Search
 from armcontour.certification._uses import SPEED_SLACK
+from armcontour.compensation import InverseDynamics, NoCompensation
 from armcontour.errors import NotRealizable
 
 # Smaller shares of an error are not said.
@@ -42,7 +43,7 @@ def refuse(search: Search) -> NoReturn:
 def _acceleration(search: Search) -> Reason:
     setting, ratio, shorter = search.setting, search.binds[1], _shorter(search)
     held = " and are held" if setting.servo.interpolation == "step" else ""
-    if setting.run.compensation == "inverse_dynamics" and not setting.bodies:
+    if isinstance(setting.run.compensation, InverseDynamics) and not setting.bodies:
         shorter = "compensation inverse, as inverse_dynamics is for rigid bodies"
     text = (
         f"its set-points would need {ratio:.4g} times a joint's acceleration limit, as they come "
@@ -121,7 +122,7 @@ def _shorter(search: Search) -> str:
 
 def _follow(search: Search) -> str:
     """What helps the tool to follow the plan: without compensation, errors are those of the lag."""
-    lags = search.setting.run.compensation == "none"
+    lags = isinstance(search.setting.run.compensation, NoCompensation)
     return "compensate the lag of the servo" if lags else f"take {_shorter(search)}"
 
 

@@ -35,6 +35,7 @@ from armcontour.certification._uses import (
     run,
     uses_of,
 )
+from armcontour.compensation import NoCompensation
 from armcontour.errors import NotRealizable
 from armcontour.evaluation import Check, check
 from armcontour.execution import execute
@@ -505,7 +506,7 @@ class Search:
         use = moment.largest(uses.pace) / tight["speed"]
         derating = slower(use, 1 / np.maximum(use, 1.0), "speed")
         # A servo that nothing makes up for still has what the plan did some time before.
-        lags = self.setting.run.compensation == "none" or power > 1
+        lags = isinstance(self.setting.run.compensation, NoCompensation) or power > 1
         late = LASTING * self._memory() / 2 if lags else 0.0
         use = moment.largest(uses.tool, before=late) / tight["speed"]
         derating = slower(use, np.maximum(use, 1.0) ** -power, "tool")

@@ -23,11 +23,12 @@ from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
 from armcontour.jobs.programs import programs_of, round_program, trace_run
-from armcontour.motion import Method, Trajectory
+from armcontour.motion import Trajectory
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.robustness.box import Box
 from armcontour.robustness.unknowns import Unknowns
 from armcontour.timing import intervals_of
+from armcontour.timing.options import Optimal
 from armcontour.timing.program_timing import Timing, time_program
 from armcontour.timing.program_tracing import Tracing
 
@@ -300,7 +301,7 @@ class Sharing:
         if same and self._programs is not None:
             return self._programs
         objective, _ = programs_of(self.job, replace(this, rounding=rounding.with_arcs))
-        free = replace(this, reserve=0.0)
+        free = replace(this, timing=replace(this.timing, reserve=0.0))
         return objective, round_program(self.job, free, objective, self.progress)
 
     @property
@@ -347,8 +348,7 @@ def plan_fastest(robot: Robot, program: Program, traced: Tracing) -> Trajectory:
         program: The program.
         traced: The traced program.
     """
-    options = {"intervals": intervals_of(program)}
-    timing = Timing(robot.arm, robot.limits, Method.OPTIMAL, options)
+    timing = Timing(robot.arm, robot.limits, Optimal(intervals=intervals_of(program)))
     return time_program(traced, timing).limited(robot.limits)
 
 

@@ -105,15 +105,8 @@ class Robot:
 
     def teach(self, plan: Trajectory, period: float | None = None) -> TaughtData:
         """Taught data of a plan, every `period` or command interval of the run [s]."""
-        return teach(
-            plan,
-            self.model,
-            method=self.run.compensation,
-            period=self.run.period if period is None else period,
-            arm=self.arm,
-            command_limits=self.run.command_limits,
-            **self.run.compensation_options,
-        )
+        period = self.run.period if period is None else period
+        return teach(plan, self.model, self.run.compensation, period=period, arm=self.arm)
 
 
 def work_on(program: Program, contour: Contour) -> tuple[float, float] | None:

@@ -42,7 +42,7 @@ from armcontour.jobs.ways import clearance_of, reach_told
 from armcontour.motion import Method, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.robustness.monte_carlo import spans_of, worst_corner
-from armcontour.timing import refuse_unkept_jerk
+from armcontour.timing import Optimal, refuse_unkept_jerk
 
 # A command interval this many times shorter counts as continuous; it is at least SHORTEST [s].
 CONTINUOUS = 20
@@ -117,7 +117,9 @@ def run_of(job: Job, name: str | None) -> Run:
     Raises:
         InvalidInput: There is no such run, or more than one.
     """
-    return choose_run(job, name, "certified", [x for x in job.runs if x.timing == Method.OPTIMAL])
+    return choose_run(
+        job, name, "certified", [x for x in job.runs if isinstance(x.timing, Optimal)]
+    )
 
 
 class _Certifying:

@@ -95,7 +95,7 @@ def _print(found: Certificate, report: FilePath | None) -> None:
     for line in text(data).splitlines():
         console.say(line)
     header, *rows = compare(found.comparison, TABLE)
-    console.show_table(header, rows)
+    console.show_table(["", *header[1:]], rows)
     for line in (*data.notes, *found.result.remarks):
         console.say(line)
     for line in data.warnings:

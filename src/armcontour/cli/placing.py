@@ -95,7 +95,7 @@ def _print(found: Placement, report: FilePath, job: FilePath | None, unwritten: 
     for line in text(found.to_data()).splitlines():
         console.say(line)
     header, *rows = compare(found.comparison, TABLE, texts=True)
-    console.show_table(header, rows)
+    console.show_table(["", *header[1:]], rows)
     notes = [*found.notes, *found.job.arm.notes, *([unwritten] if unwritten else [])]
     for note in notes:
         console.say(f"Note: {note}")

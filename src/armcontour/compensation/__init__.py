@@ -1,5 +1,21 @@
 """Compensation of the servos' delay: taught data that makes joints follow a trajectory."""
 
-from armcontour.compensation.compensator import METHODS, compensate
+from armcontour.compensation.compensator import (
+    METHODS,
+    CompensationOptions,
+    Inverse,
+    InverseDynamics,
+    NoCompensation,
+    PolePlacement,
+    compensate,
+)
 
-__all__ = ["METHODS", "compensate"]
+__all__ = [
+    "METHODS",
+    "CompensationOptions",
+    "Inverse",
+    "InverseDynamics",
+    "NoCompensation",
+    "PolePlacement",
+    "compensate",
+]

@@ -97,7 +97,7 @@ def fastest_poles(
         period: Command interval [s].
 
     Returns:
-        m1, m2 and g of each joint [1/s], (dof, 3), for `compensate(..., poles=...)`; p is at most
+        m1, m2 and g of each joint [1/s], (dof, 3), for `PolePlacement(poles=...)`; p is at most
         20 / period.
 
     Raises:

@@ -15,11 +15,13 @@ from types import UnionType
 from typing import (
     Annotated,
     Any,
+    ClassVar,
     Literal,
     NamedTuple,
     ParamSpec,
     TypeVar,
     Union,
+    cast,
     get_args,
     get_origin,
     get_type_hints,
@@ -55,6 +57,29 @@ class Checked(Value):
 
     def _check_together(self) -> None:
         """Refuse fields that do not fit together, or compute others; each one is checked before."""
+
+
+class Options(Checked):
+    """Base of the options of a method: dataclasses that are equal if all their values are."""
+
+    __slots__ = ()
+    method: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        if not hasattr(self, "method"):
+            raise InvalidInput(
+                f"{type(self).__name__} have no method: make the options of one of the methods."
+            )
+        Checked.__post_init__(self)
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and all(
+            np.array_equal(getattr(self, x.name), getattr(other, x.name))
+            for x in fields(cast(Any, self))
+        )
+
+    def __hash__(self) -> int:
+        return hash(self.method)
 
 
 def check(value: Any) -> None:

@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from armcontour._quantities import Choice, Distance, Inertia, Length, Ratio
+from armcontour._quantities import Choice, Distance, Inertia, Length, Pole, Ratio
 from armcontour.arms.chain import Payload
+from armcontour.compensation import PolePlacement
 from armcontour.geometry import Demand
 from armcontour.io.place_axes import AnglesModel, AxesModel, LengthsModel, OffModel
 from armcontour.jobs.place_search import POINTS, PlaceSearch
@@ -19,6 +20,7 @@ from armcontour.robustness.box import Box
 
 Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
 Place = Annotated[list[Length], Field(min_length=3, max_length=3)]
+Poles = Annotated[list[Pole], Field(min_length=3, max_length=3)]
 # Indices of xx, xy, xz, yy, yz and zz in a symmetric matrix.
 TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
 
@@ -86,6 +88,7 @@ FORMS: dict[type, Form] = {
             "about": Annotated[str, Choice(POINTS)] | Place,
         },
     ),
+    PolePlacement: Form(types={"poles": Poles | list[Poles] | None}),
     Process: Form(
         types={
             "begin": Annotated[

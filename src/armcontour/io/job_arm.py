@@ -71,8 +71,9 @@ def _bare_arm(model: ArmModel, folder: FilePath, *, trust_xacro: bool) -> Arm:
         srdf=None,
     )
     # A tool that has only shapes leaves its frame where it is.
-    shapes_only = model.tool is None or model.tool == ToolModel(shapes=model.tool.shapes)
-    tool = None if shapes_only else frame_of("arm.tool", model.tool)
+    tool = None
+    if model.tool is not None and model.tool != ToolModel(shapes=model.tool.shapes):
+        tool = frame_of("arm.tool", model.tool)
     work = None if model.work is None else frame_of("arm.work", model.work)
     name = str(model.name) if model.file is None else folder / model.file
     return load_arm(

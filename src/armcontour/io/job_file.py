@@ -17,21 +17,20 @@ from armcontour._progress import Progress
 from armcontour._text import show
 from armcontour._yaml import load
 from armcontour.arms import Arm, Limits, resolve_limits
+from armcontour.compensation import InverseDynamics
 from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Path
 from armcontour.io.job_arm import arm_of, equipped
 from armcontour.io.job_model import (
-    CompensationModel,
     ExperimentModel,
     JobModel,
     PathModel,
     RunModel,
-    TimingModel,
 )
 from armcontour.io.job_path import part_of, path_of
 from armcontour.io.keys import Keys, read_keys, schema_of
-from armcontour.io.patch import COMPENSATION_OPTIONS, TIMING_OPTIONS, Patch, apply
+from armcontour.io.patch import Patch, apply
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, Rounding, Run
 from armcontour.motion import check_interval
@@ -39,6 +38,7 @@ from armcontour.motion.nearest_commands import check_command_limits
 from armcontour.program import Event, Process, Program
 from armcontour.scene import Scene
 from armcontour.servo import ServoModel
+from armcontour.timing import Optimal, Paper, PlanOptions
 
 Model = TypeVar("Model", bound=JobModel)
 
@@ -289,53 +289,51 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     with locate_errors(key):
         command_limits = check_command_limits(Limits(**commands), arm.dof) if commands else None
     experiment = _experiment(name, job.experiment, arm)
-    compensation = model.compensation
-    _refuse_options(f"runs.{name}.timing", model.timing, TIMING_OPTIONS)
-    _refuse_options(f"runs.{name}.compensation", compensation, COMPENSATION_OPTIONS)
     if not isinstance(corners, str):
         key = "corners" if model.corners is None else f"runs.{name}.corners"
         with locate_errors(f"Run {name}") if model.corners is None else nullcontext():
             corners.check(model.timing.method, key)
         if corners.tolerance is None:
             _refuse_no_speed(key, corners, limits)
-    timing = model.timing
     period, key = job.command_interval, "command_interval"
     if model.command_interval is not None:
         period, key = model.command_interval, f"runs.{name}.command_interval"
     with locate_errors(key):
         check_interval(period)
-    options: dict[str, float | None] = {"knots": timing.knots, "intervals": timing.intervals}
-    if timing.method == "mac":
-        options["period"] = period
+    compensation = dataclasses.replace(model.compensation, command_limits=command_limits)
+    if isinstance(compensation, InverseDynamics) and compensation.gravity_feedforward is None:
+        # Gravity is fed forward as on the simulated rigid bodies.
+        fed = experiment is None or experiment.gravity_feedforward
+        compensation = dataclasses.replace(compensation, gravity_feedforward=fed)
     with locate_errors(f"runs.{name}"):
         return Run(
             name=name,
-            timing=timing.method,
-            compensation=compensation.method,
+            timing=_timing(model, period),
+            compensation=compensation,
             limits=limits,
             rounding=None if isinstance(corners, str) else corners,
             period=period,
-            timing_options={key: value for key, value in options.items() if value is not None},
-            compensation_options=_compensation_options(compensation, experiment),
-            command_limits=command_limits,
             until=model.until,
-            duration=model.duration,
-            reserve=timing.reserve,
             experiment=experiment,
             accuracy=job.accuracy,
         )
 
 
-def _compensation_options(
-    model: CompensationModel, experiment: Experiment | None
-) -> dict[str, Any]:
-    """Options of the compensation; gravity is fed forward as on the simulated rigid bodies."""
-    if model.method == "inverse_dynamics":
-        fed = model.gravity_feedforward
-        if fed is None:
-            fed = experiment is None or experiment.gravity_feedforward
-        return {"gravity_feedforward": fed}
-    return {} if model.poles is None else {"poles": model.poles}
+def _timing(model: RunModel, period: float) -> PlanOptions:
+    """Options of the plan of a run, with the values that other keys have.
+
+    Raises:
+        InvalidInput: A duration for a method that does not plan one.
+    """
+    if isinstance(model.timing, Optimal):
+        return dataclasses.replace(model.timing, duration=model.duration)
+    if model.duration is not None:
+        raise InvalidInput(
+            f"duration goes with the method optimal, not {model.timing.method}: leave it out."
+        )
+    if isinstance(model.timing, Paper):
+        return dataclasses.replace(model.timing, period=period)
+    return model.timing
 
 
 def _refuse_no_speed(key: str, corners: Rounding, limits: Limits) -> None:
@@ -344,17 +342,6 @@ def _refuse_no_speed(key: str, corners: Rounding, limits: Limits) -> None:
         raise InvalidInput(
             f"{key} needs tolerance, the largest corner error, or speed and acceleration."
         )
-
-
-def _refuse_options(
-    key: str, chosen: TimingModel | CompensationModel, methods: Mapping[str, str]
-) -> None:
-    """Refuse options that belong to another method than the chosen one."""
-    for option, method in methods.items():
-        if getattr(chosen, option) is not None and chosen.method != method:
-            raise InvalidInput(
-                f"{key}.{option} goes with the method {method}, not {chosen.method}."
-            )
 
 
 def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment | None:

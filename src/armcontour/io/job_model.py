@@ -10,7 +10,6 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from armcontour._quantities import (
     Angle,
     AtLeast,
-    Choice,
     Distance,
     Interval,
     JointAccelerations,
@@ -18,28 +17,27 @@ from armcontour._quantities import (
     JointRanges,
     JointVelocities,
     Length,
-    Pole,
-    Reserve,
     Tolerance,
 )
 from armcontour._text import show
 from armcontour.arms import Limits
 from armcontour.arms.chain import Payload
-from armcontour.compensation import compensator
+from armcontour.compensation import CompensationOptions, compensator
+from armcontour.compensation.compensator import INVERSE
 from armcontour.geometry import Demand
 from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.forms import FORMS, Form, Place, Point
-from armcontour.io.keys import Given
+from armcontour.io.keys import Given, Methods
 from armcontour.io.robots.options import ArmOptions
 from armcontour.io.scene import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.io.units import parse
 from armcontour.jobs import Experiment, Goal, PlaceSearch, Rounding
-from armcontour.motion import PERIOD, Method
+from armcontour.motion import PERIOD
 from armcontour.program import Process
 from armcontour.servo import ServoModel
-from armcontour.timing import METHODS
+from armcontour.timing import METHODS, PlanOptions, Shaped
+from armcontour.timing.options import FASTEST
 
-Poles = Annotated[list[Pole], Field(min_length=3, max_length=3)]
 RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 
 
@@ -57,12 +55,34 @@ def _joint_position(value: Any) -> Any:
 
 def _method(value: Any) -> Any:
     """Refuse the method that changes the path, which `corners` does in a job."""
-    if value == Method.SHAPED:
+    if value == Shaped.method:
         raise ValueError(
             "shaped is no timing of a job: write corners: {shape: free, tolerance: 1 mm}, with "
             "timing: {method: optimal}"
         )
     return value
+
+
+Timing = Annotated[
+    PlanOptions,
+    Methods(
+        "How the path is timed.",
+        "The fastest timing (optimal), the paper's (mac), or uniform speed (conventional).",
+        tuple(METHODS.values()),
+        ("knots", "intervals", "reserve"),
+        (BeforeValidator(_method),),
+    ),
+]
+Compensation = Annotated[
+    CompensationOptions,
+    Methods(
+        "How the servo's delay is compensated.",
+        "The servo's exact inverse, pole placement (servo of order second only), the inverse of "
+        "drives that move the arm's bodies (arm with masses, servo of order second), or none.",
+        tuple(compensator.METHODS.values()),
+        ("poles", "gravity_feedforward"),
+    ),
+]
 
 
 def _axis(value: Any) -> Any:
@@ -292,42 +312,6 @@ class ExperimentModel(Experiment):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TimingModel:
-    """How the path is timed.
-
-    Args:
-        method: The fastest timing (optimal), the paper's (mac), or uniform speed (conventional).
-        knots: Laps per line, for the method mac.
-        intervals: Approximate number of grid intervals, for the method optimal.
-        reserve: Share of the limits of joint acceleration and torque that the plan leaves to the
-            servo. With a reserve of 0, a servo that lags cannot catch up.
-    """
-
-    method: Annotated[str, Choice(METHODS), BeforeValidator(_method)] = "optimal"
-    knots: Annotated[int, AtLeast(8)] | None = None
-    intervals: Annotated[int, AtLeast(2)] | None = None
-    reserve: Reserve = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CompensationModel:
-    """How the servo's delay is compensated.
-
-    Args:
-        method: The servo's exact inverse, pole placement (servo of order second only), the inverse
-            of drives that move the arm's bodies (arm with masses, servo of order second), or none.
-        poles: Two regulator poles and the observer pole of pole_placement [1/s], or three poles per
-            joint.
-        gravity_feedforward: For inverse_dynamics, whether the controller adds the gravity torque;
-            by default as in the experiment, or true without an experiment.
-    """
-
-    method: Annotated[str, Choice(compensator.METHODS)] = "inverse"
-    poles: Poles | list[Poles] | None = None
-    gravity_feedforward: bool | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CommandLimitsModel:
     """Limits of the set-points themselves; compensation takes the nearest ones within them.
 
@@ -359,8 +343,8 @@ class RunModel:
         duration: Time of the motion from start to end [s]; by default the shortest.
     """
 
-    timing: TimingModel = TimingModel()
-    compensation: CompensationModel = CompensationModel()
+    timing: Timing = FASTEST
+    compensation: Compensation = INVERSE
     limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
     command_limits: Annotated[dict[str, Any], Given(CommandLimitsModel)] = field(
         default_factory=dict

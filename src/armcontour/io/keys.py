@@ -35,6 +35,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from armcontour._quantities import WHOLE_TURN, AtLeast, Axes, Choice, Named, Quantity, Some
 from armcontour._text import describe_fields
+from armcontour.core.fields import Options
 from armcontour.errors import InvalidInput
 from armcontour.io.forms import FORMS, Form
 from armcontour.io.problems import first_problem
@@ -129,6 +130,48 @@ class Given(Mark):
         return core_schema.no_info_after_validator_function(partial(_values, self.of), inner)
 
 
+@dataclass(frozen=True, slots=True)
+class Methods(Mark):
+    """Annotation of one of several dataclasses, which the key `method` names.
+
+    Args:
+        text: Description of the keys.
+        method: Description of the key `method`.
+        kinds: The dataclasses, each with the name of its method; the first one is the default.
+        keys: Fields of the dataclasses that are keys.
+        more: Further annotations of the key `method`.
+    """
+
+    text: str
+    method: str
+    kinds: tuple[Any, ...]
+    keys: tuple[str, ...]
+    more: tuple[Any, ...] = ()
+
+    def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """What checks the keys and makes the dataclass of the method."""
+        inner = handler.generate_schema(_methods_model(self))
+        return core_schema.no_info_after_validator_function(self._build, inner)
+
+    def _build(self, model: BaseModel) -> Any:
+        """Make the dataclass from the validated keys.
+
+        Raises:
+            ValueError: A key of another method.
+        """
+        values = {x: getattr(model, x) for x in self.keys if x in model.model_fields_set}
+        given = {key: x for key, x in values.items() if x is not None}
+        method: str = getattr(model, "method")  # noqa: B009
+        kind = next(x for x in self.kinds if x.method == method)
+        for key in given.keys() - _parameters(kind).keys():
+            raise ValueError(f"{key} goes with the method {self.methods(key)}, not {kind.method}")
+        return kind(**given)
+
+    def methods(self, key: str) -> str:
+        """Names of the methods that have a key."""
+        return " and ".join(x.method for x in self.kinds if key in _parameters(x))
+
+
 def read_keys(mark: Mark, data: Any, source: str) -> Any:
     """Check the data of a file and make the value of its dataclass.
 
@@ -170,6 +213,34 @@ def _whole(mark: Mark) -> TypeAdapter[Any]:
 @cache
 def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseModel]:
     """The pydantic model of a dataclass; with `given` all keys are optional, without defaults."""
+    name = f"Given{of.__name__}" if given else of.__name__
+    summary = inspect.cleandoc(of.__doc__ or "").split("\n\n")[0]
+    return _new_model(name, summary, _keys(of, given=given, null=null))
+
+
+@cache
+def _methods_model(mark: Methods) -> type[BaseModel]:
+    """The pydantic model of the keys of several methods."""
+    default, *_ = names = tuple(str(x.method) for x in mark.kinds)
+    one_of = Annotated[(Literal[names], *mark.more)] if mark.more else Literal[names]
+    found: dict[str, Any] = {"method": (one_of, Field(default, description=mark.method))}
+    every = {key: x for kind in mark.kinds for key, x in _keys(kind).items()}
+    for key in mark.keys:
+        of, info = every[key]
+        text = info.description
+        if any(key not in _parameters(x) for x in mark.kinds):
+            text = f"For the method {mark.methods(key)}: {text[:1].lower()}{text[1:]}"
+        found[key] = (of, Field(info.default, description=text))
+    return _new_model(mark.kinds[0].__mro__[1].__name__, mark.text, found)
+
+
+def _new_model(name: str, summary: str, keys: dict[str, Any]) -> type[BaseModel]:
+    config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+    return create_model(name, __config__=config, __doc__=summary, __module__=__name__, **keys)
+
+
+def _keys(of: type, *, given: bool = False, null: bool = False) -> dict[str, Any]:
+    """The keys of a dataclass, as pydantic makes fields of them."""
     form = FORMS.get(of, Form())
     hints = {**get_type_hints(of, include_extras=True), **form.types}
     described = {**_descriptions(of), **form.texts}
@@ -184,11 +255,13 @@ def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseMod
             kind = kind | None
         default = None if given else form.defaults.get(x.name, _default(of, x))
         key = form.names.get(x.name, x.name)
-        fields[key] = (kind, Field(default, description=described.get(x.name)))
-    name = f"Given{of.__name__}" if given else of.__name__
-    summary = inspect.cleandoc(of.__doc__ or "").split("\n\n")[0]
-    config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-    return create_model(name, __config__=config, __doc__=summary, __module__=__name__, **fields)
+        text = described.get(x.name)
+        if isinstance(default, Options):
+            same: Any = partial(dataclasses.replace, default)
+            fields[key] = (kind, Field(default_factory=same, description=text))
+        else:
+            fields[key] = (kind, Field(default, description=text))
+    return fields
 
 
 def _default(of: type, x: dataclasses.Field[Any]) -> Any:
@@ -277,7 +350,7 @@ def _annotated(of: Any, *marks: Any) -> Any:
         return Annotated[str, Field(min_length=1)] if mark.needed else str
     if isinstance(mark, Some):
         return Annotated[dict[str, Any], Given(mark.of, null=True)]
-    if isinstance(mark, Given):
+    if isinstance(mark, Given | Methods):
         return Annotated[of, mark]
     return Annotated[(_type_of(of), *marks)]
 

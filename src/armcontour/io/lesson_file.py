@@ -27,6 +27,7 @@ LEFT_OUT = ("trajectory", "runs", "lifted", "servo", "misfits", "command_limits"
 RUN = "run {}: {}"
 # Types of values that are no arrays, by the annotations of their fields.
 KINDS: dict[Any, tuple[type, ...]] = {
+    "Time": (float, int),
     "float": (float, int),
     "float | None": (float, int, type(None)),
     "FloatArray | None": (type(None),),

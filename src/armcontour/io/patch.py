@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from typing import Any, TypeAlias
 
+from armcontour import compensation, timing
 from armcontour._text import show, suggest
 from armcontour._yaml import load
 from armcontour.errors import InvalidInput
@@ -24,8 +25,10 @@ IN_JOB, IN_RUN = ({x.name for x in fields(of)} for of in (JobModel, RunModel))
 # Keys of which a run has some in the place of the job's; it replaces other keys as a whole.
 MERGED = ("limits", "command_limits")
 # Options of each choice, with the choice that they go with.
-TIMING_OPTIONS = {"knots": "mac", "intervals": "optimal"}
-COMPENSATION_OPTIONS = {"poles": "pole_placement", "gravity_feedforward": "inverse_dynamics"}
+TIMING_OPTIONS, COMPENSATION_OPTIONS = (
+    {key: str(kind.method) for kind in methods.values() for key in kind.__annotations__}
+    for methods in (timing.METHODS, compensation.METHODS)
+)
 SHAPE_OPTIONS = {**dict.fromkeys(OF_FREE, FREE), "continuity": ARC, "transition_tolerance": ARC}
 CHOICES: dict[Keys, dict[str, str]] = {
     ("timing", "method"): TIMING_OPTIONS,

@@ -32,7 +32,7 @@ EXPECTED = {
     "tuple_type": "a list",
 }
 # Problems of a value that has the right type.
-OF_VALUES = ("value_error", "too_short", "too_long", "greater_than_equal")
+OF_VALUES = ("value_error", "too_short", "too_long", "greater_than_equal", "less_than_equal")
 # Keys that older files have, and what to write instead.
 GONE = {
     "ignore_jerk": "plans keep limits of jerk, so leave it out; write limits: {joint_jerk: inf} "
@@ -116,6 +116,8 @@ def _words(problem: Any, alike: Sequence[Any]) -> str:
         return f"a name {NAME}, not {show(given)}"
     if kind == "greater_than_equal":
         return f"must be at least {facts['ge']:g}, but is {given:g}"
+    if kind == "less_than_equal":
+        return f"must be at most {facts['le']:g}, but is {given:g}"
     if _expected(problem) is not None:
         but = "but is empty" if given is None else f"not {show(given)}"
         return f"must be {' or '.join(dict.fromkeys(expected))}, {but}"

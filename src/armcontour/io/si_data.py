@@ -10,7 +10,7 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from armcontour._quantities import Quantity, Some
 from armcontour.io.forms import FORMS, Form
-from armcontour.io.keys import Given, Keys
+from armcontour.io.keys import Given, Keys, Methods
 from armcontour.io.units import read_quantity
 
 # A quantity, a dataclass, or a type of lists or mappings.
@@ -98,6 +98,8 @@ def _alternatives(hint: Any) -> Iterator[Kind]:
             yield mark
         elif isinstance(mark, Given | Some | Keys):
             yield mark.of
+        elif isinstance(mark, Methods):
+            yield from mark.kinds
         else:
             yield from _alternatives(parts[0])
     elif origin in (Union, types.UnionType):

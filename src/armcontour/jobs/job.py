@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
@@ -24,6 +24,8 @@ from armcontour._quantities import (
 )
 from armcontour.arms import Arm, Limits
 from armcontour.clearance import Cell, CellOnce
+from armcontour.compensation import CompensationOptions, InverseDynamics
+from armcontour.compensation.compensator import INVERSE
 from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.frames import Frame
@@ -34,13 +36,13 @@ from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.place_search import PlaceSearch
 from armcontour.jobs.single_corners import refuse_no_corners
-from armcontour.motion import Method, check_interval
+from armcontour.motion import PERIOD, Method, check_interval
 from armcontour.program import Process, Program
 from armcontour.program.preparing import refuse_unfit
 from armcontour.scene import Scene
 from armcontour.servo import ServoModel
-from armcontour.timing import refuse_endless
-from armcontour.timing.shaping.wishes import Wishes
+from armcontour.timing import Optimal, PlanOptions, Shaped, refuse_endless
+from armcontour.timing.options import DEFAULT_ITERATIONS, FASTEST
 
 # A title is a line of a report.
 LONGEST_TITLE = 200
@@ -50,8 +52,6 @@ LONGEST_TITLE = 200
 ARC, FREE = "arc", "free"
 SHAPES = (ARC, FREE)
 TANGENT, CURVATURE = CONTINUITIES
-# The compensation whose set-points are for rigid bodies, and the one whose set-points are the plan.
-INVERSE_DYNAMICS, NONE = "inverse_dynamics", "none"
 
 
 @_checks.explain_calls
@@ -127,11 +127,23 @@ class Rounding(Checked):
         return replace(self, continuity=None, transition_tolerance=None)
 
     @property
-    def wishes(self) -> dict[str, Any]:
-        """Keyword arguments of `shape` for the shape free."""
-        wanted = {name: getattr(self, name) for name in ("tolerance", *OF_FREE)}
-        given = {name: x for name, x in wanted.items() if x is not None}
+    def wanted(self) -> dict[str, float | None]:
+        """The given tolerances and iterations of the shape free, by their names."""
+        values = {name: getattr(self, name) for name in ("tolerance", *OF_FREE)}
+        given = {name: x for name, x in values.items() if x is not None}
         return {**given, "angular_tolerance": self.angular_tolerance}
+
+    @property
+    def options(self) -> Shaped:
+        """Options of `shape` for the shape free."""
+        assert self.tolerance is not None
+        return Shaped(
+            tolerance=self.tolerance,
+            line_tolerance=self.line_tolerance,
+            zone=self.zone,
+            angular_tolerance=self.angular_tolerance,
+            iterations=DEFAULT_ITERATIONS if self.iterations is None else self.iterations,
+        )
 
     def check(self, timing: str, key: str = "corners") -> None:
         """Refuse values that do not go together.
@@ -179,7 +191,7 @@ class Rounding(Checked):
                 allowed=self.tolerance,
             )
         with locate_errors(key):
-            Wishes(**self.wishes)
+            _ = self.options
 
     def _check_single(self, key: str) -> None:
         """Refuse tolerances of single corners without a tolerance of the others, and a free shape.
@@ -237,17 +249,12 @@ class Run(Checked):
 
     Args:
         name: Key of the run in the study.
-        timing: Method of `plan`.
-        compensation: Method of `compensate`.
         limits: Limits of this run.
+        timing: Options of `plan`.
+        compensation: Options of `compensate`.
         rounding: How corners are rounded; None keeps sharp corners.
         period: Command interval [s].
-        timing_options: Options of the timing method.
-        compensation_options: Options of the compensation method.
-        command_limits: Limits of the set-points themselves, as in `compensate`.
         until: End of the time over which errors are evaluated [s]; None is when all joints rest.
-        reserve: Share of joint acceleration and torque that the plan leaves to the servo.
-        duration: Time of the motion from start to end [s]; None is the shortest.
         experiment: Options of a simulation on rigid bodies; None simulates none.
         accuracy: Largest contour error with which the run counts as kept [m]; by default a tenth of
             the smallest tolerance of its corners.
@@ -258,24 +265,19 @@ class Run(Checked):
     """
 
     name: Name
-    timing: str
-    compensation: str
     limits: Limits
-    rounding: Rounding | None
-    period: float
-    timing_options: Mapping[str, Any] = field(default_factory=dict)
-    compensation_options: Mapping[str, Any] = field(default_factory=dict)
-    command_limits: Limits | None = None
+    timing: PlanOptions = FASTEST
+    compensation: CompensationOptions = INVERSE
+    rounding: Rounding | None = None
+    period: float = PERIOD
     until: Interval | None = None
-    reserve: float = 0.0
-    duration: Interval | None = None
     experiment: Experiment | None = None
     accuracy: Distance | None = None
 
     def _check_together(self) -> None:
         check_interval(self.period)
         if self.rounding is not None:
-            self.rounding.check(self.timing)
+            self.rounding.check(self.timing.method)
 
     def refuse_until(self, program: Program) -> None:
         """Refuse an end of the evaluation for a program of several moves.
@@ -295,7 +297,7 @@ class Run(Checked):
     @property
     def for_bodies(self) -> bool:
         """Whether the set-points are for the arm's bodies, which the servo model does not have."""
-        return self.compensation == INVERSE_DYNAMICS
+        return isinstance(self.compensation, InverseDynamics)
 
     @property
     def judge(self) -> Experiment | None:
@@ -320,14 +322,9 @@ class Run(Checked):
         return min(TRANSITION_TOLERANCE, math.inf if most is None else most)
 
     @property
-    def plan_options(self) -> dict[str, Any]:
-        """Keyword arguments of `plan` for this run."""
-        return {
-            "method": self.timing,
-            "reserve": self.reserve,
-            "duration": self.duration,
-            **self.timing_options,
-        }
+    def duration(self) -> float | None:
+        """The given time of the motion from start to end [s]; None is the shortest."""
+        return self.timing.duration if isinstance(self.timing, Optimal) else None
 
 
 @_checks.explain_calls
@@ -434,7 +431,8 @@ class Job(Checked):
         """Timing, compensation and interval of a run."""
         speed = run.limits.speed
         fast = "" if speed is None else f", {digits(speed * 1e3)} mm/s"
-        return f"{run.timing}, {run.compensation}, every {milliseconds(run.period)}{fast}"
+        methods = f"{run.timing.method}, {run.compensation.method}"
+        return f"{methods}, every {milliseconds(run.period)}{fast}"
 
     @property
     def cell(self) -> Cell:

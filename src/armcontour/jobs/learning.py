@@ -10,6 +10,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress
 from armcontour._sampling import interpolate
+from armcontour.compensation import InverseDynamics
 from armcontour.core.result import FILE, FIRST, TABLE, Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.evaluation import ErrorProfile
@@ -378,8 +379,10 @@ def judge_log(
 
 def feeds_gravity_forward(run: Run) -> bool:
     """Whether the controller adds the gravity torque: by the compensation, else the experiment."""
-    own = run.experiment is None or run.experiment.gravity_feedforward
-    return bool(run.compensation_options.get("gravity_feedforward", own))
+    options = run.compensation
+    if isinstance(options, InverseDynamics) and options.gravity_feedforward is not None:
+        return options.gravity_feedforward
+    return run.experiment is None or run.experiment.gravity_feedforward
 
 
 def refuse_earlier_run(taught: TaughtData, log: Log) -> None:

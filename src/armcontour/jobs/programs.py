@@ -19,7 +19,6 @@ from armcontour.jobs.job import TANGENT, Job, Rounding, Run
 from armcontour.jobs.single_corners import corner_tolerances, refuse_missing
 from armcontour.jobs.warnings import SAME_SPEED, assigned_speed
 from armcontour.jobs.ways import first_contour_clear
-from armcontour.motion import Method
 from armcontour.program import (
     Contour,
     Leads,
@@ -31,6 +30,7 @@ from armcontour.program import (
     smooth_curvature,
 )
 from armcontour.timing import (
+    Optimal,
     Tracing,
     intervals_of,
     plan,
@@ -83,10 +83,10 @@ def prepare_program(job: Job, this: Run) -> Program:
     """
     leads = None
     if job.process.automatic:
-        if this.timing != Method.OPTIMAL:
+        if not isinstance(this.timing, Optimal):
             raise InvalidInput(
                 f"Run {this.name}: leads of automatic length need the timing optimal, not "
-                f"{this.timing}: give their lengths."
+                f"{this.timing.method}: give their lengths."
             )
         leads = automatic_leads(job, this)
     with locate_errors("process"):
@@ -104,17 +104,15 @@ def round_program(
         from armcontour.timing import shape
 
         with locate_errors("corners"):
-            return shape(
-                program,
-                job.arm,
-                this.limits,
-                reserve=this.reserve,
+            assert isinstance(this.timing, Optimal)
+            options = dataclasses.replace(
+                rounding.options,
+                reserve=this.timing.reserve,
                 branch=job.branch,
                 start=job.start,
-                intervals=this.timing_options.get("intervals", intervals_of(program)),
-                progress=progress,
-                **rounding.wishes,
+                intervals=this.timing.intervals or intervals_of(program),
             )
+            return shape(program, job.arm, this.limits, options, progress=progress)
     acceleration = rounding.acceleration
     if acceleration is None:
         acceleration = this.limits.centripetal_acceleration
@@ -167,7 +165,9 @@ def automatic_leads(job: Job, this: Run) -> list[Leads]:
         The lengths of lead-in and lead-out per contour [m]; 0 where the length is not automatic.
     """
     rounding = None if this.rounding is None else this.rounding.with_arcs
-    this = dataclasses.replace(this, rounding=rounding, duration=None)
+    assert isinstance(this.timing, Optimal)
+    timing = dataclasses.replace(this.timing, duration=None)
+    this = dataclasses.replace(this, rounding=rounding, timing=timing)
     process = job.process
     unled: dict[str, Any] = dict.fromkeys(UNLED)
     plain = dataclasses.replace(
@@ -218,7 +218,7 @@ def _lead_speeds(
     try:
         alone = round_program(job, this, prepare(Program(moves=(contour,)), ends, [leads]))
         traced = trace_run(job, this, alone)
-        motion = plan(traced, job.arm, this.limits, **this.plan_options)
+        motion = plan(traced, job.arm, this.limits, this.timing)
     except ArmContourError:
         if length <= SHORTEST_LEAD:
             raise

@@ -37,10 +37,10 @@ from armcontour.jobs.run_data import (
     warning_rows,
 )
 from armcontour.jobs.weaves import Weaving, weavings
-from armcontour.motion import Execution, JointPath, Method, TaughtData, Trajectory
+from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.servo import ServoModel
-from armcontour.timing import Explanation, Tracing
+from armcontour.timing import Conventional, Explanation, Tracing
 
 # The clearance of the arm from itself is reported where it is below this [m].
 NEAR = 10e-3
@@ -252,7 +252,7 @@ class RunResult(Result):
     @cached_property
     def _stops_of_path(self) -> dict[str, int]:
         """Full stops that the path asks for, whatever the limits, by the reasons."""
-        if self.run.timing == Method.CONVENTIONAL:
+        if isinstance(self.run.timing, Conventional):
             # It goes through corners at its uniform speed.
             return {}
         found: Counter[str] = Counter()
@@ -608,10 +608,10 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
         yield from program_rows(trajectory, path, result.objective)
     if result.rounding_error is not None:
         yield Row("corner_error", result.rounding_error, "m")
-    yield Row("timing", run.timing, "", "timing")
-    yield Row("compensation", run.compensation, "", "compensation")
+    yield Row("timing", run.timing.method, "", "timing")
+    yield Row("compensation", run.compensation.method, "", "compensation")
     yield Row("period", run.period, "s")
-    yield Row("reserve", run.reserve, "1")
+    yield Row("reserve", run.timing.reserve, "1")
     yield Row("continuity", run.continuity)
     if trajectory.arm is not None:
         names = trajectory.require_arm().joint_names
@@ -631,7 +631,7 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
     yield Row("shaping.durations", shaped.durations, "s")
     yield Row("shaping.gain", shaped.gain, "1", "saved by shaping", str(shaped))
     yield Row("shaping.iterations", shaped.iterations)
-    yield Row("shaping.wanted", None if run.rounding is None else run.rounding.wishes)
+    yield Row("shaping.wanted", None if run.rounding is None else run.rounding.wanted)
 
 
 def unknown_notes(study: Study) -> tuple[str, ...]:

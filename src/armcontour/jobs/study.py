@@ -16,6 +16,7 @@ import numpy as np
 from armcontour._progress import Progress, Step, under
 from armcontour.arms import Limits, compare_limits
 from armcontour.clearance import Clearance
+from armcontour.compensation import NoCompensation
 from armcontour.compensation.compensator import teach
 from armcontour.core.fields import checked
 from armcontour.errors import ExecutionError, locate_errors
@@ -23,7 +24,7 @@ from armcontour.evaluation import Evaluation, evaluate
 from armcontour.execution import ServoPlant, execute
 from armcontour.execution.rigid_body_plant import refuse_without_mujoco
 from armcontour.jobs.experiment import build_plant
-from armcontour.jobs.job import NONE, Job, Run
+from armcontour.jobs.job import Job, Run
 from armcontour.jobs.programs import programs_of, trace_run
 from armcontour.jobs.results import ExperimentResult, RunResult, Study
 from armcontour.jobs.warnings import collect_warnings
@@ -36,7 +37,7 @@ from armcontour.jobs.ways import (
 from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.servo import ServoModel
-from armcontour.timing import Explanation, Tracing, explain, plan, refuse_unkept_jerk
+from armcontour.timing import Explanation, Optimal, Tracing, explain, plan, refuse_unkept_jerk
 
 STEPS = (
     "rounding",
@@ -91,7 +92,7 @@ def refuse_impossible(job: Job, *, simulate: bool = True) -> None:
     for x in job.runs:
         with locate_errors(f"Run {x.name}"):
             free = x.rounding is not None and x.rounding.free
-            refuse_unkept_jerk(Method.SHAPED if free else x.timing, x.limits)
+            refuse_unkept_jerk(Method.SHAPED if free else x.timing.method, x.limits)
             if simulate and x.experiment is not None:
                 with locate_errors(EXPERIMENT):
                     refuse_without_mujoco()
@@ -201,7 +202,7 @@ def plan_clear(
     for way in ways(job, this, traced, progress):
         traced, notes = way
         progress(Step(("timing",)))
-        trajectory = plan(traced, job.arm, this.limits, progress=progress, **this.plan_options)
+        trajectory = plan(traced, job.arm, this.limits, this.timing, progress=progress)
         progress(Step(("clearance",)))
         clearance = clearance_of(job, trajectory)
         if clearance is None or clearance.kept or job.ignore_collisions:
@@ -234,15 +235,7 @@ def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
     Raises:
         CompensationError: The method cannot compensate this delay.
     """
-    return teach(
-        trajectory,
-        job.servo,
-        method=this.compensation,
-        period=this.period,
-        arm=job.arm,
-        command_limits=this.command_limits,
-        **this.compensation_options,
-    )
+    return teach(trajectory, job.servo, this.compensation, period=this.period, arm=job.arm)
 
 
 def execute_run(
@@ -302,8 +295,8 @@ def on_bodies(
     how: dict[str, Any] = {"resolution": max(RESOLUTION, plant.step)}
     executed = execute(taught, plant, **how)
     uncompensated = None
-    if this.compensation != NONE:
-        plain = replace(this, compensation=NONE, compensation_options={}, command_limits=None)
+    if not isinstance(this.compensation, NoCompensation):
+        plain = replace(this, compensation=NoCompensation())
         with suppress(ExecutionError):
             done = execute(teach_run(job, plain, taught.trajectory), plant, **how)
             uncompensated = evaluate(done, path, until=this.until)
@@ -325,19 +318,20 @@ def steps_of(this: Run, *, simulated: bool = True) -> tuple[str, ...]:
 
 def _timed_alike(first: Run, second: Run) -> bool:
     """Whether two runs with the same joint paths have the same plan."""
-    known, asked = first.plan_options, second.plan_options
-    return known.keys() == asked.keys() and all(
-        np.array_equal(known[name], value) for name, value in asked.items()
-    )
+    return first.timing == second.timing
 
 
 def traced_alike(first: Run, second: Run) -> bool:
     """Whether two runs have the same path and limits, and so the same joint path."""
-    shaped = first.rounding is not None and first.rounding.free
-    if shaped and (first.reserve, first.timing_options) != (second.reserve, second.timing_options):
-        # The shape depends on what the plan leaves to the servo, and on its grid.
+    if first.rounding != second.rounding:
         return False
-    return first.rounding == second.rounding and all(
+    if first.rounding is not None and first.rounding.free:
+        # The shape depends on what the plan leaves to the servo, and on its grid.
+        one, other = first.timing, second.timing
+        assert isinstance(one, Optimal) and isinstance(other, Optimal)
+        if replace(one, duration=other.duration) != other:
+            return False
+    return all(
         np.array_equal(getattr(first.limits, x.name), getattr(second.limits, x.name))
         for x in fields(Limits)
     )

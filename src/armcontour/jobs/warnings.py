@@ -9,16 +9,18 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._describing import several
 from armcontour._text import list_some
+from armcontour.compensation import InverseDynamics, NoCompensation
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.jobs.jerk_stops import JerkStop
-from armcontour.jobs.job import INVERSE_DYNAMICS, NONE, Run
+from armcontour.jobs.job import Run
 from armcontour.jobs.results import ExperimentResult, RunResult
-from armcontour.motion import Execution, Method, TaughtData, Trajectory
+from armcontour.motion import Execution, TaughtData, Trajectory
 from armcontour.motion.command_limits import describe_excess
 from armcontour.program import Contour, Program, contour_called
 from armcontour.program.rounding import doubt_tolerance
 from armcontour.servo import ServoModel
+from armcontour.timing import Conventional
 
 # Number of contours that one sentence names.
 MOST_NAMES = 4
@@ -58,7 +60,7 @@ def collect_warnings(result: RunResult) -> tuple[str, ...]:
         found += _changed_commands(result.taught)
     if result.servo is not None:
         found += [beyond_logs(result.servo, trajectory)]
-        if result.taught is not None and run.compensation != NONE:
+        if result.taught is not None and not isinstance(run.compensation, NoCompensation):
             found += [result.servo.doubt]
     if result.execution is not None:
         found += [*_unsettled(result.execution), *_not_followed(result)]
@@ -117,7 +119,7 @@ def _slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool
                 )
                 for word, speed, assigned, lead in slow_ends(x, span.trajectory, run)
             )
-            if not ends_only and run.timing != Method.CONVENTIONAL:
+            if not ends_only and not isinstance(run.timing, Conventional):
                 slow += _missed_speed(name, x.path, span.trajectory, run)
     if slow:
         _, what, advice = min(slow)
@@ -263,10 +265,12 @@ def _not_followed(result: RunResult) -> Iterator[str]:
                 f"not judge it (there the tool is {error}): give the job an experiment, such as "
                 "experiment: {}."
             )
-    elif ratio > FAR_ABOVE and run.timing != Method.CONVENTIONAL:
+    elif ratio > FAR_ABOVE and not isinstance(run.timing, Conventional):
         t = float(executed.t[int(np.abs(executed.demand[:, joint]).argmax())])
         name = executed.arm.joint_names[joint]
-        reserve = "a larger reserve" if run.reserve > 0 else "a reserve, such as {reserve: 10 %}"
+        reserve = (
+            "a larger reserve" if run.timing.reserve > 0 else "a reserve, such as {reserve: 10 %}"
+        )
         yield (
             f"{name if name.startswith('joint') else f'joint {name}'} is asked for {ratio:.3g} "
             f"times its acceleration limit at {t:.4g} s and saturates, and the tool is {error} its "
@@ -283,7 +287,7 @@ def _worse_than_none(experiment: ExperimentResult, run: Run) -> Iterator[str]:
     if found.rms <= without.rms and found.max <= without.max:
         return
     why = "it is for the servo model, not for bodies: compensation: {method: inverse_dynamics}"
-    if run.compensation == INVERSE_DYNAMICS:
+    if isinstance(run.compensation, InverseDynamics):
         why = (
             "the simulated robot has other gains, dead time, masses or gravity feed-forward than "
             "the compensation knows, or its drives saturate"
@@ -293,7 +297,8 @@ def _worse_than_none(experiment: ExperimentResult, run: Run) -> Iterator[str]:
     yield (
         f"on rigid bodies the contour error is {found.rms * 1e3:.4g} mm RMS, "
         f"{found.max * 1e3:.4g} mm at most; without compensation {without.rms * 1e3:.4g} and "
-        f"{without.max * 1e3:.4g} mm. The compensation {run.compensation} makes it worse, as {why}."
+        f"{without.max * 1e3:.4g} mm. The compensation {run.compensation.method} makes it worse, "
+        f"as {why}."
     )
 
 

@@ -20,14 +20,14 @@ from armcontour.jobs.place_search import CLEARANCE, CYCLE, MANIPULABILITY, TORQU
 from armcontour.jobs.programs import trace_run
 from armcontour.jobs.quantities import torques_at
 from armcontour.jobs.study import plan_clear
-from armcontour.motion import Method, Trajectory
+from armcontour.motion import Trajectory
 from armcontour.placement.manipulability import least_singular_value
 from armcontour.placement.moving import Moves, place_arm, place_bases, place_job
 from armcontour.placement.screening import RANGE, REACH, SINGULAR_ARM, Screen, Screened
 from armcontour.program import Contour, Dwell
 from armcontour.scene import Scene
 from armcontour.scene.scene import PART
-from armcontour.timing import Tracing, with_reserve
+from armcontour.timing import Optimal, Tracing, with_reserve
 from armcontour.timing.program_tracing import SURE, bound_duration
 from armcontour.tracing.poses import task_dimension
 
@@ -170,7 +170,7 @@ class Judge:
     @property
     def bounded(self) -> bool:
         """Whether plans keep the limits that bounds on durations assume."""
-        return self.run.timing == Method.OPTIMAL
+        return isinstance(self.run.timing, Optimal)
 
     @cached_property
     def screen(self) -> Screen | None:
@@ -178,7 +178,7 @@ class Judge:
         arm, program = self._limited, self.job.program
         if not isinstance(arm, SerialArm) or not Screen.fits(program, arm):
             return None
-        limits = with_reserve(self.run.limits, self.run.reserve)
+        limits = with_reserve(self.run.limits, self.run.timing.reserve)
         of_all = self.objective == MANIPULABILITY
         return Screen(program, arm, limits, self.job.start, of_all=of_all)
 
@@ -295,7 +295,7 @@ class Judge:
 
     def _bound(self, traced: Tracing) -> float:
         """A lower bound on the duration of a traced program [s]."""
-        limits = with_reserve(self.run.limits, self.run.reserve).without_jerk
+        limits = with_reserve(self.run.limits, self.run.timing.reserve).without_jerk
         moves = traced.program.moves
         total = float(sum(x.duration for x in moves if isinstance(x, Dwell)))
         for x in traced.steps:

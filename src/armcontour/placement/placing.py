@@ -21,7 +21,6 @@ from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.place_search import CLEARANCE, CYCLE, MIDDLE, TORQUE, PlaceSearch
 from armcontour.jobs.programs import programs_of
-from armcontour.motion import Method
 from armcontour.placement.judging import Judge, Verdict
 from armcontour.placement.moving import Moves, refuse_tilted_base
 from armcontour.placement.placement import Place, Placement, all_places
@@ -30,6 +29,7 @@ from armcontour.placement.screening import RANGE, REACH, SINGULAR_ARM
 from armcontour.placement.searching import best_of, search_grid
 from armcontour.program import Process, Program
 from armcontour.scene.scene import BASE
+from armcontour.timing import Optimal
 
 # Places of each contour at which the extent of a path is looked at.
 SAMPLES = 200
@@ -154,7 +154,7 @@ def _run_of(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]
     Raises:
         InvalidInput: No such run, or one of a given duration.
     """
-    able = [x for x in job.runs if x.timing == Method.OPTIMAL]
+    able = [x for x in job.runs if isinstance(x.timing, Optimal)]
     this = choose_run(job, name, "placed", able)
     if this.duration is not None and objective == CYCLE:
         raise InvalidInput(

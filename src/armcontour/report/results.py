@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
+from armcontour import _checks, compensation, timing
 from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.errors import InvalidInput
 from armcontour.evaluation import Evaluation, evaluate
@@ -145,13 +145,12 @@ def _planned(
     )
 
 
-def _run(name: str, plan: Trajectory, compensation: str, limits: Limits, period: float) -> Run:
+def _run(name: str, plan: Trajectory, method: str, limits: Limits, period: float) -> Run:
     return Run(
         name=name,
-        timing=str(plan.method),
-        compensation=compensation,
+        timing=timing.METHODS.get(plan.method, timing.Optimal)(),
+        compensation=compensation.METHODS.get(method, compensation.Inverse)(),
         limits=limits,
-        rounding=None,
         period=period,
     )
 

@@ -8,12 +8,12 @@ from typing import Any
 
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import line_of
-from armcontour.io.job_model import TimingModel
 from armcontour.jobs import Job
 from armcontour.studio.document import Document
 from armcontour.studio.handles import Handles, obstacles_of
 from armcontour.studio.sliders import sliders_of
 from armcontour.studio.wire import Frame
+from armcontour.timing import Optimal
 
 # What an edit is called in the list of what can be undone.
 LABELS = {
@@ -116,7 +116,7 @@ def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
         found.append(
             {
                 "name": name,
-                "timing": _method(given.get("timing"), TimingModel().method),
+                "timing": _method(given.get("timing"), Optimal.method),
                 "compensation": _method(given.get("compensation"), "default"),
                 "corners": corners.get("shape", "arc") if isinstance(corners, Mapping) else corners,
             }

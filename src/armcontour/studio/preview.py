@@ -177,10 +177,7 @@ class Previewer:
         _refuse_too_long(planned)
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
         with self._kept.timed() as seconds, locate_errors(f"Run {this.name}"):
-            how = (
-                *(this.compensation, this.compensation_options, this.period, servos[0]),
-                comparable(this.command_limits),
-            )
+            how = (comparable(this.compensation), this.period, servos[0])
             taught = get(
                 "compensation",
                 (planned.trajectory, *how),
@@ -291,7 +288,7 @@ class Previewer:
         of_path = (
             *(drawn, comparable(job.process), rounding),
             *(this.continuity, this.transition_tolerance, this.limits.centripetal_acceleration),
-            (job.arm, start, limits, this.plan_options) if by_limits else None,
+            (job.arm, start, limits, this.timing) if by_limits else None,
         )
         objective, path = get("rounding", of_path, lambda: programs_of(job, this, progress))
         ranges = [x.tobytes() for x in this.limits.joint_range(job.arm.dof)]
@@ -302,12 +299,12 @@ class Previewer:
         )
         trajectory = get(
             "timing",
-            (traced, limits, this.plan_options),
-            lambda: plan(traced, job.arm, this.limits, progress=progress, **this.plan_options),
+            (traced, limits, this.timing),
+            lambda: plan(traced, job.arm, this.limits, this.timing, progress=progress),
         )
         explanation = get(
             "explanation",
-            (trajectory, limits, this.reserve),
+            (trajectory, limits, this.timing.reserve),
             lambda: explain_run(job, this, trajectory),
         )
         found = Planned(

@@ -14,8 +14,8 @@ from armcontour.io.job_model import ExperimentModel, JobModel
 from armcontour.jobs import Experiment, Job, Run
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.study import RESOLUTION, execute_run
-from armcontour.motion import Execution, Method, TaughtData
-from armcontour.timing import intervals_of
+from armcontour.motion import Execution, TaughtData
+from armcontour.timing import Optimal, intervals_of
 
 # Smallest command interval of a preview [s].
 PERIOD = 4e-3
@@ -87,10 +87,10 @@ def coarser_run(job: Job, own: Run, moving: bool) -> tuple[Run, tuple[str, ...]]
     if this.rounding is not None and this.rounding.free:
         this = dataclasses.replace(this, rounding=this.rounding.with_arcs)
         differs.append(ARCS)
-    if moving and this.timing == Method.OPTIMAL and "intervals" not in this.timing_options:
+    if moving and isinstance(this.timing, Optimal) and this.timing.intervals is None:
         few = min(MOVING_INTERVALS, intervals_of(job.program) or MOVING_INTERVALS)
-        options = {**this.timing_options, "intervals": few}
-        this = dataclasses.replace(this, timing_options=options)
+        timing = dataclasses.replace(this.timing, intervals=few)
+        this = dataclasses.replace(this, timing=timing)
         differs.append(f"while it moves, the timing is found on a grid of {few} intervals.")
     return this, tuple(differs)
 

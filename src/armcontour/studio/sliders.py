@@ -89,10 +89,12 @@ SLIDERS = (
     _gain("kv", 1.0, 2e3),
     _gain("ki", 0.1, 2e2),
     Slider("command_interval", "command interval", "servo", lambda _, run: run.period, 1e-4, 2e-2),
-    Slider("timing.reserve", "reserve", "run", lambda _, run: run.reserve, 0.0, 0.9, log=False),
-    Slider("timing.method", "timing", "run", lambda _, run: run.timing, choices=METHODS),
-    Slider("compensation.method", "compensation", "run", lambda _, run: run.compensation,
-           choices=compensator.METHODS),
+    Slider("timing.reserve", "reserve", "run", lambda _, run: run.timing.reserve, 0.0, 0.9,
+           log=False),
+    Slider("timing.method", "timing", "run", lambda _, run: run.timing.method,
+           choices=tuple(METHODS)),
+    Slider("compensation.method", "compensation", "run", lambda _, run: run.compensation.method,
+           choices=tuple(compensator.METHODS)),
     Slider("corners.shape", "corners", "path", _shape, choices=(SHARP, *SHAPES)),
 )  # fmt: skip
 

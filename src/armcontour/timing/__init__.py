@@ -13,8 +13,16 @@ from armcontour.timing.explanation import (
     explain,
     find_jerk_stops,
 )
+from armcontour.timing.options import (
+    METHODS,
+    Conventional,
+    Optimal,
+    Paper,
+    PlanOptions,
+    Shaped,
+)
 from armcontour.timing.planner import intervals_of, plan, refuse_endless
-from armcontour.timing.program_timing import METHODS, PLANNING_METHODS, refuse_unkept_jerk
+from armcontour.timing.program_timing import refuse_unkept_jerk
 from armcontour.timing.program_tracing import (
     Tracing,
     trace_fastest,
@@ -30,10 +38,14 @@ __getattr__ = load_lazily("armcontour.timing", {"shaping": ("shape",)})
 
 __all__ = [
     "METHODS",
-    "PLANNING_METHODS",
     "RESERVED",
     "Binding",
+    "Conventional",
     "Explanation",
+    "Optimal",
+    "Paper",
+    "PlanOptions",
+    "Shaped",
     "Shortfall",
     "Tracing",
     "explain",

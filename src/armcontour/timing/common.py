@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import UNITS
@@ -33,12 +32,7 @@ def with_reserve(limits: Limits, reserve: float) -> Limits:
     Args:
         limits: The limits.
         reserve: Share to subtract, from 0 to below 1.
-
-    Raises:
-        InvalidInput: `reserve` is out of this range.
     """
-    if not 0 <= _checks.number("reserve", reserve) < 1:
-        raise InvalidInput(f"reserve must be a share from 0 to below 1, but is {reserve:g}.")
     if not reserve:
         return limits
     left = {

@@ -19,7 +19,9 @@ from armcontour._checks import FloatArray
 from armcontour.errors import NotRealizable
 from armcontour.motion import JointPath, PathLaw, Rates, Trajectory
 from armcontour.timing.constraints import Constraint, OnGrid
-from armcontour.timing.program_timing import JoinedMoves, Timing, time_contour
+from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.options import Optimal
+from armcontour.timing.program_timing import JoinedMoves, Timing
 from armcontour.timing.program_tracing import Tracing
 from armcontour.timing.topp.limits import Ceiling, Form
 
@@ -117,13 +119,15 @@ def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajecto
     Raises:
         NotRealizable: No such motion was found.
     """
-    options = dict(timing.options)
+    options = timing.options
+    assert isinstance(options, Optimal)
     joint_path = _laws(fastest)[0].joint_path
     share = (fastest.duration / target) ** 2
     for _ in range(MOST_PLANS):
-        slower = _Slower(fastest, share)
-        options["constraints"] = (*timing.options.get("constraints", ()), slower)
-        found = time_contour(joint_path, replace(timing, options=options))
+        slower = (*options.constraints, _Slower(fastest, share))
+        found = plan_optimal(
+            joint_path, timing.arm, timing.limits, replace(options, constraints=slower)
+        )
         if target * (1 - LONGEST_WAIT) <= found.duration < target:
             return found
         share *= (found.duration / (target * (1 - LONGEST_WAIT / 2))) ** 2

@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
 from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
@@ -61,7 +60,7 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
         intervals: Approximate number of intervals.
 
     Raises:
-        InvalidInput: `intervals` is not a whole number of at least 2.
+        InvalidInput: No joint moves along the joint path.
     """
     return cut_pieces(joint_path, share_out(joint_path, intervals))
 
@@ -85,7 +84,7 @@ def share_out(joint_path: JointPath, intervals: int | None = None) -> IntArray:
     pieces = len(breaks) - 1
     count = max(DEFAULT_INTERVALS, FEWEST_PER_PIECE * pieces)
     if intervals is not None:
-        count = _checks.whole("intervals", intervals, FEWEST_PER_PIECE, MOST_INTERVALS)
+        count = intervals
     width = breaks[1:] - breaks[:-1]
     turning = turning_of(breaks, joint_path.coefficients, AT_REST)
     if not len(turning):

@@ -11,19 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import (
-    PERIOD,
     JointPath,
     LawAlongPath,
     Method,
     Stretch,
     Trajectory,
-    check_interval,
 )
 from armcontour.timing.common import (
     law_peaks,
@@ -34,11 +31,8 @@ from armcontour.timing.common import (
     tool_path_of,
 )
 from armcontour.timing.mac_line import Line, Part, parts_by_rule
+from armcontour.timing.options import FEWEST_LAPS, MOST_LAPS, Paper
 
-# With fewer laps a short line from rest to rest would have no lap to move in.
-FEWEST_LAPS = 8
-# Some GB of data for an arm with six joints.
-MOST_LAPS = 5_000_000
 # Next to a rest the speed grows by a large factor per knot: one lap there would be a coarse step.
 LAPS_AT_REST = 10
 # Limits that every part is checked for, because the method does not check them everywhere.
@@ -64,14 +58,7 @@ class Junction:
     speed: float
 
 
-def plan_mac(
-    joint_path: JointPath,
-    arm: Arm,
-    limits: Limits,
-    *,
-    knots: int | None = None,
-    period: float = PERIOD,
-) -> Trajectory:
+def plan_mac(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) -> Trajectory:
     """Plan a path of lines and arcs by the paper's method.
 
     Args:
@@ -79,10 +66,7 @@ def plan_mac(
         arm: The arm.
         limits: Limits with joint accelerations and an assigned velocity; the centripetal
             acceleration sets the corner speed (16).
-        knots: Laps of equal length per line, at least 8. By default the knots are no farther apart
-            than the tool moves in one command interval at the assigned velocity. The lap next to a
-            rest is divided further.
-        period: Command interval [s].
+        options: Laps per line, and command interval.
 
     Raises:
         NotRealizable: A lap, the middle path or a corner would break a joint limit; or the path
@@ -92,11 +76,8 @@ def plan_mac(
     path = tool_path_of(joint_path, "mac")
     assigned = segment_speeds(path, require_speed(limits, "mac"))
     _refuse_limits(limits)
-    interval = check_interval(period)
-    if knots is not None:
-        knots = _checks.whole("knots a line", knots, FEWEST_LAPS, MOST_LAPS)
     junctions = _junctions(path, _straight(path), assigned, limits)
-    lines = _make_lines(joint_path, arm, limits, assigned, junctions, knots, interval)
+    lines = _make_lines(joint_path, arm, limits, assigned, junctions, options)
     _match_speeds(lines, junctions)
     return _join(lines, junctions, arm, limits)
 
@@ -112,8 +93,7 @@ def _make_lines(
     limits: Limits,
     assigned: FloatArray,
     junctions: list[Junction],
-    knots: int | None,
-    interval: float,
+    options: Paper,
 ) -> list[Line]:
     """Place the knots on the lines of a path; arguments as in `plan_mac`.
 
@@ -123,7 +103,9 @@ def _make_lines(
     path = tool_path_of(joint_path, "mac")
     lines = []
     for number, i in enumerate(_straight(path)):
-        count = knots or _usual_knots(path.lengths[i], assigned[i], interval, number)
+        count = options.knots
+        if count is None:
+            count = _usual_knots(path.lengths[i], assigned[i], options.period, number)
         rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
         lines.append(
             Line(

@@ -44,7 +44,8 @@ from armcontour.timing.grid import (
     share_out,
     split,
 )
-from armcontour.timing.jerk.task import MOST_ITERATIONS, JerkLimits, Task
+from armcontour.timing.jerk.task import JerkLimits, Task
+from armcontour.timing.options import FASTEST, Optimal
 from armcontour.timing.topp import _kernel
 from armcontour.timing.topp._kernel import Plan, Rules, plan_on_grid
 from armcontour.timing.topp._losses import estimate_losses
@@ -70,41 +71,25 @@ MOST_REFINED, LEAST_GROWTH = 300_000, 1.1
 
 
 def plan_optimal(
-    joint_path: JointPath,
-    arm: Arm,
-    limits: Limits,
-    *,
-    intervals: int | None = None,
-    grid: FloatArray | None = None,
-    start_speed: float = 0.0,
-    end_speed: float = 0.0,
-    constraints: Sequence[Constraint] = (),
-    iterations: int = MOST_ITERATIONS,
+    joint_path: JointPath, arm: Arm, limits: Limits, options: Optimal = FASTEST
 ) -> Trajectory:
-    """Plan the fastest motion along a path.
+    """Plan the fastest motion along a path, without a given duration.
 
     Args:
         joint_path: A traced path, or a joint path without a tool path (then without tool limits).
         arm: The arm.
         limits: The limits. All are kept except those of range; the speed of each path segment is
             kept too.
-        intervals: Approximate number of grid intervals; 4000 by default.
-        grid: Grid points [m], in place of `intervals`; the breaks of the joint path are added. With
-            limits of jerk it is the grid of the plan without them only. Where a joint path needs
-            another parameter than s, points keep their shares of the pieces.
-        start_speed: Path speed ds at the start [m/s].
-        end_speed: Path speed ds at the end [m/s].
-        constraints: Further constraints.
-        iterations: With limits of jerk: largest number of iterations. A plan that was stopped early
-            is slower, and keeps all limits.
+        options: Grid, speeds at the ends, and further constraints. Where a joint path needs another
+            parameter than s, grid points keep their shares of the pieces.
 
     Raises:
         NotRealizable: The limits do not allow the start or end speed, or no motion at some point.
         InvalidInput: Nothing limits the acceleration, or tool limits without a tool path.
     """
-    for name, speed in (("start_speed", start_speed), ("end_speed", end_speed)):
-        _checks.not_negative(name, speed, "m/s")
-    points = None if grid is None else _checks.numbers("grid", grid, "m")
+    points, intervals, constraints = options.grid, options.intervals, options.constraints
+    if points is not None:
+        points = _checks.for_kernel(points)
     suited, places = reparametrize(joint_path)
     at_rest = joint_path.breaks[:0]
     if constraints or limits.path_jerk is not None:
@@ -121,7 +106,6 @@ def plan_optimal(
     else:
         placed = grid_through(joint_path, points)
     active = [*constraints_of(joint_path, arm, limits), *constraints]
-    most_steps = _checks.whole("iterations", iterations, 1, MOST_ITERATIONS)
     jerk = JerkLimits.of(limits, joint_path.dof)
 
     def solve(start: float, end: float) -> PathLaw:
@@ -134,16 +118,17 @@ def plan_optimal(
         # Most plans have no limits of jerk.
         from armcontour.timing.jerk.limiting import limit_jerk
 
-        return limit_jerk(law, Task(arm, tuple(active), jerk, start, end, intervals, most_steps))
+        task = Task(arm, tuple(active), jerk, start, end, intervals, options.iterations)
+        return limit_jerk(law, task)
 
     try:
-        law = solve(start_speed, end_speed)
+        law = solve(options.start_speed, options.end_speed)
     except NotRealizable as error:
         if error.limit not in (START, END):
             if len(at_rest):
                 _refuse_standing(float(at_rest[0]))
             raise
-        raise Ends(solve, start_speed, end_speed).refuse(error) from None
+        raise Ends(solve, options.start_speed, options.end_speed).refuse(error) from None
     return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
 
 

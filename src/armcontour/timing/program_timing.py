@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -28,11 +27,9 @@ from armcontour.motion import (
 from armcontour.program import Contour, Dwell, Event
 from armcontour.timing.constraints import RapidSpeed
 from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.options import Conventional, Optimal, Paper, PlanOptions, Shaped
 from armcontour.timing.program_tracing import TracedMove, Tracing, ends_of
 
-# Methods that time a path as it is given.
-METHODS = (Method.OPTIMAL.value, Method.MAC.value, Method.CONVENTIONAL.value)
-PLANNING_METHODS = (*METHODS, Method.SHAPED.value)
 # Grid intervals of a rapid: limits change little along a straight line of the joints or the tool.
 RAPID_INTERVALS = 200
 # Events nearer in time than this are at once [s].
@@ -46,14 +43,12 @@ class Timing:
     Args:
         arm: The arm.
         limits: The limits that plans keep, less the reserve for the servo.
-        method: One of PLANNING_METHODS.
-        options: Options of the method.
+        options: The method and its options.
     """
 
     arm: Arm
     limits: Limits
-    method: str
-    options: Mapping[str, Any]
+    options: PlanOptions
 
 
 def time_program(traced: Tracing, timing: Timing, progress: Progress | None = None) -> Trajectory:
@@ -106,17 +101,19 @@ def _time_move(
 
 def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
     """Plan the motion along a contour."""
-    how = joint_path, timing.arm, timing.limits
-    if timing.method == Method.CONVENTIONAL:
+    how, options = (joint_path, timing.arm, timing.limits), timing.options
+    if isinstance(options, Conventional):
         from armcontour.timing.conventional import plan_conventional
 
         return plan_conventional(*how)
-    if timing.method == Method.MAC:
+    if isinstance(options, Paper):
         from armcontour.timing.mac import plan_mac
 
-        return plan_mac(*how, **timing.options)
-    found = plan_optimal(*how, **timing.options)
-    return found if timing.method == Method.OPTIMAL else replace(found, method=Method.SHAPED)
+        return plan_mac(*how, options)
+    if isinstance(options, Optimal):
+        return plan_optimal(*how, options)
+    assert isinstance(options, Shaped)
+    return replace(plan_optimal(*how, Optimal(intervals=options.intervals)), method=Method.SHAPED)
 
 
 def time_rapid(
@@ -135,9 +132,8 @@ def time_rapid(
     more: tuple[RapidSpeed, ...] = ()
     if speed is not None and joint_path.tool_path is None:
         more = (RapidSpeed(speed, arm),)
-    return plan_optimal(
-        joint_path, arm, limits.of_joints, intervals=RAPID_INTERVALS, constraints=more
-    )
+    options = Optimal(intervals=RAPID_INTERVALS, constraints=more)
+    return plan_optimal(joint_path, arm, limits.of_joints, options)
 
 
 def _along(found: Trajectory, joint_path: JointPath) -> Trajectory:
@@ -299,11 +295,11 @@ def _early_place(x: Event, length: float, called: str) -> float:
     return early
 
 
-def refuse_unkept_jerk(method: str, limits: Limits) -> None:
+def refuse_unkept_jerk(method: Method, limits: Limits) -> None:
     """Refuse limits of jerk for the methods that keep none.
 
     Args:
-        method: One of PLANNING_METHODS.
+        method: The method.
         limits: The limits.
 
     Raises:

@@ -23,12 +23,13 @@ from armcontour.motion import JointPath
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.timing._least_duration import least_duration
 from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.options import Optimal
 from armcontour.tracing import sketch_all, trace, trace_all
 
 # Joint positions nearer than this are the same [rad]: the error of exact inverse kinematics.
 SAME_POSITION = 1e-9
-# Configurations are compared by coarse plans with about this many grid intervals.
-ROUGHLY = 400
+# Configurations are compared by coarse plans.
+ROUGHLY = Optimal(intervals=400)
 # In the plane, joint paths of more pieces are compared by lower bounds: a plan takes seconds.
 MOST_PLANNED = 8_000
 # On paths of more segments than LONG they are compared on parts of about PART_SEGMENTS, one in
@@ -417,7 +418,7 @@ def _by_duration(found: list[JointPath], arm: Arm, rough: Limits) -> Iterator[li
             durations[i] = np.inf
             # If no configuration can be planned, the plan of the first one raises the reason.
             with suppress(ArmContourError):
-                durations[i] = plan_optimal(found[i], arm, rough, intervals=ROUGHLY).duration
+                durations[i] = plan_optimal(found[i], arm, rough, ROUGHLY).duration
         least = min(durations.values())
         as_fast = sorted(i for i, x in durations.items() if x <= least * (1 + AS_FAST))
         yield [found[i] for i in as_fast]
@@ -528,9 +529,7 @@ def _compare(
         if SURE * bounds[k] > (1 + SLOWER) * least:
             break
         try:
-            durations[k] = sum(
-                plan_optimal(x, arm, rough, intervals=ROUGHLY).duration for x in traced[k]
-            )
+            durations[k] = sum(plan_optimal(x, arm, rough, ROUGHLY).duration for x in traced[k])
         except ArmContourError:
             durations[k] = np.inf
         least = min(least, float(durations[k]))

@@ -96,7 +96,7 @@ def smooth():
 
 def test_a_plan_with_a_limit_of_jerk_keeps_it_from_point_to_point(smooth, tmp_path):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(smooth, servo, method="none", period=PERIOD)
+    taught = ac.compensate(smooth, servo, ac.NoCompensation(), period=PERIOD)
     for data, period in ((smooth, PERIOD), (taught, None)):
         found = make_table(data, name="x", period=period)
         at = np.minimum(found.t, smooth.duration)

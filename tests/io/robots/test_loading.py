@@ -88,7 +88,7 @@ base: {value: 100, unit: mm} => base must be given in m ... 'mm'
 links: {value: [1, 2, 3], unit: m} => links must be 2 numbers, but is 3
 tubes: 3 => tubes take the keys outer_diameter, wall, density
 tubes: {outer_diameter: &x {value: 1, unit: m}, wall: *x, density: *x} => outer_diameter ... 2 num
-links: {value: [0.3, -0.2], unit: m} => second link length ... above zero
+links: {value: [0.3, -0.2], unit: m} => links must be above zero
 limits: {joint_acceleration: {value: 40, unit: deg/s^2}} => must be given in rad/s^2 ... 'deg/s^2'
 limits: {joint_acceleration: {value: [1, 1, 1], unit: rad/s^2}} => joint_acceleration has 3 values
 """

@@ -50,10 +50,10 @@ def largest(planned, limits):
 
 
 def test_breaks_close_together_change_nothing():
-    whole = ac.plan(WHOLE, limits=OF_SPLINE, intervals=300).duration
+    whole = ac.plan(WHOLE, limits=OF_SPLINE, options=ac.Optimal(intervals=300)).duration
     for gap in (1e-5, 1e-9, 1e-12):
         near = sorted([*SPLINE.x, gap, 0.3, 0.3 + gap, 0.75 - gap, 1 - gap])
-        found = ac.plan(pieces(near), limits=OF_SPLINE, intervals=300)
+        found = ac.plan(pieces(near), limits=OF_SPLINE, options=ac.Optimal(intervals=300))
         assert found.duration == pytest.approx(whole, rel=1e-5), gap
         assert largest(found, OF_SPLINE) <= 1 + 1e-9, gap
 
@@ -61,7 +61,11 @@ def test_breaks_close_together_change_nothing():
 def test_a_plan_may_be_stopped_after_any_iteration():
     durations = []
     for most in (1, 2, 5, 12, 150):
-        found = ac.plan(WHOLE, limits=OF_SPLINE, intervals=200, iterations=most)
+        found = ac.plan(
+            WHOLE,
+            limits=OF_SPLINE,
+            options=ac.Optimal(intervals=200, iterations=most),
+        )
         assert largest(found, OF_SPLINE) <= 1 + 1e-9
         durations.append(found.duration)
     assert durations == sorted(durations, reverse=True)
@@ -93,7 +97,7 @@ def test_motion_rests_where_the_second_derivative_jumps():
 def test_speeds_at_the_ends(refuses):
     for ends in ((0.05, 0.0), (0.5, 0.3), (1.0, 0.0), (0.0, 1.0)):
         options = dict(zip(("start_speed", "end_speed"), ends, strict=True))
-        found = ac.plan(LINE, limits=LIMITS, intervals=200, **options)
+        found = ac.plan(LINE, None, LIMITS, ac.Optimal(intervals=200, **options))
         np.testing.assert_allclose(found.laws[0].speeds[[0, -1]], ends, rtol=1e-6, atol=1e-12)
         assert largest(found, LIMITS) <= 1 + 1e-9 and found.duration < 1.35
     # From rest over 1 mm with a jerk of 40 rad/s³: s = j t³ / 6, so that ds is at most this.
@@ -102,9 +106,9 @@ def test_speeds_at_the_ends(refuses):
     with pytest.raises(
         ac.NotRealizable, match=r"The end speed of 0\.06 m/s .* at 0\.001 m"
     ) as caught:
-        ac.plan(short, limits=LIMITS, end_speed=0.06)
+        ac.plan(short, limits=LIMITS, options=ac.Optimal(end_speed=0.06))
     assert most * 0.99 <= caught.value.allowed <= most
-    ac.plan(short, limits=LIMITS, end_speed=caught.value.allowed)
+    ac.plan(short, limits=LIMITS, options=ac.Optimal(end_speed=caught.value.allowed))
 
 
 def test_even_motion_leaves_room_for_margins(ur5e):
@@ -138,7 +142,7 @@ def test_the_tool_stops_at_jumps_of_curvature_not_at_rounding_errors(ur5e):
     for continuity, stops in (("curvature", 0), ("tangent", 2)):
         path = ac.round_corners(ac.Path.polyline(points), tolerance=1e-3, continuity=continuity)
         traced = ac.trace(path.pointing((0.0, 0.0, -1.0)), ur5e, limits=limits)
-        (law,) = ac.plan(traced, ur5e, limits, intervals=100).laws
+        (law,) = ac.plan(traced, ur5e, limits, ac.Optimal(intervals=100)).laws
         assert (law.rates.ds[1:] == 0).sum() == stops
 
 
@@ -159,11 +163,13 @@ def test_a_tool_that_turns_in_a_small_corner_or_along_a_tiny_segment_may_start(u
         (tiny, [down, down, tilted, tilted], 60),
     ):
         path = ac.round_corners(ac.Path.polyline(points).oriented(turns), tolerance=1e-5)
-        planned = ac.plan(path, ur5e, limits, intervals=intervals)
+        planned = ac.plan(path, ur5e, limits, ac.Optimal(intervals=intervals))
         assert not ac.check(planned, ur5e, limits).violated
         if points is corner:
             # The corner takes two stops more than the same limits without jerk.
-            free = ac.plan(path, ur5e, limits.replace(joint_jerk=np.inf), intervals=intervals)
+            free = ac.plan(
+                path, ur5e, limits.replace(joint_jerk=np.inf), ac.Optimal(intervals=intervals)
+            )
             assert free.duration < planned.duration < 3 * free.duration
     # The tool turns by 0.48 rad on the tiny segment, and each rest takes about 0.1 s.
     assert planned.duration < 2.5

@@ -94,7 +94,7 @@ def short(arm, limits):
 
 def shape(problem, **more):
     options = problem.options | more
-    return ac.plan(problem.objective, problem.arm, problem.limits, method="shaped", **options)
+    return ac.plan(problem.objective, problem.arm, problem.limits, ac.Shaped(**options))
 
 
 def test_every_iteration_keeps_everything_and_is_no_slower(short):

@@ -13,7 +13,6 @@ from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.rows import Spline, assemble, span_rows
 from armcontour.timing.shaping.search import make_searches, why_not
 from armcontour.timing.shaping.starts import ARCS, PARABOLAS, STOPS, Timer, make_starts
-from armcontour.timing.shaping.wishes import Wishes
 
 LINES = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30), (0.35, 0.35)])
 
@@ -23,9 +22,9 @@ def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
     limits = ac.Limits.only(
         speed=0.15, joint_acceleration=0.72, centripetal_acceleration=centripetal
     ).for_joints(2)
-    tube, wishes = Tube.of(LINES, 1e-3), Wishes(tolerance=1e-3)
+    tube, options = Tube.of(LINES, 1e-3), ac.Shaped(tolerance=1e-3)
     timer = Timer(arm, limits, "positive", None, 800)
-    search = next(make_searches(LINES, tube, timer, wishes))
+    search = next(make_searches(LINES, tube, timer, options))
     durations = []
     for _, found in zip(range(8), search.run(), strict=False):
         durations.append(found.duration)
@@ -42,24 +41,26 @@ def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
 
 
 def test_what_is_not_shaped(arm, limits):
-    path = ac.shape(LINES, arm, limits, tolerance=1e-3, line_tolerance=0.0, zone=0.01)
+    path = ac.shape(LINES, arm, limits, ac.Shaped(tolerance=1e-3, line_tolerance=0.0, zone=0.01))
     assert "lines without a tolerance" in path.outcome.note
     assert path.outcome.durations["shaped"] == min(path.outcome.durations.values())
     assert why_not(LINES, Tube.of(LINES, 1e-3)) is None
     # A tolerance of zero stops at every vertex.
-    plan = ac.plan(LINES, arm, limits, method="shaped", tolerance=0.0)
+    plan = ac.plan(LINES, arm, limits, ac.Shaped(tolerance=0.0))
     np.testing.assert_allclose(plan.path.stops, LINES.breaks[1:-1])
     assert plan.duration == ac.plan(LINES, arm, limits).duration
     assert plan.method == "shaped" and plan.path.outcome.start == "stops"
 
 
-def tube_of(path, wishes):
-    return Tube.of(path, wishes.tolerance, line_tolerance=wishes.line_tolerance, zone=wishes.zone)
+def tube_of(path, options):
+    return Tube.of(
+        path, options.tolerance, line_tolerance=options.line_tolerance, zone=options.zone
+    )
 
 
 def test_starts_use_all_of_the_tolerance():
-    wishes = Wishes(tolerance=5e-3)
-    starts = make_starts(LINES, tube_of(LINES, wishes), wishes)
+    options = ac.Shaped(tolerance=5e-3)
+    starts = make_starts(LINES, tube_of(LINES, options), options)
     assert set(starts) == {STOPS, ARCS, PARABOLAS}
     for name in (ARCS, PARABOLAS):
         path, _ = starts[name]
@@ -68,16 +69,16 @@ def test_starts_use_all_of_the_tolerance():
     # A share of the tolerance is one of each vertex' own.
     points, own = [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)], ac.Demand(tolerance=1e-3)
     path = ac.Path.polyline(points, demand=own)
-    found, _ = make_starts(path, tube_of(path, wishes), wishes, 0.7)[ARCS]
+    found, _ = make_starts(path, tube_of(path, options), options, 0.7)[ARCS]
     np.testing.assert_allclose(found.corners.error, 0.7e-3, rtol=1e-9)
 
 
 def test_corners_are_as_large_as_their_zones_allow():
-    wishes = Wishes(tolerance=5e-3, line_tolerance=1e-4, zone=6e-3)
-    tube = tube_of(LINES, wishes)
-    free = Wishes(tolerance=5e-3)
+    options = ac.Shaped(tolerance=5e-3, line_tolerance=1e-4, zone=6e-3)
+    tube = tube_of(LINES, options)
+    free = ac.Shaped(tolerance=5e-3)
     for name in (ARCS, PARABOLAS):
-        path, places = make_starts(LINES, tube, wishes)[name]
+        path, places = make_starts(LINES, tube, options)[name]
         assert prove(tube, path, places).ok
         whole, _ = make_starts(LINES, tube_of(LINES, free), free)[name]
         assert (path.corners.error < whole.corners.error).all()
@@ -90,11 +91,11 @@ def test_corners_are_as_large_as_their_zones_allow():
 
 
 def test_the_nearest_point_of_a_corner_passes_it():
-    wishes = Wishes(tolerance=2e-3)
+    options = ac.Shaped(tolerance=2e-3)
     for turn in (0.3, 1.5, 2.6, 3.0):
         end = np.array([0.1, 0]) + 0.1 * np.array([np.cos(turn), np.sin(turn)])
         path = ac.Path.polyline([(0, 0), (0.1, 0), end])
-        arcs, places = make_starts(path, tube_of(path, wishes), wishes)[ARCS]
+        arcs, places = make_starts(path, tube_of(path, options), options)[ARCS]
         assert (np.diff(places, axis=0) >= 0).all(), turn
         # By symmetry the middle of the arc passes the corner; each half belongs to its line.
         middle = (arcs.corners.start[0] + arcs.corners.end[0]) / 2
@@ -105,7 +106,7 @@ def test_the_nearest_point_of_a_corner_passes_it():
         np.testing.assert_allclose(off, np.abs(arcs(before[:, 1])[:, 1]), atol=1e-9)
     # A corner that turns back is a stop.
     path = ac.Path.polyline([(0, 0), (0.1, 0), (0.02, 0), (0.02, 0.1)])
-    arcs, _ = make_starts(path, tube_of(path, wishes), wishes)[ARCS]
+    arcs, _ = make_starts(path, tube_of(path, options), options)[ARCS]
     assert len(arcs.stops) == 1 and arcs.corners.reason[0] == "turn-back"
 
 
@@ -128,9 +129,9 @@ def case(request):
     if arm.dimension == 3:
         objective = objective.oriented(DOWN)
         branch, start = None, ac.trace(objective, arm)(0.0)
-    tube, wishes = Tube.of(objective, TOLERANCE), Wishes(tolerance=TOLERANCE)
+    tube, options = Tube.of(objective, TOLERANCE), ac.Shaped(tolerance=TOLERANCE)
     timer = Timer(arm, arm.limits.for_joints(arm.dof), branch, start)
-    path, places = make_starts(objective, tube, wishes, 0.7)[PARABOLAS]
+    path, places = make_starts(objective, tube, options, 0.7)[PARABOLAS]
     candidate = timer.candidate(PARABOLAS, path, places)
     return arm, objective, tube, place_nodes(candidate, tube, arm, branch)
 

@@ -9,6 +9,7 @@ import pytest
 from soak.shaping import Problem, judge
 
 import armcontour as ac
+from armcontour.timing import trace_program
 from armcontour.timing.shaping import chunks, shape, shaper
 
 
@@ -35,9 +36,13 @@ def pickled(monkeypatch):
 def test_other_processes_shape_the_same(arm, limits, pickled, monkeypatch):
     program = ac.Program(moves=(square(0.2), square(0.3)))
     steps = []
-    there = shape(program, arm, limits, tolerance=1e-3, iterations=2, progress=steps.append)
+    there = shape(
+        program, arm, limits, ac.Shaped(tolerance=1e-3, iterations=2), progress=steps.append
+    )
     monkeypatch.setattr(shaper, "MANY", 3)
-    here = shape(program, arm, limits, tolerance=1e-3, iterations=2, progress=steps.append)
+    here = shape(
+        program, arm, limits, ac.Shaped(tolerance=1e-3, iterations=2), progress=steps.append
+    )
     for a, b in zip(there.contours, here.contours, strict=True):
         assert np.array_equal(a.path.breaks, b.path.breaks)
         assert a.path.outcome.durations == b.path.outcome.durations
@@ -54,7 +59,7 @@ def test_errors_of_other_processes_name_the_contour(arm, limits, pickled, monkey
     monkeypatch.setattr(shaper, "make_searches", fail)
     program = ac.Program(moves=(square(0.2), square(0.3)))
     with pytest.raises(ac.NotRealizable, match="contour 1.*No motion") as error:
-        shape(program, arm, limits, tolerance=1e-3)
+        shape(program, arm, limits, ac.Shaped(tolerance=1e-3))
     assert error.value.s == 0.5
 
 
@@ -89,7 +94,7 @@ def test_a_long_path_is_about_as_fast_as_in_one_piece(arm, limits, monkeypatch):
 
     def plan():
         more = {"iterations": 12, "intervals": 1000}
-        return ac.plan(path, arm, limits, method="shaped", **options, **more)
+        return ac.plan(path, arm, limits, ac.Shaped(**options, **more))
 
     whole = plan()
     monkeypatch.setattr(chunks, "LONG", 4)
@@ -104,7 +109,7 @@ def test_a_long_path_is_about_as_fast_as_in_one_piece(arm, limits, monkeypatch):
 LINES = [(0.35, 0.10), (0.41, 0.15), (0.28, 0.30), (0.35, 0.35)]
 
 
-def test_wrong_wishes_are_refused(arm, limits, refuses):
+def test_wrong_options_are_refused(arm, limits, refuses):
     line = {"line_tolerance": 2e-3, "zone": 0.02}
     small = {"line_tolerance": 1e-4, "zone": 5e-4}
     for wrong, data in (
@@ -116,25 +121,21 @@ def test_wrong_wishes_are_refused(arm, limits, refuses):
         *(({"iterations": x}, {}) for x in (-1, 2.5)),
     ):
         options = {"tolerance": 1e-3, **wrong}
-        for call in (ac.shape, functools.partial(ac.plan, method="shaped")):
-            own = functools.partial(call, ac.Path.polyline(LINES), arm, limits, **options)
-            refuses(own, ac.InvalidInput, **data)
+        refuses(functools.partial(ac.Shaped, **options), ac.InvalidInput, **data)
+    refuses(ac.Shaped, ac.InvalidInput, "tolerance")
+    refuses(lambda: ac.Shaped(tolerance=1e-3, duration=9.0), ac.InvalidInput, "duration")
     path = ac.Path.polyline(LINES)
-    traced = ac.trace(path, arm)
-    for given, options in (
-        (traced, {"tolerance": 1e-3}),
-        (path, {}),
-        (path, {"tolerance": 1e-3, "duration": 9.0}),
-    ):
-        own = functools.partial(ac.plan, given, arm, limits, method="shaped", **options)
+    for given in (ac.trace(path, arm), trace_program(ac.Program.of(path), arm, limits)):
+        own = functools.partial(ac.plan, given, arm, limits, ac.Shaped(tolerance=1e-3))
         refuses(own, ac.InvalidInput)
+    refuses(lambda: ac.shape(path, arm, limits, ac.Optimal()), ac.InvalidInput, "Shaped")
 
 
 def test_a_stretch_that_is_too_short_bears_half_of_its_length(arm, limits):
     # A vertex that was drawn twice does not keep the rest from being shaped.
     for gap in (2e-6, 2e-4):
         twice = ac.Path.polyline([*LINES[:2], (LINES[1][0] + gap, LINES[1][1]), *LINES[2:]])
-        found = ac.shape(twice, arm, limits, tolerance=1e-3, iterations=8)
+        found = ac.shape(twice, arm, limits, ac.Shaped(tolerance=1e-3, iterations=8))
         durations = dict(found.outcome.durations)
         assert durations.pop("shaped") < min(durations.values()), gap
         off = found.objective.project(found(np.linspace(0, found.length, 20_001))).distance
@@ -148,12 +149,12 @@ def test_each_contour_has_the_tolerance_that_its_lines_bear_whatever_chords_of_c
     program = ac.Program(
         moves=(ac.Contour(path=ac.Path.polyline(LINES)), ac.Contour(path=short, name="notch"))
     )
-    found = ac.shape(program, arm, limits, tolerance=2e-3, iterations=3)
+    found = ac.shape(program, arm, limits, ac.Shaped(tolerance=2e-3, iterations=3))
     off = found.contours[1].path.project(short(short.breaks)).distance
     assert off[1] <= 0.5e-3 + 1e-9
     angle = np.linspace(0, np.pi, 200)
     chords = np.stack([0.3 + 0.02 * np.cos(angle), 0.2 + 0.02 * np.sin(angle)], axis=1)
-    found = ac.shape(ac.Path.polyline(chords), arm, limits, tolerance=1e-3, iterations=0)
+    found = ac.shape(ac.Path.polyline(chords), arm, limits, ac.Shaped(tolerance=1e-3, iterations=0))
     assert found.outcome.durations["shaped"] <= min(found.outcome.durations.values())
 
 
@@ -161,8 +162,8 @@ def test_each_contour_has_the_tolerance_that_its_lines_bear_whatever_chords_of_c
 def test_a_tiny_tolerance_ends_the_search_early_with_a_warning(arm, limits, tolerance):
     objective = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30), (0.35, 0.35)])
     with pytest.warns(UserWarning) as told:
-        path = ac.shape(objective, arm, limits, tolerance=tolerance)
-        ac.plan(objective, arm, limits, method="shaped", tolerance=tolerance)
+        path = ac.shape(objective, arm, limits, ac.Shaped(tolerance=tolerance))
+        ac.plan(objective, arm, limits, ac.Shaped(tolerance=tolerance))
     assert [x.filename for x in told] == [__file__, __file__]
     assert path.outcome.unfinished
     assert path.outcome.durations["shaped"] <= min(path.outcome.durations.values())

@@ -22,7 +22,7 @@ def ur5e():
 
 def shaped(path, arm, limits=None, **options):
     options = {"tolerance": TOLERANCE, "iterations": ITERATIONS} | options
-    return shape(path, arm, limits, **options)
+    return shape(path, arm, limits, ac.Shaped(**options))
 
 
 def check_outcome(path):
@@ -42,7 +42,7 @@ def test_a_corner_is_faster_and_the_tool_keeps_its_orientation(name):
     found = shaped(objective, arm, limits, start=start)
     check_outcome(found)
     assert found.outcome.gain > 0.005 and found.outcome.note is None
-    planned = ac.plan(found, arm, limits, start=start)
+    planned = ac.plan(found, arm, limits, ac.Optimal(start=start))
     assert planned.duration == pytest.approx(found.outcome.durations["shaped"], rel=1e-9)
     points, rotations = arm.pose(planned(np.linspace(0, planned.duration, 200)))
     np.testing.assert_allclose(rotations, np.broadcast_to(DOWN, rotations.shape), atol=1e-6)
@@ -60,7 +60,7 @@ def test_a_turning_tool_has_the_orientation_of_the_place(ur5e):
     place = np.interp(s, found.places[:, 1], found.places[:, 0])
     axes = found.orientation(s)[:, :, 2], objective.orientation(place)[:, :, 2]
     assert angle_between(*axes).max() <= 0.02
-    report = ac.check(ac.plan(found, ur5e, limits, start=start), ur5e, limits, found)
+    report = ac.check(ac.plan(found, ur5e, limits, ac.Optimal(start=start)), ur5e, limits, found)
     assert report.verdict == "kept"
 
 

@@ -201,7 +201,7 @@ def test_forms_may_be_read_only_and_are_not_changed():
     limits = ac.Limits.only(joint_acceleration=[1.0, 1.0])
     grid = np.linspace(0, line.length, 6)
     planned = optimal.plan_optimal(
-        line, UR5E, limits, grid=grid, constraints=[Own(Ceiling(ceiling))]
+        line, UR5E, limits, ac.Optimal(grid=grid, constraints=[Own(Ceiling(ceiling))])
     )
     assert np.max(planned.laws[0].speeds) == pytest.approx(0.2)
     assert BY_U + BY_X + BY_SLOPE + ALONE == 6

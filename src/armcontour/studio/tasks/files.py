@@ -121,8 +121,8 @@ def export(x: Request) -> Frame:
             analog=_analog(format, plan, x.job, analog_outputs),
         )
         outputs = outputs_of(format)
-        names = (*(y.name for y in table.events), *table.analog)
-        refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
+        known = (*(y.name for y in table.events), *table.analog)
+        refuse_unknown_outputs(outputs, known, option="outputs", owner=repr(table.name))
         told = describe_program(
             table,
             format.label,

@@ -11,9 +11,8 @@ from armcontour._lazy import load_lazily
 
 if TYPE_CHECKING:
     from armcontour.timing.shaping.shaper import Shaping, shape
-    from armcontour.timing.shaping.wishes import Wishes
 
-_HOME = {"shaper": ("Shaping", "shape"), "wishes": ("Wishes",)}
+_HOME = {"shaper": ("Shaping", "shape")}
 __getattr__ = load_lazily("armcontour.timing.shaping", _HOME)
 
-__all__ = ["Shaping", "Wishes", "shape"]
+__all__ = ["Shaping", "shape"]

@@ -14,6 +14,7 @@ from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.shaped import ARCS, PARABOLAS, SHAPED
+from armcontour.timing.options import Shaped
 from armcontour.timing.shaping.chunks import is_long, place_cuts, solve_in_chunks
 from armcontour.timing.shaping.curves import Drawn, draw
 from armcontour.timing.shaping.kinematics import NearPath
@@ -21,7 +22,6 @@ from armcontour.timing.shaping.nodes import INSIDE, Nodes, place_nodes
 from armcontour.timing.shaping.places import match, prove
 from armcontour.timing.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
 from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
-from armcontour.timing.shaping.wishes import Wishes
 
 # Changes of offsets are limited to this share of the tolerance at first, and at most and at least
 # to these. Where an iteration is refused the limit shrinks, where it pays the limit grows.
@@ -77,14 +77,14 @@ class Search:
         start: The start.
         tube: The tube of the tolerance.
         timer: Times the shapes.
-        wishes: What is wanted.
+        options: Options of the shaped path.
     """
 
     nodes: Nodes
     start: Candidate
     tube: Tube
     timer: Timer
-    wishes: Wishes
+    options: Shaped
     state: _State = field(init=False)
 
     @property
@@ -376,22 +376,22 @@ class Search:
 
     def _path(self, drawn: Drawn) -> ShapedPath | None:
         """The drawn path, whose outcome is not known yet; None if its tool turns too far off."""
-        wishes, objective = self.wishes, self.tube.objective
+        options, objective = self.options, self.tube.objective
         path = ShapedPath(
             segments=drawn.segments,
             objective=objective,
             places=drawn.places,
-            tolerance=wishes.tolerance,
-            line_tolerance=wishes.line_tolerance,
-            zone=wishes.zone,
+            tolerance=options.tolerance,
+            line_tolerance=options.line_tolerance,
+            zone=options.zone,
             outcome=Outcome(start=self.start.name, durations={}),
             curve=drawn.curve,
         )
         if objective.orientation is not None:
             # As at the place, also where that follows the tangent.
             plain = replace(objective, orientation=replace(objective.orientation, follows=False))
-            path, off = orient_shaped(path, plain, drawn.places, wishes.angular_tolerance)
-            if off > (np.inf if wishes.angular_tolerance is None else wishes.angular_tolerance):
+            path, off = orient_shaped(path, plain, drawn.places, options.angular_tolerance)
+            if off > (np.inf if options.angular_tolerance is None else options.angular_tolerance):
                 return None
         return path
 
@@ -412,7 +412,7 @@ def why_not(objective: Path, tube: Tube) -> str | None:
 
 
 def make_searches(
-    objective: Path, tube: Tube, timer: Timer, wishes: Wishes
+    objective: Path, tube: Tube, timer: Timer, options: Shaped
 ) -> Iterator[Search | None]:
     """Searches from parabolas and from arcs that the arm can follow, the faster ones first.
 
@@ -422,16 +422,16 @@ def make_searches(
         objective: The objective path.
         tube: The tube of the tolerance.
         timer: Times the shapes.
-        wishes: What is wanted.
+        options: Options of the shaped path.
     """
-    starts = make_starts(objective, tube, wishes, SHARE)
+    starts = make_starts(objective, tube, options, SHARE)
     found = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
         nodes = place_nodes(start, tube, timer.arm, timer.branch)
         if nodes is None:
             yield None
         elif not nodes.fixed.all():
-            yield Search(nodes, start, tube, timer, wishes)
+            yield Search(nodes, start, tube, timer, options)
 
 
 def _turns_at_corners(objective: Path) -> bool:

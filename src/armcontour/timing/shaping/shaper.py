@@ -25,12 +25,15 @@ from armcontour.geometry.shaped import ARCS, SHAPED, STOPS, doubt_search
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.timing.common import with_reserve
+from armcontour.timing.options import Optimal, Shaped
 from armcontour.timing.program_timing import Timing, refuse_unkept_jerk, time_program
 from armcontour.timing.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
 from armcontour.timing.shaping.search import make_searches, why_not
-from armcontour.timing.shaping.starts import Candidate, Timer, make_starts
-from armcontour.timing.shaping.wishes import DEFAULT_ITERATIONS, Wishes, tube_of
+from armcontour.timing.shaping.starts import Candidate, Timer, make_starts, tube_of
 
+# Vertices that turn by more than this are corners of a contour; others may be points along a
+# curve, however near they are [rad].
+SHARP = np.radians(30)
 # The search ends with the first start that saves this share of the duration.
 ENOUGH = 0.01
 # From so many contours on other processes shape them, which take a few seconds to start.
@@ -44,53 +47,24 @@ ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
 
 @overload
 def shape(
-    path: Path,
-    arm: Arm,
-    limits: Limits | None = None,
-    *,
-    tolerance: float,
-    line_tolerance: float | None = None,
-    zone: float | None = None,
-    angular_tolerance: float | None = None,
-    branch: str | None = None,
-    start: npt.ArrayLike | None = None,
-    reserve: float = 0.0,
-    iterations: int = DEFAULT_ITERATIONS,
-    intervals: int | None = None,
-    progress: Progress | None = None,
+    path: Path, arm: Arm, limits: Limits | None, options: Shaped, *, progress: Progress | None = ...
 ) -> ShapedPath: ...
 @overload
 def shape(
     path: Program,
     arm: Arm,
-    limits: Limits | None = None,
+    limits: Limits | None,
+    options: Shaped,
     *,
-    tolerance: float,
-    line_tolerance: float | None = None,
-    zone: float | None = None,
-    angular_tolerance: float | None = None,
-    branch: str | None = None,
-    start: npt.ArrayLike | None = None,
-    reserve: float = 0.0,
-    iterations: int = DEFAULT_ITERATIONS,
-    intervals: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | None = ...,
 ) -> Program: ...
 @_checks.checked
 def shape(
     path: Path | Program,
     arm: Arm,
-    limits: Limits | None = None,
+    limits: Limits | None,
+    options: Shaped,
     *,
-    tolerance: float,
-    line_tolerance: float | None = None,
-    zone: float | None = None,
-    angular_tolerance: float | None = None,
-    branch: str | None = None,
-    start: npt.ArrayLike | None = None,
-    reserve: float = 0.0,
-    iterations: int = DEFAULT_ITERATIONS,
-    intervals: int | None = None,
     progress: Progress | None = None,
 ) -> Path | Program:
     """Find the path within a tolerance of an objective along which an arm moves the fastest.
@@ -102,24 +76,12 @@ def shape(
     Args:
         path: The objective path, or a program, whose contours are shaped one by one.
         arm: The arm.
-        limits: Limits in place of those of the arm, as in `plan`.
-        tolerance: Largest distance in either direction [m]; 0 stops at every vertex. Tolerances of
-            the path's own segments cap it, and so does half of a stretch between two sharp corners.
-        line_tolerance: The tolerance farther than `zone` from every vertex [m]; by default the same
-            as `tolerance`.
-        zone: Distance from the vertices, along the objective, from which `line_tolerance` holds
-            [m].
-        angular_tolerance: As in `round_corners` [rad].
-        branch: As in `plan`.
-        start: As in `plan`.
-        reserve: As in `plan`.
-        iterations: Largest number of iterations; after each one the path keeps everything.
-        intervals: Approximate number of grid intervals of the plans that are compared.
+        limits: Limits in place of those of the arm, as in `plan`; None for those of the arm.
+        options: Tolerances, search, and reserve.
         progress: Called with the step "shaping" and the share that is done.
 
     Raises:
-        InvalidInput: A tolerance is negative or not a number, or `line_tolerance` and `zone` are
-            not given together.
+        InvalidInput: Limits that do not fit the arm.
         Unreachable: The arm cannot follow the objective.
         NotRealizable: No motion along the objective keeps the limits, or there are limits of jerk,
             which would stop the tool where the curvature of a shaped path jumps.
@@ -129,16 +91,8 @@ def shape(
     """
     bounds = resolve_limits("shape", arm, limits)
     refuse_unkept_jerk(Method.SHAPED, bounds)
-    wishes = Wishes(
-        tolerance=tolerance,
-        line_tolerance=line_tolerance,
-        zone=zone,
-        angular_tolerance=angular_tolerance,
-        iterations=iterations,
-    )
     program = Program.of(path, "shape needs a Path or a Program")
-    shaping = Shaping(arm, bounds, reserve, wishes, branch, intervals)
-    found = shaping.shape(program, start, progress, named=program is path)
+    found = Shaping(arm, bounds, options).shape(program, progress, named=program is path)
     if program is path:
         return found
     for doubt in doubt_search([found.path]):
@@ -154,32 +108,18 @@ class Shaping:
     Args:
         arm: The arm.
         limits: The limits, one value per joint, with which the arm's configuration is chosen.
-        reserve: Share of them that is left to the servo, as in `plan`.
-        wishes: What is wanted of the shaped paths.
-        branch: For an arm in the plane, the branch of its inverse kinematics.
-        intervals: Approximate number of grid intervals of the plans that are compared.
+        options: Options of the shaped paths.
     """
 
     arm: Arm
     limits: Limits
-    reserve: float
-    wishes: Wishes
-    branch: str | None = None
-    intervals: int | None = None
+    options: Shaped
 
-    def shape(
-        self,
-        program: Program,
-        start: npt.ArrayLike | None,
-        progress: Progress | None,
-        *,
-        named: bool,
-    ) -> Program:
+    def shape(self, program: Program, progress: Progress | None, *, named: bool) -> Program:
         """The shaped program; `start_of` tells where an arm in space starts it.
 
         Args:
             program: The program.
-            start: As in `plan`.
             progress: Called after every iteration, or contour where there are many.
             named: Whether error messages start with the name of the contour.
 
@@ -188,13 +128,14 @@ class Shaping:
         """
         drawn = [self._draw(x) if isinstance(x, Contour) else x for x in program.moves]
         program = dataclasses.replace(program, moves=tuple(drawn))
-        arcs, traced = self._trace(program, start)
+        start = self.options.start
+        arcs, traced = self._trace(program)
         moves = list(program.moves)
         tasks: list[tuple[int, Contour, _Task]] = []
         for step in traced.steps:
             move = None if step.move is None else moves[step.move]
             if isinstance(move, Contour) and step.move is not None and step.joint_path is not None:
-                task = _Task(move.path, self._timer(step.joint_path, start), self.wishes)
+                task = _Task(move.path, self._timer(step.joint_path, start), self.options)
                 tasks.append((step.move, move, task))
         found = _shape_all([x[2] for x in tasks], progress)
         for done, (i, move, _) in enumerate(tasks):
@@ -208,7 +149,7 @@ class Shaping:
     def _draw(self, contour: Contour) -> Contour:
         """A contour of lines and arcs, with the tolerances that its short stretches bear."""
         contour = draw_with_arcs(contour)
-        return dataclasses.replace(contour, path=self.wishes.cap(contour.path))
+        return dataclasses.replace(contour, path=_cap(contour.path, self.options.tolerance))
 
     def _faster(
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
@@ -259,24 +200,23 @@ class Shaping:
 
     def _time(self, traced: Tracing) -> Trajectory:
         """The plan of a traced program."""
-        limits = with_reserve(self.limits, self.reserve)
-        options = {} if self.intervals is None else {"intervals": self.intervals}
-        timing = Timing(self.arm, limits, Method.OPTIMAL, options)
+        limits = with_reserve(self.limits, self.options.reserve)
+        timing = Timing(self.arm, limits, Optimal(intervals=self.options.intervals))
         return time_program(traced, timing)
 
     def _follow(self, program: Program, start: npt.ArrayLike | None) -> Tracing:
         """The joint paths of a program."""
-        return trace_program(program, self.arm, self.limits, branch=self.branch, start=start)
+        branch = self.options.branch
+        return trace_program(program, self.arm, self.limits, branch=branch, start=start)
 
-    def _trace(
-        self, program: Program, start: npt.ArrayLike | None
-    ) -> tuple[Tracing | None, Tracing]:
+    def _trace(self, program: Program) -> tuple[Tracing | None, Tracing]:
         """Trace the program with arcs at its corners, and where that is faster with sharp corners.
 
         Returns:
             The program with arcs and its joint paths, None if the arm cannot follow it; and the
             tracing whose configurations of the arm all starts and shapes then have.
         """
+        start = self.options.start
         try:
             arcs = self._follow(self._with_arcs(program), start)
         except ArmContourError:
@@ -292,8 +232,8 @@ class Shaping:
             return arcs, arcs
 
         def least_duration(traced: Tracing) -> float:
-            tube, timer = tube_of(program.path, self.wishes), self._timer(traced.joint_paths[0])
-            known = _time_starts(program.path, tube, timer, self.wishes)
+            tube, timer = tube_of(program.path, self.options), self._timer(traced.joint_paths[0])
+            known = _time_starts(program.path, tube, timer, self.options)
             return min((x.duration for x in known), default=np.inf)
 
         return arcs, min(arcs, sharp, key=least_duration)
@@ -303,27 +243,41 @@ class Shaping:
         moves = list(program.moves)
         for i, move in enumerate(moves):
             if isinstance(move, Contour):
-                starts = make_starts(move.path, tube_of(move.path, self.wishes), self.wishes)
+                starts = make_starts(move.path, tube_of(move.path, self.options), self.options)
                 name = ARCS if ARCS in starts else STOPS
                 path, places = starts[name]
                 outcome = Outcome(start=name, durations={})
                 moves[i] = put_on_path(
-                    move, _shaped_path(move.path, path, places, self.wishes, outcome)
+                    move, _shaped_path(move.path, path, places, self.options, outcome)
                 )
         return dataclasses.replace(program, moves=tuple(moves))
 
-    def _timer(self, joint_path: JointPath, given: npt.ArrayLike | None = None) -> Timer:
+    def _timer(self, joint_path: JointPath, given: FloatArray | None = None) -> Timer:
         """What times paths in the configuration of a joint path, from a given start if it is that.
 
         The knots of an arm with more joints than the task needs depend on rounding of the start.
         """
-        start, limits = ends_of(joint_path)[0], with_reserve(self.limits, self.reserve)
+        start, intervals = ends_of(joint_path)[0], self.options.intervals
+        limits = with_reserve(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):
-            return Timer(self.arm, limits, self.arm.branch_of(start), None, self.intervals)
-        if given is not None:
-            exact = np.asarray(given, dtype=np.float64)
-            start = exact if np.abs(exact - start).max() <= SAME_POSITION else start
-        return Timer(self.arm, limits, None, start, self.intervals)
+            return Timer(self.arm, limits, self.arm.branch_of(start), None, intervals)
+        if given is not None and np.abs(given - start).max() <= SAME_POSITION:
+            start = given
+        return Timer(self.arm, limits, None, start, intervals)
+
+
+def _cap(path: Path, tolerance: float) -> Path:
+    """A path with tolerances of at most half of its stretches between two sharp corners.
+
+    A line that is drawn twice, a micrometre apart, leaves a stretch that bears no more.
+    """
+    sharp = np.flatnonzero(path.turns > SHARP) + 1
+    ends = np.concatenate([[0], sharp, [len(path)]])
+    half = np.repeat(np.diff(path.breaks[ends]) / 2, np.diff(ends))
+    if (half >= tolerance).all():
+        return path
+    own = np.where(half < tolerance, np.fmin(path.tolerances, half), path.tolerances)
+    return dataclasses.replace(path, segments=path.segments.replace(tolerances=own, checked=True))
 
 
 def _path_of(move: Move) -> ShapedPath:
@@ -344,12 +298,12 @@ class _Task:
     Args:
         objective: The objective path.
         timer: Times its shapes.
-        wishes: What is wanted.
+        options: Options of the shaped path.
     """
 
     objective: Path
     timer: Timer
-    wishes: Wishes
+    options: Shaped
 
 
 def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int], ShapedPath]:
@@ -387,9 +341,9 @@ def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
 
 def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
     """The shaped path of one contour; `tell` is called with the share that is done."""
-    objective, timer, wishes = task.objective, task.timer, task.wishes
-    tube = tube_of(objective, wishes)
-    known = _time_starts(objective, tube, timer, wishes)
+    objective, timer, options = task.objective, task.timer, task.options
+    tube = tube_of(objective, options)
+    known = _time_starts(objective, tube, timer, options)
     if not known:
         # Raises what is wrong with the objective.
         timer.time(timer.trace(objective))
@@ -397,19 +351,19 @@ def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
     first = min(known, key=lambda x: x.duration)
     best, history = first, [first.duration]
     note = why_not(objective, tube)
-    searches = make_searches(objective, tube, timer, wishes) if note is None else iter(())
+    searches = make_searches(objective, tube, timer, options) if note is None else iter(())
     unfinished, work = False, float(WORK)
     for search in searches:
         if search is None:
             unfinished = True
             continue
-        left = wishes.iterations - len(history) + 1
+        left = options.iterations - len(history) + 1
         most = min(left, int(work / search.size))
         before = len(history)
         for found in islice(search.run(), most):
             best = min(best, found, key=lambda x: x.duration)
             history.append(best.duration)
-            tell((len(history) - 1) / wishes.iterations)
+            tell((len(history) - 1) / options.iterations)
         work -= (len(history) - before) * search.size
         unfinished |= len(history) - before == most < left
         # Another start mostly leads to the same shape.
@@ -424,20 +378,20 @@ def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
         unfinished=unfinished,
     )
     tell(1.0)
-    return _shaped_path(objective, best.path, best.places, wishes, outcome)
+    return _shaped_path(objective, best.path, best.places, options, outcome)
 
 
-def _time_starts(objective: Path, tube: Tube, timer: Timer, wishes: Wishes) -> list[Candidate]:
+def _time_starts(objective: Path, tube: Tube, timer: Timer, options: Shaped) -> list[Candidate]:
     """The starts with their timings, without those that the arm cannot follow."""
     found = [
         timer.candidate(name, path, places)
-        for name, (path, places) in make_starts(objective, tube, wishes).items()
+        for name, (path, places) in make_starts(objective, tube, options).items()
     ]
     return [x for x in found if x is not None]
 
 
 def _shaped_path(
-    objective: Path, path: Path, places: FloatArray, wishes: Wishes, outcome: Outcome
+    objective: Path, path: Path, places: FloatArray, options: Shaped, outcome: Outcome
 ) -> ShapedPath:
     """A path that has these places on its objective as a shaped path."""
     return ShapedPath(
@@ -446,9 +400,9 @@ def _shaped_path(
         orientation=path.orientation,
         objective=objective,
         places=places,
-        tolerance=wishes.tolerance,
-        line_tolerance=wishes.line_tolerance,
-        zone=wishes.zone,
+        tolerance=options.tolerance,
+        line_tolerance=options.line_tolerance,
+        zone=options.zone,
         outcome=outcome,
         curve=path.curve if isinstance(path, ShapedPath) else None,
     )

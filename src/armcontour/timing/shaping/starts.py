@@ -14,9 +14,9 @@ from armcontour.geometry import Path, RoundedPath, Tube, round_corners, round_wi
 from armcontour.geometry.shaped import ARCS, PARABOLAS, STOPS
 from armcontour.motion import JointPath, Trajectory
 from armcontour.timing.optimal import plan_optimal
+from armcontour.timing.options import Optimal, Shaped
 from armcontour.timing.program_tracing import trace_fastest
 from armcontour.timing.shaping.places import match, prove
-from armcontour.timing.shaping.wishes import Wishes
 
 # Corners that leave their zones are rounded less, by so many halvings; where neighbours still make
 # them leave, to this share.
@@ -76,7 +76,7 @@ class Timer:
 
     def time(self, joint_path: JointPath) -> Trajectory:
         """The fastest motion along a joint path."""
-        return plan_optimal(joint_path, self.arm, self.limits, intervals=self.intervals)
+        return plan_optimal(joint_path, self.arm, self.limits, Optimal(intervals=self.intervals))
 
     def candidate(self, name: str, path: Path, places: FloatArray) -> Candidate | None:
         """A path with its fastest timing; None where the arm cannot follow the path."""
@@ -90,21 +90,28 @@ class Timer:
         )
 
 
+def tube_of(objective: Path, options: Shaped) -> Tube:
+    """The tube of the tolerance around an objective path."""
+    return Tube.of(
+        objective, options.tolerance, line_tolerance=options.line_tolerance, zone=options.zone
+    )
+
+
 def make_starts(
-    objective: Path, tube: Tube, wishes: Wishes, share: float = 1.0
+    objective: Path, tube: Tube, options: Shaped, share: float = 1.0
 ) -> dict[str, tuple[Path, FloatArray]]:
     """The starts by their names, each with its places on the objective, all within the tube.
 
     Args:
         objective: The objective path.
         tube: The tube of the tolerance.
-        wishes: What is wanted of the shaped path.
+        options: Options of the shaped path.
         share: Share of the tolerance that corners are rounded to.
     """
     whole = np.array([[0.0, 0.0], [objective.length, objective.length]])
     found: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, whole)}
     for name, round_ in ((ARCS, round_corners), (PARABOLAS, round_with_parabolas)):
-        rounded = _round_within(objective, tube, wishes, round_, share)
+        rounded = _round_within(objective, tube, options, round_, share)
         if rounded is not None:
             found[name] = rounded
     return found
@@ -113,7 +120,7 @@ def make_starts(
 def _round_within(
     objective: Path,
     tube: Tube,
-    wishes: Wishes,
+    options: Shaped,
     round_: Callable[..., RoundedPath],
     share: float,
 ) -> tuple[RoundedPath, FloatArray] | None:
@@ -121,12 +128,12 @@ def _round_within(
 
     A corner whose curve would leave its zone is rounded less.
     """
-    wanted = np.full(len(objective) - 1, share * wishes.tolerance)
+    wanted = np.full(len(objective) - 1, share * options.tolerance)
     wanted[tube.vertex - 1] = share * tube.vertex_tolerance
 
     def outside(tolerance: FloatArray) -> tuple[RoundedPath, FloatArray, IntArray]:
-        path = round_(objective, tolerance=tolerance, angular_tolerance=wishes.angular_tolerance)
-        places = match(tube, path, _places(path), REACH * wishes.tolerance)
+        path = round_(objective, tolerance=tolerance, angular_tolerance=options.angular_tolerance)
+        places = match(tube, path, _places(path), REACH * options.tolerance)
         return path, places, _corners_outside(tube, path, places)
 
     path, places, bad = outside(wanted)
