@@ -14,6 +14,7 @@ from armcontour._text import capitalise
 from armcontour._version import __version__
 from armcontour.arms import Arm
 from armcontour.clearance import Clearance
+from armcontour.core.fields import checked
 from armcontour.core.render import Result, compare, lay_out, number, units
 from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.errors import ExecutionError
@@ -392,6 +393,7 @@ class Study:
             "demand": [e and float(e.demand_ratio.max()) for e in judged],
         }
 
+    @checked
     def to_data(
         self, files: Sequence[str] = (), parts: Mapping[str, Data] = MappingProxyType({})
     ) -> Data:
