@@ -16,6 +16,7 @@ from tests.browser.test_journeys import agree
 from tools.studio_page import SQUARE, serving, write_job
 
 import armcontour as ac
+from armcontour.core.render import number
 
 pytestmark = pytest.mark.browser
 DRAWINGS = Path(__file__).parents[3] / "examples" / "drawings"
@@ -114,9 +115,9 @@ def test_j6_two_variants_are_two_runs_in_one_table(studio, judge):
     found = judge(studio)
     agree(studio, found)
     row = studio.find("#tab-runs tbody tr:has-text('lagging')")
-    rms = [1e3 * x.evaluation.contour_error.rms for x in (found, lagging)]
-    expect(row).to_contain_text(f"{rms[1]:.4f}")
-    expect(row).to_contain_text(f"+{rms[1] - rms[0]:.4f}")
+    rms = [x.evaluation.contour_error.rms for x in (found, lagging)]
+    expect(row).to_contain_text(number(rms[1], "m"))
+    expect(row).to_contain_text(f"+{1e3 * (rms[1] - rms[0]):.4f}")
     with studio.changing():
         row.get_by_role("button", name="Remove").click()
     assert "lagging" not in studio.text
