@@ -291,7 +291,7 @@ def test_a_job_has_command_limits_and_its_results_state_use_and_cost(tmp_path):
     assert max(found["strict"]["command_use"]["joint_jerk"]) == pytest.approx(1, abs=1e-5)
     assert found["wide"]["limit_contour_max"] == 0
     page = render_report(study)
-    assert "command limit" in page and "mm largest" in page
+    assert "command limit" in page and "contour error" in page
 
 
 def test_other_keys_of_command_limits_are_refused(tmp_path):
