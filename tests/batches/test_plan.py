@@ -197,7 +197,7 @@ def test_a_key_is_that_of_the_run_if_it_has_it_itself(planned, jobs):
     plan = read_plan(planned(over) | {"job": str(jobs / "own.yaml")})
     (run,) = plan.bases[0].job(plan.data(0)).runs
     assert run.limits.speed == pytest.approx(0.08) and run.rounding.tolerance == 1e-4
-    assert run.reserve == pytest.approx(0.02) and plan.units["timing.reserve"] == "1"
+    assert run.timing.reserve == pytest.approx(0.02) and plan.units["timing.reserve"] == "1"
     assert plan.data(0)["limits"]["speed"] == pytest.approx(0.1)
 
 

@@ -6,7 +6,7 @@ from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
 from armcontour.jobs.place_search import PlaceSearch
 from armcontour.jobs.programs import programs_of
-from armcontour.jobs.results import ExperimentResult, RunResult, Shaped, Study, warnings_of
+from armcontour.jobs.results import ExperimentResult, RunResult, ShapingGain, Study, warnings_of
 from armcontour.jobs.study import STEPS, run, steps_of, traced_alike
 
 __all__ = [
@@ -19,7 +19,7 @@ __all__ = [
     "Rounding",
     "Run",
     "RunResult",
-    "Shaped",
+    "ShapingGain",
     "Study",
     "analog_outputs",
     "build_plant",

@@ -14,6 +14,7 @@ from armcontour._text import capitalise
 from armcontour._version import __version__
 from armcontour.arms import Arm
 from armcontour.clearance import Clearance
+from armcontour.core.fields import checked
 from armcontour.core.render import Result, compare, lay_out, number, units
 from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.errors import ExecutionError
@@ -55,7 +56,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Shaped:
+class ShapingGain:
     """What shaping the contours of a program gained, without rapids and dwells between them.
 
     Args:
@@ -70,14 +71,14 @@ class Shaped:
     iterations: int
 
     @staticmethod
-    def of(program: Program) -> Shaped | None:
+    def of(program: Program) -> ShapingGain | None:
         """What shaping gained in a program; None if it has no shaped contour."""
         found = [x.path.outcome for x in program.contours if isinstance(x.path, ShapedPath)]
         if not found:
             return None
         won = [x.start for x in found]
         common = [name for name in found[0].durations if all(name in x.durations for x in found)]
-        return Shaped(
+        return ShapingGain(
             starts={name: won.count(name) for name in dict.fromkeys(won)},
             durations={name: sum(x.durations[name] for x in found) for name in common},
             iterations=max(max(len(x.history) - 1, 0) for x in found),
@@ -317,9 +318,9 @@ class RunResult(Result):
         return all(x.kind != "environment" and x.low > NEAR for x in self.clearance.nearest)
 
     @property
-    def shaped(self) -> Shaped | None:
+    def shaped(self) -> ShapingGain | None:
         """How the shape of all contours was found; None if the run shapes none."""
-        return Shaped.of(self.path)
+        return ShapingGain.of(self.path)
 
     @property
     def shape_note(self) -> str | None:
@@ -389,6 +390,7 @@ class Study:
             "demand": [e and float(e.demand_ratio.max()) for e in judged],
         }
 
+    @checked
     def to_data(
         self, files: Sequence[str] = (), parts: Mapping[str, Data] = MappingProxyType({})
     ) -> Data:
