@@ -119,7 +119,7 @@ class Check(Result):
     def to_data(self) -> Data:
         """The verdict, the distance from the path, and the use of every limit."""
         worst, far = self.worst, self.path_deviation
-        most = "" if worst is None else f"{worst.name} used by {number(worst.certain, '1')}"
+        most = "" if worst is None else f"{worst.name} used by {number(worst.ratio, '1')}"
         distance = [Row("path_deviation", None)]
         if far is not None:
             place = f"at t = {number(far.t, 's')}, s = {number(far.s, 'm')}"

@@ -101,12 +101,16 @@ class Occurrence:
         """
         joint = None if self.joint is None else self.joint + 1
         return (
-            Row("certain", self.certain, "1", "share"),
+            Row("ratio", self.ratio, "1", "share"),
             Row("value", self.value, unit, "value"),
             Row("limit", self.limit, unit, "of"),
             Row("t", self.t, "s", "at"),
             Row("joint", joint, "", "joint"),
-            *(Row("ratio", self.ratio, "1"), Row("slack", self.slack, "1"), Row("s", self.s, "m")),
+            *(
+                Row("certain", self.certain, "1"),
+                Row("slack", self.slack, "1"),
+                Row("s", self.s, "m"),
+            ),
         )
 
 
