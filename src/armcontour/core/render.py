@@ -166,7 +166,9 @@ def compare(
         }
         for name, data in results.items()
     }
-    labels = list(dict.fromkeys(label for row in rows.values() for label in row))
+    # In the order of the result that has most of them.
+    longest = sorted(rows.values(), key=len, reverse=True)
+    labels = list(dict.fromkeys(label for row in longest for label in row))
     found = [(name, *(row.get(x, "-") for x in labels)) for name, row in rows.items()]
     return [("run", *labels), *found]
 
