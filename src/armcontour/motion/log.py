@@ -12,7 +12,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._describing import brief, clock, joint_rows, line_up, milliseconds, several
+from armcontour._describing import brief, clock, joint_rows, line_up, several
 from armcontour._quantities import Axes, Choice, Name, Quantity
 from armcontour._sampling import (
     GAP,
@@ -26,6 +26,7 @@ from armcontour._sampling import (
 )
 from armcontour._text import show
 from armcontour.core.fields import Checked
+from armcontour.core.render import number
 from armcontour.errors import InvalidInput
 
 # What is known of a command between two samples of a log: not more.
@@ -96,10 +97,10 @@ class Log(Checked):
         """Where it comes from, its times, and where the joints were."""
         return line_up(
             f"Log of {several(self.dof, 'joint')}: {several(len(self.t), 'sample')}, "
-            f"t = {self.t[0]:.4f} to {self.t[-1]:.4f} s",
+            f"t = {number(self.t[0], 's')} to {number(self.t[-1], 's')}",
             [
                 ("source", self.source),
-                ("usual interval", milliseconds(self.interval)),
+                ("usual interval", number(self.interval, "s")),
                 ("set-points", self.interpolation or "interpolation unknown"),
                 *joint_rows(self.measured, self.joint_names),
             ],
