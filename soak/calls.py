@@ -50,7 +50,7 @@ INNER = {
     *("SecondOrder.usage", "ServoModel.refuse_mixed", "ServoModel.refuse_too_fast"),
     *("ServoModel.saturate", "motion_between", "on_interval", "on_piece", "on_segment"),
     *("Box.dead_time_of", "Box.gains_of", "Box.refuse_payload_below_zero", "PlaceSearch.check"),
-    *("rates_on_piece", "run", "times"),
+    *("rates_on_piece", "run", "times", "URScriptFormat.write", "TemplateFormat.write"),
 }
 # Arguments that start processes, or wait for a server.
 NOT_VARIED = {"cluster", "workers", "processes", "threads"}
@@ -192,6 +192,8 @@ def instances() -> Iterator[Any]:
     yield ac.Obstacle(name="ball", shape=scene.Sphere(radius=0.1))
     yield SecondOrder("own", nothing, [-0.05], [0.05])
     yield robustness.Box(dead_time=1e-3)
+    yield from (ac.CsvFormat(), ac.NpzFormat(), ac.McapFormat(), ac.RosYamlFormat())
+    yield from (ac.URScriptFormat(), ac.TemplateFormat(template="krl"))
     yield from (ac.Optimal(), ac.Shaped(tolerance=1e-3), ac.Paper(), ac.Conventional())
     yield from (ac.Inverse(), ac.PolePlacement(), ac.InverseDynamics(), ac.NoCompensation())
     yield from (

@@ -172,7 +172,7 @@ def undo_all(studio: Studio) -> int:
 
 def let_loose(studio: Studio, seconds: float, seed: int) -> list[str]:
     """Let a monkey at a page that shows the run `optimal`; returns what went wrong."""
-    text, figures = studio.text, [studio.figure(x) for x in ("duration", "rms")]
+    text, figures = studio.text, [studio.figure(x) for x in ("duration", "contour_error.rms")]
     monkey, server = Monkey(studio, seed), studio.server
     monkey.run(WARM * seconds)
     warm = server.memory, studio.memory
@@ -183,7 +183,7 @@ def let_loose(studio: Studio, seconds: float, seed: int) -> list[str]:
     studio.choose_run("optimal")
     studio.wait("#view2d", run="optimal")
     studio.rest()
-    again = [studio.figure(x) for x in ("duration", "rms")]
+    again = [studio.figure(x) for x in ("duration", "contour_error.rms")]
     print(
         f"seed {seed}: {monkey.done} inputs in {seconds:g} s, {steps} steps undone; "
         f"the server grew by {grown[0] / 1e6:.1f} MB, the page by {grown[1] / 1e6:.1f} MB"

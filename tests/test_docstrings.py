@@ -200,7 +200,7 @@ def test_defaults_of_compensation_are_those_of_its_page():
 # Facts that are printed, by the class of the result.
 FACTS = {
     "Certificate": ("servo 0.004192 mm", "2.004 mm", "of 0.1 mm"),
-    "CheckReport": ("joint acceleration", "rad/s²", "kept"),
+    "Check": ("joint_acceleration", "rad/s²", "kept"),
     "Evaluation": ("motion 2.1855 s", "contour error, RMS"),
     "Explanation": ("joint 2 acceleration", "%"),
     "RoundedPath": ("rounded 1 corner",),

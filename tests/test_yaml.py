@@ -190,20 +190,20 @@ def test_large_motions_are_refused(tmp_path):
 
 def test_numbers_out_of_range_are_refused():
     for interval in (1e9, 5e-324, 2e-7):
-        with pytest.raises(ac.InvalidInput, match="command interval must be from 1e-06 to 1 s"):
+        with pytest.raises(ac.InvalidInput, match="must be from 1e-(06 to 1|30 to 1e\\+12) s"):
             job(command_interval=interval)
     # A number without a unit is in seconds.
     for interval in (2, 8, 250.0):
         with pytest.raises(ac.InvalidInput, match=f"is {interval:g} s.*{interval:g} ms"):
             job(command_interval=interval)
     for step in (1e-12, 1e-300, 5e-324, 1e-9, 1e9):
-        with pytest.raises(ac.InvalidInput, match="drives must be from 1e-06 to 0.1 s"):
+        with pytest.raises(ac.InvalidInput, match="must be from 1e-06 to 0.1 s"):
             Experiment(step=step)
     with pytest.raises(ac.InvalidInput, match=r"between -1e\+12 and 1e\+12 m, but is 1e\+300"):
         ac.Path.polyline([[1e300, 0.0], [0.0, 0.0]])
-    with pytest.raises(ac.InvalidInput, match="speed must be at least 1e-30 m/s"):
+    with pytest.raises(ac.InvalidInput, match="speed of limits must be from 1e-30"):
         ac.Limits(speed=5e-324)
-    with pytest.raises(ac.InvalidInput, match=r"joint_lower must be between"):
+    with pytest.raises(ac.InvalidInput, match=r"joint_lower of limits must be from -1e\+12"):
         ac.Limits(joint_lower=np.array([-1e300]))
 
 

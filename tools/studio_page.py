@@ -223,7 +223,7 @@ class Studio:
 
     def figure(self, name: str) -> float:
         """A figure in SI units, not rounded."""
-        return float(self.told(f"[data-figure={name}]", "value"))
+        return float(self.told(f"[data-figure='{name}']", "value"))
 
     @property
     def text(self) -> str:

@@ -8,7 +8,7 @@ from functools import cache, wraps
 from inspect import Parameter, signature
 from os import PathLike
 from pathlib import Path as FilePath
-from types import CodeType, UnionType
+from types import UnionType
 from typing import (
     Any,
     ClassVar,
@@ -18,7 +18,6 @@ from typing import (
     Union,
     get_args,
     get_origin,
-    get_type_hints,
 )
 
 import numpy as np
@@ -647,33 +646,6 @@ def _with_article(name: str) -> str:
     return f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
 
 
-def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a public function: it refuses arguments of other classes than its annotations name.
-
-    Numbers, arrays and lists are left to the function.
-    """
-    user = function.__qualname__.removesuffix(".__init__")
-    code: CodeType = function.__code__
-    names = code.co_varnames[: code.co_argcount]
-
-    @wraps(function)
-    def call(*args: P.args, **keywords: P.kwargs) -> R:
-        known = _kinds_by_name(function)
-        for given in (zip(names, args, strict=False), keywords.items()):
-            for name, value in given:
-                kinds = known.get(name)
-                if kinds is not None and not isinstance(value, kinds):
-                    refuse_other(user, value, *kinds, role=name)
-        # No second wrapper: warnings name the line so many calls above.
-        try:
-            return function(*args, **keywords)
-        except TypeError:
-            refuse_call(function, args, keywords)
-            raise
-
-    return call
-
-
 def explain_calls(constructed: type[C]) -> type[C]:
     """Decorate a public dataclass: its constructors refuse arguments that they do not have."""
     own: Any = constructed
@@ -730,17 +702,6 @@ def refuse_call(
         x.name for x in slots.values() if x.default is Parameter.empty and x.name not in done
     ]
     refuse_if(bool(lacking), f"{user} needs {' and '.join(lacking)}; {takes}")
-
-
-@cache
-def _kinds_by_name(annotated: Any) -> dict[str, tuple[type, ...]]:
-    """Classes by the names of arguments or fields, where annotations name nothing but classes."""
-    hints = get_type_hints(annotated)
-    names = hints.keys() - {"return"}
-    if is_dataclass(annotated):
-        names = {x.name for x in fields(annotated) if x.init}
-    found = {name: kinds_of(hint) for name, hint in hints.items() if name in names}
-    return {name: kinds for name, kinds in found.items() if kinds}
 
 
 def kinds_of(annotation: Any) -> tuple[type, ...]:

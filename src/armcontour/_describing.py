@@ -127,11 +127,6 @@ def digits(value: float, count: int = 4) -> str:
     return f"{value:.0f}" if "e+" in text else text
 
 
-def mm(value: float) -> str:
-    """A short length in m, in mm."""
-    return f"{digits(value * 1e3)} mm"
-
-
 def clock(t: float, count: int = 4) -> str:
     """A time in s with some digits that count, and 0.1 ms also long after zero, as since 1970.
 

@@ -9,6 +9,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.batches import read_plan
+from armcontour.batches.columns import COLUMNS, figures_of
 from armcontour.errors import InvalidInput
 
 # Names of columns that may differ from one run to the next.
@@ -108,8 +109,8 @@ def placing(jobs):
             "limits.speed": [0.05, 0.1],
             "placement.over.x": [{"from": a, "to": b, "places": 3} for a, b in xs],
         },
-        "columns": ["place.x", "place.yaw", "place.duration", "own.duration", "gain", "places",
-                    "planned", "refused"],
+        "columns": ["best.place.x", "best.place.yaw", "best.duration", "own_place.duration",
+                    "gain", "places", "planned", "refused_places"],
     }  # fmt: skip
 
 
@@ -123,21 +124,48 @@ def test_places_are_those_of_the_jobs_alone(placing, jobs, tmp_path):
     best, own = alone.refined.verdict.duration, alone.own.duration
     got = {x: want[0][x] for x in placing["columns"]}
     assert got == {
-        "place.x": alone.best.values["x"],
-        "place.yaw": None,
-        "place.duration": best,
-        "own.duration": own,
+        "best.place.x": alone.best.values["x"],
+        "best.place.yaw": None,
+        "best.duration": best,
+        "own_place.duration": own,
         "gain": 1 - best / own,
         "places": 3.0,
         "planned": float(alone.planned),
-        "refused": 0.0,
+        "refused_places": 0.0,
     }
     # The usual figures have a page; nothing is varied along z.
     usual = {key: x for key, x in placing.items() if key != "columns"}
     row = ac.batch(usual, tmp_path / "usual", workers=0).rows[0]
-    assert row["place.x"] is not None and row["place.z"] is None
+    assert row["best.place.x"] is not None and row["best.place.z"] is None
     page = (tmp_path / "usual" / "report.html").read_text()
-    assert "place.duration" in page and "gain" in page and "place.z" not in page
+    assert "best.duration" in page and "gain" in page and "best.place.z" not in page
+
+
+def results(jobs):
+    """What each work gives for the small job."""
+    text = (jobs / "bend.yaml").read_text()
+    job = ac.read_job(_written(jobs, text + PLACED + "experiment: {}\n"))
+    yield "run", ac.run(job).runs["only"]
+    yield "certify", ac.certify(job, goal=ac.Goal(tolerance=1.2e-3))
+    yield "place", ac.place(job)
+
+
+def test_columns_are_rows_of_results_with_their_units(jobs):
+    # The arm is planar, and the part is moved along x only.
+    unknown = {"orientation_error.max", *(f"best.place.{x}" for x in ("y", "z", "yaw", "tilt"))}
+    seen = set()
+    for work, result in results(jobs):
+        rows = dict(result.to_data().walk())
+        if work == "certify":
+            rows = dict(result.result.to_data().walk()) | rows
+        columns = [name for name, x in COLUMNS.items() if x.comes_from(work)]
+        figures = dict(zip(columns, figures_of(result, columns, work), strict=True))
+        for name in columns:
+            if name in rows:
+                seen.add(name)
+                assert rows[name].unit == COLUMNS[name].unit, name
+                assert figures[name] == rows[name].figure, name
+    assert set(COLUMNS) - seen == unknown
 
 
 class Stop(Exception):

@@ -136,7 +136,11 @@ WRONG = [
         {X: [{"from": 0, "to": 0.1, "places": 2}]},
         ["columns (item 1): duration comes from do: teach, but the plan does place"],
     ),
-    ({"columns": ["place.x"]}, {}, ["place.x comes from do: place, but the plan does run"]),
+    (
+        {"columns": ["best.place.x"]},
+        {},
+        ["best.place.x comes from do: place, but the plan does run"],
+    ),
     ({"ower": {}}, {}, ["the plan", "ower", "did you mean over?"]),
     ({}, {"limits.spede": [1]}, ["over.limits.spede", "did you mean speed?"]),
     ({}, {SPEED: [0.1, "5 mm"]}, ["over.limits.speed (item 2)", "m/s", "'5 mm'"]),
@@ -197,7 +201,7 @@ def test_a_key_is_that_of_the_run_if_it_has_it_itself(planned, jobs):
     plan = read_plan(planned(over) | {"job": str(jobs / "own.yaml")})
     (run,) = plan.bases[0].job(plan.data(0)).runs
     assert run.limits.speed == pytest.approx(0.08) and run.rounding.tolerance == 1e-4
-    assert run.reserve == pytest.approx(0.02) and plan.units["timing.reserve"] == "1"
+    assert run.timing.reserve == pytest.approx(0.02) and plan.units["timing.reserve"] == "1"
     assert plan.data(0)["limits"]["speed"] == pytest.approx(0.1)
 
 

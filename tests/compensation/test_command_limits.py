@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 import armcontour as ac
 from armcontour.compensation import METHODS
+from armcontour.core.render import number
 from armcontour.io.exports import export
 from armcontour.io.job_file import read_job
 from armcontour.io.json_text import data_json
@@ -291,7 +292,7 @@ def test_a_job_has_command_limits_and_its_results_state_use_and_cost(tmp_path):
     assert max(found["strict"]["command_use"]["joint_jerk"]) == pytest.approx(1, abs=1e-5)
     assert found["wide"]["limit_contour_max"] == 0
     page = render_report(study)
-    assert "command limit" in page and "mm largest" in page
+    assert "command limit" in page and number(strict.taught.limit_cost.contour_max, "m") in page
 
 
 def test_other_keys_of_command_limits_are_refused(tmp_path):

@@ -15,9 +15,10 @@ from armcontour.cli.identifying import identify_files
 from armcontour.cli.options import IdentifyOptions
 from armcontour.errors import InvalidInput
 from armcontour.identification import Log, identify
+from armcontour.io.json_text import data_json
 from armcontour.io.log_file import parse_log, read_log
 from armcontour.io.robot_file import read_servo
-from armcontour.io.servo_file import identification_json, servo_yaml
+from armcontour.io.servo_file import servo_yaml
 from armcontour.report.identification import render_identification
 
 ROWS = "\n" + "\n".join(f"{i},{i * 0.1:.6f},{i * 0.1 - 0.05:.6f}" for i in range(60)) + "\n"
@@ -186,7 +187,7 @@ def test_the_servo_file_is_the_servo_that_was_judged(found, tmp_path):
 
 
 def test_the_json_and_the_report(found):
-    data = json.loads(identification_json(found, files=["summary.json"]))
+    data = json.loads(data_json(found.to_data(files=["summary.json"])))
     first, second = data["joints"]
     assert [x["name"] for x in first["parameters"]] == ["kp", "kv", "dead_time"]
     assert second["parameters"][-1]["value"] == pytest.approx(20, rel=0.05)
@@ -226,7 +227,7 @@ def test_errors_at_the_tool_of_an_arm_without_masses(log, tmp_path, capsys):
     _write(file, log.t, log.command, log.measured, "t,u1,u2,q1,q2")
     arm.write_text(ARM)
     assert identify_files([file], IdentifyOptions(arm=str(arm), predict=[file])) == 9
-    assert "At the tool in log.csv: " in capsys.readouterr().out
+    assert "at the tool, RMS" in capsys.readouterr().out
 
 
 def test_six_joints_fit_on_a_screen(log, tmp_path, capsys):
@@ -239,7 +240,7 @@ def test_six_joints_fit_on_a_screen(log, tmp_path, capsys):
     _write(file, log.t[some], *every, f"t,{names}")
     assert identify_files([file], IdentifyOptions(out=out)) == 1
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) <= 18 and "4 of 6 joints" in lines[0]
+    assert len(lines) < 24 and "4 of 6 joints" in lines[0]
 
 
 def test_the_command_where_no_servo_is_known(tmp_path, capsys, refuses):

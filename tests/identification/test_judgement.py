@@ -116,7 +116,7 @@ def test_one_program_is_provisional_and_the_file_says_so(good, tmp_path, capsys)
     assert identify_files(files[:2], IdentifyOptions(out=tmp_path / "two")) == 0
     # A program that is recorded twice is one program.
     assert identify_files([files[0], files[2]], IdentifyOptions(out=tmp_path / "one")) == 9
-    assert "Provisional" in capsys.readouterr().out
+    assert "provisional" in capsys.readouterr().out
     servo, trusted = (read_servo(tmp_path / x / "servo.yaml", 2) for x in ("one", "two"))
     assert servo.programs == 1 and servo.doubt
     arm = ac.load_arm("pmk3s")

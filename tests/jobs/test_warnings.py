@@ -74,7 +74,7 @@ def test_a_demand_far_above_the_limit_is_said_and_by_whom():
     joint = int(ratio.argmax())
     assert f"joint {joint + 1} is asked for " in warning and "a larger reserve" in warning
     assert f"{ratio[joint]:.3g} times its acceleration limit at " in warning
-    assert f"{found.evaluation.contour_error.max * 1e3:.3g} mm off" in warning
+    assert f"{found.evaluation.contour_error.max * 1e3:.4g} mm off" in warning
 
 
 def test_a_duration_is_kept():
@@ -90,7 +90,7 @@ def test_who_judges_set_points_that_are_for_the_bodies():
     bare = only(job(straight, **options))
     (warning,) = bare.warnings
     off = bare.evaluation.contour_error.max * 1e3
-    assert f"(there the tool is up to {off:.3g} mm off)" in warning and "experiment: {}" in warning
+    assert f"(there the tool is up to {off:.4g} mm off)" in warning and "experiment: {}" in warning
     seen = only(job(straight, **options, experiment=Experiment()))
     on_bodies = seen.experiment.evaluation.contour_error.max * 1e3
     assert on_bodies < 0.01 * off

@@ -21,6 +21,11 @@ NEVER = 1e6
 MOVE = {"do": "move_waypoint", "index": 1, "to": [0.4, 0.16]}
 
 
+def figure(header, name):
+    """The value of a figure of a frame."""
+    return {x["name"]: x["value"] for x in header["rows"]}[name]
+
+
 class NoLane:
     """A slow lane in which nothing happens; `NoLane.last` is the newest one."""
 

@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from tests.studio.conftest import PAPER
+from tests.studio.talking import figure
 
+from armcontour.core import render
 from armcontour.errors import Collision, ExecutionError, InvalidInput, Unreachable
 from armcontour.evaluation import check, evaluate
 from armcontour.io import parse_job
@@ -60,7 +62,7 @@ def test_points_are_on_the_path_with_their_times_and_speeds(shown, view):
     near(trajectory.s(times), inside, 1e-6)
     near(a["speed"], trajectory.speed_at(inside), 2e-4)
     assert (a["assigned"] == np.float32(0.15)).all()
-    assert frame.header["duration"] == trajectory.duration
+    assert figure(frame.header, "duration") == trajectory.duration
     assert frame.header["plane"]["flat"] is True
 
 
@@ -82,7 +84,7 @@ def test_colours_are_what_explain_says(shown):
     assert kinds["joint 2 acceleration"] == "acceleration"
     assert kinds["assigned velocity"] == "speed"
     times = sum(x["time"] for x in frame.header["shares"])
-    assert times == pytest.approx(frame.header["duration"], rel=1e-9)
+    assert times == pytest.approx(figure(frame.header, "duration"), rel=1e-9)
 
 
 def test_charts_have_the_shares_of_the_limits(shown, gasket):
@@ -191,7 +193,7 @@ def test_times_of_limits_rapids_and_dwells_add_up(previewer, square, view):
         planned = previewer.plan(data)
         frame = packed(picture_frame(planned, view))
         times = {x["name"]: x["time"] for x in frame.header["shares"]}
-        assert sum(times.values()) == pytest.approx(frame.header["duration"], rel=1e-9)
+        assert sum(times.values()) == pytest.approx(figure(frame.header, "duration"), rel=1e-9)
         assert "nothing" not in times and times["between two limits"] > 0
         spans = planned.trajectory.spans
         rapid = sum(x.t[1] - x.t[0] for x in spans if x.kind == "rapid")
@@ -215,7 +217,7 @@ def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view)
     frame = packed(drawing_frame(previewer.drawn(data), view))
     points = frame.arrays["objective"]
     assert 1000 < len(points) <= MOST_POINTS * 1.01
-    assert frame.header["duration"] is None and frame.header["planned"] is False
+    assert frame.header["rows"] == [] and frame.header["planned"] is False
     for extreme in (np.min, np.max):
         near(extreme(points + view.centre, axis=0), extreme(uv(view, given), axis=0), 1e-7)
 
@@ -230,11 +232,14 @@ def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view
     executed, frame = done
     found = evaluate(executed.execution, executed.planned.path)
     e, demand = found.contour_error, found.demand_ratio
-    assert frame.header["rms"] == pytest.approx(e.rms, rel=1e-12)
-    assert frame.header["max"] == pytest.approx(e.max, rel=1e-12)
+    assert figure(frame.header, "contour_error.rms") == pytest.approx(e.rms, rel=1e-12)
+    assert figure(frame.header, "contour_error.max") == pytest.approx(e.max, rel=1e-12)
     assert frame.arrays["error"].max() == pytest.approx(e.max, rel=1e-6)
-    assert frame.header["settled"] == executed.settled
-    np.testing.assert_allclose(frame.header["demand"], demand, rtol=1e-12)
+    assert figure(frame.header, "settled") == executed.settled
+    # All rows are those of an evaluation, and say the same of it.
+    said = {x["name"]: x for x in render.frame(found.to_data())}
+    for x in frame.header["rows"][1:]:
+        assert x == said[x["name"]] | {"value": pytest.approx(said[x["name"]]["value"])}
     assert np.abs(frame.arrays["demand"]).max() <= demand.max() * (1 + 1e-6)
     a, path = frame.arrays, executed.planned.path.path
     execution = executed.execution

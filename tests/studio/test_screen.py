@@ -5,7 +5,7 @@ from contextlib import closing, contextmanager
 from importlib import resources
 
 import pytest
-from tests.studio.talking import AtOnce
+from tests.studio.talking import AtOnce, figure
 
 import armcontour as ac
 from armcontour._yaml import load
@@ -65,11 +65,14 @@ def test_at_rest_the_picture_is_that_of_a_full_run(run):
     want = ac.run(parse_job(change_text(TEXT, changes, "job"))).runs[run].evaluation
     with showing() as (screen, heard, make):
         screen.show(state := make(run=run))
-        assert heard.of("executed", state)[-1].header["rms"] != want.contour_error.rms
+        assert (
+            figure(heard.of("executed", state)[-1].header, "contour_error.rms")
+            != want.contour_error.rms
+        )
         screen.rest()
         _, picture = heard.of("picture", state)
-        assert picture.header["duration"] == want.duration
-        assert heard.frames[-1][0].header["rms"] == want.contour_error.rms
+        assert figure(picture.header, "duration") == want.duration
+        assert figure(heard.frames[-1][0].header, "contour_error.rms") == want.contour_error.rms
 
 
 def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests():
@@ -78,10 +81,10 @@ def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests():
     with showing() as (screen, heard, make):
         screen.show(state := make(data, moving=True))
         (coarse,), (_,) = heard.of("picture", state), heard.of("executed", state)
-        assert coarse.header["duration"] == pytest.approx(fine.duration, rel=1e-3)
-        assert coarse.header["duration"] != fine.duration
+        assert figure(coarse.header, "duration") == pytest.approx(fine.duration, rel=1e-3)
+        assert figure(coarse.header, "duration") != fine.duration
         assert any("600 intervals" in x for x in coarse.header["notes"])
         screen.rest()
         assert len(heard.of("executed", state)) == 2
-        assert heard.of("picture", state)[-1].header["duration"] == fine.duration
+        assert figure(heard.of("picture", state)[-1].header, "duration") == fine.duration
         assert not heard.of("picture", state)[-1].header["notes"]

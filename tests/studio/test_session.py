@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.studio.talking import JOB, MOVE, NoLane, Tab, kinds, session_of
+from tests.studio.talking import JOB, MOVE, NoLane, Tab, figure, kinds, session_of
 
 from armcontour.studio import tabs as module
 from armcontour.studio.gestures import MOST_EDITS
@@ -15,9 +15,9 @@ pytestmark = pytest.mark.usefixtures("no_hurry")
 
 
 def test_two_pages_see_the_same_and_do_not_undo_each_other(session, tab):
-    other, whole = Tab(session), tab.last("picture")["duration"]
+    other, whole = Tab(session), figure(tab.last("picture"), "duration")
     tab.edit({**MOVE, "to": [0.4, 0.2]}, gesture=1, final=False)
-    assert other.last("picture")["duration"] == tab.last("picture")["duration"]
+    assert figure(other.last("picture"), "duration") == figure(tab.last("picture"), "duration")
     assert other.last("picture")["seq"] is None
     other.edit({"do": "remove_waypoint", "index": 2}, gesture=1)
     heard = tab.edit({**MOVE, "to": [0.4, 0.21]}, gesture=1, final=False)
@@ -30,9 +30,9 @@ def test_two_pages_see_the_same_and_do_not_undo_each_other(session, tab):
     tab.say("undo")
     tab.say("undo")
     other.edit({**MOVE, "to": [0.4, 0.3]}, gesture=3, final=False)
-    assert tab.last("picture")["duration"] != whole
+    assert figure(tab.last("picture"), "duration") != whole
     session.leave(other)
-    assert tab.last("picture")["duration"] == whole
+    assert figure(tab.last("picture"), "duration") == whole
     assert other.heard({"op": "undo"}) == []
 
 
@@ -141,12 +141,12 @@ def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, 
         heard = tab.edit({**MOVE, "to": [0.4, 0.15 + 0.01 * k]}, gesture=7, final=False)
         assert kinds(heard) == ["picture", "executed"]
         assert {x.header["seq"] for x in heard} == {tab.seq}
-        durations.append(heard[0].header["duration"])
+        durations.append(figure(heard[0].header, "duration"))
     assert len(set(durations)) == 5
     assert session.document.text == JOB
     heard = tab.edit({**MOVE, "to": [0.4, 0.19]}, gesture=7)
     assert kinds(heard) == WHOLE
-    assert heard[1].header["duration"] == pytest.approx(durations[-1], rel=1e-3)
+    assert figure(heard[1].header, "duration") == pytest.approx(durations[-1], rel=1e-3)
     assert tab.last("document")["undo_label"] == "move waypoint 2"
     changed = session.document.text
     assert changed.replace("400 mm, 190 mm", "410 mm, 150 mm") == JOB and "# from" in changed
@@ -154,11 +154,11 @@ def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, 
     assert session.document.text == JOB and not tab.last("document")["can_undo"]
     tab.say("redo")
     assert session.document.text == changed
-    whole = tab.last("picture")["duration"]
+    whole = figure(tab.last("picture"), "duration")
     tab.edit({**MOVE, "to": [0.4, 0.3]}, gesture=1, final=False)
-    assert tab.last("picture")["duration"] != whole
+    assert figure(tab.last("picture"), "duration") != whole
     assert kinds(tab.say("cancel_gesture")) == ["picture", "executed"]
-    assert tab.last("picture")["duration"] == whole
+    assert figure(tab.last("picture"), "duration") == whole
     assert session.document.text == changed
     tab.say("undo")
     assert session.document.text == JOB and not session.document.can_undo
@@ -198,9 +198,9 @@ def sentence(frames):
 
 
 def test_runs_are_shown_added_and_removed(session, tab):
-    slow = tab.last("picture")["duration"]
+    slow = figure(tab.last("picture"), "duration")
     assert kinds(tab.say("select", run="fast")) == ["document", "picture", "executed"]
-    assert tab.last("picture")["run"] == "fast" and tab.last("picture")["duration"] < slow
+    assert tab.last("picture")["run"] == "fast" and figure(tab.last("picture"), "duration") < slow
     assert tab.last("document")["run"] == "fast"
     tab.say("select", run="slow")
     tab.say("add_run", name="slower", like="slow")

@@ -15,8 +15,6 @@ from armcontour.batches.working import DONE
 from armcontour.report import render_batch
 from armcontour.report.sections.batch import Axis, BatchView
 
-# Scales that make numbers of a unit easy to read, and what they are called.
-SHOWN = {"m": (1e3, "mm")}
 # Largest number of jobs that are drawn.
 MOST = 5_000
 
@@ -53,7 +51,6 @@ def render_page(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
 def _axis(
     name: str, unit: str | None, rows: Sequence[Mapping[str, Any]], *, log: bool = False
 ) -> Axis:
-    """Values of a column in the unit of pages."""
-    scale, shown = SHOWN.get(unit or "", (1.0, unit or ""))
-    values: FloatArray = np.array([x[name] for x in rows], dtype=float) * scale
-    return Axis(f"{name} [{shown}]" if shown else name, values, log)
+    """Values of a column, in SI units."""
+    values: FloatArray = np.array([x[name] for x in rows], dtype=float)
+    return Axis(name, unit or "", values, log)

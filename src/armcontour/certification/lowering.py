@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
-from armcontour._describing import digits, joint_called
+from armcontour._describing import joint_called
 from armcontour.certification._derating import CAUSES, Derating
+from armcontour.core.render import number
 from armcontour.motion import Trajectory
 
 # Less than this share of a limit is not lowered: searches aim that little below their limits. What
@@ -58,13 +59,17 @@ class Lowered:
     def __str__(self) -> str:
         """What is lowered, by how much, where and for what, as a clause."""
         of = f" of joint {self.joint_name}" if self.joint_name else ""
-        where = f"over {_length(self.length)} of {_length(self.contour)}"
+        where = f"over {number(self.length, 'm')} of {number(self.contour, 'm')}"
         if self.length > NEARLY_ALL * self.contour:
             where = "along the whole contour"
-        most = "" if self.s is None else f", most at s = {self.s:.4g} m, t = {self.t:.4g} s"
+        place = (
+            ""
+            if self.s is None
+            else f", most at s = {number(self.s, 'm')}, t = {number(self.t, 's')}"
+        )
         return (
-            f"{self.what.replace('_', ' ')}{of} by up to {digits(self.share * 100, 2)} % "
-            f"{where}{most}, for {REASONS[self.cause]}"
+            f"{self.what.replace('_', ' ')}{of} by up to {number(self.share, '1')} "
+            f"{where}{place}, for {REASONS[self.cause]}"
         )
 
 
@@ -97,8 +102,8 @@ def find_lowered(
     def found() -> Iterator[Lowered]:
         with np.errstate(divide="ignore", invalid="ignore"):
             slower = np.maximum(1 - np.sqrt(derating.cap / squares), 0.0)
-        for number, cause in enumerate(CAUSES):
-            share = np.where(derating.cap_by == number, np.nan_to_num(slower), 0.0)
+        for index, cause in enumerate(CAUSES):
+            share = np.where(derating.cap_by == index, np.nan_to_num(slower), 0.0)
             k = int(np.argmax(share))
             if share[k] > SAID:
                 yield Lowered(
@@ -137,8 +142,3 @@ def find_lowered(
                 )
 
     return tuple(sorted(found(), key=lambda x: -x.share))
-
-
-def _length(length: float) -> str:
-    """A length in metres, or in millimetres where it is short."""
-    return f"{length:.4g} m" if length >= 1 else f"{length * 1e3:.4g} mm"

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
-from dataclasses import asdict, fields, replace
+from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armcontour._describing import clock, digits, joint_called
+from armcontour._describing import digits, joint_called
 from armcontour._text import list_some, show
 from armcontour.cli.console import Console
 
@@ -20,18 +19,11 @@ if TYPE_CHECKING:
     from armcontour.clearance import Clearance
     from armcontour.cli.options import ArmOptions, CheckOptions
     from armcontour.evaluation import Check
-    from armcontour.evaluation.tally import Occurrence
     from armcontour.io.trajectory_file import TrajectoryFile
     from armcontour.jobs import Job, Run
     from armcontour.program import Program
     from armcontour.scene import Scene
 
-HEADINGS = (
-    *("limit", "largest ratio", "of it rounding", "value", "allowed", "t [s]", "joint"),
-    "verdict",
-)
-# Largest ratio that is printed without an exponent.
-MOST_PLAIN = 1e6
 # Less noise [rad] is rounding: an encoder of 32 bits has steps of 1.5e-9 rad.
 LEAST_NOISE = 1e-9
 # Titles of columns that one line lists.
@@ -51,10 +43,11 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     Raises:
         InvalidInput: A file or an option that cannot be used.
     """
-    from armcontour.core.render import plain
+    from armcontour.core.result import Row
     from armcontour.errors import InvalidInput
     from armcontour.evaluation import check
     from armcontour.io import read_job
+    from armcontour.io.json_text import data_json
 
     job = None if x.path is None else read_job(x.path, trust_xacro=x.trust_xacro)
     arm, scene = _arm_and_scene(x, None if job is None else job.arm)
@@ -64,21 +57,22 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     clearance = None if scene is None else _clearance(samples, arm, scene)
     if not found.uses and found.path_deviation is None and clearance is None:
         raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
+    data = found.to_data()
     if x.as_json:
-        page = _plain(found) | {
-            "left_out": list(samples.left_out),
-            "notes": list(samples.notes),
-        }
-        if clearance is not None:
-            page["clearance"] = plain(clearance.to_data())
-        print(json.dumps(page, indent=2, allow_nan=False))
+        notes = (Row("left_out", samples.left_out), Row("notes", samples.notes))
+        parts = {} if clearance is None else {"clearance": clearance.to_data()}
+        print(data_json(replace(data, rows=(*data.rows, *notes), parts=parts)), end="")
     else:
-        remarks = _on_the_file(samples, found, declared=x.noise is not None)
+        named = sorted({y.joint + 1 for y in found.uses if y.joint is not None})
+        called = [joint_called(y, arm.joint_names) for y in named]
+        remarks = [f"Joints: {', '.join(called)}."] if called != [str(y) for y in named] else []
+        remarks += _on_the_file(samples, found, declared=x.noise is not None)
         if clearance is not None:
             evenly = "Between samples the joints count as moving evenly."
             remarks.append(f"{clearance.sentence} {evenly}")
             remarks += filter(None, [clearance.below_base])
-        _print(found, arm, [*remarks, *(f"Note: {note}" for note in arm.notes)])
+        remarks += [f"Note: {note}" for note in arm.notes]
+        Console().show(replace(data, notes=(*data.notes, *remarks)))
     touches = clearance is not None and not clearance.kept
     return EXIT_CODES["violated" if touches else found.verdict]
 
@@ -303,86 +297,3 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
             f"({names}), or give --limits."
         )
     return runs[0]
-
-
-def _plain(found: Check) -> dict[str, Any]:
-    """The result of a check as data for JSON."""
-    return {
-        "kept": {"kept": True, "violated": False}.get(found.verdict),
-        "verdict": found.verdict,
-        "worst": None if found.worst is None else found.worst.name,
-        "limits": [
-            {"name": x.name, **_known(x), "highest": _known(x.highest), "verdict": x.verdict}
-            for x in found.uses
-        ],
-        "not_judged": list(found.not_judged),
-        "path_deviation": None if found.path_deviation is None else asdict(found.path_deviation),
-        "start": found.start,
-        "end": found.end,
-        "end_speeds": [x if math.isfinite(x) else None for x in found.end_speeds],
-        "states": found.states,
-        "tolerance": found.tolerance,
-        "rounding": dict(found.rounding),
-        "reconstruction": found.reconstruction,
-    }
-
-
-def _known(x: Occurrence) -> dict[str, float | int | None]:
-    """The use of a limit at one time as data for JSON; infinite values are null."""
-    from armcontour.evaluation.tally import Occurrence
-
-    values = {y.name: getattr(x, y.name) for y in fields(Occurrence)}
-    # Files and messages count joints from 1.
-    values["joint"] = None if x.joint is None else x.joint + 1
-    return {k: v if v is None or math.isfinite(v) else None for k, v in values.items()}
-
-
-def _cells(unit: str, x: Occurrence) -> tuple[str, ...]:
-    """The use of a limit at one time as cells of a table."""
-    return (
-        f"{x.ratio:.6f}" if x.ratio < MOST_PLAIN else f"{x.ratio:.6g}",
-        f"{x.slack:.1g}",
-        f"{x.value:.6g} {unit}",
-        f"{x.limit:.6g} {unit}" if math.isfinite(x.limit) else "none",
-        clock(x.t, 6),
-        "" if x.joint is None else str(x.joint + 1),
-    )
-
-
-def _print(found: Check, arm: Arm, remarks: list[str]) -> None:
-    """Print a table of the limits, and sentences on the result and on the file."""
-    rows = []
-    for x in found.uses:
-        certain, highest = _cells(x.unit, x), _cells(x.unit, x.highest)
-        rows.append((x.name.replace("_", " "), *certain, x.verdict))
-        if certain[0] != highest[0]:
-            rows.append(("  numbers as printed", *highest, ""))
-    console = Console()
-    whole = (0, HEADINGS.index("t [s]"))
-    console.show_table(HEADINGS, rows, left=(0, len(HEADINGS) - 1), whole=whole)
-    lines = [found.reconstruction]
-    named = sorted({x.joint + 1 for x in found.uses if x.joint is not None})
-    called = [joint_called(x, arm.joint_names) for x in named]
-    if called != [str(x) for x in named]:
-        lines.append(f"Joints: {', '.join(called)}.")
-    names = ", ".join(x.name.replace("_", " ") for x in found.uses if x.verdict == "cannot tell")
-    if names:
-        lines.insert(
-            0,
-            f"Cannot tell: {names}. The printed numbers exceed the limit, but the cause may be "
-            "their rounding, or a reversal between two samples: print more digits, add columns "
-            "of velocities and accelerations, or sample more often.",
-        )
-    if found.path_deviation is not None:
-        far = found.path_deviation
-        lines.append(
-            f"Largest distance from the path: {far.distance * 1e3:.6g} mm at "
-            f"t = {clock(far.t, 6)} s, s = {far.s:.6g} m."
-        )
-    if found.not_judged:
-        names = ", ".join(found.not_judged)
-        lines.append(f"Not judged, since a limit or the necessary samples are missing: {names}.")
-    if "path_jerk" in found.not_judged:
-        lines.append("Jerk along the path is judged of plans only: samples have no arc length.")
-    for line in lines + remarks:
-        console.say(line)

@@ -2,40 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from armcontour._describing import digits, mm, several
 from armcontour.cli.console import Console, open_page, show_notes
 
 if TYPE_CHECKING:
     from armcontour.arms import Arm
     from armcontour.cli.options import IdentifyOptions
-    from armcontour.identification import (
-        Estimate,
-        Identification,
-        Prediction,
-        RobotIdentification,
-    )
+    from armcontour.identification import Identification, Prediction, RobotIdentification
     from armcontour.motion import Log
-
-# Errors are RMS.
-PREDICTED = ["joint", "tracking error [mrad]", "predicted to [mrad]", "at most [mrad]"]
-# Parameters in the table of joints, and their headings.
-SHOWN = {
-    "kp": "K_p [1/s]",
-    "kv": "K_v [1/s]",
-    "ki": "k_i [1/s]",
-    "velocity_feedforward": "f",
-    "acceleration_feedforward": "g",
-    "dead_time": "dead time",
-    "friction": "friction",
-    "acceleration_limit": "limit",
-}
-
 
 # Exit codes: all joints have a good model and compensation is trusted (with masses: all is
 # determined), not so, and so on one program only. No error has the code 9.
@@ -104,7 +80,7 @@ def _read(log: FilePath, x: IdentifyOptions) -> Log:
 
 def _identify_servo(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) -> int:
     """Identify the servo of every joint of some logs; the arm gives errors at the tool."""
-    from armcontour.io.servo_file import identification_json
+    from armcontour.io.json_text import data_json
 
     unseen = [_read(log, x) for log in x.predict or []]
     found: Identification = _identify(logs, x, model=x.model, kinematics=arm)
@@ -112,9 +88,16 @@ def _identify_servo(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) -
     if x.out is not None:
         _write_results(found, predictions, x.out, x.force)
     if x.as_json:
-        print(identification_json(found, predictions), end="")
+        print(data_json(found.to_data(predictions)), end="")
     else:
-        _print(found, predictions, arm, x.out)
+        console = Console()
+        console.show(found.to_data())
+        fitted = [] if arm is None else [found.predict(log) for log in found.logs]
+        for prediction in predictions or fitted:
+            console.show(prediction.to_data(arm))
+        if x.out is not None:
+            servo = "servo.yaml, " if any(joint.written for joint in found.joints) else ""
+            console.say(f"Written to {x.out}: {servo}report.html")
     if any(joint.note for joint in found.joints) or not found.judgement.trusted:
         return DOUBTFUL
     return PROVISIONAL if found.judgement.programs == 1 else DONE
@@ -124,7 +107,8 @@ def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> int:
     """Identify a robot with masses from logs, or joints of an arm without."""
     from armcontour.cli.checking import named_arm
     from armcontour.errors import InvalidInput
-    from armcontour.io.robot_file import read_servo, robot_json
+    from armcontour.io.json_text import data_json
+    from armcontour.io.robot_file import read_servo
 
     if x.out is not None and (x.package or x.xacro_arg):
         raise InvalidInput(
@@ -141,9 +125,12 @@ def _identify_robot(logs: list[FilePath], x: IdentifyOptions, name: str) -> int:
     found: RobotIdentification = _identify(logs, x, arm=arm, servo=servo, gravity=x.gravity)
     written = _write_robot(found, x, name, x.out) if x.out is not None else ""
     if x.as_json:
-        print(robot_json(found), end="")
+        print(data_json(found.to_data()), end="")
     else:
-        _print_robot(found, written)
+        console = Console()
+        console.show(found.to_data())
+        if written:
+            console.say(written)
     return DONE if found.determined else DOUBTFUL
 
 
@@ -151,7 +138,8 @@ def _write_robot(found: RobotIdentification, x: IdentifyOptions, name: str, out:
     """Write the result folder; returns a sentence that lists the files."""
     from armcontour.errors import InvalidInput
     from armcontour.io import ResultFolder
-    from armcontour.io.robot_file import robot_json, robot_servo_yaml, robot_yaml
+    from armcontour.io.json_text import data_json
+    from armcontour.io.robot_file import robot_servo_yaml, robot_yaml
     from armcontour.io.robots.loading import arm_names
     from armcontour.report.identification import render_robot
 
@@ -168,35 +156,8 @@ def _write_robot(found: RobotIdentification, x: IdentifyOptions, name: str, out:
             # Not an error here: what else is known is of use.
             servo = f"but no servo.yaml: {error}"
         folder.write("report.html", render_robot(found))
-        folder.write("summary.json", robot_json(found, [*folder.files, "summary.json"]))
+        folder.write("summary.json", data_json(found.to_data([*folder.files, "summary.json"])))
     return f"Written to {out}: robot.yaml, report.html, {servo}"
-
-
-def _print_robot(found: RobotIdentification, written: str) -> None:
-    """Print a row per joint, the load, and the parameters that are not determined."""
-    console, first = Console(), found.joints[0]
-    inertias = found.armature is None
-    columns = ["kp", "kv", "viscous", "coulomb", *(["armature"] if inertias else [])]
-    console.show_table(
-        [
-            "joint",
-            *(f"{x} [{getattr(first, x).unit}]" for x in columns),
-            "residual [mrad]",
-        ],
-        [
-            [joint.name, *(_cell(getattr(joint, x)) for x in columns), f"{joint.rms * 1e3:.3g}"]
-            for joint in found.joints
-        ],
-        title=f"Robot identified from {found.source}, with half widths of 95 % intervals",
-    )
-    common = ", ".join(
-        f"{x.name.replace('_', ' ')} {_cell(x)} {x.shown[1] if x.unit != '1' else 'of nominal'}"
-        for x in found.common
-    )
-    kept = f" Not determined, so nominal: {', '.join(found.open)}." if found.open else ""
-    console.say(f"Robot: {common}; gravity compensation {found.gravity}.{kept}")
-    if written:
-        console.say(written)
 
 
 def _write_results(
@@ -204,7 +165,8 @@ def _write_results(
 ) -> None:
     """Write the result folder; without servo.yaml if no joint has a model."""
     from armcontour.io import ResultFolder
-    from armcontour.io.servo_file import identification_json, servo_yaml
+    from armcontour.io.json_text import data_json
+    from armcontour.io.servo_file import servo_yaml
     from armcontour.report.identification import render_identification
 
     with ResultFolder(out, force=force) as folder:
@@ -212,76 +174,4 @@ def _write_results(
             folder.write("servo.yaml", servo_yaml(found))
         folder.write("report.html", render_identification(found))
         files = [*folder.files, "summary.json"]
-        folder.write("summary.json", identification_json(found, predictions, files))
-
-
-def _print(
-    found: Identification, predictions: list[Prediction], arm: Arm | None, out: FilePath | None
-) -> None:
-    """Print the verdict, the result of each joint, and how well it predicts other logs."""
-    from armcontour.identification.results import JOINT_HEADINGS, joint_cells
-
-    console = Console()
-    _print_verdict(console, found, predictions, arm)
-    shown = [x for x in SHOWN if any(x in y.parameters for y in found.joints)]
-    rows = [
-        [*joint_cells(x, ratio), *(_value(getattr(x, y)) for y in shown)]
-        for x, ratio in zip(found.joints, found.judgement.joints, strict=True)
-    ]
-    title = "Errors where not fitted; parameters in parentheses are not determined"
-    console.show_table([*JOINT_HEADINGS, *(SHOWN[x] for x in shown)], rows, title=title)
-    for y in predictions:
-        every = zip(y.log.joint_names, y.tracking_rms, y.rms, y.largest, strict=True)
-        console.show_table(
-            PREDICTED,
-            [[name, *(f"{x * 1e3:.3g}" for x in values)] for name, *values in every],
-            title=f"Prediction of {y.log.source}",
-        )
-    for remark in found.remarks:
-        console.say(remark)
-    if out is not None:
-        servo = "servo.yaml, " if any(x.written for x in found.joints) else ""
-        console.say(f"Written to {out}: {servo}report.html")
-
-
-def _print_verdict(
-    console: Console, found: Identification, predictions: list[Prediction], arm: Arm | None
-) -> None:
-    """Print the errors at the contour, the joints and the tool, and what to do about joints."""
-    judgement, written = found.judgement, [x for x in found.joints if x.written]
-    if written:
-        left = f"{max(x.share for x in written):.0%}"
-        console.say(
-            f"Servo of {len(written)} of {several(len(found.joints), 'joint')}: where not fitted, "
-            f"up to {left} of a joint's tracking error remain, and {judgement.ratio:.0%} of the "
-            "contour error."
-        )
-        if judgement.programs == 1:
-            console.say("Provisional: judged on one program only. Record a second, different one.")
-        elif not judgement.trusted:
-            console.say(found.servo_model().doubt)
-    if arm is not None:
-        for y in predictions or [found.predict(x) for x in found.logs]:
-            off = y.tool_errors(arm)
-            rms = float(np.sqrt(np.mean(off**2)))
-            console.say(f"At the tool in {y.log.source}: {mm(rms)} RMS, {mm(off.max())} at most.")
-    for note in dict.fromkeys(x.note for x in found.joints if x.note):
-        console.say(note)
-
-
-def _cell(x: Estimate) -> str:
-    """Value of an estimate and half the width of its 95 % interval."""
-    scale = x.shown[0]
-    if not math.isfinite(x.value):
-        return ""
-    value, reach = f"{x.value * scale:.4g}", (x.high - x.low) / 2 * scale
-    return f"{value} ±{digits(reach, 2)}" if math.isfinite(reach) else value
-
-
-def _value(x: Estimate) -> str:
-    """Value of an estimate, in parentheses if it is not determined; times with their unit."""
-    if not math.isfinite(x.value):
-        return ""
-    scale, unit = x.shown
-    text = f"{x.value * scale:.3g}{' ms' if unit == 'ms' else ''}"
-    return text if x.determined else f"({text})"
+        folder.write("summary.json", data_json(found.to_data(predictions, files)))

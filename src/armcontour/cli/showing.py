@@ -58,14 +58,16 @@ def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -
     Raises:
         InvalidInput: The drawing cannot be read.
     """
-    from armcontour.cli.opening import read_patch
+    from armcontour.cli.opening import name_options, read_patch
     from armcontour.io.drawings.options import ReadOptions
     from armcontour.io.drawings.read import read_path
     from armcontour.io.keys import Keys, read_keys
 
-    patch, _ = read_patch(drawing)
+    patch, options = read_patch(drawing)
     data = {str(key): value for (_, key), value in patch.items()}
-    return read_path(file, read_keys(Keys(ReadOptions), data, "path"), progress=progress)
+    with name_options({key.removeprefix("path."): option for key, option in options.items()}):
+        reading = read_keys(Keys(ReadOptions), data, file.name)
+    return read_path(file, reading, progress=progress)
 
 
 def _describe(program: Program) -> dict[str, Any]:

@@ -185,11 +185,7 @@ def _reader(hint: Any, field: _Field) -> Reader | None:
     if origin in (dict, Mapping):
         return _read_mapping(parts[1], field)
     if kinds and (Mapping not in kinds or hint is Mapping):
-        return lambda value: (
-            value
-            if isinstance(value, kinds)
-            else _checks.refuse_other(field.user, value, *kinds, role=field.role)
-        )
+        return _read_kinds(kinds, field)
     if origin is Annotated:
         return _read_annotated(parts[0], parts[1:], field)
     if origin in (Union, UnionType):
@@ -205,6 +201,15 @@ def _reader(hint: Any, field: _Field) -> Reader | None:
     if hint is float:
         return _read_numbers(hint, None, SINGLE, field)
     return _read_whole(AtLeast(None), field.who) if hint is int else None
+
+
+def _read_kinds(kinds: tuple[type, ...], field: _Field) -> Reader:
+    """The reader of objects of some classes."""
+    return lambda value: (
+        value
+        if isinstance(value, kinds)
+        else _checks.refuse_other(field.user, value, *kinds, role=field.role)
+    )
 
 
 def _read_annotated(of: Any, marks: tuple[Any, ...], field: _Field) -> Reader | None:
@@ -254,7 +259,8 @@ def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
     texts = [x for x in parts if x is str or _is_text(x)]
     others = [x for x in parts if x not in (*texts, bool, type(None))]
     if len(texts) > 1 or len(others) > 1:
-        return None
+        kinds = [_checks.kinds_of(x) for x in parts]
+        return _read_kinds(sum(kinds, ()), field) if all(kinds) else None
     passing: tuple[type, ...] = (type(None),) if type(None) in parts else ()
     passing += (bool, np.bool_) if bool in parts else ()
     text, other = (_reader(x[0], field) if x else None for x in (texts, others))

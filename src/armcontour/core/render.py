@@ -88,6 +88,22 @@ def number_range(values: Iterable[float], unit: str = "") -> str:
     return " ".join(filter(None, high if low == high else (start, "to", *high)))
 
 
+def spread(value: float, low: float, high: float, unit: str = "") -> str:
+    """The ends of an interval around a value, as in "(24.2 to 25.0)"; empty if one is infinite.
+
+    Args:
+        value: The value, in SI units, whose unit is left out at the ends.
+        low: The lower end.
+        high: The upper end.
+        unit: Its SI unit.
+    """
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return ""
+    shown = split(value, unit)[1]
+    ends = ((split(x, unit), number(x, unit)) for x in (low, high))
+    return f"({' to '.join(x if y == shown else z for (x, y), z in ends)})"
+
+
 def figure(row: Row) -> str:
     """The figure of a row, with its unit."""
     return number(row.figure, row.unit)
@@ -136,8 +152,15 @@ def verdict(data: Data) -> str:
 def cells(table: Table) -> list[tuple[str, ...]]:
     """A table as rows of text, the header first; columns without a label are left out."""
     columns = [(k, x) for k, x in enumerate(table.columns) if x.label]
-    rows = [tuple(figure(replace(x, value=row[k])) for k, x in columns) for row in table.rows]
+    rows = [tuple(_cell(x, row[k]) for k, x in columns) for row in table.rows]
     return [tuple(x.label for _, x in columns), *rows]
+
+
+def _cell(column: Row, value: Any) -> str:
+    """A value of a table, with its unit and note."""
+    if not isinstance(value, Row):
+        return figure(replace(column, value=value))
+    return " ".join(filter(None, [figure(value), value.note]))
 
 
 def compare(
@@ -156,7 +179,9 @@ def compare(
         }
         for name, data in results.items()
     }
-    labels = list(dict.fromkeys(label for row in rows.values() for label in row))
+    # In the order of the result that has most of them.
+    longest = sorted(rows.values(), key=len, reverse=True)
+    labels = list(dict.fromkeys(label for row in longest for label in row))
     found = [(name, *(row.get(x, "-") for x in labels)) for name, row in rows.items()]
     return [("run", *labels), *found]
 

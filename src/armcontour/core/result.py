@@ -64,7 +64,8 @@ class Table:
     Args:
         name: Its key in JSON, and its caption.
         columns: Name, unit and label of each column, as rows without values; names as in `Row`.
-        rows: The values, in the order of the columns.
+        rows: The values, in the order of the columns; a value that is a `Row` has its own unit and
+            note.
         level: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
     """
 
@@ -80,7 +81,18 @@ class Table:
             most: Number of rows at most; None for all.
         """
         names = [x.name for x in self.columns]
-        return [nest(zip(names, x, strict=True)) for x in self.rows[:most]]
+        values = ([y.value if isinstance(y, Row) else y for y in x] for x in self.rows[:most])
+        return [nest(zip(names, x, strict=True)) for x in values]
+
+    @staticmethod
+    def of_rows(name: str, rows: Sequence[Sequence[Row]]) -> Table:
+        """Rows of the same figures, each with its own unit and note; shown if there are any.
+
+        Args:
+            name: As in `Table`.
+            rows: The figures, row by row.
+        """
+        return Table(name, tuple(rows[0]) if rows else (), rows, TABLE if rows else FILE)
 
     @staticmethod
     def of(name: str, results: Sequence[Data], level: int = TABLE) -> Table:

@@ -5,7 +5,7 @@ The check shares only geometry and arms with the planners.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Annotated, Any, Protocol, cast
@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._describing import clock, line_up, mm
 from armcontour._quantities import AngularRate, AtLeast, NotNegative, Quantity, Seed, Tolerance
 from armcontour._sampling import (
     LARGEST,
@@ -30,6 +29,8 @@ from armcontour.arms import Arm, Limits, SerialArm, resolve_limits
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.core.fields import checked
+from armcontour.core.render import Result, number
+from armcontour.core.result import VERDICT, Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.checking_samples import Log, judge_samples
 from armcontour.evaluation.contour_windows import find_windows
@@ -81,7 +82,7 @@ class PathDeviation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Check:
+class Check(Result):
     """The result of a check.
 
     Args:
@@ -115,20 +116,50 @@ class Check:
         most = "" if worst is None else f", {worst.name} used by {worst.certain:.6g} at most"
         return f"Check({self.verdict}, {len(self.uses)} limits{most})"
 
-    def __str__(self) -> str:
-        """The verdict, and the limits with the largest uses."""
-        times = f"{self.states} times from {clock(self.start)} to {clock(self.end)} s"
-        title = f"Check: {self.verdict}, {times}"
-        header = ("limit", "share", "value", "of", "at", "joint", "verdict")
-        uses = sorted(self.uses, key=lambda x: -x.certain)
-        rows = [header, *(x.cells for x in uses)] if uses else []
-        far = self.path_deviation
-        ends = [
-            "" if far is None else f"off the path by at most {mm(far.distance)}",
-            f"not judged: {', '.join(self.not_judged)}" if self.not_judged else "",
-        ]
-        said = "; ".join(filter(None, ends))
-        return line_up(f"{title}; {said}" if said else title, rows, columns=">>>>><")
+    def to_data(self) -> Data:
+        """The verdict, the distance from the path, and the use of every limit."""
+        worst, far = self.worst, self.path_deviation
+        most = "" if worst is None else f"{worst.name} used by {number(worst.ratio, '1')}"
+        distance = [Row("path_deviation", None)]
+        if far is not None:
+            place = f"at t = {number(far.t, 's')}, s = {number(far.s, 'm')}"
+            distance = [
+                Row("path_deviation.distance", far.distance, "m", "distance from path", place),
+                *(Row("path_deviation.t", far.t, "s"), Row("path_deviation.s", far.s, "m")),
+            ]
+        times = f"from {number(self.start, 's')} to {number(self.end, 's')}"
+        return Data(
+            "Check",
+            (
+                Row("kept", {KEPT: True, VIOLATED: False}.get(self.verdict)),
+                Row("verdict", self.verdict, "", "verdict", most, VERDICT),
+                Row("worst", None if worst is None else worst.name),
+                *distance,
+                Row("states", self.states, "", "times", times),
+                *(Row(x, getattr(self, x), "s") for x in ("start", "end")),
+                Row("end_speeds", self.end_speeds, "rad/s"),
+                *(Row(x, getattr(self, x)) for x in ("tolerance", "rounding")),
+                *(Row(x, getattr(self, x)) for x in ("not_judged", "reconstruction")),
+            ),
+            (Table.of_rows("limits", [x.to_data().rows for x in self.uses]),),
+            notes=tuple(self._notes()),
+        )
+
+    def _notes(self) -> Iterator[str]:
+        """Sentences on verdicts that are open, and on what was not judged."""
+        names = ", ".join(x.name for x in self.uses if x.verdict == CANNOT_TELL)
+        if names:
+            yield (
+                f"Cannot tell: {names}. The printed numbers exceed the limit, but the cause may be "
+                "their rounding, or a reversal between two samples: print more digits, add columns "
+                "of velocities and accelerations, or sample more often."
+            )
+        yield self.reconstruction
+        if self.not_judged:
+            names = ", ".join(self.not_judged)
+            yield f"Not judged, since a limit or the necessary samples are missing: {names}."
+        if "path_jerk" in self.not_judged:
+            yield "Jerk along the path is judged of plans only: samples have no arc length."
 
     @property
     def worst(self) -> LimitUse | None:

@@ -134,8 +134,8 @@ class Evaluation(Result, Checked):
             )
         turned = self.orientation_error
         return (
-            Row("duration", self.duration, "s", "motion", level=FIRST),
-            Row("settled", self.settled, "s", "at rest after"),
+            duration_row(self.duration),
+            settled_row(self.settled),
             Row("until", self.until, "s"),
             *error_rows("contour_error", "contour error", self.contour_error, FIRST, FIRST),
             *error_rows("missed", "path missed", self.missed),
@@ -151,7 +151,6 @@ class Evaluation(Result, Checked):
     @property
     def _motion(self) -> tuple[Row, ...]:
         """Speeds and use of limits."""
-        long = [f"joint {j + 1} {number(x, '1')}" for j, x in enumerate(self.saturated) if x > 0]
         uses, largest = self.limit_ratios, ""
         if uses:
             largest = max(uses, key=lambda x: uses[x]).replace("_", " ")
@@ -163,11 +162,11 @@ class Evaluation(Result, Checked):
             Row("utilisation", self.utilisation, "1", "some joint at a limit", "of the motion"),
             Row("limit_ratios", self.limit_ratios, "1", "limit use, planned", largest),
             Row("demand", self.demand, "rad/s^2"),
-            _of_joints("demand_ratio", self.demand_ratio, "1", "joint demand"),
+            demand_row(self.demand_ratio),
             Row("jerk", self.jerk, "rad/s^3"),
             _of_joints("jerk_ratio", self.jerk_ratio, "1", "joint jerk"),
             Row("command_jerk", self.command_jerk, "rad/s^3"),
-            Row("saturated", self.saturated, "1", "saturated", ", ".join(long) or "no joint"),
+            saturated_row(self.saturated),
         )
 
     @property
@@ -199,6 +198,27 @@ class Evaluation(Result, Checked):
             "contour_error": error.values.copy(),
             "tracking_error": np.where(np.isfinite(error.values), late, np.nan),
         }
+
+
+def duration_row(duration: float) -> Row:
+    """The duration of a plan [s]."""
+    return Row("duration", duration, "s", "motion", level=FIRST)
+
+
+def settled_row(settled: float) -> Row:
+    """The time after which the tool stays at rest [s]."""
+    return Row("settled", settled, "s", "at rest after")
+
+
+def demand_row(shares: FloatArray) -> Row:
+    """The largest share of its acceleration limit that each joint would have needed, (dof,)."""
+    return _of_joints("demand_ratio", shares, "1", "joint demand")
+
+
+def saturated_row(shares: FloatArray) -> Row:
+    """The share of the time for which each joint is saturated, (dof,)."""
+    joints = [f"joint {j + 1} {number(x, '1')}" for j, x in enumerate(shares) if x > 0]
+    return Row("saturated", shares, "1", "saturated", ", ".join(joints) or "no joint")
 
 
 def _of_joints(name: str, shares: FloatArray, unit: str, label: str) -> Row:
@@ -311,18 +331,28 @@ def evaluate(
 
 def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[str, Any]:
     """Fields of `Evaluation` about the demands of the joints; `end` is that of the errors [s]."""
-    low, high = limits.acceleration_bounds(executed.arm.dof)
-    lowest, highest = executed.demand_range
-    time = max(end, float(executed.t[-1])) - float(executed.t[0])
     jerk = executed_jerk(executed)
     return {
         "demand": executed.peak_demand,
-        "demand_ratio": np.maximum(lowest / low, highest / high),
+        "demand_ratio": demand_ratio(executed, limits),
         "jerk": jerk,
         "jerk_ratio": jerk / or_unlimited(limits.joint_jerk, executed.arm.dof),
         "command_jerk": commanded_jerk(executed.taught),
-        "saturated": executed.saturated_time / time,
+        "saturated": saturated_shares(executed, end),
     }
+
+
+def demand_ratio(executed: Execution, limits: Limits) -> FloatArray:
+    """Largest share of its acceleration limit that each joint would have needed, (dof,)."""
+    low, high = limits.acceleration_bounds(executed.arm.dof)
+    lowest, highest = executed.demand_range
+    return np.asarray(np.maximum(lowest / low, highest / high))
+
+
+def saturated_shares(executed: Execution, end: float) -> FloatArray:
+    """Share of the time for which each joint is saturated, (dof,); `end` is that of the errors."""
+    time = max(end, float(executed.t[-1])) - float(executed.t[0])
+    return np.asarray(executed.saturated_time / time)
 
 
 def _join_known(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:

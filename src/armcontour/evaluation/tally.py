@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour._checks import BoolArray, FloatArray
-from armcontour._describing import clock
 from armcontour.arms import Arm, Limits, SerialArm
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.arms.limits import by_direction
+from armcontour.core.render import Result, number
+from armcontour.core.result import Data, Row
 from armcontour.errors import InvalidInput
 from armcontour.evaluation.error_profile import least_off
 from armcontour.geometry import Path
@@ -42,9 +43,12 @@ VERDICTS = KEPT, CANNOT_TELL, VIOLATED = ("kept", "cannot tell", "violated")
 # the limit: a plan that uses a limit in full exceeds the limit by a last digit once it is printed.
 UNSEEN = 1e-3
 
-# Units of the limits by their names; from this share on a use has an exponent.
-UNITS = LIMIT_UNITS | {"path_deviation": "m", "orientation_deviation": "rad"}
-MOST_PLAIN = 1e4
+# Units of the limits by their names.
+UNITS = LIMIT_UNITS | {
+    **{"path_deviation": "m", "path_missed": "m", "orientation_deviation": "rad"},
+    **{"position_step": "rad", "velocity_step": "rad/s", "acceleration_step": "rad/s²"},
+    **{"tool_acceleration_step": "m/s²", "path_acceleration_step": "m/s²"},
+}
 
 # A quantity of the motion: a function of q, of q and dq, or of q, dq and ddq.
 Quantity = Callable[..., FloatArray]
@@ -89,9 +93,29 @@ class Occurrence:
     slack: float
     certain: float
 
+    def rows(self, unit: str) -> tuple[Row, ...]:
+        """Its figures; joints are counted from 1.
+
+        Args:
+            unit: Unit of the limit.
+        """
+        joint = None if self.joint is None else self.joint + 1
+        return (
+            Row("ratio", self.ratio, "1", "share"),
+            Row("value", self.value, unit, "value"),
+            Row("limit", self.limit, unit, "of"),
+            Row("t", self.t, "s", "at"),
+            Row("joint", joint, "", "joint"),
+            *(
+                Row("certain", self.certain, "1"),
+                Row("slack", self.slack, "1"),
+                Row("s", self.s, "m"),
+            ),
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LimitUse(Occurrence):
+class LimitUse(Result, Occurrence):
     """The largest certain use of one limit.
 
     Args:
@@ -113,24 +137,21 @@ class LimitUse(Occurrence):
         """Unit of value and limit."""
         return UNITS.get(self.name, "")
 
-    @property
-    def cells(self) -> tuple[str, ...]:
-        """Name, share, value, limit, time, joint and verdict as text, for tables."""
-        return (
-            self.name.replace("_", " "),
-            f"{self.ratio:.4f}" if self.ratio < MOST_PLAIN else f"{self.ratio:.4g}",
-            f"{self.value:.5g}",
-            f"{self.limit:.5g} {self.unit}" if np.isfinite(self.limit) else "none",
-            f"{clock(self.t)} s",
-            "" if self.joint is None else str(self.joint + 1),
-            self.verdict,
-        )
-
-    def __str__(self) -> str:
+    def to_data(self) -> Data:
         """How much of the limit is used, when and by which joint."""
-        name, share, value, limit, t, joint, verdict = self.cells
-        which = f" of joint {joint}" if joint else ""
-        return f"{name}{which}: {share} of the limit, {value} of {limit} at t = {t}, {verdict}"
+        highest = self.highest.rows(self.unit)
+        printed = f"as printed {number(self.highest.ratio, '1')}"
+        return Data(
+            f"Use of {self.name}",
+            (
+                Row("name", self.name, "", "limit"),
+                *self.rows(self.unit),
+                Row(
+                    "verdict", self.verdict, "", "verdict", printed * (self.verdict == CANNOT_TELL)
+                ),
+                *(replace(x, label="") for x in Data("", highest).under("highest")),
+            ),
+        )
 
 
 def judge_use(certain: float, highest: float, tolerance: float) -> str:

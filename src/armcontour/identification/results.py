@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,9 +11,12 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
-from armcontour._describing import brief, digits, line_up
+from armcontour._describing import brief, several
+from armcontour._version import __version__
 from armcontour.arms import Arm
 from armcontour.core.fields import Checked, checked
+from armcontour.core.render import Result, number, plain, spread
+from armcontour.core.result import VERDICT, Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.identification.fitting import predict, split_logs
 from armcontour.identification.residuals import fastest_motion
@@ -31,16 +35,14 @@ UNITS = {
     "friction": "rad",
     "acceleration_limit": "rad/s²",
 }
+# Condition of the errors by which a servo is judged, and the largest trusted one.
+UNFITTED = f"where the servo was not fitted, trusted up to {number(TRUSTED, '1')}"
 # Digits of the numbers in a servo file.
 DIGITS = 6
 
 
-# Columns of tables of joints: errors where the model was not fitted come first.
-JOINT_HEADINGS = ("joint", "of tracking", "of contour", "error [mrad]", "largest [mrad]", "model")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
+class Estimate(Result):
     """The estimate of one parameter.
 
     Args:
@@ -62,23 +64,44 @@ class Estimate:
     determined: bool = False
 
     @property
-    def shown(self) -> tuple[float, str]:
-        """The factor and the unit with which it is shown: times in ms."""
-        return (1e3, "ms") if self.unit == "s" else (1.0, self.unit)
+    def label(self) -> str:
+        """Name of the parameter for people."""
+        return self.name.replace("_", " ")
+
+    def to_data(self) -> Data:
+        """Value, standard deviation and interval."""
+        ends = (("value", "value"), ("sd", "sd"), ("low", "from"), ("high", "to"))
+        return Data(
+            f"Estimate of {self.label}",
+            (
+                Row("name", self.name, "", "parameter"),
+                Row("unit", self.unit),
+                *(Row(x, getattr(self, x), self.unit, label) for x, label in ends),
+                Row("determined", self.determined, "", "determined"),
+            ),
+        )
 
     @property
-    def words(self) -> str:
-        """Value, standard deviation and unit as text; times in ms."""
-        if math.isnan(self.value):
-            return "not found"
-        scale, unit = self.shown
-        sd = f" ±{digits(self.sd * scale, 2)}" if math.isfinite(self.sd) else ""
-        sure = "" if self.determined else " (open)"
-        return f"{digits(self.value * scale, 5)}{sd}{f' {unit}' if unit else ''}{sure}"
+    def row(self) -> Row:
+        """The value with its 95 % interval, as one figure."""
+        note = spread(self.value, self.low, self.high, self.unit)
+        if not (self.determined or math.isnan(self.value)):
+            note = f"{note} open".strip()
+        return Row(self.name, self.value, self.unit, self.label, note)
+
+
+def estimate_table(name: str, estimates: Sequence[Estimate]) -> Table:
+    """A table with a row for every estimate.
+
+    Args:
+        name: Name of the table.
+        estimates: The estimates.
+    """
+    return Table.of_rows(name, [x.to_data().rows for x in estimates])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointIdentification(Checked):
+class JointIdentification(Result, Checked):
     """The identified servo of one joint.
 
     Args:
@@ -121,21 +144,31 @@ class JointIdentification(Checked):
     saturation: str = ""
     rests: tuple[FloatArray, ...] = ()
 
-    def __str__(self) -> str:
-        """The estimates and the error on parts that were not fitted."""
-        return line_up(
-            f"Servo of {self.name}, order {self.order}",
-            [
-                *([("parameters", "effective")] if self.effective else []),
-                *((x.name.replace("_", " "), x.words) for x in self.estimates),
-                (
-                    "error where not fitted",
-                    f"{self.share:.1%} of the tracking error, {self.unseen_rms * 1e3:.3g} mrad RMS",
-                ),
-                ("it grows", self.growth),
-                *((x, y) for x in ("saturation", "note") if (y := getattr(self, x))),
-            ],
+    def to_data(self) -> Data:
+        """The errors on parts that were not fitted, and the estimates."""
+        weak = "weak" if self.written and self.note else ""
+        words = (weak, "effective" * self.effective, "" if self.written else self._replacement)
+        notes = (self.growth, self.saturation, self.note)
+        return Data(
+            f"Servo of {self.name}",
+            (
+                Row("name", self.name, "", "joint"),
+                Row("share", self.share, "1", "of tracking"),
+                Row("unseen_rms", self.unseen_rms, "rad", "error, RMS"),
+                Row("unexplained", self.unexplained, "rad", "largest"),
+                Row("order", self.order, "", "model", ", ".join(filter(None, words))),
+                *(Row(x, getattr(self, x), "rad") for x in ("tracking_rms", "rms", "largest")),
+                *(Row(x, getattr(self, x)) for x in ("determined", "effective", "written")),
+                *(Row(x, getattr(self, x)) for x in ("scaling", "noise", "note", "saturation")),
+            ),
+            (estimate_table("parameters", self.estimates),),
+            notes=tuple(filter(None, notes)),
         )
+
+    @property
+    def _replacement(self) -> str:
+        """What is written of a joint without a model."""
+        return "delay only" if self.servo.dead_time else ""
 
     __repr__ = brief
 
@@ -153,11 +186,14 @@ class JointIdentification(Checked):
 
     @property
     def growth(self) -> str:
-        """How the error grows with the motion, as text; empty without a model."""
+        """How the error grows with the motion, as a sentence; empty without a model."""
         if not np.isfinite(self.scaling).all():
             return ""
-        rest, rate, bend = (f"{x * 1e3:.2g} mrad" for x in self.scaling)
-        return f"{rest} at rest, {rate} per rad/s, {bend} per rad/s² (RMS, squares add)"
+        rest, rate, bend = (number(x, "rad") for x in self.scaling)
+        return (
+            f"Error where not fitted: {rest} at rest, {rate} per rad/s, {bend} per rad/s² (RMS, "
+            "squares add)."
+        )
 
     @property
     def written(self) -> bool:
@@ -168,19 +204,6 @@ class JointIdentification(Checked):
     def determined(self) -> bool:
         """Whether the logs determine all parameters of the model."""
         return bool(self.parameters) and all(x.determined for x in self.estimates)
-
-
-def joint_cells(x: JointIdentification, ratio: float) -> list[str]:
-    """Cells of a row of JOINT_HEADINGS.
-
-    Args:
-        x: The joint.
-        ratio: Its deviation from the contour with compensation over that without it.
-    """
-    model = x.order if x.written else "delay only" if x.servo.dead_time else "none"
-    errors = [f"{x.share:.1%}", f"{ratio:.1%}", f"{x.unseen_rms * 1e3:.3g}"] if x.parameters else []
-    cells = [x.name, *(errors or ["", "", ""]), f"{x.unexplained * 1e3:.3g}"]
-    return [*cells, "weak: " * bool(x.written and x.note) + model]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -214,7 +237,7 @@ class Judgement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Identification:
+class Identification(Result):
     """The identified servos of all joints.
 
     Args:
@@ -231,14 +254,60 @@ class Identification:
     joints: tuple[JointIdentification, ...] = field(repr=False)
     judgement: Judgement
 
-    def __str__(self) -> str:
-        """A row for every joint."""
-        rows = [[*JOINT_HEADINGS, "parameters"]]
-        for x, ratio in zip(self.joints, self.judgement.joints, strict=True):
-            words = ", ".join(f"{y.name.replace('_', ' ')} {y.words}" for y in x.estimates)
-            words = "effective " * x.effective + words
-            rows.append([*joint_cells(x, ratio), words])
-        return line_up(f"Servo identified from {self.source}, errors where not fitted", rows)
+    def to_data(self, predictions: Sequence[Prediction] = (), files: Sequence[str] = ()) -> Data:
+        """Whether the servo can be trusted, then every joint and its parameters.
+
+        Args:
+            predictions: Predictions of other logs.
+            files: The files of the result, relative to its folder.
+        """
+        said, shown = (
+            self.judgement,
+            [x for x in UNITS if any(x in y.parameters for y in self.joints)],
+        )
+        joints = [x.to_data() for x in self.joints]
+        rows = [
+            (
+                *x.rows[:2],
+                Row("contour_ratio", ratio, "1", "of contour"),
+                *x.rows[2:],
+                Row("parameters", x.tables[0].as_dicts()),
+            )
+            for x, ratio in zip(joints, said.joints, strict=True)
+        ]
+        parameters = [
+            (Row("joint", x.name, "", "joint"), *(getattr(x, name).row for name in shown))
+            for x in self.joints
+            if x.parameters
+        ]
+        count = f"{sum(x.written for x in self.joints)} of {several(len(self.joints), 'joint')}"
+        doubt = "" if said.trusted else "compensation may be worse than none"
+        single = said.programs == 1
+        sole = "judged on one program only, provisional: record a different one" * single
+        results = (("predictions", [plain(x.to_data()) for x in predictions]), ("files", files))
+        return Data(
+            f"Servo of {count} identified from {self.source}",
+            (
+                Row("judgement.trusted", said.trusted, "", "trusted", doubt, VERDICT),
+                Row("judgement.ratio", said.ratio, "1", "contour error left", UNFITTED, VERDICT),
+                Row("judgement.programs", said.programs, "", "programs", sole, VERDICT),
+                Row("judgement.errors", said.errors),
+                Row("version", __version__),
+                Row("logs", [x.source for x in self.logs]),
+                Row("samples", sum(len(x.t) for x in self.logs)),
+                Row("interpolation", self.interpolation),
+                Row("cycle", self.cycle, "s"),
+                Row("determined", self.determined),
+                *(Row(name, list(x)) for name, x in results if x),
+            ),
+            (Table.of_rows("joints", rows), Table.of_rows("parameters", parameters)),
+            notes=tuple(self._notes()),
+        )
+
+    def _notes(self) -> Iterator[str]:
+        """Sentences on joints and on parameters."""
+        yield from dict.fromkeys(x.note for x in self.joints if x.note)
+        yield from self.remarks
 
     __repr__ = brief
 
@@ -332,7 +401,7 @@ def round_up(value: float) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prediction:
+class Prediction(Result):
     """Motion of an identified servo under the commands of a log.
 
     Args:
@@ -388,13 +457,29 @@ class Prediction:
         off = arm.tool_position(self.log.measured) - arm.tool_position(self.positions)
         return np.where(self.used.all(axis=1), np.linalg.norm(off, axis=1), 0.0)
 
-    def __str__(self) -> str:
-        """A row for every joint."""
-        rows = [["joint", "tracking error", "predicted to", "at most"]]
-        for j, name in enumerate(self.log.joint_names):
-            values = (self.tracking_rms[j], self.rms[j], self.largest[j])
-            rows.append([name, *(f"{x * 1e3:.3g} mrad" for x in values)])
-        return line_up(f"Prediction of {self.log.source}", rows)
+    def to_data(self, arm: Arm | None = None) -> Data:
+        """The errors of all joints; the largest are shown.
+
+        Args:
+            arm: The arm, which gives errors at its tool.
+        """
+
+        def of_joints(name: str, label: str) -> Row:
+            values = getattr(self, name)
+            return Row(name, values, "rad", label, self.log.joint_names[int(values.argmax())])
+
+        rows = [
+            Row("log", self.log.source),
+            of_joints("tracking_rms", "tracking error, RMS"),
+            of_joints("rms", "predicted to, RMS"),
+            of_joints("largest", "predicted to, largest"),
+        ]
+        if arm is not None:
+            off = self.tool_errors(arm)
+            rms = float(np.sqrt(np.mean(off**2)))
+            rows.append(Row("tool.rms", rms, "m", "at the tool, RMS"))
+            rows.append(Row("tool.largest", float(off.max()), "m", "at the tool, largest"))
+        return Data(f"Prediction of {self.log.source}", tuple(rows))
 
     __repr__ = brief
 

@@ -1,4 +1,4 @@
-"""Write an identified robot: an arm file, its servo as keys of a job file, and JSON."""
+"""Write an identified robot: an arm file, and its servo as keys of a job file."""
 
 from __future__ import annotations
 
@@ -16,12 +16,8 @@ from armcontour._yaml import load
 from armcontour.core.render import jsonable
 from armcontour.errors import InvalidInput
 from armcontour.identification import Estimate, RobotIdentification
-from armcontour.io.json_text import to_json
 from armcontour.io.keys import Keys, read_keys
-from armcontour.io.servo_file import OF_PARAMETER
 from armcontour.servo import ServoModel
-
-OF_JOINT = "rms explained".split()
 
 
 def robot_yaml(found: RobotIdentification, arm: str | Mapping[str, str], folder: FilePath) -> str:
@@ -84,38 +80,6 @@ def robot_servo_yaml(found: RobotIdentification) -> str:
     return "\n".join(lines) + "\n"
 
 
-def robot_json(found: RobotIdentification, files: Sequence[str] = ()) -> str:
-    """All results of an identification as JSON, without the samples of the logs.
-
-    Args:
-        found: The identification.
-        files: The files of the result, relative to its folder.
-    """
-    page: dict[str, Any] = {
-        "version": __version__,
-        "logs": [x.log.source for x in found.fitted],
-        "samples": sum(len(x.t) for x in found.fitted),
-        "arm": found.nominal.name,
-        "interpolation": found.interpolation,
-        "gravity_feedforward": found.gravity,
-        "determined": found.determined,
-        "not_determined": list(found.open),
-        "robot": [_plain(x) for x in found.common],
-        "joints": [
-            {
-                "name": joint.name,
-                "parameters": [_plain(x) for x in joint.estimates],
-                **{x: getattr(joint, x) for x in OF_JOINT},
-            }
-            for joint in found.joints
-        ],
-        "notes": list(found.notes),
-    }
-    if files:
-        page["files"] = list(files)
-    return to_json(page)
-
-
 def read_servo(file: FilePath, dof: int) -> ServoModel:
     """The key `servo` of a YAML file, such as a job file or an identified servo.yaml.
 
@@ -155,10 +119,6 @@ def _quantity(values: Any, unit: str, estimates: Sequence[Estimate]) -> dict[str
     if not estimates:
         source = "nominal"
     return {"value": rounded, "unit": unit, "source": source}
-
-
-def _plain(x: Estimate) -> dict[str, Any]:
-    return {name: getattr(x, name) for name in OF_PARAMETER}
 
 
 def _list(values: Any) -> str:

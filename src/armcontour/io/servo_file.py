@@ -1,28 +1,15 @@
-"""Write identified servo parameters as the key `servo` of a job file, and as JSON."""
+"""Write identified servo parameters as the key `servo` of a job file."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 from armcontour._version import __version__
-from armcontour.identification import (
-    Estimate,
-    Identification,
-    JointIdentification,
-    Prediction,
-)
-from armcontour.io.json_text import to_json
+from armcontour.core.render import number, spread
+from armcontour.identification import Estimate, Identification, JointIdentification
 from armcontour.servo import ServoModel
 
-# Attributes of an estimate, of a joint and of a prediction in the JSON file.
-OF_PARAMETER = "name unit value sd low high determined".split()
-OF_JOINT = (
-    "determined effective tracking_rms rms largest unseen_rms share unexplained scaling noise "
-    "written note saturation"
-).split()
-OF_PREDICTION = "tracking_rms rms largest".split()
 # Parameters with one value per joint in a servo file, with their units.
 LISTS = {
     "kp": "1/s",
@@ -76,48 +63,6 @@ def servo_lines(servo: ServoModel, dof: int) -> list[str]:
     return [*lines, f"  interpolation: {servo.interpolation}"]
 
 
-def identification_json(
-    found: Identification, predictions: Sequence[Prediction] = (), files: Sequence[str] = ()
-) -> str:
-    """All results of an identification as JSON, without the samples of the log.
-
-    Args:
-        found: The identification.
-        predictions: Predictions of other logs.
-        files: The files of the result, relative to its folder.
-    """
-    joints = [
-        {
-            **{x: getattr(joint, x) for x in ("name", "order")},
-            "parameters": [{x: getattr(y, x) for x in OF_PARAMETER} for y in joint.estimates],
-            **{x: getattr(joint, x) for x in OF_JOINT},
-            "contour_ratio": ratio,
-        }
-        for joint, ratio in zip(found.joints, found.judgement.joints, strict=True)
-    ]
-    page: dict[str, Any] = {
-        "version": __version__,
-        "logs": [x.source for x in found.logs],
-        "samples": sum(len(x.t) for x in found.logs),
-        "interpolation": found.interpolation,
-        "cycle": found.cycle,
-        "determined": found.determined,
-        "judgement": {x: getattr(found.judgement, x) for x in ("programs", "ratio", "errors")},
-        "joints": joints,
-    }
-    if predictions:
-        page["predictions"] = [
-            {
-                "log": x.log.source,
-                **{name: getattr(x, name).tolist() for name in OF_PREDICTION},
-            }
-            for x in predictions
-        ]
-    if files:
-        page["files"] = list(files)
-    return to_json(page)
-
-
 def _list(values: Any) -> str:
     """Numbers as a list in YAML; `none` is infinity."""
     return "[" + ", ".join("none" if math.isinf(x) else f"{float(x):.6g}" for x in values) + "]"
@@ -129,10 +74,7 @@ def _ranges(joint: JointIdentification) -> str:
 
 
 def _range(x: Estimate) -> str:
-    """An estimate with its range and unit, for a comment."""
-    scale, unit = x.shown
-    name = x.name.replace("_", " ")
+    """An estimate with its range, for a comment."""
     if not x.determined:
-        return f"{name} not determined"
-    ends = f"{x.value * scale:.5g} [{x.low * scale:.5g}, {x.high * scale:.5g}]"
-    return f"{name} {ends} {unit}".rstrip()
+        return f"{x.label} not determined"
+    return f"{x.label} {number(x.value, x.unit)} {spread(x.value, x.low, x.high, x.unit)}".rstrip()

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from armcontour.jobs.job import Job, Rounding, Run
     from armcontour.jobs.place_search import PlaceSearch
     from armcontour.jobs.programs import programs_of
-    from armcontour.jobs.results import ExperimentResult, RunResult, Shaped, Study, warnings_of
+    from armcontour.jobs.results import ExperimentResult, RunResult, ShapingGain, Study, warnings_of
     from armcontour.jobs.study import STEPS, run, steps_of, traced_alike
 else:
     __getattr__, __all__ = lazy_names(
@@ -23,7 +23,7 @@ else:
             "job": "Job Rounding Run",
             "place_search": "PlaceSearch",
             "programs": "programs_of",
-            "results": "ExperimentResult RunResult Shaped Study warnings_of",
+            "results": "ExperimentResult RunResult ShapingGain Study warnings_of",
             "study": "STEPS run steps_of traced_alike",
         },
     )

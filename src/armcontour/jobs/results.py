@@ -14,10 +14,12 @@ from armcontour._text import capitalise
 from armcontour._version import __version__
 from armcontour.arms import Arm
 from armcontour.clearance import Clearance
+from armcontour.core.fields import checked
 from armcontour.core.render import Result, compare, lay_out, number, units
 from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.errors import ExecutionError
 from armcontour.evaluation import Evaluation
+from armcontour.evaluation.evaluation import duration_row
 from armcontour.execution import RigidBodyPlant
 from armcontour.geometry import RoundedPath, ShapedPath, count_full_stops
 from armcontour.geometry.shaped import SHAPED, doubt_search
@@ -45,6 +47,8 @@ from armcontour.timing import Conventional, Explanation, Tracing
 NEAR = 10e-3
 # Begin of the labels of what the simulated rigid bodies give.
 ON_BODIES = "on rigid bodies: "
+# Begin of the names of these figures.
+BODIES = "experiment."
 # Figures of rigid bodies that do not judge, which are shown.
 SHOWN_OF_BODIES = ("experiment.contour_error", "experiment.torque")
 # By default a contour may be off its path by this share of the smallest tolerance of its corners.
@@ -54,7 +58,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Shaped:
+class ShapingGain:
     """What shaping the contours of a program gained, without rapids and dwells between them.
 
     Args:
@@ -69,14 +73,14 @@ class Shaped:
     iterations: int
 
     @staticmethod
-    def of(program: Program) -> Shaped | None:
+    def of(program: Program) -> ShapingGain | None:
         """What shaping gained in a program; None if it has no shaped contour."""
         found = [x.path.outcome for x in program.contours if isinstance(x.path, ShapedPath)]
         if not found:
             return None
         won = [x.start for x in found]
         common = [name for name in found[0].durations if all(name in x.durations for x in found)]
-        return Shaped(
+        return ShapingGain(
             starts={name: won.count(name) for name in dict.fromkeys(won)},
             durations={name: sum(x.durations[name] for x in found) for name in common},
             iterations=max(max(len(x.history) - 1, 0) for x in found),
@@ -316,9 +320,9 @@ class RunResult(Result):
         return all(x.kind != "environment" and x.low > NEAR for x in self.clearance.nearest)
 
     @property
-    def shaped(self) -> Shaped | None:
+    def shaped(self) -> ShapingGain | None:
         """How the shape of all contours was found; None if the run shapes none."""
-        return Shaped.of(self.path)
+        return ShapingGain.of(self.path)
 
     @property
     def shape_note(self) -> str | None:
@@ -388,6 +392,7 @@ class Study:
             "demand": [e and float(e.demand_ratio.max()) for e in judged],
         }
 
+    @checked
     def to_data(
         self, files: Sequence[str] = (), parts: Mapping[str, Data] = MappingProxyType({})
     ) -> Data:
@@ -488,6 +493,28 @@ def run_data(result: RunResult, job: Job | None = None) -> Data:
     )
 
 
+def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[Row, ...]:
+    """Rows of a run, where figures of its evaluation are those that judge it.
+
+    Where rigid bodies judge the run, their figures have the names without "experiment." too.
+
+    Args:
+        result: The run.
+        rows: Its rows; by default those that take no computing time, for batches.
+    """
+    if rows is None:
+        rows = [*_plan(result, None), *_set_points(result)]
+        if result.evaluation is None:
+            rows.append(duration_row(result.trajectory.duration))
+        else:
+            rows += [*_executed(result), *_experiment(result)]
+    named = {x.name: x for x in rows}
+    if result.judge is not result:
+        bodies = [x for x in named.values() if x.name.startswith(BODIES) and x.value is not None]
+        named |= {name: replace(x, name=name) for x in bodies if (name := x.name[len(BODIES) :])}
+    return tuple(named.values())
+
+
 def _verdict(result: RunResult) -> Iterator[Row]:
     """What is off the drawing, whether that is kept, what limits the time, the worst warning."""
     rounding, allowed = result.rounding_error, result.tolerance
@@ -515,7 +542,7 @@ def _executed(result: RunResult) -> Iterator[Row]:
 
 def _planned(result: RunResult) -> Iterator[Row]:
     """Figures of a plan that was not executed."""
-    yield Row("duration", result.trajectory.duration, "s", "motion", level=FIRST)
+    yield duration_row(result.trajectory.duration)
     if result.trajectory.arm is not None:
         yield Row("speed", result.motion.tool_speed.max(), "m/s", "tool speed, largest")
 
@@ -538,7 +565,7 @@ def _experiment(result: RunResult) -> Iterator[Row]:
     limit = result.run.limits.joint_torque
     rows += torque_rows(applied_torques(x.execution), limit, result.arm, "applied")
     for row in rows:
-        row = replace(row, name=f"experiment.{row.name}")
+        row = replace(row, name=f"{BODIES}{row.name}")
         if result.for_bodies:
             yield row
         elif row.label and row.name.startswith(SHOWN_OF_BODIES):

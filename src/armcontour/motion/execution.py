@@ -100,8 +100,8 @@ class Execution(Checked):
         """How every joint moved: ranges, and largest amounts."""
         t, step = self.t, float(self.t[-1] - self.t[0]) / max(len(self.t) - 1, 1)
         title = (
-            f"Execution of {self.arm.name}: t = {t[0]:.4f} to {t[-1]:.4f} s, {len(t)} samples "
-            f"every {number(step, 's')}"
+            f"Execution of {self.arm.name}: t = {number(t[0], 's')} to {number(t[-1], 's')}, "
+            f"{len(t)} samples every {number(step, 's')}"
         )
         header = ["joint", "position [rad]", "velocity [rad/s]"]
         header += ["acceleration [rad/s²]", "saturated"]
@@ -113,7 +113,7 @@ class Execution(Checked):
         for j, name in enumerate(self.arm.joint_names):
             low, high = self.q[:, j].min(), self.q[:, j].max()
             velocity, acceleration, *torque = (f"{np.abs(x[:, j]).max():.4g}" for x in amounts)
-            held = number(float(self.saturated_time[j]), "s")
+            held = number(self.saturated_time[j], "s")
             reach = f"{low:z.4f} to {high:z.4f}"
             rows.append([name, reach, velocity, acceleration, held, *torque])
         return line_up(title, rows, columns=">")
@@ -304,10 +304,8 @@ class LimitCost(Checked):
         """Largest change of a set-point, and the contour error."""
         j = int(np.argmax(self.deviation))
         text = f"up to {number(self.deviation[j], 'rad')} at joint {j + 1}"
-        if self.contour_rms is None or self.contour_max is None:
-            return text
-        rms, most = number(self.contour_rms, "m"), number(self.contour_max, "m")
-        return f"{text}, contour error {rms} RMS, {most} largest"
+        most = self.contour_max
+        return text if most is None else f"{text}, contour error {number(most, 'm')} at most"
 
 
 @_checks.explain_calls
@@ -368,8 +366,8 @@ class TaughtData(Checked):
         first, last = self.start_time, self.start_time + (len(self.q) - 1) * self.period
         return [
             ("compensation", self.method),
-            ("times", f"{first:.4f} to {last:.4f} s"),
-            ("plan", f"{self.trajectory.duration:.4f} s"),
+            ("times", f"{number(first, 's')} to {number(last, 's')}"),
+            ("plan", number(self.trajectory.duration, "s")),
             ("command / limit", self.command_note),
             ("limits change", "" if self.limit_cost is None else str(self.limit_cost)),
             *joint_rows(self.q),

@@ -10,10 +10,11 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._describing import brief, digits, joint_rows, line_up, several
+from armcontour._describing import brief, joint_rows, line_up, several
 from armcontour._quantities import Axes, Choice
 from armcontour._quintics import evaluate, quintic
 from armcontour.core.fields import Checked, checked
+from armcontour.core.render import number
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._joint_path import examine, spline_pieces
@@ -71,7 +72,7 @@ class JointPath(Checked):
         """Length, intervals, stops, and where the joints are at breaks."""
         ends = np.concatenate([self.coefficients[:, 0], self.coefficients[-1:].sum(axis=1)])
         return line_up(
-            f"Joint path: {digits(self.length)} m, {several(self.dof, 'joint')}, "
+            f"Joint path: {number(self.length, 'm')}, {several(self.dof, 'joint')}, "
             f"{several(len(self.breaks) - 1, 'interval')}",
             [
                 ("inner stops", f"{len(self.stops)}"),

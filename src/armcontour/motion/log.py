@@ -97,7 +97,7 @@ class Log(Checked):
         """Where it comes from, its times, and where the joints were."""
         return line_up(
             f"Log of {several(self.dof, 'joint')}: {several(len(self.t), 'sample')}, "
-            f"t = {self.t[0]:.4f} to {self.t[-1]:.4f} s",
+            f"t = {number(self.t[0], 's')} to {number(self.t[-1], 's')}",
             [
                 ("source", self.source),
                 ("usual interval", number(self.interval, "s")),

@@ -14,10 +14,11 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
-from armcontour._describing import brief, count_kinds, digits, draw, line_up, several, to_html
+from armcontour._describing import brief, count_kinds, draw, line_up, several, to_html
 from armcontour._quantities import Interval
 from armcontour.arms import Arm, Limits
 from armcontour.core.fields import Checked, checked
+from armcontour.core.render import number
 from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._laws import Motion, joint_motions, path_motions
@@ -201,10 +202,10 @@ class Trajectory(Checked):
         """Method, duration, length, and what the motion consists of."""
         path, moves = self.path, Counter(x.kind for x in self.spans)
         return line_up(
-            f"Trajectory: {self.duration:.4f} s, {several(self.dof, 'joint')}",
+            f"Trajectory: {number(self.duration, 's')}, {several(self.dof, 'joint')}",
             [
                 ("method", str(self.method)),
-                ("path", "" if path is None else f"{digits(path.length)} m"),
+                ("path", "" if path is None else number(path.length, "m")),
                 ("moves", count_kinds(moves)),
                 ("outputs", count_kinds({"event": len(self.events)})),
                 ("stretches", ", ".join(x.name for x in self.stretches)),

@@ -161,6 +161,7 @@ class Placement(Result):
             Row("places", len(self.verdicts), "", "places", note, VERDICT),
             Row("planned", self.planned),
             Row("refused", self.refusals),
+            Row("refused_places", sum(self.refusals.values())),
             Row("armcontour", __version__),
             Row("job", self.job.name),
             Row("arm", self.job.arm.name),

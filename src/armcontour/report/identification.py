@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from armcontour._describing import digits
-from armcontour.identification import (
-    Estimate,
-    Identification,
-    RobotIdentification,
-)
-from armcontour.identification.results import JOINT_HEADINGS, joint_cells
+from armcontour.core.render import verdict
+from armcontour.core.result import TABLE, Data
+from armcontour.identification import Identification, RobotIdentification
 from armcontour.report.figure import Figure, render_page
+from armcontour.report.section import Table, table_of
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
@@ -24,61 +21,35 @@ from armcontour.report.style import (
     thin,
 )
 
-SYMBOLS = {
-    "kp": "K_p",
-    "kv": "K_v",
-    "ki": "k_i",
-    "dead_time": "dead time",
-    "velocity_feedforward": "velocity feed-forward",
-    "acceleration_feedforward": "acceleration feed-forward",
-    "acceleration_limit": "acceleration limit",
-    "friction": "friction",
-    "viscous": "viscous friction",
-    "coulomb": "Coulomb friction",
-    "payload_mass": "payload, mass",
-    "payload_center_x": "payload, centre along x",
-    "payload_center_y": "payload, centre along y",
-    "payload_center_z": "payload, centre along z",
-    "armature": "inertia of drives",
-}
-
-
 # Time between logs in the figures [s].
 APART = 1.0
 
 
 def render_identification(found: Identification) -> str:
     """Render the report of an identification as one HTML page without other files."""
-    joints = [
-        {
-            "joint": joint,
-            "rows": [_row(x) for x in joint.estimates],
-            "figures": _figures(found, j),
-        }
-        for j, joint in enumerate(found.joints)
-    ]
-    table = [joint_cells(*x) for x in zip(found.joints, found.judgement.joints, strict=True)]
-    return render_page(
-        "identification.html", found=found, joints=joints, headings=JOINT_HEADINGS, table=table
-    )
+    return _render(found, _figures)
 
 
 def render_robot(found: RobotIdentification) -> str:
     """Render the report of the identification of a robot as one HTML page."""
-    joints = [
-        {
-            "joint": joint,
-            "rows": [_row(x) for x in joint.estimates],
-            "figures": _robot_figures(found, j),
-        }
-        for j, joint in enumerate(found.joints)
-    ]
+    return _render(found, _robot_figures)
+
+
+def _render(found: Any, figures: Callable[[Any, int], list[Any]]) -> str:
+    """Render verdict, tables and notes of a result, then those of every joint with figures."""
+    data, joints = found.to_data(), [x.to_data() for x in found.joints]
     return render_page(
-        "robot_identification.html",
-        found=found,
-        rows=[_row(x) for x in found.common],
-        joints=joints,
+        "identification.html",
+        data=data,
+        verdict=verdict(data),
+        tables=_tables(data),
+        joints=[(x, _tables(x), figures(found, j)) for j, x in enumerate(joints)],
     )
+
+
+def _tables(data: Data) -> list[Table]:
+    """The tables of a result."""
+    return [table_of(x, x.name) for x in data.tables if x.level <= TABLE]
 
 
 def _robot_figures(found: RobotIdentification, j: int) -> list[Any]:
@@ -98,26 +69,6 @@ def _robot_figures(found: RobotIdentification, j: int) -> list[Any]:
         figure.update_yaxes(title="[mrad]")
         figures.append(finish(figure, title=f"{name}, {x.log.source}: lag", height=320))
     return figures
-
-
-def _row(x: Estimate) -> tuple[str, ...]:
-    """An estimate as cells of a table."""
-    scale, unit = x.shown
-
-    def shown(value: float) -> str:
-        return f"{value * scale:.5g}" if math.isfinite(value) else "–"
-
-    ends = [shown(x.low), shown(x.high)]
-    if math.isfinite(x.low) != math.isfinite(x.high):
-        ends = [f"above {ends[0]}" if math.isfinite(x.low) else f"below {ends[1]}"]
-    return (
-        SYMBOLS[x.name],
-        shown(x.value),
-        digits(x.sd * scale, 2) if math.isfinite(x.sd) else "–",
-        " to ".join(ends) if any(map(math.isfinite, (x.low, x.high))) else "–",
-        unit,
-        "yes" if x.determined else "no",
-    )
 
 
 def _figures(found: Identification, j: int) -> list[Any]:

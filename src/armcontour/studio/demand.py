@@ -9,7 +9,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import by_direction
-from armcontour.motion import Execution, Trajectory
+from armcontour.motion import Trajectory
 from armcontour.studio.thinning import evenly, thin
 from armcontour.studio.view import short
 
@@ -65,20 +65,3 @@ def demand_shares(ddq: FloatArray, limits: Limits) -> FloatArray:
 
 def _signed_shares(values: FloatArray, bounds: tuple[FloatArray, FloatArray]) -> FloatArray:
     return np.asarray(values / by_direction(values, bounds)[1])
-
-
-def largest_demand(demand_range: FloatArray, limits: Limits) -> list[float]:
-    """Largest share of its acceleration limit that each joint would have needed.
-
-    Args:
-        demand_range: Lowest and highest joint accelerations [rad/s^2], (2, dof).
-        limits: The limits.
-    """
-    found: list[float] = np.abs(demand_shares(demand_range, limits)).max(axis=0).tolist()
-    return found
-
-
-def saturated_joints(execution: Execution) -> list[dict[str, Any]]:
-    """The joints that saturate in an execution, and for how long [s]."""
-    times = zip(execution.arm.joint_names, execution.saturated_time.tolist(), strict=True)
-    return [{"joint": name, "time": time} for name, time in times if time > 0]

@@ -8,8 +8,19 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.core.render import frame
+from armcontour.core.result import FIRST, Data
+from armcontour.evaluation.error_profile import error_rows
+from armcontour.evaluation.evaluation import (
+    demand_ratio,
+    demand_row,
+    saturated_row,
+    saturated_shares,
+    settled_row,
+)
+from armcontour.jobs.run_data import off_drawing
 from armcontour.motion import Execution
-from armcontour.studio.demand import demand_shares, largest_demand, saturated_joints
+from armcontour.studio.demand import demand_shares
 from armcontour.studio.previewed import Executed
 from armcontour.studio.thinning import evenly, thin
 from armcontour.studio.view import View, in_space, short
@@ -26,7 +37,7 @@ def executed_frame(executed: Executed, view: View) -> Frame:
         executed: The execution.
         view: How points get on the screen.
     """
-    planned, execution, errors = executed.planned, executed.execution, executed.errors
+    planned, execution = executed.planned, executed.execution
     which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in executed.pieces])
     base = np.concatenate([x.on_path for x in executed.pieces])
     tool = np.concatenate([x.tool for x in executed.pieces])
@@ -42,11 +53,7 @@ def executed_frame(executed: Executed, view: View) -> Frame:
     at = which[kept]
     header = {
         "run": planned.run.name,
-        "rms": errors.rms,
-        "max": errors.max,
-        "settled": executed.settled,
-        "saturated": saturated_joints(execution),
-        "demand": largest_demand(execution.demand_range, planned.run.limits),
+        "rows": frame(_figures(executed)),
         "centre": view.centre,
         "ms": {name: x * 1e3 for name, x in executed.seconds.items()},
     }
@@ -62,6 +69,23 @@ def executed_frame(executed: Executed, view: View) -> Frame:
             "demand": short(demand[kept]),
             **_poses(execution),
         },
+    )
+
+
+def _figures(executed: Executed) -> Data:
+    """Figures of the execution, as an evaluation has them."""
+    planned, execution, errors = executed.planned, executed.execution, executed.errors
+    until, limits = planned.run.until, planned.run.limits
+    end = executed.settled if until is None else until
+    return Data(
+        "Preview",
+        (
+            off_drawing(planned.rounding_error, planned.tolerance, errors.max),
+            settled_row(executed.settled),
+            *error_rows("contour_error", "contour error", errors, FIRST, FIRST),
+            demand_row(demand_ratio(execution, limits)),
+            saturated_row(saturated_shares(execution, end)),
+        ),
     )
 
 

@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour.core.render import frame
+from armcontour.core.result import Data
+from armcontour.evaluation.evaluation import duration_row
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import Rounding
 from armcontour.jobs.single_corners import corner_waypoints
@@ -63,7 +66,7 @@ def picture_frame(planned: Planned, view: View) -> Frame:
     kerfs, cut = _kerf(planned, view)
     header = {
         "run": planned.run.name,
-        "duration": planned.trajectory.duration,
+        "rows": frame(Data("Plan", (duration_row(planned.trajectory.duration),))),
         **view.header,
         "contours": _contours(planned.path, line.ends, kept),
         "limits": limits,
@@ -109,7 +112,7 @@ def drawing_frame(program: Program, view: View, *, run: str = "", note: str = ""
     arrays = _thinned_outline(points, first, view)
     header = {
         "run": run,
-        "duration": None,
+        "rows": [],
         **view.header,
         "contours": [],
         "limits": [],

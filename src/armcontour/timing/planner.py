@@ -8,11 +8,11 @@ from typing import Any, NoReturn, cast
 
 import numpy as np
 
-from armcontour import _checks
 from armcontour._describing import several
 from armcontour._progress import Progress
 from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits, compare_limits, resolve_limits
+from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.geometry.shaped import doubt_search
@@ -37,7 +37,7 @@ MOST_BY_DEFAULT = 40_000
 FEWEST_INTERVALS = 500
 
 
-@_checks.checked
+@checked
 def plan(
     path: Path | Program | JointPath | Tracing,
     arm: Arm | Any | None = None,

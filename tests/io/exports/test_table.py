@@ -411,7 +411,7 @@ def test_refuses_what_does_not_fit_together(six, tmp_path):
     cases = [
         ("a.txt", {}, "The ending of a.txt is not that of a format"),
         ("a.csv", {"format": "xml"}, "ExportFormat"),
-        ("a.csv", {"joint_names": "abcdef"}, "list of 6 names"),
+        ("a.csv", {"joint_names": "abcdef"}, "joint_names must be a list"),
         ("no/a.csv", {}, "No such file or directory"),
         (
             "a.script",

@@ -16,6 +16,7 @@ from tests.browser.test_journeys import agree
 from tools.studio_page import SQUARE, serving, write_job
 
 import armcontour as ac
+from armcontour.core.render import number
 
 pytestmark = pytest.mark.browser
 DRAWINGS = Path(__file__).parents[3] / "examples" / "drawings"
@@ -50,7 +51,7 @@ def place_at_last_cell(studio, cells, fields=None):
 def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
     with studio.changing():
         studio.type("limits.speed", "0.05 m/s")
-    slow, error = studio.figure("duration"), studio.figure("rms")
+    slow, error = studio.figure("duration"), studio.figure("contour_error.rms")
     agree(studio, judge(studio))
     row = studio.slider("limits.speed").locator("input[type=range]")
     box = row.bounding_box()
@@ -61,16 +62,16 @@ def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
         studio.page.mouse.move(box["x"] + 8 + place * (box["width"] - 16), y)
         studio.page.mouse.down()
         for k in range(1, 6):
-            shown = studio.told("[data-figure=rms]", "value")
+            shown = studio.told("[data-figure='contour_error.rms']", "value")
             studio.page.mouse.move(box["x"] + 8 + (place + 0.02 * k) * (box["width"] - 16), y)
-            studio.wait_for(f'[data-figure=rms]:not([data-value="{shown}"])')
-            seen.add(studio.figure("rms"))
+            studio.wait_for(f'[data-figure="contour_error.rms"]:not([data-value="{shown}"])')
+            seen.add(studio.figure("contour_error.rms"))
         studio.page.mouse.up()
     assert len(seen) >= 4, "the error of the executed tool is to follow"
     found = judge(studio)
     agree(studio, found)
     assert found.trajectory.duration < slow
-    assert studio.figure("rms") != error
+    assert studio.figure("contour_error.rms") != error
 
 
 def test_no_sweep_begins_beside_a_slider_that_is_held(studio):
@@ -114,9 +115,9 @@ def test_j6_two_variants_are_two_runs_in_one_table(studio, judge):
     found = judge(studio)
     agree(studio, found)
     row = studio.find("#tab-runs tbody tr:has-text('lagging')")
-    rms = [1e3 * x.evaluation.contour_error.rms for x in (found, lagging)]
-    expect(row).to_contain_text(f"{rms[1]:.4f}")
-    expect(row).to_contain_text(f"+{rms[1] - rms[0]:.4f}")
+    rms = [x.evaluation.contour_error.rms for x in (found, lagging)]
+    expect(row).to_contain_text(number(rms[1], "m"))
+    expect(row).to_contain_text(f"+{1e3 * (rms[1] - rms[0]):.4f}")
     with studio.changing():
         row.get_by_role("button", name="Remove").click()
     assert "lagging" not in studio.text
@@ -144,7 +145,7 @@ def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tm
         written = summary["runs"]["optimal"]
         assert studio.figure("duration") == pytest.approx(written["duration"], abs=EXACT)
         rms = written["contour_error"]["rms"]
-        assert studio.figure("rms") == pytest.approx(rms, abs=EXACT)
+        assert studio.figure("contour_error.rms") == pytest.approx(rms, abs=EXACT)
         # Another program changes the file: neither side is lost.
         file.write_bytes(original)
         with studio.changing():
@@ -254,11 +255,11 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
         studio.drag(box, (480, 0))
     found = judge(studio, "optimal")
     agree(studio, found)
-    least = studio.figure("clearance")
+    least = studio.figure("clearance.low")
     assert least == pytest.approx(found.clearance.low, abs=EXACT)
     with studio.changing():
         studio.drag(box, (-120, 0))
-    assert studio.figure("clearance") < least
+    assert studio.figure("clearance.low") < least
     with studio.renewing():
         studio.drag(box, (-360, 0))
     studio.wait("body", refused="true")

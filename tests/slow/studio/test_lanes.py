@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
+from tests.studio.talking import figure
 from tests.studio.test_lanes import Heard
 
 from armcontour.studio.lanes import SlowLane
@@ -36,7 +37,7 @@ def test_a_cancelled_task_ends_at_once_and_the_next_is_done(slow, heard):
     begin = time.monotonic()
     slow.cancel("d")
     assert time.monotonic() - begin < 0.2
-    assert heard.wait("f", "figures").header["duration"] > 0
+    assert figure(heard.wait("f", "figures").header, "duration") > 0
     assert process.poll() is not None
 
 
@@ -46,7 +47,7 @@ def test_a_process_that_dies_is_said_and_replaced(slow, heard):
     next(iter(slow._pool._children)).kill()
     assert "has ended before it gave an answer" in heard.wait("g", "failed").header["sentence"]
     slow.submit("h", "figures", {"text": SMALL})
-    assert heard.wait("h", "figures").header["duration"] > 0
+    assert figure(heard.wait("h", "figures").header, "duration") > 0
 
 
 CODE = """

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from armcontour._checks import FloatArray
-from armcontour._describing import brief, line_up
+from armcontour._describing import brief
+from armcontour._version import __version__
 from armcontour.arms import Arm
 from armcontour.core.fields import Checked
+from armcontour.core.render import Result, number
+from armcontour.core.result import VERDICT, Data, Row, Table
 from armcontour.errors import InvalidInput
-from armcontour.identification.results import Estimate
+from armcontour.identification.results import Estimate, estimate_table
 from armcontour.motion import Log
 from armcontour.servo import ServoModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RobotJoint:
+class RobotJoint(Result):
     """The identified parameters of one joint.
 
     Args:
@@ -46,6 +50,18 @@ class RobotJoint:
         own = () if self.armature is None else (self.armature,)
         return (self.kp, self.kv, self.viscous, self.coulomb, *own)
 
+    def to_data(self) -> Data:
+        """The residuals and the estimates."""
+        return Data(
+            self.name,
+            (
+                Row("name", self.name, "", "joint"),
+                Row("rms", self.rms, "rad", "residual, RMS"),
+                Row("explained", self.explained, "1", "explained"),
+            ),
+            (estimate_table("parameters", self.estimates),),
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fitted(Checked):
@@ -70,7 +86,7 @@ class Fitted(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RobotIdentification:
+class RobotIdentification(Result):
     """The identified parameters of an arm with masses and of its drives.
 
     A parameter that the logs do not determine keeps its nominal value in `arm` and `servo`.
@@ -106,21 +122,40 @@ class RobotIdentification:
     gains: ServoModel = field(repr=False)
     gains_known: bool
 
-    def __str__(self) -> str:
-        """A row for the load, the dead time, the drive inertias and each joint."""
-        load = [self.payload_mass.words, *(f"{x.words}" for x in self.payload_center)]
-        common = [
-            ("payload", f"{load[0]}, at ({', '.join(load[1:])})"),
-            ("dead time", self.dead_time.words),
+    def to_data(self, files: Sequence[str] = ()) -> Data:
+        """Whether all parameters are determined, those of the robot, then every joint.
+
+        Args:
+            files: The files of the result, relative to its folder.
+        """
+        joints = [x.to_data() for x in self.joints]
+        rows = [(*x.rows, Row("parameters", x.tables[0].as_dicts())) for x in joints]
+        parameters = [
+            (x.rows[0], *(y.row for y in z.estimates))
+            for x, z in zip(joints, self.joints, strict=True)
+        ]
+        nominal = f"nominal: {', '.join(self.open)}" if self.open else ""
+        return Data(
+            f"{self.nominal.name}, identified from {self.source}",
             (
-                "drive inertias",
-                "" if self.armature is None else f"{self.armature.words} of nominal",
+                Row("determined", self.determined, "", "all determined", nominal, VERDICT),
+                Row("not_determined", self.open),
+                Row("gravity_feedforward", self.gravity, "", "gravity compensation"),
+                Row("version", __version__),
+                Row("logs", [x.log.source for x in self.fitted]),
+                Row("samples", sum(len(x.t) for x in self.fitted)),
+                Row("arm", self.nominal.name),
+                Row("interpolation", self.interpolation, "", "set-points"),
+                Row("notes", self.notes),
+                *([Row("files", list(files))] if files else []),
             ),
-        ]
-        joints = [
-            (x.name, ", ".join(f"{y.name} {y.words}" for y in x.estimates)) for x in self.joints
-        ]
-        return line_up(f"{self.nominal.name}, identified from {self.source}", [*common, *joints])
+            (
+                estimate_table("robot", self.common),
+                Table.of_rows("joints", rows),
+                Table.of_rows("parameters", parameters),
+            ),
+            notes=self.notes,
+        )
 
     __repr__ = brief
 
@@ -172,7 +207,7 @@ class RobotIdentification:
                     )
         if self.dead_time.high < 0:
             raise InvalidInput(
-                f"{self.source}: the dead time is {self.dead_time.value * 1e3:.3g} ms, below zero: "
+                f"{self.source}: the dead time is {number(self.dead_time.value, 's')}, below zero: "
                 "commands are logged late, or set-points that were taken for interpolated are held "
                 "(interpolation step)."
             )

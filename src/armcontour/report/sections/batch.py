@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.core.render import number, scale
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Section, Table, Tile
 from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, finish
@@ -22,14 +23,27 @@ class Axis:
     """Values of a parameter or of a figure of jobs.
 
     Args:
-        title: Its name with its unit.
-        values: One value for each job that is shown; NaN where there is none.
+        name: Its name.
+        unit: Its SI unit.
+        values: One value for each job that is shown, in SI units; NaN where there is none.
         log: Whether its axis is logarithmic.
     """
 
-    title: str
+    name: str
+    unit: str
     values: FloatArray
     log: bool
+
+    @property
+    def title(self) -> str:
+        """Its name with the unit in which it is drawn."""
+        unit, _ = scale(self.unit)
+        return f"{self.name} [{unit}]" if unit else self.name
+
+    @property
+    def drawn(self) -> FloatArray:
+        """The values in the unit in which they are drawn."""
+        return self.values / scale(self.unit)[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +83,7 @@ def batch(view: BatchView) -> Section:
         there = x.values[np.isfinite(x.values)]
         if len(there):
             of = (there.min(), np.median(there), there.max())
-            rows.append((x.title, *(f"{y:.6g}" for y in of)))
+            rows.append((x.name, *(number(float(y), x.unit) for y in of)))
     tables = [Table(header=header, rows=tuple(rows), caption="Figures of the jobs that are done")]
     if view.errors:
         errors = tuple((name, str(n)) for name, n in view.errors.items())
@@ -95,7 +109,7 @@ def _figure(view: BatchView, of: Axis) -> Any:
     flat = second is not of
     marker: dict[str, Any] = {"color": EXECUTED_COLOUR, "size": 5}
     if flat:
-        values = of.values[done]
+        values = of.drawn[done]
         marker = {"color": values, "colorscale": "Viridis", "size": 7, "showscale": True}
         # A title above would make the bar as wide as itself.
         marker["colorbar"] = {"title": {"text": of.title, "side": "right"}}
@@ -103,9 +117,9 @@ def _figure(view: BatchView, of: Axis) -> Any:
     figure.add_trace(
         make_trace(
             "scattergl",
-            x=first.values[done],
-            y=second.values[done],
-            customdata=of.values[done],
+            x=first.drawn[done],
+            y=second.drawn[done],
+            customdata=of.drawn[done],
             name=view.done,
             mode="markers",
             marker=marker,
@@ -116,19 +130,19 @@ def _figure(view: BatchView, of: Axis) -> Any:
         figure.add_trace(
             make_trace(
                 "scattergl",
-                x=first.values[vain],
-                y=second.values[vain],
+                x=first.drawn[vain],
+                y=second.drawn[vain],
                 text=status[vain],
                 name="without figures",
                 mode="markers",
                 marker={"color": PATH_COLOUR, "size": 6, "symbol": "x"},
             )
         )
-    figure.update_xaxes(**_scale(first))
-    figure.update_yaxes(**_scale(second))
-    return finish(figure, title=of.title.split(" [")[0], height=460)
+    figure.update_xaxes(**_axis(first))
+    figure.update_yaxes(**_axis(second))
+    return finish(figure, title=of.name, height=460)
 
 
-def _scale(of: Axis) -> dict[str, Any]:
+def _axis(of: Axis) -> dict[str, Any]:
     """Title and scale of an axis."""
     return {"title": of.title, "type": "log" if of.log else "linear"}

@@ -2,7 +2,7 @@
 
 import { RUN_COLOURS, themed } from "./colours.js";
 import { withGaps } from "./chart.js";
-import { mm, NONE, percent, seconds, short } from "./format.js";
+import { rowOf, textOf } from "./format.js";
 
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./chart.js").Axes} Axes */
@@ -31,15 +31,8 @@ export function answerOf(task, frame, store) {
 /** @type {Record<string, (frame: Frame, store: import("./state.js").Store) => Answer>} */
 const ANSWERS = {
   check: ({ head }) => ({
-    sentences: [head.sentence, ...(head.not_judged ?? []).map((/** @type {string} */ x) => `Not judged: ${words(x)}.`)],
-    tables: [{
-      title: "Limits of the plan",
-      columns: ["Limit", "Used", "Value", "Allowed", "At", "Verdict"],
-      rows: head.rows.map((/** @type {any} */ x) => [
-        x.joint === null || x.joint === undefined ? words(x.limit) : `${words(x.limit)}, joint ${x.joint + 1}`, `${percent(x.ratio)} %`,
-        withUnit(x.value, x.unit), withUnit(x.allowed, x.unit), x.t === null ? NONE : `${seconds(x.t)} s`, x.verdict,
-      ]),
-    }],
+    sentences: [head.sentence, ...(head.not_judged ?? []).map((/** @type {string} */ x) => `Not judged: ${x}.`)],
+    tables: [tableOf("Limits of the plan", head.table)],
   }),
   certify: ({ head }) => ({ sentences: [head.sentence] }),
   place: ({ head }) => ({ sentences: [head.sentence] }),
@@ -54,26 +47,19 @@ const ANSWERS = {
  * @returns {Answer}
  */
 function clearanceAnswer({ head, arrays }) {
-  const nearest = head.nearest ?? [];
   const curves = head.kinds.map((/** @type {string} */ kind, /** @type {number} */ k) => ({
     label: KINDS[kind] ?? kind, colour: RUN_COLOURS[k % RUN_COLOURS.length], dash: [[], [9, 3], [3, 3]][k % 3],
     y: withGaps(arrays[kind], 1000),
   }));
-  const summary = head.low === null ? "" : `Clearance ${mm(head.low, 1)} mm.`;
+  const low = rowOf(head, "low");
   return {
     sentences: [head.sentence],
     graphs: [{
       name: "clearance", time: true,
       axes: { title: "Distance over time", x: "Time [s]", xUnit: "s", y: "Distance", unit: "mm" },
-      content: { x: arrays.t, curves, range: [0, 0], summary },
+      content: { x: arrays.t, curves, range: [0, 0], summary: low ? `${low.label} ${textOf(low)}` : "" },
     }],
-    tables: [{
-      title: "The nearest pairs",
-      columns: ["Pair", "Clearance [mm]", "Margin [mm]", "Computed [mm]", "At [s]"],
-      rows: nearest.map((/** @type {any} */ x) => [
-        x.pair.join(" and "), mm(x.low, 1), mm(x.margin, 1), mm(x.high, 1), seconds(x.t),
-      ]),
-    }],
+    tables: [tableOf("The nearest pairs", head.table)],
   };
 }
 
@@ -110,15 +96,7 @@ function sweepAnswer({ head, arrays }, store) {
   };
 }
 
-/** @param {number | null} x SI @param {string} unit @returns {string} */
-function withUnit(x, unit) {
-  if (x === null) return NONE;
-  if (unit.startsWith("rad")) return `${short((x * 180) / Math.PI)} ${unit.replace("rad", "deg")}`;
-  if (unit === "m" || unit.startsWith("m/")) return `${short(1000 * x)} m${unit}`;
-  return `${short(x)} ${unit}`;
-}
-
-/** @param {string} name such as "joint_torque" @returns {string} */
-function words(name) {
-  return name.replaceAll("_", " ");
+/** A table as Python gave it. @param {string} title @param {string[][]} rows the header first @returns {Table} */
+function tableOf(title, [columns, ...rows]) {
+  return { title, columns, rows };
 }

@@ -1,22 +1,32 @@
-// The figures on top: cycle time, errors, saturation, clearance.
+// The figures on top: verdict, cycle time, errors, saturation, clearance.
 
 import { find, make, mark, say } from "./dom.js";
-import { ERROR_DIGITS, mm, NONE, percent, seconds } from "./format.js";
+import { NONE } from "./format.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {{value: number | null, text: string, exact: boolean, alarm?: boolean, title?: string}} Shown */
+/** @typedef {{name: string, label: string, value: any, text: string, unit: string, note?: string}} Row As Python says it. */
+/** @typedef {{box: HTMLElement, label: HTMLElement, value: HTMLElement, unit: HTMLElement}} Box */
 
 const SPOKEN_EVERY = 1000; // ms
-/** Figures by name: label, unit, explanation. @type {Record<string, [string, string, string]>} */
+/** Explanations of figures by their names, in their order. @type {Record<string, string>} */
 const FIGURES = {
-  duration: ["Cycle time", "s", "Duration of the planned motion"],
-  rms: ["Contour error RMS", "mm", "Of the executed tool from the path, simulated with the servo"],
-  max: ["Largest error", "mm", "Of the executed tool from the path, simulated with the servo"],
-  demand: ["Joint demand", "%", "Largest share of a joint's limit that the executed motion takes"],
-  saturated: ["Saturated", "", "Joints whose drives saturate in the execution"],
-  clearance: ["Clearance", "mm", "Proven least distance to obstacles and of the arm to itself"],
-  settled: ["Settled", "s", "When the tool stays at its goal"],
+  off_drawing: "Largest distance of the executed tool from the drawing: rounding of corners and servo",
+  kept: "Whether corners and contour error are within what the job allows",
+  duration: "Duration of the planned motion",
+  "contour_error.rms": "Of the executed tool from the path, simulated with the servo",
+  "contour_error.max": "Of the executed tool from the path, simulated with the servo",
+  demand_ratio: "Largest share of a joint's limit that the executed motion takes",
+  saturated: "Joints whose drives saturate in the execution",
+  "clearance.low": "Proven least distance to obstacles and of the arm to itself",
+  settled: "When the tool stays at its goal",
+};
+/** From which values on a figure is an alarm. @type {Record<string, (value: any) => boolean>} */
+const ALARMS = {
+  kept: (kept) => !kept,
+  demand_ratio: (share) => share > 1.0005,
+  saturated: (share) => share > 0,
+  "clearance.low": (low) => low <= 0,
 };
 
 class Figures {
@@ -24,10 +34,10 @@ class Figures {
   constructor(store) {
     this.store = store;
     this.region = find("#figures");
-    /** @type {Record<string, {box: HTMLElement, value: HTMLElement}>} */
-    this.boxes = Object.fromEntries(Object.entries(FIGURES).map(([name, told]) => [name, this.box(name, ...told)]));
+    /** @type {Record<string, Box>} */
+    this.boxes = Object.fromEntries(Object.keys(FIGURES).map((name) => [name, this.box(name)]));
     this.state = make("span", { class: "exactness" });
-    find(".label", this.boxes.duration.box).append(this.state);
+    this.boxes.duration.label.after(this.state);
     this.spoken = "";
     const update = oncePerFrame(() => this.update());
     for (const event of ["figures", "refusal", "document", "link"]) store.on(event, update);
@@ -40,25 +50,27 @@ class Figures {
     setInterval(() => this.speak(), SPOKEN_EVERY);
   }
 
-  /** @param {string} name @param {string} label @param {string} unit @param {string} title */
-  box(name, label, unit, title) {
-    const value = make("span", { class: "value", text: NONE });
-    const box = make("div", { class: "figure", "data-figure": name, title }, [
-      make("span", { class: "label", text: label }),
-      make("span", { class: "number" }, [value, make("span", { class: "unit", text: unit })]),
+  /** @param {string} name @returns {Box} */
+  box(name) {
+    const [label, value, unit] = [make("span"), make("span", { class: "value", text: NONE }), make("span", { class: "unit" })];
+    const box = make("div", { class: "figure", "data-figure": name, hidden: name !== "duration" }, [
+      make("span", { class: "label" }, [label]),
+      make("span", { class: "number" }, [value, unit]),
     ]);
     this.region.append(box);
-    return { box, value };
+    return { box, label, value, unit };
   }
 
   update() {
-    for (const [name, shown] of Object.entries(this.values())) this.show(name, shown);
+    const { exact, rows } = knownOf(this.store);
+    for (const name of Object.keys(FIGURES)) this.show(name, rows.get(name), exact);
     this.updateState();
   }
 
   /** The cycle time, with each picture. */
   updateFirst() {
-    this.show("duration", this.duration());
+    const { exact, rows } = knownOf(this.store);
+    this.show("duration", rows.get("duration"), exact);
     this.updateState();
   }
 
@@ -72,63 +84,26 @@ class Figures {
     mark(this.region, "data-exact", String(exact));
   }
 
-  /** What is shown now: exact figures where they belong to the picture, else those of the preview. @returns {Record<string, Shown>} */
-  values() {
-    const { exact, executed, ...errors } = knownOf(this.store);
-    const error = (/** @type {number | null} */ value) => ({ value, text: mm(value, ERROR_DIGITS), exact: Boolean(exact) });
-    return {
-      duration: this.duration(),
-      rms: error(errors.rms),
-      max: error(errors.max),
-      ...this.others(exact, executed),
-    };
-  }
-
-  /** @returns {Shown} */
-  duration() {
-    const { exact, duration } = knownOf(this.store);
-    return { value: duration, text: seconds(duration), exact: Boolean(exact) };
-  }
-
-  /** @param {any} exact @param {any} executed @returns {Record<string, Shown>} */
-  others(exact, executed) {
-    const shares = exact?.demand ?? executed?.demand;
-    const demand = shares?.length ? Math.max(...shares.map(Number)) : null;
-    const joints = exact?.saturated ?? executed?.saturated ?? null;
-    const low = exact?.clearance?.low ?? null;
-    const settled = exact?.settled ?? executed?.settled ?? null;
-    const known = joints !== null;
-    return {
-      demand: { value: demand, text: percent(demand), exact: Boolean(exact), alarm: demand !== null && demand > 1.0005 },
-      saturated: {
-        value: known ? joints.length : null,
-        text: known ? (joints.length ? countOf(joints) : "none") : NONE,
-        title: known ? joints.map(nameOf).join(", ") : "",
-        exact: Boolean(exact),
-        alarm: known && joints.length > 0,
-      },
-      clearance: { value: low, text: mm(low, 1), exact: Boolean(exact), alarm: low !== null && low <= 0 },
-      settled: { value: settled, text: seconds(settled), exact: Boolean(exact) },
-    };
-  }
-
-  /** @param {string} name @param {Shown} shown */
-  show(name, { value, text, exact, alarm = false, title }) {
-    const { box, value: place } = this.boxes[name];
-    box.classList.toggle("alarm", alarm);
-    mark(box, "data-value", value === null ? "" : String(value));
-    mark(box, "data-exact", String(exact && !this.store.isOffline));
-    say(place, text);
-    if (title !== undefined) box.title = [FIGURES[name][2], title].filter(Boolean).join(": ");
+  /** @param {string} name @param {Row | undefined} row @param {boolean} isExact */
+  show(name, row, isExact) {
+    const { box, label, value, unit } = this.boxes[name];
+    box.classList.toggle("alarm", row !== undefined && Boolean(ALARMS[name]?.(row.value)));
+    mark(box, "data-value", row === undefined ? "" : String(row.value));
+    mark(box, "data-exact", String(isExact && !this.store.isOffline));
+    say(value, row?.text ?? NONE);
+    // A figure that is not known for a moment leaves its place.
+    if (!row) return;
+    box.hidden = false;
+    say(label, row.label);
+    say(unit, row.unit);
+    mark(box, "title", [FIGURES[name], row.note].filter(Boolean).join(": "));
   }
 
   /** The cycle time for screen readers, at most once a second, when it rests. */
   speak() {
-    const { duration, rms } = this.values();
-    const refusal = this.store.refusal?.head.sentence;
-    const sentence =
-      refusal ??
-      (duration.value === null ? "" : `Cycle time ${duration.text} seconds, contour error ${rms.text} millimetres`);
+    const { rows } = knownOf(this.store);
+    const told = ["duration", "contour_error.rms"].map((name) => rows.get(name)).filter((x) => x !== undefined);
+    const sentence = this.store.refusal?.head.sentence ?? told.map((x) => `${x.label} ${x.text} ${x.unit}`).join(", ");
     if (sentence === this.spoken) return;
     this.spoken = sentence;
     say(find("#spoken"), sentence);
@@ -137,15 +112,14 @@ class Figures {
 
 /**
  * What is known of the shown motion: exact figures where they belong to the picture, else those of the preview.
- * @param {Store} store @returns {{exact: any, executed: any, duration: number | null, rms: number | null, max: number | null}}
+ * @param {Store} store @returns {{exact: boolean, executed: any, rows: Map<string, Row>}}
  */
 export function knownOf(store) {
   const figures = store.latest("figures");
-  const exact = store.isCurrent(figures) ? figures?.head : null;
+  const exact = store.isCurrent(figures);
   const executed = store.refusal ? null : store.latest("executed")?.head;
-  const duration = exact?.duration ?? store.latest("picture")?.head.duration ?? null;
-  const error = (/** @type {string} */ name) => exact?.[name] ?? executed?.[name] ?? null;
-  return { exact, executed, duration, rms: error("rms"), max: error("max") };
+  const known = exact ? [figures?.head] : [store.latest("picture")?.head, executed];
+  return { exact, executed, rows: new Map(known.flatMap((head) => head?.rows ?? []).map((row) => [row.name, row])) };
 }
 
 /** Whether a motion is shown, be it the last good one. @param {Store} store @returns {boolean} */
@@ -161,12 +135,6 @@ export function exactnessOf(store) {
   if (store.latest("picture")?.head.planned !== true && !hasMotion(store)) return "not planned yet";
   return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
-
-/** @param {any[]} joints */
-const countOf = (joints) => `${joints.length} joint${joints.length > 1 ? "s" : ""}`;
-
-/** A joint that saturates, with the time for which it does. @param {any} joint @returns {string} */
-const nameOf = (joint) => `${joint.joint ?? joint}${joint.time ? ` for ${seconds(joint.time)} s` : ""}`;
 
 /** @param {Store} store */
 export function init(store) {

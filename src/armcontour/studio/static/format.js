@@ -2,13 +2,17 @@
 
 /** Figure that a missing number is shown as. */
 export const NONE = "–";
-/** Decimals of contour errors in mm. */
-export const ERROR_DIGITS = 4;
 
 /** @param {number | null | undefined} x @param {number} decimals @returns {string} */
 function fixed(x, decimals) {
   return x === null || x === undefined || !Number.isFinite(x) ? NONE : x.toFixed(decimals).replace("-", "−");
 }
+
+/** A figure of a frame; undefined if it has none. @param {any} head @param {string} name @returns {any} */
+export const rowOf = (head, name) => head?.rows?.find((/** @type {any} */ x) => x.name === name);
+
+/** A figure with its unit. @param {{text: string, unit: string} | undefined} row @returns {string} */
+export const textOf = (row) => (row ? `${row.text} ${row.unit}`.trim() : NONE);
 
 /** Time. @param {number | null | undefined} s @returns {string} */
 export const seconds = (s) => fixed(s, 3);
@@ -19,11 +23,17 @@ export const mm = (m, decimals = 3) => fixed(m === null || m === undefined ? m :
 /** A share. @param {number | null | undefined} x @returns {string} percent */
 export const percent = (x) => (x === null || x === undefined ? NONE : fixed(100 * x, x < 10 ? 1 : 0));
 
-/** A difference with its sign. @param {number} x @param {number} decimals @returns {string} */
-export const signed = (x, decimals) => {
-  const shown = Math.abs(x) < 0.5 * 10 ** -decimals ? 0 : x;
-  return (shown > 0 ? "+" : "") + fixed(shown, decimals);
-};
+/**
+ * The difference of two figures as they are shown, with its sign; empty where it is not known.
+ * @param {{text: string, unit: string} | undefined} a @param {{text: string, unit: string} | undefined} b @returns {string}
+ */
+export function difference(a, b) {
+  if (!a || !b || a.unit !== b.unit) return "";
+  const decimals = Math.min(...[a, b].map((x) => x.text.split(".")[1]?.length ?? 0));
+  const found = Number(a.text) - Number(b.text);
+  const shown = Math.abs(found) < 0.5 * 10 ** -decimals ? 0 : found;
+  return `${shown > 0 ? "+" : ""}${fixed(shown, decimals)} ${a.unit}`;
+}
 
 /** A number with about four significant digits, without needless zeros. @param {number} x @returns {string} */
 export function short(x) {

@@ -1,5 +1,6 @@
 // The motion that is played: joint positions and tool points of the shown run, over time.
 
+import { rowOf } from "./format.js";
 import { indexAt } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -30,7 +31,7 @@ export function motionOf(store, of) {
   const dof = q.length / t.length;
   const trailTimes = of === "planned" ? pathTimes : t;
   // The last time is in single precision, which may be after the end.
-  const duration = of === "planned" ? frame.head.duration : t[t.length - 1];
+  const duration = of === "planned" ? rowOf(frame.head, "duration")?.value : t[t.length - 1];
   return { of, t, q, dof, duration, trail: xyz, trailTimes };
 }
 

@@ -1,7 +1,7 @@
 // What the server says beside figures: warnings, notes, slow places, where the time goes.
 
 import { find, headings, make, say } from "./dom.js";
-import { percent, seconds } from "./format.js";
+import { percent, rowOf, seconds, textOf } from "./format.js";
 import { nowAndThen, READING } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -56,7 +56,7 @@ export function init(store) {
               make("table", {}, [
                 make("thead", {}, [make("tr", {}, headings(["what", "s", "% of contours"]))]),
                 make("tbody", {}, rows),
-                make("tfoot", {}, [make("tr", {}, cellsOf(["all", seconds(picture.duration), ""]))]),
+                make("tfoot", {}, [make("tr", {}, cellsOf(["all", textOf(rowOf(picture, "duration")), ""]))]),
               ]),
             ]
           : [],

@@ -2,7 +2,7 @@
 
 import { heat } from "./colours.js";
 import { make, say } from "./dom.js";
-import { mm, percent, seconds, short } from "./format.js";
+import { mm, percent, rowOf, seconds, short } from "./format.js";
 import { movedSince, moveTo } from "./moved.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -69,8 +69,8 @@ export class PlacementMap {
     this.score = SCORES[frame.head.objective] ?? SCORES.cycle;
     this.about = frame.head.anchor;
     this.from = this.store.latest("picture");
-    const { by, turn, duration } = frame.head.best;
-    this.best = { shift: [by[0], by[1], turn], value: duration, refusal: "" };
+    const { by, turn } = frame.head.best;
+    this.best = { shift: [by[0], by[1], turn], value: rowOf(frame.head.best, "duration")?.value ?? null, refusal: "" };
     this.columns = axisOf(frame, "x").length;
     this.cells = cellsOf(frame);
     const values = this.cells.map((x) => x.value).filter(Number.isFinite);

@@ -3,11 +3,11 @@
 import { ask } from "./ask.js";
 import { find, headings, make, whileSeen } from "./dom.js";
 import { knownOf } from "./figures.js";
-import { ERROR_DIGITS, mm, seconds, signed } from "./format.js";
+import { difference, textOf } from "./format.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
-/** @typedef {{duration?: number | null, rms?: number | null, max?: number | null}} Known */
+/** @typedef {Map<string, import("./figures.js").Row>} Known */
 
 const EVENTS = ["document", "picture", "executed", "figures"];
 const COLUMNS = [
@@ -15,11 +15,11 @@ const COLUMNS = [
   "timing",
   "compensation",
   "corners",
-  "cycle time s",
-  "Δ s",
-  "error RMS mm",
-  "Δ mm",
-  "largest mm",
+  "cycle time",
+  "Δ",
+  "error RMS",
+  "Δ",
+  "largest",
   "(actions)",
 ];
 
@@ -69,21 +69,19 @@ class Runs {
     this.text = document.text;
     const run = this.store.latest("picture")?.head.run;
     if (run === undefined || refusal) return;
-    const { exact, executed, duration, rms, max } = knownOf(this.store);
-    this.known.set(run, exact || executed?.run === run ? { duration, rms, max } : { duration });
+    const { exact, executed, rows } = knownOf(this.store);
+    const isWhole = exact || executed?.run === run;
+    this.known.set(run, isWhole ? rows : new Map([...rows].filter(([name]) => name === "duration")));
   }
 
   /** @param {any} run @param {string} current @returns {string[]} */
   cells({ name, timing, compensation, corners }, current) {
-    const [its, mine] = [name, current].map((x) => this.known.get(x) ?? {});
-    const difference = (/** @type {"duration" | "rms"} */ key, /** @type {number} */ factor, /** @type {number} */ digits) => {
-      const [a, b] = [its[key], mine[key]];
-      return name === current || typeof a !== "number" || typeof b !== "number" ? "" : signed(factor * (a - b), digits);
-    };
+    const [its, mine] = [name, current].map((x) => this.known.get(x));
+    const [duration, rms, largest] = ["duration", "contour_error.rms", "contour_error.max"].map((x) => its?.get(x));
+    const delta = (/** @type {any} */ row) => (name === current ? "" : difference(row, mine?.get(row?.name)));
     return [
       ...[name, timing, compensation, corners],
-      ...[seconds(its.duration), difference("duration", 1, 3)],
-      ...[mm(its.rms, ERROR_DIGITS), difference("rms", 1000, ERROR_DIGITS), mm(its.max, ERROR_DIGITS)],
+      ...[textOf(duration), delta(duration), textOf(rms), delta(rms), textOf(largest)],
     ];
   }
 

@@ -2,6 +2,7 @@
 
 import { themed } from "./colours.js";
 import { draw, find, make, mark } from "./dom.js";
+import { rowOf } from "./format.js";
 import { Layers } from "./layers.js";
 import { Painter } from "./paint.js";
 import { oncePerFrame } from "./state.js";
@@ -225,7 +226,7 @@ export class View2d {
       seq: picture?.seq ?? "",
       rev: picture?.rev ?? "",
       run: picture?.head.run ?? "",
-      duration: picture?.head.duration ?? "",
+      duration: rowOf(picture?.head, "duration")?.value ?? "",
       tier: store.isCurrent(executed) ? 2 : picture ? 1 : 0,
       "executed-seq": executed?.seq ?? "",
       magnify: executed ? this.layers.magnification(executed, this.view.scale) : "",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.studio.tasks.request import Request
@@ -11,7 +11,8 @@ from armcontour.studio.wire import Frame
 
 def figures(x: Request) -> Frame:
     """Figures of a full run, or what the run refuses and where."""
-    from armcontour.studio.demand import saturated_joints
+    from armcontour.core.render import frame
+    from armcontour.jobs.results import judging_rows
     from armcontour.studio.refusals import refusal_header
 
     try:
@@ -23,18 +24,12 @@ def figures(x: Request) -> Frame:
             # The data make no job, so that there is no plane to draw in.
             told = {"tier": 3, "run": x.run, "sentence": str(error), "at": {}}
         return Frame("refusal", told)
-    judge, near = result.judge, result.clearance
-    e, least = judge.evaluation, None if near is None else near.least
-    header: dict[str, Any] = {
-        **{"run": result.run.name, "duration": e.duration, "settled": e.settled},
-        **{"rms": e.contour_error.rms, "max": e.contour_error.max},
-        "saturated": saturated_joints(judge.execution),
-        "demand": e.demand_ratio,
-        "clearance": None
-        if near is None or least is None
-        else {"low": near.low, "pair": [least.first, least.second], "t": least.t},
+    data = result.to_data()
+    header = {
+        "run": result.run.name,
+        "rows": frame(replace(data, rows=judging_rows(result, data.rows))),
         "start": result.trajectory(0.0),
-        "warnings": result.warnings,
-        "notes": [*result.remarks, *x.job.arm.notes],
+        "warnings": data.warnings,
+        "notes": [*data.notes, *x.job.arm.notes],
     }
     return Frame("figures", header)

@@ -72,8 +72,7 @@ def certify(x: Request) -> Frame:
     data = found.to_data()
     header = {
         **{"run": found.run.name, "sentence": f"{verdict(data)} It holds for: {found.model}."},
-        **{"notes": [*data.notes, *data.warnings], "duration": found.duration},
-        **{"cost": found.cost, "left": found.budget.left, "certificate": plain(data)},
+        **{"notes": [*data.notes, *data.warnings], "certificate": plain(data)},
     }
     page = render_report(found.study, certificate=found)
     return _file(f"{found.job.name}-certificate.html", page.encode(), header)

@@ -16,18 +16,22 @@ CLEARANCE_TIMES, MOST_PAIRS = 400, 10
 
 def check(x: Request) -> Frame:
     """The plan checked against all limits, by code that shares nothing with the planner."""
+    from armcontour.core.render import number
     from armcontour.evaluation import check
 
     plan = x.taught
     found = check(plan.trajectory, x.job.arm, plan.run.limits, plan.path)
     worst = found.worst
-    most = "" if worst is None else f" {worst.name} is used most, by {worst.certain:.6f}."
+    most = ""
+    if worst is not None:
+        most = f" {_words(worst.name)} is used most: {number(worst.ratio, '1')}."
     rows = [
-        {
-            **{"limit": y.name, "ratio": y.certain, "value": y.value, "allowed": y.limit},
-            **{"unit": y.unit, "t": y.t, "s": y.s, "joint": y.joint},
-            "verdict": y.verdict,
-        }
+        (
+            _words(y.name) + ("" if y.joint is None else f", joint {y.joint + 1}"),
+            *(number(y.ratio, "1"), number(y.value, y.unit)),
+            number(y.limit, y.unit) if np.isfinite(y.limit) else "none",
+            *(number(y.t, "s"), y.verdict),
+        )
         for y in found.uses
     ]
     verdict = {"kept": "All limits are kept.", "violated": "A limit is exceeded."}
@@ -36,13 +40,20 @@ def check(x: Request) -> Frame:
         "result",
         {
             **{"run": plan.run.name, "verdict": found.verdict, "sentence": sentence},
-            **{"rows": rows, "states": found.states, "not_judged": found.not_judged},
+            **{"table": [("Limit", "Used", "Value", "Allowed", "At", "Verdict"), *rows]},
+            **{"states": found.states, "not_judged": [_words(y) for y in found.not_judged]},
         },
     )
 
 
+def _words(name: str) -> str:
+    """The name of a limit in words, such as "joint torque"."""
+    return name.replace("_", " ")
+
+
 def clearance(x: Request) -> Frame:
     """How far the arm stays from itself and its cell over time, and the pair that is nearest."""
+    from armcontour.core.render import cells, frame
     from armcontour.jobs import run
     from armcontour.studio.view import short
 
@@ -56,17 +67,14 @@ def clearance(x: Request) -> Frame:
     found = cell.check(plan.trajectory)
     t = np.linspace(0.0, plan.trajectory.duration, CLEARANCE_TIMES)
     over_time = cell.least_over(plan.trajectory(t))
+    data = found.to_data()
+    pairs = data.tables[0]
     header = {
-        **{"run": plan.run.name, "sentence": found.sentence, "kept": found.kept, "low": found.low},
+        **{"run": plan.run.name, "sentence": found.sentence, "kept": found.kept},
+        "rows": frame(data),
         "warnings": [] if found.below_base is None else [found.below_base],
         "kinds": list(over_time),
-        "nearest": [
-            {
-                **{"pair": [y.first, y.second], "kind": y.kind, "margin": y.margin},
-                **{"low": y.low, "high": y.high, "t": y.t, "points": y.points},
-            }
-            for y in found.pairs[:MOST_PAIRS]
-        ],
+        "table": cells(replace(pairs, rows=pairs.rows[:MOST_PAIRS])),
         "left_out": len(found.left_out),
     }
     over_time["t"] = t

@@ -78,7 +78,7 @@ def place(x: Request) -> Frame:
     `as_job` false they stand alone. `processes` is their number. Shifts are in the plane of the
     picture.
     """
-    from armcontour.core.render import verdict
+    from armcontour.core.render import frame, verdict
     from armcontour.placement import place
 
     given = dict(x.options)
@@ -104,9 +104,10 @@ def place(x: Request) -> Frame:
         "refusals": kinds,
         "best": {
             **{"values": best.values, "by": _shift(x.view, best.values, zero)},
-            **{"turn": best.values.get("yaw", 0.0), "duration": best.verdict.duration},
+            "turn": best.values.get("yaw", 0.0),
+            "rows": frame(best.verdict.to_data()),
         },
-        "own": {"duration": found.own.duration, "refusal": found.own.refusal},
+        "own": frame(found.own.to_data()),
         "notes": found.notes,
     }
     refused = [kinds.index(y.refusal) if y.refusal else 255 for y in verdicts]
@@ -115,7 +116,7 @@ def place(x: Request) -> Frame:
     arrays: dict[str, Any] = {
         "by": np.array([_shift(x.view, y, zero) for y in places]),
         "turn": np.array([y.get("yaw", 0.0) for y in places]),
-        "duration": np.array([y.duration for y in verdicts], dtype=np.float32),
+        "duration": found.values("duration").ravel().astype(np.float32),
         "score": scores.astype(np.float32),
         "refusal": np.array(refused, dtype=np.uint8),
     }

@@ -13,11 +13,11 @@ from typing import cast, overload
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._progress import Progress, Step
 from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits, PlanarTwoLink, resolve_limits
+from armcontour.core.fields import checked
 from armcontour.errors import ArmContourError, locate_errors
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.geometry.shaped import ARCS, SHAPED, STOPS, doubt_search
@@ -57,7 +57,7 @@ def shape(
     *,
     progress: Progress | None = ...,
 ) -> Program: ...
-@_checks.checked
+@checked
 def shape(
     path: Path | Program,
     arm: Arm,
