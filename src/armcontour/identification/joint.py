@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from armcontour.identification.judgement import WEAK
 from armcontour.identification.residuals import describe_residuals, find_residuals, scale_residuals
 from armcontour.identification.results import DIGITS, JointIdentification
 from armcontour.identification.saturation import find_saturation, select_between
-from armcontour.identification.selection import find_lag, select
+from armcontour.identification.selection import Selected, find_lag, select
 from armcontour.motion.log import FEWEST, Log
 from armcontour.servo.simulation import JointServo
 
@@ -52,8 +53,13 @@ def identify_joint(
             return _without_model(name, f"{name} has no model: {why}", stretches)
         lag = find_lag(stretches, search.longest)
     saturation = find_saturation(stretches)
-    found = saturation and select_between(stretches, saturation, search, orders)
-    found = found or select(stretches, search, orders)
+    found = None
+    if saturation is not None:
+        found = select_between(stretches, saturation, search, orders)
+    if found is None or found.rms > NOISES * found.fit.noise:
+        # What is left beside a limit may tell little of the servo.
+        whole = select(stretches, search, orders)
+        found = min(filter(None, (found, whole)), key=partial(_error, stretches), default=None)
     motion = _rms([s.y for s in stretches], stretches)[0]
     if found is None or found.rms > MISREAD * motion:
         for log in logs:
@@ -126,6 +132,12 @@ def _without_model(
     rms, most = (_rms(off, stretches)[0], _largest(off, stretches)) if off else (np.nan, np.pi)
     judged |= {"tracking_rms": rms, "rms": rms, "largest": most, "unexplained": most}
     return JointIdentification(name=name, order="unknown", note=note, **judged)
+
+
+def _error(stretches: Sequence[Stretch], found: Selected) -> float:
+    """RMS error of a model over all samples [rad]."""
+    order, cycle = found.fit.problem.model.order, found.fit.problem.cycle
+    return _rms([s.y - predict(s, found.servo, order, cycle) for s in stretches], stretches)[0]
 
 
 def _judge(off: Sequence[FloatArray], stretches: Sequence[Stretch]) -> tuple[float, float]:
