@@ -254,6 +254,7 @@ class Identification(Result):
     joints: tuple[JointIdentification, ...] = field(repr=False)
     judgement: Judgement
 
+    @checked
     def to_data(self, predictions: Sequence[Prediction] = (), files: Sequence[str] = ()) -> Data:
         """Whether the servo can be trusted, then every joint and its parameters.
 

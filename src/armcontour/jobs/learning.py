@@ -11,6 +11,7 @@ from armcontour._checks import FloatArray
 from armcontour._progress import Progress
 from armcontour._sampling import interpolate
 from armcontour.compensation import InverseDynamics
+from armcontour.core.fields import checked
 from armcontour.core.render import number
 from armcontour.core.result import FILE, FIRST, TABLE, Data, Row, Table
 from armcontour.errors import InvalidInput
@@ -50,6 +51,7 @@ class LearningStudy:
     plan: RunResult
     lesson: Lesson
 
+    @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
         """The summary of the plan, and what was learned from its runs.
 
@@ -150,6 +152,7 @@ class JudgedStudy:
     plan: RunResult
     judged: Lesson
 
+    @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
         """The summary of the plan, and what its log shows.
 

@@ -129,6 +129,7 @@ class Placement(Result):
         """
         return place_job(self.job, self.frame(place), self.what)
 
+    @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
         """The best place, the job's own place, and how many places were refused.
 

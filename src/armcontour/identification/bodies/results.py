@@ -9,7 +9,7 @@ from armcontour._checks import FloatArray
 from armcontour._describing import brief
 from armcontour._version import __version__
 from armcontour.arms import Arm
-from armcontour.core.fields import Checked
+from armcontour.core.fields import Checked, checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
 from armcontour.errors import InvalidInput
@@ -122,6 +122,7 @@ class RobotIdentification(Result):
     gains: ServoModel = field(repr=False)
     gains_known: bool
 
+    @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
         """Whether all parameters are determined, those of the robot, then every joint.
 
