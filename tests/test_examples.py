@@ -8,7 +8,10 @@ import runpy
 import pytest
 from docs.gallery import pages
 
-QUICK = ("01_paper_job", "02_your_own_job", "06_drawing", "12_clearance")
+QUICK = (
+    *("01_paper_job", "02_your_own_job", "06_drawing", "08_learning_from_logs"),
+    *("12_clearance", "14_identification"),
+)
 # A length, a time, or a number with decimals on the edge between two printed ones may come out as
 # either, by the rounding of another version of a library: one unit of its last digit. Counts and
 # names are exact.

@@ -56,8 +56,9 @@ def identify_joint(
     found = None
     if saturation is not None:
         found = select_between(stretches, saturation, search, orders)
-    if found is None or found.rms > NOISES * found.fit.noise:
-        # What is left beside a limit may tell little of the servo.
+    poor = found is not None and found.rms > NOISES * found.fit.noise
+    # What is left beside a limit may tell little of the servo; models have no limit of velocity.
+    if found is None or (poor and saturation is not None and saturation.kind == "acceleration"):
         whole = select(stretches, search, orders)
         found = min(filter(None, (found, whole)), key=partial(_error, stretches), default=None)
     motion = _rms([s.y for s in stretches], stretches)[0]
