@@ -525,7 +525,7 @@ def _verdict(result: RunResult) -> Iterator[Row]:
     yield Row("kept", result.kept, "", "kept", result.kept_note, VERDICT)
     if result.explanation is not None and result.explanation.longest is not None:
         limit, share = result.explanation.longest
-        note = f"{number(share, '1')} of the motion"
+        note = f"{number(share, '1')} of the time on contours"
         yield Row("time_limit", limit, "", "limits the time", note, VERDICT)
     yield from warning_rows(result.warnings)
 
