@@ -23,8 +23,8 @@ from armcontour._checks import FloatArray
 from armcontour.motion import quintic
 from armcontour.tracing.configurations import Solution
 from armcontour.tracing.knots import Knots, first_knots
-from armcontour.tracing.poses import FirstPoses, motion_at
 from armcontour.tracing.numeric import Numeric
+from armcontour.tracing.poses import FirstPoses, motion_at
 from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 
