@@ -25,7 +25,13 @@ from armcontour.geometry import RoundedPath, ShapedPath, count_full_stops
 from armcontour.geometry.shaped import SHAPED, doubt_search
 from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.quantities import Weaving, applied_torques, planned_torques, weavings
+from armcontour.jobs.quantities import (
+    Torques,
+    Weaving,
+    applied_torques,
+    planned_torques,
+    weavings,
+)
 from armcontour.jobs.run_data import (
     angular_rows,
     columns,
@@ -233,6 +239,11 @@ class RunResult(Result):
         if self.execution is not None:
             return self.execution
         return Execution.of_plan(self.trajectory, self.arm)
+
+    @cached_property
+    def torques(self) -> Torques | None:
+        """Torques of the plan over time; None if the arm has no bodies."""
+        return planned_torques(self.arm, self.trajectory)
 
     @property
     def joint_path(self) -> JointPath | None:
@@ -476,12 +487,7 @@ def run_data(result: RunResult, job: Job | None = None) -> Data:
         (
             *_verdict(result),
             *(_executed(result) if executed else _planned(result)),
-            *torque_rows(
-                planned_torques(result.arm, result.trajectory),
-                result.run.limits.joint_torque,
-                result.arm,
-                "planned",
-            ),
+            *torque_rows(result.torques, result.run.limits.joint_torque, result.arm, "planned"),
             *_experiment(result),
             *_set_points(result),
             *_plan(result, job),
@@ -561,7 +567,8 @@ def _experiment(result: RunResult) -> Iterator[Row]:
     x = result.experiment
     if x is None:
         return
-    rows = [*plant_rows(x.plant), *x.evaluation.to_data().rows, *angular_rows(x.execution)]
+    data = x.evaluation.to_data()
+    rows = [*plant_rows(x.plant), *data.rows, *angular_rows(x.execution)]
     limit = result.run.limits.joint_torque
     rows += torque_rows(applied_torques(x.execution), limit, result.arm, "applied")
     for row in rows:
@@ -572,7 +579,7 @@ def _experiment(result: RunResult) -> Iterator[Row]:
             yield replace(row, label=f"{ON_BODIES}{row.label}", level=TABLE)
         else:
             yield replace(row, level=FILE)
-    (cornering,) = x.evaluation.to_data().tables
+    (cornering,) = data.tables
     yield Row("experiment.cornering", cornering.as_dicts())
 
 

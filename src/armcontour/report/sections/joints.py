@@ -12,7 +12,6 @@ from armcontour.arms.limits import by_direction
 from armcontour.core import result as core
 from armcontour.core.result import Row
 from armcontour.jobs import RunResult, Study
-from armcontour.jobs.quantities import planned_torques
 from armcontour.motion import Execution
 from armcontour.report.figure import make_subplots
 from armcontour.report.section import Section, Table, table_of
@@ -186,7 +185,7 @@ def _limits(axis: int, ends: tuple[float, float], seen: list[float]) -> list[dic
 def _table(name: str, result: RunResult) -> Table:
     """Used range and largest values of every joint, and their limits."""
     done, arm, limits = result.motion, result.arm, result.run.limits
-    plan = planned_torques(result.arm, result.trajectory)
+    plan = result.torques
     amounts: list[tuple[str, str, FloatArray, FloatArray | None]] = [
         ("velocity", "rad/s", *_worst(done.dq, limits.velocity_bounds(arm.dof))),
         ("acceleration", "rad/s^2", *_worst(done.ddq, limits.acceleration_bounds(arm.dof))),
