@@ -26,6 +26,7 @@ from armcontour._sampling import (
 )
 from armcontour._text import capitalise
 from armcontour.arms import Arm, Limits, SerialArm, resolve_limits
+from armcontour.arms.limit_use import Use
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.core.fields import checked
@@ -640,7 +641,7 @@ def judge_missed(motion: Any, tally: Tally, allowed: float) -> None:
     middle = (points[2:] + points[:-2]) / 2
     bent[1:-1] = np.linalg.norm(points[1:-1] - middle, axis=1)
     around = np.maximum(bent, np.maximum(np.append(bent[1:], 0.0), np.append(0.0, bent[:-1])))
-    tally.offer("path_missed", t, found.missed, allowed, q, around + off)
+    tally.offer(Use("path_missed", found.missed, allowed, around + off), t, q)
     if tally.deviation is not None:
         # From its own place, where the nearest one may be on another line.
-        tally.offer("path_deviation", t, found.distance, tally.deviation, q, off)
+        tally.offer(Use("path_deviation", found.distance, tally.deviation, off), t, q)

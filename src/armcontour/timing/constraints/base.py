@@ -15,9 +15,9 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm
+from armcontour.arms.limit_use import States, share
 from armcontour.motion import PathLaw
 from armcontour.timing.grid import Grid
-from armcontour.timing.limit_use import States, quantity
 from armcontour.timing.topp.limits import (
     HIGH,
     LOW,
@@ -77,7 +77,7 @@ class IntervalEnds:
         x, u = self.x[..., None], self.u[..., None]
         first, second = self.on.derivatives[0]
         dq, ddq = first * np.sqrt(x), first * u + second * x
-        return States(self.arm, q, dq.reshape(q.shape), ddq.reshape(q.shape))
+        return States(self.arm, (q, dq.reshape(q.shape), ddq.reshape(q.shape)))
 
     @cached_property
     def places(self) -> tuple[IntArray, FloatArray]:
@@ -90,7 +90,7 @@ class IntervalEnds:
     @cached_property
     def inside(self) -> States:
         """Joint states with their jerks at all `places`."""
-        return States(self.arm, *(self.law.on_interval(*self.places, k) for k in range(4)))
+        return States(self.arm, self.law.motion(*self.places, 3))
 
 
 class Constraint:
@@ -140,7 +140,7 @@ class Constraint:
             (n, 1), or (n, joints) where `joints` is true.
         """
         if self.limit_name:
-            found = quantity(self.limit_name, ends.states).reshape(len(ends.grid), 2, -1)
+            found = ends.states.bound(self.limit_name)[0].reshape(len(ends.grid), 2, -1)
             return np.asarray(found.max(axis=1) / self.allowed(ends.grid))
         used = np.zeros((len(ends.grid), 1))
         for form in self.on(ends.on):
@@ -153,7 +153,7 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
     match form:
         case Rows():
             value = form.ends[..., A] * u + form.ends[..., B] * x
-            return np.maximum(value / form.ends[..., HIGH], value / form.ends[..., LOW])
+            return share(value, (form.ends[..., LOW], form.ends[..., HIGH]))
         case Squares():
             return np.sqrt(form.ends * x)
         case Rounds():

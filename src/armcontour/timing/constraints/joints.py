@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray, for_kernel
 from armcontour.arms import Arm
+from armcontour.arms.limit_use import share
 from armcontour.timing.constraints.base import Constraint, IntervalEnds
 from armcontour.timing.constraints.second_order import refuse_excess_at_rest
 from armcontour.timing.grid import Grid
@@ -91,12 +92,10 @@ class JointMotion(Constraint):
         (first, second), _ = ends.on.derivatives
         x, u = ends.x[..., None], ends.u[..., None]
         low, high = self.velocity
-        dq = first[..., : len(low)] * np.sqrt(x)
-        found = [np.maximum(dq / high, dq / low)]
+        found = [share(first[..., : len(low)] * np.sqrt(x), (low, high))]
         if len(self.low):
-            value = first * u + second * x
             low, high = (y[:, None] for y in self.bounds(ends.grid))
-            found.append(np.maximum(value / high, value / low))
+            found.append(share(first * u + second * x, (low, high)))
         return np.asarray(np.concatenate(found, axis=2).max(axis=1))
 
 

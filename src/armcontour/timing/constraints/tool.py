@@ -14,10 +14,10 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
+from armcontour.arms.limit_use import require_orientation
 from armcontour.motion import JointPath
 from armcontour.timing.constraints.base import Constraint
 from armcontour.timing.grid import Grid
-from armcontour.timing.limit_use import require_orientation
 from armcontour.timing.topp.limits import Ceiling, Form
 from armcontour.timing.topp.on_grid import OnGrid
 
