@@ -358,20 +358,3 @@ def _list_values(values: npt.ArrayLike) -> str:
 def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:
     """The given joint limits, or infinity for every joint."""
     return np.full(dof, np.inf) if values is None else np.array(values, dtype=np.float64)
-
-
-def by_direction(
-    values: FloatArray, bounds: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Amounts of velocities or accelerations, and what limits them in their directions.
-
-    Args:
-        values: The values, (..., dof).
-        bounds: Lower and upper bounds, (dof,) each.
-
-    Returns:
-        The amounts, (..., dof), and the largest ones, (dof,) or (..., dof).
-    """
-    low, high = bounds
-    both = np.array_equal(-low, high)
-    return np.abs(values), high if both else np.where(values < 0, -low, high)
