@@ -14,8 +14,9 @@ from functools import cached_property
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.arms import Arm
-from armcontour.arms.limit_use import States, share
+from armcontour.arms import Arm, Limits
+from armcontour.arms.limit_use import States, share, use_of
+from armcontour.arms.limits import JERK_LIMITS
 from armcontour.motion import PathLaw
 from armcontour.timing.grid import Grid
 from armcontour.timing.topp.limits import (
@@ -25,13 +26,13 @@ from armcontour.timing.topp.limits import (
     B,
     Ceiling,
     Form,
-    Limits,
     Rounds,
     Rows,
     Squares,
     checked,
     collect,
 )
+from armcontour.timing.topp.limits import Limits as LimitsOnGrid
 from armcontour.timing.topp.on_grid import OnGrid
 
 # Shares of the time of an interval at which what is not known from its ends is looked at.
@@ -92,14 +93,29 @@ class IntervalEnds:
         """Joint states with their jerks at all `places`."""
         return States(self.arm, self.law.motion(*self.places, 3))
 
+    def largest_use(self, name: str, limits: Limits) -> FloatArray:
+        """Largest used share of a limit on every interval, (n, joints or 1).
+
+        Jerk is `q''' ds³ + 3 q'' ds dds + q' s'''`, which may be largest between the ends.
+        """
+        n = len(self.grid)
+        if name not in JERK_LIMITS:
+            ratio = self.states.use(name, limits).ratio.reshape(n, 2, -1)
+            return np.asarray(ratio.max(axis=1))
+        use = (
+            use_of(name, limits, self.law.path_position(*self.places, 3))
+            if name == "path_jerk"
+            else self.inside.use(name, limits)
+        )
+        return np.asarray(use.ratio.reshape(len(INSIDE), n, -1).max(axis=0))
+
 
 class Constraint:
     """One limit along a path; this base class limits nothing.
 
     Attributes:
         name: Name in messages, such as "acceleration".
-        limit_name: The field of `Limits` that the constraint keeps, with the values `limit`; its
-            use is computed from this limit. Empty: from its forms.
+        limit_name: The field of `Limits` that the constraint keeps, for messages.
         limit: Largest value; one number, or one per joint.
         joints: Whether there is one limit per joint, which explanations then name.
         curved: Whether it has viscous friction, which rows bound for a range of x only.
@@ -126,10 +142,6 @@ class Constraint:
             return [(self.name, None)]
         return [(self.name, k) for k in range(np.size(self.limit))]
 
-    def allowed(self, grid: Grid) -> FloatArray:
-        """Largest value of the limited quantity, in a shape that broadcasts to (n, joints or 1)."""
-        return np.asarray(self.limit)
-
     def usage(self, ends: IntervalEnds) -> FloatArray:
         """Used share of the limit on every interval, the larger one of both ends.
 
@@ -139,9 +151,6 @@ class Constraint:
         Returns:
             (n, 1), or (n, joints) where `joints` is true.
         """
-        if self.limit_name:
-            found = ends.states.bound(self.limit_name)[0].reshape(len(ends.grid), 2, -1)
-            return np.asarray(found.max(axis=1) / self.allowed(ends.grid))
         used = np.zeros((len(ends.grid), 1))
         for form in self.on(ends.on):
             used = np.maximum(used, _usage(form, ends.x[..., None], ends.u[..., None]).max(axis=1))
@@ -164,7 +173,7 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
     return np.zeros_like(x)
 
 
-def limits_on(path: OnGrid, active: Sequence[Constraint]) -> Limits:
+def limits_on(path: OnGrid, active: Sequence[Constraint]) -> LimitsOnGrid:
     """All limits on a grid.
 
     Args:

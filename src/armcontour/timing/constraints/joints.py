@@ -8,8 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray, for_kernel
 from armcontour.arms import Arm
-from armcontour.arms.limit_use import share
-from armcontour.timing.constraints.base import Constraint, IntervalEnds
+from armcontour.timing.constraints.base import Constraint
 from armcontour.timing.constraints.second_order import refuse_excess_at_rest
 from armcontour.timing.grid import Grid
 from armcontour.timing.topp._forms import ROUNDING
@@ -80,23 +79,6 @@ class JointMotion(Constraint):
         rise[..., BY_X] = w**2 / 8 * fourth + ROUNDING / w * q1
         rise[..., BY_SLOPE] = w**2 / 8 * 4 * q2
         return Rows(ends, rise)
-
-    @property
-    def names(self) -> list[tuple[str, int | None]]:
-        """The velocities, and then the accelerations."""
-        counts = (("velocity", self.velocity.shape[1]), ("acceleration", len(self.low)))
-        return [(name, k) for name, count in counts for k in range(count)]
-
-    def usage(self, ends: IntervalEnds) -> FloatArray:
-        """Used shares of the limits, as `names`."""
-        (first, second), _ = ends.on.derivatives
-        x, u = ends.x[..., None], ends.u[..., None]
-        low, high = self.velocity
-        found = [share(first[..., : len(low)] * np.sqrt(x), (low, high))]
-        if len(self.low):
-            low, high = (y[:, None] for y in self.bounds(ends.grid))
-            found.append(share(first * u + second * x, (low, high)))
-        return np.asarray(np.concatenate(found, axis=2).max(axis=1))
 
 
 class JointTorque(Constraint):
