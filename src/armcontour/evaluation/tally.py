@@ -120,6 +120,13 @@ class LimitUse(Result, Occurrence):
     highest: Occurrence
     verdict: str
 
+    def moved(self, t: float, s: float) -> LimitUse:
+        """The use with a later time [s] and a larger arc length [m]."""
+        use, highest = (
+            replace(x, t=t + x.t, s=None if x.s is None else s + x.s) for x in (self, self.highest)
+        )
+        return replace(use, highest=highest)
+
     @property
     def unit(self) -> str:
         """Unit of value and limit."""
