@@ -78,29 +78,12 @@ class Use:
             ratio = np.asarray(used / room)
             if not off.any() and not np.isnan(ratio).any():
                 return ratio, ratio, np.zeros(1)
-            slack = _without_nan(np.asarray(off / room), np.inf)
+            certain, slack = (used - off) / room, np.asarray(off / room)
             return (
-                _without_nan(ratio, np.inf),
-                _without_nan(np.asarray((used - off) / room), -np.inf),
-                slack,
+                np.where(np.isnan(ratio), np.inf, ratio),
+                np.where(np.isnan(certain), -np.inf, certain),
+                np.where(np.isnan(slack), np.inf, slack),
             )
-
-
-def _without_nan(values: FloatArray, instead: float) -> FloatArray:
-    """The values, with NaN replaced."""
-    none = np.isnan(values)
-    return np.where(none, instead, values) if none.any() else values
-
-
-def share(values: FloatArray, bounds: tuple[FloatArray, FloatArray]) -> FloatArray:
-    """Used shares of lower bounds, below zero, and upper bounds, above zero.
-
-    Args:
-        values: Values with a sign.
-        bounds: Lower and upper bounds, in shapes that broadcast to that of the values.
-    """
-    low, high = bounds
-    return np.asarray(np.maximum(values / low, values / high))
 
 
 def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike = 0.0) -> Use:

@@ -15,7 +15,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
-from armcontour.arms.limit_use import States, share, use_of
+from armcontour.arms.limit_use import States, use_of
 from armcontour.arms.limits import JERK_LIMITS
 from armcontour.motion import PathLaw
 from armcontour.timing.grid import Grid
@@ -162,7 +162,7 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
     match form:
         case Rows():
             value = form.ends[..., A] * u + form.ends[..., B] * x
-            return share(value, (form.ends[..., LOW], form.ends[..., HIGH]))
+            return np.maximum(value / form.ends[..., HIGH], value / form.ends[..., LOW])
         case Squares():
             return np.sqrt(form.ends * x)
         case Rounds():
