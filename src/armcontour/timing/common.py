@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -92,23 +92,13 @@ def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: Float
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Peaks:
-    """Largest values along a law.
-
-    Args:
-        acceleration: Largest acceleration of each joint, without sign [rad/s²], (dof,).
-        speed: Largest tool speed [m/s].
-    """
-
-    acceleration: FloatArray
-    speed: float
-
-
-def law_peaks(law: Law, arm: Arm) -> Peaks:
-    """Find the largest joint accelerations, (27), and the largest tool speed along a law."""
-    states = law_states(law, arm)
-    return Peaks(np.abs(states.ddq).max(axis=0), float(states.bound("speed")[0].max()))
+def law_peaks(laws: Sequence[Law], arm: Arm) -> dict[str, Any]:
+    """Largest joint accelerations, (27), and tool speed along laws, as fields of `Stretch`."""
+    states = [law_states(x, arm) for x in laws]
+    return {
+        "demand": np.max([np.abs(x.ddq).max(axis=0) for x in states], axis=0),
+        "speed": max(float(x.bound("speed")[0].max()) for x in states),
+    }
 
 
 def law_states(law: Law, arm: Arm) -> States:
