@@ -11,11 +11,12 @@ class Fault(Exception):
     Args:
         text: The words, with `{}` in place of each length.
         lengths: The lengths [m], which are told in the unit of the program.
+        line: The line, if it is not the one that is carried out.
     """
 
-    def __init__(self, text: str, *lengths: float) -> None:
+    def __init__(self, text: str, *lengths: float, line: int = 0) -> None:
         super().__init__(text)
-        self.lengths = lengths
+        self.lengths, self.line = lengths, line
 
     def told(self, *, inch: bool) -> str:
         """The words with the lengths, in inches or in millimetres."""

@@ -16,10 +16,9 @@ from armcontour.io.drawings.gcode.arc_words import (
 from armcontour.io.drawings.gcode.arcs import (
     Circle,
     around,
-    chords_of,
     helix_length,
+    helix_points,
     pieces_of,
-    point_of,
     with_radius,
 )
 from armcontour.io.drawings.gcode.arcs import Point as InPlane
@@ -94,7 +93,7 @@ class Tool:
     def go(self, target: list[float]) -> None:
         """A rapid move."""
         if not self.away:
-            self.draft.go(*target)
+            self.draft.go(*target, self.line)
         elif not self.lost:
             self.draft.resume_at(target)
             self.away = False
@@ -175,17 +174,11 @@ class Tool:
     def _helix(self, circle: Circle, turns: int, target: list[float], speed: float) -> None:
         """Chords of a helix."""
         a, b, c = PLANES[self.modes.plane]
-        n = chords_of(circle, turns, self.chord_tolerance)
-        self.draft.room_for(n)
+        points = helix_points(circle, turns, self.chord_tolerance, self.draft.room_for)
         point = list(self.draft.start_of_arc())
         first = point[c]
-        for i in range(1, n + 1):
-            share = i / n
-            if i < n:
-                point[a], point[b] = point_of(circle, turns, share)
-                point[c] = first + share * (target[c] - first)
-            else:
-                point = list(target)
+        for i, (u, v) in enumerate(points, 1):
+            point[a], point[b], point[c] = u, v, first + i / len(points) * (target[c] - first)
             x, y, z = point
             self.draft.feed(x, y, z, speed, self.modes.tolerance, self.line)
 

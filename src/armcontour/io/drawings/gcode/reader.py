@@ -137,7 +137,7 @@ class _Runner:
                 plain = machine.ready()
             machine.finish()
         except Fault as fault:
-            number = max(tool.line, 1)
+            number = fault.line or max(tool.line, 1)
             told = fault.told(inch=machine.modes.inch)
             raise InvalidInput(f"{self.source}, line {number}: {told}.", index=number - 1) from None
         if self.framed and not self.ended:
@@ -169,7 +169,7 @@ class _Runner:
             self.deleted.append(machine.line)
         elif text and PROGRAM_NUMBER.fullmatch(text) is None and not self._is_text(line):
             if ";" in line and (found := SLICER.match(line)) is not None:
-                machine.draft.set_layer(found[1], found[2])
+                machine.compensation.set_layer(found[1], found[2])
             block = parse(line)
             self.seen |= bool(block.g or block.m or block.words)
             self.ended = machine.execute(block)
