@@ -167,7 +167,8 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     # The more curved one comes first.
     turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
     a, b = np.where(turned, b, a), np.where(turned, a, b)
-    (ka, kb), (na, nb) = ((x[:, CURVATURE], left_of(x[:, TX : TY + 1])) for x in (a, b))
+    ka, kb = a[:, CURVATURE], b[:, CURVATURE]
+    na, nb = left_of(a[:, TX : TY + 1]), left_of(b[:, TX : TY + 1])
     gap, ratio = b[:, :2] - a[:, :2], kb / np.where(ka == 0, 1.0, ka)
     w = nb + kb[:, None] * gap - ratio[:, None] * na
     r = kb * (gap * gap).sum(axis=1) / 2 + (nb * gap).sum(axis=1)
