@@ -48,7 +48,7 @@ def parallels(pieces: FloatArray, d: float) -> FloatArray:
 
 def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
     """Angles from tangents to others, positive to the left [rad], (n,)."""
-    return np.arctan2(_cross(arriving, leaving), (arriving * leaving).sum(axis=1))
+    return np.asarray(np.arctan2(_cross(arriving, leaving), (arriving * leaving).sum(axis=1)))
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
@@ -69,9 +69,10 @@ def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Floa
     whole = 2 * np.pi / np.abs(before[:, CURVATURE, None])
     back = np.where(back < -SAME_PLACE, back + whole, back)
     back = np.where((back >= -SAME_PLACE) & (ahead >= -SAME_PLACE), back, np.inf)
-    rows, nearest = np.arange(len(before)), np.argmin(back, axis=1)
-    there = np.isfinite(back[rows, nearest])
-    return tuple(np.where(there, x[rows, nearest], np.nan) for x in (back, ahead))
+    nearest = np.argmin(back, axis=1)[:, None]
+    back, ahead = (np.take_along_axis(x, nearest, axis=1)[:, 0] for x in (back, ahead))
+    there = np.isfinite(back)
+    return np.where(there, back, np.nan), np.where(there, ahead, np.nan)
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.

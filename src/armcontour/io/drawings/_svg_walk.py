@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._progress import Progress
 from armcontour.io.drawings._svg_shapes import SHAPES, shape_of
 from armcontour.io.drawings._svg_tree import Element
 from armcontour.io.drawings._svg_units import (
@@ -29,7 +29,9 @@ from armcontour.io.drawings._svg_units import (
 )
 from armcontour.io.drawings.chain import Affine, Chain
 from armcontour.io.drawings.clipping import Clip
-from armcontour.io.drawings.reading import SKIP, Labels, color_of
+from armcontour.io.drawings.options import ReadOptions
+from armcontour.io.drawings.reading import SKIP, color_of
+from armcontour.io.drawings.walk import NO_SIZE, WALKED, Drawn, Place, Walk, place_outline
 
 # Elements that draw nothing.
 SILENT = (
@@ -66,87 +68,59 @@ _STROKE = re.compile(r"(?<![\w-])stroke\s*:")
 NOTHING = ("", "none", "inherit", "initial", "unset")
 _URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
 HIDDEN = "Left out because hidden"
-NO_SIZE = "Left out because of no size"
+# Largest number of segments, a curve counted as one; no drawing of contours has more.
+MOST_SEGMENTS = 500_000
 # Largest number of elements drawn by reference; a file with more is made to do harm.
 MOST_REPEATED = 100_000
 # Largest depth of references in references.
 DEEPEST_USE = 50
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """An element that is a shape, with the map to the page, its layer, its name and its clips."""
-
-    element: Element
-    to: Affine
-    layer: str
-    name: str
-    clips: tuple[Clip, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Place:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Place(Place):
     """The properties that an element inherits from the elements around it.
 
     Args:
-        to: Map from the element's coordinates to the page.
         view: Viewport in the element's coordinates; None if it is not known.
-        layer: Layer of the element.
         inkscape: Whether the layer is one of Inkscape.
         hidden: Whether the element is hidden.
-        uses: Elements that enclosing use elements refer to.
         used_by: The use element that refers directly to this element.
-        name: Id of the enclosing use element.
-        stroke: Colour of the outlines.
         font: Size of the font in user units.
-        clips: Clips of the page, around the element.
     """
 
-    to: Affine
     view: Box | None
-    layer: str = ""
     inkscape: bool = False
     hidden: bool = False
-    uses: tuple[Element, ...] = ()
     used_by: Element | None = None
-    name: str = ""
-    stroke: str = "none"
     font: float = FONT
-    clips: tuple[Clip, ...] = ()
 
 
-@dataclass(slots=True, eq=False)
-class Walk:
+class SvgWalk(Walk):
     """Traversal of a drawing's elements, which records the elements that it leaves out.
 
     Args:
         root: The outermost element.
-        skip: Whether unknown elements are left out instead of refused.
-        wanted: Layers whose unknown elements matter; None means all layers.
-        colors: Colours of the strokes of the elements that are read; None means all.
-        others: Numbers of elements with strokes of other colours, by their colours.
-        left_out: Names of the elements that were left out, by the reason.
-        labels: Names of elements and layers as the contours get them.
+        options: Settings of the reader.
+        progress: Called from time to time with the share of the file that is read.
     """
 
-    root: Element
-    skip: bool
-    wanted: frozenset[str] | None = None
-    colors: frozenset[str] | None = None
-    others: Counter[str] = field(default_factory=Counter)
-    left_out: dict[str, list[str]] = field(default_factory=dict)
-    labels: Labels = field(default_factory=Labels)
-    _ids: dict[str, Element] = field(default_factory=dict)
-    _repeated: int = 0
-    _seen: int = 0
-    _all: int = 1
+    apart = True
 
-    @property
-    def share(self) -> float:
-        """Share of the drawing's elements that were looked at."""
-        return min(self._seen / self._all, 1.0)
+    def __init__(self, root: Element, options: ReadOptions, progress: Progress | None) -> None:
+        super().__init__(root.source, options, progress)
+        self.root = root
+        self._all = _all_elements(root)
+        # The first element, if several have the same id.
+        self._ids = {x.attributes["id"]: x for x in reversed(self._all) if "id" in x.attributes}
+        self._repeated = self._segments = 0
 
-    def shapes(self, to: Affine, view: Box | None) -> Iterator[Shape]:
+    def explain_empty(self) -> str:
+        """Why there is no contour: the file is a font."""
+        if all(x.tag != "glyph" for x in self._all):
+            return ""
+        return "is a font, whose glyphs are no drawing: give one whose text is converted to paths"
+
+    def shapes(self, to: Affine, view: Box | None) -> Iterator[Drawn]:
         """Yield the shapes in the order in which they are drawn.
 
         Args:
@@ -156,15 +130,16 @@ class Walk:
         Raises:
             InvalidInput: An element is unknown or invalid, or references have no end.
         """
-        self._ids, self._all = _by_id(self.root)
         counts = dict.fromkeys(SHAPES, 0)
-        stroke, font = self.root.style("stroke"), font_size(self.root, FONT)
-        place = _Place(to, view, stroke=color_of(stroke) if stroke else "none", font=font)
+        color = frozenset({color_of(self.root.style("stroke") or "none")})
+        place = _Place(to=to, view=view, color=color, font=font_size(self.root, FONT))
         todo = [(x, place) for x in reversed(self.root.children)]
+        seen = 0
         while todo:
             element, around = todo.pop()
-            self._seen += 1
-            self._repeated += bool(around.uses)
+            seen += 1
+            self.tell(WALKED * min(seen / len(self._all), 1.0))
+            self._repeated += bool(around.inside)
             if self._repeated > MOST_REPEATED:
                 element.refuse(f"use repeats more than {MOST_REPEATED} elements by here")
             if element.tag in SHAPES:
@@ -172,23 +147,41 @@ class Walk:
             inner = self._enter(element, around)
             if inner is None:
                 continue
-            if element.tag in SHAPES:
-                if inner.hidden:
-                    self.leave_out(HIDDEN, element)
-                    continue
-                if self.colors is not None and inner.stroke not in self.colors:
-                    self.others[inner.stroke] += 1
-                    continue
-                name = element.get("id") or inner.name or f"{element.tag} {counts[element.tag]}"
-                plain = make_absolute(element, inner.view, inner.font)
-                layer, name = self.labels(inner.layer), self.labels(name)
-                yield Shape(plain, inner.to, layer, name, inner.clips)
-            else:
+            if element.tag not in SHAPES:
                 todo.extend(reversed(self._inside(element, inner)))
+            elif inner.hidden:
+                self.leave_out(HIDDEN, element.name)
+            elif self.wants_color(inner.color):
+                name = element.get("id") or inner.name or f"{element.tag} {counts[element.tag]}"
+                yield self._drawn(element, inner, name)
 
-    def leave_out(self, reason: str, element: Element) -> None:
-        """Record that an element was left out, and why."""
-        self.left_out.setdefault(reason, []).append(element.name)
+    def _drawn(self, element: Element, place: _Place, name: str) -> Drawn:
+        """The outlines of a shape.
+
+        Raises:
+            InvalidInput: The shape is invalid or too far away, or the drawing is too large.
+        """
+
+        def spend(segments: int) -> None:
+            self._segments += segments
+            if self._segments > MOST_SEGMENTS:
+                element.refuse(
+                    f"the drawing has more than {MOST_SEGMENTS} segments by here: split it"
+                )
+
+        outlines = []
+        for outline in shape_of(make_absolute(element, place.view, place.font), spend):
+            placed, defect = place_outline(outline, place.to)
+            if defect:
+                element.refuse(f"it {defect}")
+            outlines.append(placed)
+        return Drawn(
+            outlines=outlines,
+            where=element.name,
+            name=self.labels(name),
+            layer=self.labels(place.layer),
+            clips=place.clips,
+        )
 
     def _enter(self, element: Element, around: _Place) -> _Place | None:
         """The properties that the children of an element inherit; None if it draws nothing.
@@ -204,7 +197,7 @@ class Walk:
             self._check_undrawn(element, around.layer)
             return None
         if element.style("display") == "none":
-            self.leave_out(HIDDEN, element)
+            self.leave_out(HIDDEN, element.name)
             return None
         self._check_style(element)
         own = transform_of(element)
@@ -212,7 +205,7 @@ class Walk:
         if not to.finite:
             element.refuse("its transforms together have numbers that are too large")
         if is_flat(to):
-            self.leave_out(NO_SIZE, element)
+            self.leave_out(NO_SIZE, element.name)
             return None
         visibility = element.style("visibility")
         hidden = around.hidden if visibility in ("", "inherit") else visibility != "visible"
@@ -223,7 +216,7 @@ class Walk:
             to=to,
             hidden=hidden,
             used_by=None,
-            stroke=color_of(stroke) if stroke not in ("", "inherit") else place.stroke,
+            color=place.color if stroke in ("", "inherit") else frozenset({color_of(stroke)}),
             font=font_size(element, place.font),
         )
         clip = element.style("clip-path")
@@ -240,8 +233,8 @@ class Walk:
             InvalidInput: There is such a sheet, and unknown properties are refused.
         """
         if element.tag in NO_OUTLINE and element.style("display") != "none":
-            if self.wanted is None or self.labels(layer) in self.wanted:
-                self.leave_out(NOT_READ, element)
+            if self.wants_layer(layer):
+                self.leave_out(NOT_READ, element.name)
         if element.tag != "style":
             return
         sheet = "".join(element.text)
@@ -261,7 +254,7 @@ class Walk:
         if element.style("mask") not in NOTHING:
             self._unknown(element, "its mask is not followed")
         if any(element.style(key) not in NOTHING for key in MARKERS):
-            self.leave_out(MARKED, element)
+            self.leave_out(MARKED, element.name)
         if element.style_property("transform") or element.style("transform-origin"):
             self._unknown(element, "transforms by style, or about an origin, are not followed")
 
@@ -303,7 +296,7 @@ class Walk:
         """
         if not self.skip:
             element.refuse(f"{what}: change it in the drawing, or {SKIP}")
-        self.leave_out(what, element)
+        self.leave_out(what, element.name)
 
     def _inside(self, element: Element, place: _Place) -> list[tuple[Element, _Place]]:
         """The elements that a container draws, with the properties that they inherit."""
@@ -325,14 +318,14 @@ class Walk:
         target = self._ids.get(given[1:]) if given.startswith("#") else None
         if target is None:
             element.refuse(f"it refers to {given[:60]!r}, which is no element of this file")
-        if target in place.uses or len(place.uses) >= DEEPEST_USE:
+        if target in place.inside or len(place.inside) >= DEEPEST_USE:
             element.refuse(f"it refers to {given[:60]!r}, which refers back to it")
         plain = make_absolute(element, place.view, place.font)
         shift = affine(1, 0, 0, 1, number_of(plain, "x"), number_of(plain, "y"))
         inner = dataclasses.replace(
             place,
             to=place.to @ shift,
-            uses=(*place.uses, target),
+            inside=(*place.inside, target),
             used_by=element,
             name=element.get("id") or place.name,
         )
@@ -362,7 +355,7 @@ class Walk:
             shift = affine(1, 0, 0, 1, x, y)
             return dataclasses.replace(place, to=place.to @ shift, view=None)
         if width <= 0 or height <= 0:
-            self.leave_out(NO_SIZE, element)
+            self.leave_out(NO_SIZE, element.name)
             return None
         if box is None:
             box = Box(0.0, 0.0, width, height)
@@ -406,14 +399,10 @@ def _layer(element: Element, around: _Place) -> _Place:
     return around if around.inkscape or not own else dataclasses.replace(around, layer=own)
 
 
-def _by_id(root: Element) -> tuple[dict[str, Element], int]:
-    """All elements by their ids, the first one if several have the same id; and their number."""
-    found: dict[str, Element] = {}
-    todo, count = [root], 0
+def _all_elements(root: Element) -> list[Element]:
+    """All elements in their order."""
+    found, todo = [], [root]
     while todo:
-        element = todo.pop()
-        count += 1
-        found.setdefault(element.attributes.get("id", ""), element)
-        todo.extend(reversed(element.children))
-    found.pop("", None)
-    return found, count
+        found.append(todo.pop())
+        todo.extend(reversed(found[-1].children))
+    return found

@@ -2,17 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import re
-from collections.abc import Sequence
-
-import numpy as np
 
 from armcontour._progress import Progress
-from armcontour._text import list_some
-from armcontour.errors import InvalidInput
-from armcontour.geometry.mending import Printed
-from armcontour.io.drawings._svg_shapes import shape_of
 from armcontour.io.drawings._svg_tree import Element, tree_of
 from armcontour.io.drawings._svg_units import (
     INCH,
@@ -23,34 +15,17 @@ from armcontour.io.drawings._svg_units import (
     view_box,
     viewbox_transform,
 )
-from armcontour.io.drawings._svg_walk import NO_SIZE, Shape, Walk
+from armcontour.io.drawings._svg_walk import SvgWalk
 from armcontour.io.drawings.chain import Affine
-from armcontour.io.drawings.chaining import Piece, chain_pieces
-from armcontour.io.drawings.clipping import clip_path
-from armcontour.io.drawings.mending import half_a_place, mend
-from armcontour.io.drawings.options import FARTHEST, ReadOptions
-from armcontour.io.drawings.reading import (
-    WALKED,
-    Tell,
-    after_walk,
-    count_names,
-    tell_share,
-)
-from armcontour.io.drawings.shapes import Outline, paths_of
+from armcontour.io.drawings.options import ReadOptions
 from armcontour.program import Program
 
-# Largest number of segments, a curve counted as one; no drawing of contours has more.
-MOST_SEGMENTS = 500_000
-# Attributes with the coordinates of a shape.
-COORDINATES = ("d", "points", "x", "y", "width", "height", "x1", "y1", "x2", "y2")
 # Versions of Inkscape with 90 px per inch, the comment of Illustrator, which has 72, and the bytes
 # in which it is; lengths that depend on no pixel.
 OLD_INKSCAPE = re.compile(r"0\.(?:[0-8]\d?|9|9[01])(?!\d)[.\d]*")
 ILLUSTRATOR = re.compile(rb"Generator:\s*Adobe\s+Illustrator", re.IGNORECASE)
 BEGINNING = 10_000
 ABSOLUTE = re.compile(r"\d\s*(?:mm|cm|in|pt|pc|q)$", re.IGNORECASE)
-# Largest number of elements that one note names.
-NAMED = 6
 
 
 def read_svg(
@@ -83,114 +58,8 @@ def read_svg(
     """
     root = tree_of(data, source)
     page, view, notes = _page(root, options, data)
-    walk = Walk(root=root, skip=options.skips, wanted=options.layer_set, colors=options.color_set)
-    shapes: list[Shape] = []
-    tell = tell_share(progress, source)
-    pieces = _pieces(walk, page, view, options, shapes, tell)
-    contours, chaining_notes = chain_pieces(pieces, options.join_tolerance)
-    for reason, names in walk.left_out.items():
-        notes.append(f"{reason}: {list_some(names, NAMED)}.")
-    if not contours:
-        if b"<glyph" in data:
-            raise InvalidInput(
-                f"{source} is a font, whose glyphs are no drawing: give a drawing in which the "
-                "text is converted to paths."
-            )
-        if walk.others:
-            notes.append(f"Strokes of other colours than chosen: {count_names(walk.others)}.")
-        why = f" ({' '.join([*notes, *chaining_notes])})" if notes or chaining_notes else ""
-        raise InvalidInput(f"{source} has no contour to follow{why}.")
-    notes += walk.labels.notes
-    program = Program(moves=tuple(contours), source=source, notes=(*notes, *chaining_notes))
-    units = _printed_units(shapes)
-    return mend(program, {name: Printed(point=x) for name, x in units.items()}, options)
-
-
-def _pieces(
-    walk: Walk,
-    page: Affine,
-    view: Box | None,
-    options: ReadOptions,
-    shapes: list[Shape],
-    tell: Tell,
-) -> list[Piece]:
-    """The outlines of all shapes as pieces, in metres.
-
-    Args:
-        walk: The traversal, which records shapes without size.
-        page: Map from user units to the page [m].
-        view: Viewport in user units.
-        options: Settings of the reader.
-        shapes: Takes the shapes.
-        tell: Called from time to time with the fraction that is done.
-
-    Raises:
-        InvalidInput: A shape is invalid, too far away or too large.
-    """
-    found: list[tuple[Shape, Outline]] = []
-    budget = _Budget()
-    for shape in walk.shapes(page, view):
-        tell(WALKED * walk.share)
-        budget.element = shape.element
-        shapes.append(shape)
-        outlines = shape_of(shape.element, budget)
-        found += [(shape, _placed(shape, x)) for x in outlines]
-        if not outlines:
-            walk.leave_out(NO_SIZE, shape.element)
-    try:
-        with np.errstate(over="ignore", invalid="ignore"):
-            paths = paths_of(
-                [x for _, x in found],
-                options.fit_tolerance,
-                options.join_tolerance,
-                after_walk(tell),
-            )
-    except InvalidInput as error:
-        assert error.index is not None
-        found[error.index][0].element.refuse(str(error).rstrip("."))
-    pieces: list[Piece] = []
-    # Subpaths of one element have different numbers, so that they are never chained.
-    for _, group in itertools.groupby(zip(found, paths, strict=True), lambda x: id(x[0][0])):
-        drawn = list(group)
-        shape = drawn[0][0][0]
-        kept = [path for _, path in drawn if path is not None]
-        if not kept:
-            walk.leave_out(NO_SIZE, shape.element)
-        kept = [part for path in kept for part in clip_path(path, *shape.clips)]
-        first = len(pieces) + 1 if len(kept) > 1 else 0
-        pieces += [
-            Piece(path=path, name=shape.name, layer=shape.layer, apart=number)
-            for number, path in enumerate(kept, first)
-        ]
-    return pieces
-
-
-def _printed_units(shapes: Sequence[Shape]) -> dict[str, float]:
-    """Half of the last decimal place of coordinates [m], by the names of shapes."""
-    half = half_a_place(x.element.get(key) for x in shapes for key in COORDINATES)
-    found: dict[str, float] = {}
-    # Shapes without transforms of their own share the map of their group.
-    sizes = {id(x.to): x.to for x in shapes}
-    factors = {key: float(np.linalg.norm(x.linear, 2)) for key, x in sizes.items()}
-    for x in shapes:
-        size = half * factors[id(x.to)]
-        found[x.name] = min(size, found.get(x.name, size))
-    return found
-
-
-class _Budget:
-    """Counts segments before they are made, and refuses the element that exceeds the limit."""
-
-    def __init__(self) -> None:
-        self.element: Element | None = None
-        self._left = MOST_SEGMENTS
-
-    def __call__(self, segments: int) -> None:
-        self._left -= segments
-        if self._left < 0 and self.element is not None:
-            self.element.refuse(
-                f"the drawing has more than {MOST_SEGMENTS} segments by here: split it"
-            )
+    walk = SvgWalk(root, options, progress)
+    return walk.program(walk.shapes(page, view), notes)
 
 
 def _program_pixel(root: Element, data: bytes) -> tuple[float, str]:
@@ -260,19 +129,3 @@ def _extent(root: Element, key: str) -> float | None:
 def _up(height: float, unit: float) -> Affine:
     """The map from page coordinates with y down to metres with y up from the lower edge."""
     return affine(unit, 0.0, 0.0, -unit, 0.0, height * unit)
-
-
-def _placed(shape: Shape, outline: Outline) -> Outline:
-    """An outline in metres.
-
-    Raises:
-        InvalidInput: The outline is too far away.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        placed = outline.place(shape.to)
-        reach = float(np.abs(placed.reach).max())
-    if not reach <= FARTHEST:
-        shape.element.refuse(
-            f"it reaches {reach:.3g} m far, more than {FARTHEST:g} m: give another unit"
-        )
-    return placed

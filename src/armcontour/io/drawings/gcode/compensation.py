@@ -220,13 +220,20 @@ class Compensation:
         else:
             action()
 
-    def _follow_line(self, end: InPlane, z: float, line: int, *feed: float) -> None:
-        """Collects a straight move; a feed move has a speed and a tolerance."""
+    def _follow_line(
+        self,
+        end: InPlane,
+        z: float,
+        line: int,
+        speed: float | None = None,
+        tolerance: float = math.nan,
+    ) -> None:
+        """Collects a straight move, a rapid without a speed."""
         (x, y), length = self.at[:2], math.dist(self.at[:2], end)
         if not self.moves:
             self._refuse_short_entry(length)
         row = (x, y, (end[0] - x) / length, (end[1] - y) / length, 0.0, length)
-        self._follow(_Move(row, end, z, line, *feed))
+        self._follow(_Move(row, end, z, line, speed, tolerance))
 
     def _follow(self, move: _Move) -> None:
         self.moves.append(move)
@@ -260,7 +267,7 @@ class Compensation:
         ends = np.where((last < way[:, LENGTH])[:, None], points_at(way, last), tips)
         for i, move in enumerate(moves):
             if i and turns[i - 1] * self.left < 0:
-                self._turn_corner(move, way[i], tangents[i - 1].tolist(), turns[i - 1])
+                self._turn_corner(move, way[i], tangents[i - 1], float(turns[i - 1]))
             self._draft_move(move, way[i : i + 1], first[i], last[i], tuple(ends[i].tolist()))
             for action in move.actions:
                 action()
@@ -297,30 +304,27 @@ class Compensation:
         first, last = np.zeros(len(way)), lengths.copy()
         back, first[cut + 1] = corner_cuts(way[cut], way[cut + 1])
         last[cut] -= back
-        corner = "an inside corner at ({}, {}) for a tool of {}"
-        advice = "take a smaller tool, or round the corner by more than the tool's radius"
         for i, by in zip(cut.tolist(), back.tolist(), strict=True):
-            room, after, length = lengths[i] - first[i], first[i + 1], lengths[i + 1]
-            if math.isnan(by):
-                why, more = ", into which it does not fit", ()
-            elif by > room + REPEATED_POINT and (i or way[0, CURVATURE]):
-                # A straight entry may end before its start.
-                why, more = (
-                    ", which shortens the move before it by {}, of which {} are left",
-                    (by, room),
-                )
-            elif after > length + REPEATED_POINT:
-                why, more = (
-                    ", which shortens the move after it by {}, which is {} long",
-                    (after, length),
-                )
-            else:
+            which, less, more = "before it by {}, of which {} are left", by, lengths[i] - first[i]
+            # A straight entry may end before its start.
+            fits = less <= more + REPEATED_POINT or not (i or way[0, CURVATURE])
+            if fits:
+                which, less, more = "after it by {}, which is {} long", first[i + 1], lengths[i + 1]
+            if fits and less <= more + REPEATED_POINT:
                 continue
-            where = (*moves[i].end, 2 * abs(self.left))
-            raise Fault(f"{corner}{why}: {advice}", *where, *more, line=moves[i + 1].line)
+            why = (
+                f"which shortens the move {which}"
+                if not math.isnan(by)
+                else "into which it does not fit"
+            )
+            raise Fault(
+                f"an inside corner at ({{}}, {{}}) for a tool of {{}}, {why}: take a smaller tool, "
+                "or round the corner by more than the tool's radius",
+                *moves[i].end, 2 * abs(self.left), less, more, line=moves[i + 1].line,
+            )  # fmt: skip
         return first, last
 
-    def _turn_corner(self, move: _Move, way: FloatArray, tangent: InPlane, turn: float) -> None:
+    def _turn_corner(self, move: _Move, way: FloatArray, tangent: FloatArray, turn: float) -> None:
         """Drafts the arc around the outside corner before a move; a rapid goes straight."""
         x, y = way[:2].tolist()
         if move.speed is None:
@@ -336,29 +340,28 @@ class Compensation:
         if move.speed is None:
             self.draft.go(*end, move.z)
             return
-        feed = (move.speed, move.tolerance, move.line)
+        feed = partial(self.draft.feed, speed=move.speed, tolerance=move.tolerance, line=move.line)
         curvature, length = float(way[0, CURVATURE]), last - first
         if not curvature:
-            self.draft.feed(*end, move.z, *feed)
+            feed(*end, move.z)
             return
         if length <= REPEATED_POINT:
             return
         at = np.array([first])
-        piece = _arc(points_at(way, at, 1)[0].tolist(), curvature, length, end)
+        piece = _arc(points_at(way, at, 1)[0], curvature, length, end)
         z, radius = self.draft.last[2], abs(1 / curvature)
         if abs(move.z - z) <= REPEATED_POINT:
-            self.draft.bend(piece, (0, 1, 2), *feed)
+            self.draft.bend(piece, (0, 1, 2), move.speed, move.tolerance, move.line)
             return
         start, turn = points_at(way, at)[0], int(math.copysign(1.0, curvature))
         center = (start + radius * np.array(piece.normal)).tolist()
         circle = Circle(center, start.tolist(), end, turn, length / radius, radius, radius)
         points = helix_points(circle, 1, self.chord_tolerance, self.draft.room_for)
         for i, point in enumerate(points, 1):
-            self.draft.feed(*point, z + i / len(points) * (move.z - z), *feed)
+            feed(*point, z + i / len(points) * (move.z - z))
 
 
-def _arc(tangent: InPlane, curvature: float, length: float, end: InPlane) -> Piece:
+def _arc(tangent: FloatArray, curvature: float, length: float, end: InPlane) -> Piece:
     """An arc whose curvature is positive to the left."""
-    turn = math.copysign(1.0, curvature)
-    normal = (-turn * tangent[1], turn * tangent[0])
-    return Piece(tuple(tangent), normal, abs(curvature), length, end)
+    (tx, ty), turn = tangent.tolist(), math.copysign(1.0, curvature)
+    return Piece((tx, ty), (-turn * ty, turn * tx), abs(curvature), length, end)

@@ -93,7 +93,8 @@ class Tool:
     def go(self, target: list[float]) -> None:
         """A rapid move."""
         if not self.away:
-            self.draft.go(*target, self.line)
+            x, y, z = target
+            self.draft.go(x, y, z, self.line)
         elif not self.lost:
             self.draft.resume_at(target)
             self.away = False

@@ -11,7 +11,7 @@ from armcontour.io.drawings.gcode.dialect import dialect_of
 from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.machine import Machine
 from armcontour.io.drawings.gcode.words import LONGEST_LINE, parse
-from armcontour.io.drawings.mending import mend, printed_in_gcode
+from armcontour.io.drawings.mending import mend
 from armcontour.io.drawings.options import ReadOptions
 from armcontour.program import Program
 
@@ -68,8 +68,7 @@ def read_gcode(
     tell = None if progress is None else under(progress, source)
     runner.run(tell)
     program = machine.draft.program(source, (*machine.notes(), *runner.notes()))
-    printed = printed_in_gcode(data, machine.modes.unit)
-    program = mend(program, printed, options)
+    program = mend(program, options)
     if tell is not None:
         tell(Step((), 1.0))
     return program
