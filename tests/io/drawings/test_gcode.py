@@ -224,7 +224,7 @@ def test_helices_and_ends_beside_their_circles():
 
 def test_words_that_move_nothing_are_left_out_with_a_note():
     check_points("""
-format/block_delete => 0,0 1,0 2,0 => 2 lines with a slash ... first line 3
+format/block_delete => 0,0 1,0 2,0 => lines with a slash ... 2 times, first in line 3
 frame/percent_signs => 0,0 1,0 2,0 => after the end of the program, line 5,
 references/unknown => 1,2,1 3,2,1 / > 7,7,4 7,7,1 / 7,7,1 8,7,1 => G28 (1 ... line 5 ... G53 (1
 G1 X2 F60 => 0,0 2,0

@@ -15,7 +15,7 @@ from armcontour.io.drawings.gcode.compensation import Compensation
 from armcontour.io.drawings.gcode.cycles import Cycles
 from armcontour.io.drawings.gcode.dialect import Dialect
 from armcontour.io.drawings.gcode.draft import Draft
-from armcontour.io.drawings.gcode.faults import Fault
+from armcontour.io.drawings.gcode.faults import Fault, Notes
 from armcontour.io.drawings.gcode.feed import feed_per_minute, set_feed, unit_of
 from armcontour.io.drawings.gcode.modes import MILLIMETRE, Modes
 from armcontour.io.drawings.gcode.motions import Tool
@@ -49,22 +49,17 @@ class Machine:
         self.offsets = Offsets()
         self.compensation = Compensation(self.draft, options.fit_tolerance)
         self.tools = options.unscaled_tools
-        self.tool = Tool(self.compensation, self.modes, self.offsets, options.fit_tolerance)
-        self.unknown = Unknown(options.words, options.skips)
+        self.notes = Notes()
+        self.tool = Tool(
+            self.compensation, self.notes, self.modes, self.offsets, options.fit_tolerance
+        )
+        self.unknown = Unknown(self.notes, options.words, options.skips)
         self.switches = Switches(self.compensation, dialect)
         self.extruder = Extruder(self.switches)
         self.references = References(self.tool)
         self.cycles = Cycles(self.tool, self.modes)
         self.shift = [0.0] * 3
-        self.first_compensated = 0
         self.dialect = dialect
-        self.first_milliseconds = self.first_any_tolerance = self.first_approach = 0
-        self.long_dwell: tuple[float, int] | None = None
-
-    @property
-    def line(self) -> int:
-        """The line that is carried out, counted from 1."""
-        return self.tool.line
 
     def ready(self) -> bool:
         """Whether a line of nothing but X, Y, Z and F is a straight feed move to that point."""
@@ -99,7 +94,7 @@ class Machine:
         if z is not None:
             at[2] = float(z) * unit + shift[2]
         speed = modes.feed or tool.speed(0.0)
-        self.draft.feed(at[0], at[1], at[2], speed, modes.tolerance, tool.line)
+        self.draft.feed(at[0], at[1], at[2], speed, modes.tolerance, self.notes.line)
 
     def execute(self, block: Block) -> bool:
         """Carries out a line.
@@ -117,9 +112,9 @@ class Machine:
                 self.modes.feed = None
             self._move(block)
             if block.words:
-                self.unknown.leave_idle(block, self.line)
+                self.unknown.leave_idle(block)
             return False
-        self.unknown.screen(block, self.line)
+        self.unknown.screen(block)
         self._refuse_two_users(block)
         set_feed(block, self.modes)
         dwell = self._dwell(block) if codes.DWELL in block.g else None
@@ -135,7 +130,7 @@ class Machine:
             self._set_motion(block)
         else:
             self._move(block)
-        self.unknown.leave_idle(block, self.line)
+        self.unknown.leave_idle(block)
         return self._stop(block)
 
     def _is_simple(self, block: Block) -> bool:
@@ -170,16 +165,22 @@ class Machine:
         letter = next((x for x in "PSXU" if x in words), None)
         if letter is None:
             # Marlin: wait until all moves are done.
-            self.unknown.count("G4 without a time, a stop of 0 s", self.line)
+            self.notes.count("G4 without a time, a stop of 0 s")
             return 0.0
         duration = words.pop(letter)
         if duration < 0:
             raise Fault(f"G4 needs a time of zero or above, but has {letter}{duration:g}")
         if letter == "P" and duration and self.dialect.printer:
-            self.first_milliseconds = self.first_milliseconds or self.line
+            self.notes.once(
+                "G4 P, first in line {}, is read in milliseconds, because the program is a "
+                "printer's (extrusion, temperatures)."
+            )
             return duration * 1e-3
-        if duration >= LONG_DWELL and self.long_dwell is None:
-            self.long_dwell = (duration, self.line)
+        if duration >= LONG_DWELL:
+            self.notes.once(
+                f"Dwells of {LONG_DWELL:g} s and above, first in line {{}}, are read in seconds, "
+                "as LinuxCNC and grbl read G4 P; some controllers mean milliseconds."
+            )
         return duration
 
     def _set_modes(self, block: Block) -> None:
@@ -227,11 +228,16 @@ class Machine:
         """G43: the programmed point is the tip of the tool, as a calibrated tool has it anyway."""
         block.words.pop("H", None)
         if code != codes.TOOL_LENGTH[-1]:
-            self.first_compensated = self.first_compensated or self.line
+            self.notes.once(
+                "Tool length compensation, first in line {}, is read so that the programmed point "
+                "is the tip of the tool: calibrate the robot's tool to its tip."
+            )
 
     def _blend(self, largest: float | None) -> float:
         if largest == 0:
-            self.first_any_tolerance = self.first_any_tolerance or self.line
+            self.notes.once(
+                "G64 P0 in line {} sets no tolerance, as in LinuxCNC; G61 keeps to corners exactly."
+            )
         if not largest:
             return math.nan
         if largest < 0:
@@ -274,7 +280,7 @@ class Machine:
                 "(unknown: {skip: [G10]}, or --skip G10)"
             )
         block.drop("PRS")
-        self.unknown.count("G10", self.line)
+        self.notes.count("G10")
 
     def _set_position(self, block: Block) -> None:
         """G92: the tool is at these coordinates, and E at this one."""
@@ -298,7 +304,7 @@ class Machine:
         arc = self._turns_on(block)
         self._set_motion(block)
         modes = self.modes
-        fed = self.extruder.advance(block, self.line) if modes.motion is not None else 0.0
+        fed = self.extruder.advance(block, self.notes) if modes.motion is not None else 0.0
         feeds = fed > 0
         if not arc and block.words.keys().isdisjoint(AXES):
             if fed:
@@ -326,7 +332,10 @@ class Machine:
             self.references.pass_by(target)
         elif not feeds and not self.draft.begun and self.dialect.extrudes:
             # Nothing is printed yet: the tool only goes to where the print begins.
-            self.first_approach = self.first_approach or self.line
+            self.notes.once(
+                "Feed moves before the first extrusion, first in line {}, are read as rapids: the "
+                "program begins where material flows."
+            )
             self.tool.go(target)
         else:
             self.tool.feed(target)
@@ -344,46 +353,3 @@ class Machine:
     def finish(self) -> None:
         """The end of the program, which ends compensation too."""
         self.compensation.stop()
-
-    def notes(self) -> list[str]:
-        """Sentences on what was left out, and on how something was read."""
-        found = self.unknown.notes() + self.references.notes()
-        if self.first_compensated:
-            found.append(
-                f"Tool length compensation, first in line {self.first_compensated}, is read so "
-                "that the programmed point is the tip of the tool: calibrate the robot's tool to "
-                "its tip."
-            )
-        if self.tool.first_open:
-            found.append(
-                f"The file gives no feed rate for moves, first in line {self.tool.first_open}: "
-                "they have no speed of their own, and the job's limits hold."
-            )
-        if self.first_approach:
-            found.append(
-                f"Feed moves before the first extrusion, first in line {self.first_approach}, "
-                "are read as rapids: the program begins where material flows."
-            )
-        if self.first_any_tolerance:
-            found.append(
-                f"G64 P0 in line {self.first_any_tolerance} sets no tolerance, as in LinuxCNC; "
-                "G61 keeps to corners exactly."
-            )
-        if self.first_milliseconds:
-            found.append(
-                f"G4 P, first in line {self.first_milliseconds}, is read in milliseconds, "
-                "because the program is a printer's (extrusion, temperatures)."
-            )
-        if self.extruder.first_kept:
-            found.append(
-                f"E in line {self.extruder.first_kept} is relative, because G90 does not end "
-                "M83, as in Klipper and RepRapFirmware; Marlin reads it as absolute. Write M83 "
-                "after G90."
-            )
-        if self.long_dwell is not None:
-            duration, line = self.long_dwell
-            found.append(
-                f"The dwell of {duration:g} s in line {line} is read in seconds, as LinuxCNC and "
-                "grbl read G4 P; some controllers mean milliseconds."
-            )
-        return found

@@ -23,7 +23,7 @@ from armcontour.io.drawings.gcode.arcs import (
 )
 from armcontour.io.drawings.gcode.arcs import Point as InPlane
 from armcontour.io.drawings.gcode.compensation import Compensation
-from armcontour.io.drawings.gcode.faults import Fault
+from armcontour.io.drawings.gcode.faults import Fault, Notes
 from armcontour.io.drawings.gcode.feed import speed_of
 from armcontour.io.drawings.gcode.modes import Modes
 from armcontour.io.drawings.gcode.offsets import Offsets
@@ -40,24 +40,27 @@ class Tool:
 
     Args:
         draft: What takes the moves.
+        notes: Takes notes, and has the line.
         modes: What is in force.
         offsets: From the program to the drawing.
         chord_tolerance: Largest distance between a helix and its chords [m].
     """
 
     def __init__(
-        self, draft: Compensation, modes: Modes, offsets: Offsets, chord_tolerance: float
+        self,
+        draft: Compensation,
+        notes: Notes,
+        modes: Modes,
+        offsets: Offsets,
+        chord_tolerance: float,
     ) -> None:
-        self.draft, self.modes, self.offsets = draft, modes, offsets
+        self.draft, self.notes, self.modes, self.offsets = draft, notes, modes, offsets
         self.chord_tolerance = chord_tolerance
         self.at = [0.0, 0.0, 0.0]
         # Axes on which the tool went to a place that the file does not give.
         self.lost: set[int] = set()
         # Whether the last drafted move ends somewhere else than where the tool is now.
         self.away = False
-        self.line = 0
-        # The first line whose move has no feed rate.
-        self.first_open = 0
 
     def target(self, block: Block) -> list[float]:
         """Where the coordinates of a line lead, in the drawing.
@@ -94,7 +97,7 @@ class Tool:
         """A rapid move."""
         if not self.away:
             x, y, z = target
-            self.draft.go(x, y, z, self.line)
+            self.draft.go(x, y, z, self.notes.line)
         elif not self.lost:
             self.draft.resume_at(target)
             self.away = False
@@ -131,14 +134,17 @@ class Tool:
         self.offsets.place()
         speed = self.speed(math.dist(self.at, target))
         x, y, z = target
-        self.draft.feed(x, y, z, speed, self.modes.tolerance, self.line)
+        self.draft.feed(x, y, z, speed, self.modes.tolerance, self.notes.line)
         self.at[:] = target
 
     def speed(self, length: float) -> float:
         """The speed of a feed move of a length [m/s]; NaN, and noted, where the file gives none."""
         found = speed_of(self.modes, length)
-        if found != found and not self.first_open:
-            self.first_open = self.line
+        if found != found:
+            self.notes.once(
+                "The file gives no feed rate for moves, first in line {}: they have no speed of "
+                "their own, and the job's limits hold."
+            )
         return found
 
     def _refuse_lost(self) -> None:
@@ -169,7 +175,7 @@ class Tool:
             speed = self.speed(math.hypot(length, rise))
             for x in pieces:
                 share = rise * x.length / length
-                self.draft.bend(x, axes, speed, modes.tolerance, self.line, rise=share)
+                self.draft.bend(x, axes, speed, modes.tolerance, self.notes.line, rise=share)
         self.at[:] = target
 
     def _helix(self, circle: Circle, turns: int, target: list[float], speed: float) -> None:
@@ -181,7 +187,7 @@ class Tool:
         for i, (u, v) in enumerate(points, 1):
             point[a], point[b], point[c] = u, v, first + i / len(points) * (target[c] - first)
             x, y, z = point
-            self.draft.feed(x, y, z, speed, self.modes.tolerance, self.line)
+            self.draft.feed(x, y, z, speed, self.modes.tolerance, self.notes.line)
 
     def _circle(self, block: Block, start: InPlane, end: InPlane) -> Circle:
         modes = self.modes

@@ -10,6 +10,12 @@ from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.motions import Tool
 from armcontour.io.drawings.gcode.words import Block
 
+UNKNOWN = (
+    "Moves to a reference position that the file does not give are only a stop: {}. The tool stays "
+    "where it is, and goes straight on to the next point that the file gives: make sure that "
+    "nothing stands between them."
+)
+
 
 class References:
     """Moves to positions of the machine, which are only a stop.
@@ -22,8 +28,6 @@ class References:
 
     def __init__(self, tool: Tool) -> None:
         self.tool = tool
-        # Name, count and first line of the moves whose end is not known.
-        self.unknown: dict[str, list[int]] = {}
 
     def move(self, block: Block, code: int) -> None:
         """G28, G30: by the point of the line's coordinates to the reference position.
@@ -55,25 +59,8 @@ class References:
     def pass_by(self, target: list[float]) -> None:
         """A feed move to a point of which the file does not give all axes; it draws nothing."""
         self.tool.at[:] = target
-        self._count("G1 from there")
+        self.tool.notes.count("G1 from there", UNKNOWN)
 
     def _leave(self, name: str, axes: set[int]) -> None:
         self.tool.lose(axes)
-        self._count(name)
-
-    def _count(self, name: str) -> None:
-        self.unknown.setdefault(name, [0, self.tool.line])[0] += 1
-
-    def notes(self) -> list[str]:
-        """A sentence on the moves whose end is not known."""
-        if not self.unknown:
-            return []
-        kinds = ", ".join(
-            f"{name} ({count} time{'s' if count > 1 else ''}, first in line {line})"
-            for name, (count, line) in self.unknown.items()
-        )
-        return [
-            "Moves to a reference position that the file does not give are only a stop: "
-            f"{kinds}. The tool stays where it is, and goes straight on to the next point that the "
-            "file gives: make sure that nothing stands between them."
-        ]
+        self.tool.notes.count(name, UNKNOWN)
