@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from armcontour._describing import several
 from armcontour._text import list_some
-from armcontour.io.drawings.gcode.modes import INCH, MILLIMETRE
 
+MILLIMETRE, INCH = 1e-3, 0.0254
 IDLE = "Left out, because it moves nothing: {}."
 # Largest number of kinds that a note names.
 MOST_KINDS = 12

@@ -10,21 +10,18 @@ from __future__ import annotations
 import math
 
 from armcontour.io.drawings.gcode import codes
-from armcontour.io.drawings.gcode.arc_words import AXES, PLANES
+from armcontour.io.drawings.gcode.codes import AXES, PLANES
 from armcontour.io.drawings.gcode.compensation import Compensation
 from armcontour.io.drawings.gcode.cycles import Cycles
 from armcontour.io.drawings.gcode.dialect import Dialect
 from armcontour.io.drawings.gcode.draft import Draft
-from armcontour.io.drawings.gcode.faults import Fault, Notes
-from armcontour.io.drawings.gcode.feed import feed_per_minute, set_feed, unit_of
-from armcontour.io.drawings.gcode.modes import MILLIMETRE, Modes
+from armcontour.io.drawings.gcode.faults import MILLIMETRE, Fault, Notes
+from armcontour.io.drawings.gcode.modes import Modes, unit_of
 from armcontour.io.drawings.gcode.motions import Tool
 from armcontour.io.drawings.gcode.offsets import Offsets
-from armcontour.io.drawings.gcode.references import References
 from armcontour.io.drawings.gcode.switches import Extruder, Switches
-from armcontour.io.drawings.gcode.tool_table import diameter_for
 from armcontour.io.drawings.gcode.unknown import Unknown
-from armcontour.io.drawings.gcode.words import Block
+from armcontour.io.drawings.gcode.words import Block, whole
 from armcontour.io.drawings.options import ReadOptions
 
 # Codes and words of lines that only move the tool.
@@ -56,7 +53,6 @@ class Machine:
         self.unknown = Unknown(self.notes, options.words, options.skips)
         self.switches = Switches(self.compensation, dialect)
         self.extruder = Extruder(self.switches)
-        self.references = References(self.tool)
         self.cycles = Cycles(self.tool, self.modes)
         self.shift = [0.0] * 3
         self.dialect = dialect
@@ -83,7 +79,7 @@ class Machine:
         """A line of nothing but those words, where the machine is `ready`."""
         modes, tool = self.modes, self.tool
         if f is not None:
-            feed_per_minute(float(f), modes)
+            modes.feed_per_minute(float(f))
         if x is None and y is None and z is None:
             return
         at, unit, shift = tool.at, modes.unit, self.shift
@@ -107,7 +103,7 @@ class Machine:
         """
         if not block.m and self._is_simple(block):
             if "F" in block.words:
-                set_feed(block, self.modes)
+                self.modes.set_feed(block)
             elif self.modes.inverse_time:
                 self.modes.feed = None
             self._move(block)
@@ -116,7 +112,7 @@ class Machine:
             return False
         self.unknown.screen(block)
         self._refuse_two_users(block)
-        set_feed(block, self.modes)
+        self.modes.set_feed(block)
         dwell = self._dwell(block) if codes.DWELL in block.g else None
         self.switches.apply(block)
         self.extruder.set_mode(block)
@@ -219,10 +215,38 @@ class Machine:
             raise Fault(f"{name} in the plane {codes.g_name(self.modes.plane)}: it is read in G17")
         if self.tool.away:
             raise Fault(f"{name} at a position that the file does not give: go on by G0 before")
-        tool = self.switches.tool
-        diameter = diameter_for(block, code, self.modes.unit, tool, self.tools)
+        diameter = self._diameter(block, code)
         left = -diameter / 2 if code in codes.ON_THE_RIGHT else diameter / 2
         self.compensation.start(code, left)
+
+    def _diameter(self, block: Block, code: int) -> float:
+        """The tool's diameter for G41 or G42 of a line [m]; takes its words from the line.
+
+        Raises:
+            Fault: A diameter that nothing gives.
+        """
+        in_spindle = self.switches.tool
+        name, given = codes.g_name(code), block.words.pop("D", None)
+        if code in codes.BY_DIAMETER:
+            if block.words.pop("L", 0.0) != 0.0:
+                raise Fault(f"{name} with L, the orientation of a lathe's tool, which is not read")
+            if given is None:
+                raise Fault(f"{name} without D, the tool's diameter")
+            return given * self.modes.unit
+        if not given and not in_spindle and 0 not in self.tools:
+            raise Fault(
+                f"{name} without D, while no tool is in the spindle (T, M6): give D, the number of "
+                f"a tool, and {_explain_tool(1)}"
+            )
+        # D0 is the tool in the spindle, as in LinuxCNC.
+        number = whole(given or 0.0, f"{name} with a tool D") or in_spindle
+        if number not in self.tools:
+            raise Fault(
+                f"{name}, cutter radius compensation by the tool {number}, whose diameter is in "
+                f"the table of the controller and not in the file: give {_explain_tool(number)}, "
+                "or let the post-processor write the path of the tool's centre"
+            )
+        return self.tools[number]
 
     def _compensate_length(self, block: Block, code: int) -> None:
         """G43: the programmed point is the tip of the tool, as a calibrated tool has it anyway."""
@@ -253,10 +277,10 @@ class Machine:
             self.compensation.refuse(codes.g_name(code))
         reference = next(iter(codes.REFERENCE_MOVES.intersection(g)), None)
         if reference is not None:
-            self.references.move(block, reference)
+            self.tool.go_to_reference(block, reference)
         elif codes.MACHINE in g:
             motion = self.modes.motion if block.motion is None else block.motion
-            self.references.move_in_machine(block, motion)
+            self.tool.go_in_machine(block, motion)
         elif 431 in g or 432 in g:
             # Lengths of tools, which move nothing here.
             block.drop(AXES)
@@ -329,7 +353,7 @@ class Machine:
         elif motion != codes.LINE:
             self.tool.arc(block, target)
         elif not feeds and self.tool.lost and self.dialect.printer:
-            self.references.pass_by(target)
+            self.tool.pass_by(target)
         elif not feeds and not self.draft.begun and self.dialect.extrudes:
             # Nothing is printed yet: the tool only goes to where the print begins.
             self.notes.once(
@@ -353,3 +377,10 @@ class Machine:
     def finish(self) -> None:
         """The end of the program, which ends compensation too."""
         self.compensation.stop()
+
+
+def _explain_tool(number: int) -> str:
+    return (
+        f"its diameter (tools: {{{number}: 3 mm}} under path, or --tool '{number}: 3 mm', with "
+        "the tool's own diameter)"
+    )
