@@ -21,7 +21,7 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.arcs import Circle, Piece, helix_points
 from armcontour.io.drawings.gcode.arcs import Point as InPlane
-from armcontour.io.drawings.gcode.draft import Draft, Point
+from armcontour.io.drawings.gcode.draft import Draft, Feed, Point
 from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.program._crossings import (
     CURVATURE,
@@ -51,8 +51,7 @@ class _Move:
         end: End [m].
         z: Height at the end [m].
         line: Line of the program.
-        speed: Speed [m/s]; None for a rapid.
-        tolerance: Largest corner error [m].
+        feed: Speed, tolerance and line; None for a rapid.
         actions: What happens at its end, before the next move.
     """
 
@@ -60,8 +59,7 @@ class _Move:
     end: InPlane
     z: float
     line: int
-    speed: float | None = None
-    tolerance: float = math.nan
+    feed: Feed | None = None
     actions: list[Callable[[], None]] = field(default_factory=list)
 
 
@@ -140,15 +138,15 @@ class Compensation:
             )
         return self.at if self.left else self.draft.last
 
-    def feed(self, x: float, y: float, z: float, speed: float, tolerance: float, line: int) -> None:
+    def feed(self, x: float, y: float, z: float, feed: Feed) -> None:
         """A straight feed move."""
         if not self.left:
             self.leaves = False
-            self.draft.feed(x, y, z, speed, tolerance, line)
+            self.draft.feed(x, y, z, feed)
         elif math.dist((x, y), self.at[:2]) > REPEATED_POINT:
-            self._follow_line((x, y), z, line, speed, tolerance)
+            self._follow_line((x, y), z, feed[2], feed)
         else:
-            self._wait(lambda: self.draft.feed(*self.draft.last[:2], z, speed, tolerance, line))
+            self._wait(lambda: self.draft.feed(*self.draft.last[:2], z, feed))
             self.at = (*self.at[:2], z)
 
     def go(self, x: float, y: float, z: float, line: int) -> None:
@@ -163,18 +161,11 @@ class Compensation:
             self.at = (*self.at[:2], z)
 
     def bend(
-        self,
-        piece: Piece,
-        axes: tuple[int, int, int],
-        speed: float,
-        tolerance: float,
-        line: int,
-        *,
-        rise: float = 0.0,
+        self, piece: Piece, axes: tuple[int, int, int], feed: Feed, *, rise: float = 0.0
     ) -> None:
         """An arc; while compensation is on, in the plane XY, or a helix across it."""
         if not self.left:
-            self.draft.bend(piece, axes, speed, tolerance, line)
+            self.draft.bend(piece, axes, feed)
             return
         (tx, ty), (nx, ny) = piece.tangent, piece.normal
         curvature = math.copysign(piece.curvature, tx * ny - ty * nx)
@@ -187,7 +178,7 @@ class Compensation:
         if not self.moves:
             self._refuse_short_entry(math.dist(self.draft.last[:2], piece.end))
         row = (*self.at[:2], tx, ty, curvature, piece.length)
-        self._follow(_Move(row, piece.end, self.at[2] + rise, line, speed, tolerance))
+        self._follow(_Move(row, piece.end, self.at[2] + rise, feed[2], feed))
 
     def event(self, name: str, value: Value) -> None:
         """Something is switched."""
@@ -220,20 +211,13 @@ class Compensation:
         else:
             action()
 
-    def _follow_line(
-        self,
-        end: InPlane,
-        z: float,
-        line: int,
-        speed: float | None = None,
-        tolerance: float = math.nan,
-    ) -> None:
-        """Collects a straight move, a rapid without a speed."""
+    def _follow_line(self, end: InPlane, z: float, line: int, feed: Feed | None = None) -> None:
+        """Collects a straight move."""
         (x, y), length = self.at[:2], math.dist(self.at[:2], end)
         if not self.moves:
             self._refuse_short_entry(length)
         row = (x, y, (end[0] - x) / length, (end[1] - y) / length, 0.0, length)
-        self._follow(_Move(row, end, z, line, speed, tolerance))
+        self._follow(_Move(row, end, z, line, feed))
 
     def _follow(self, move: _Move) -> None:
         self.moves.append(move)
@@ -327,23 +311,22 @@ class Compensation:
     def _turn_corner(self, move: _Move, way: FloatArray, tangent: FloatArray, turn: float) -> None:
         """Drafts the arc around the outside corner before a move; a rapid goes straight."""
         x, y = way[:2].tolist()
-        if move.speed is None:
+        if move.feed is None:
             self.draft.go(x, y, self.draft.last[2])
             return
         piece = _arc(tangent, -1 / self.left, abs(turn * self.left), (x, y))
-        self.draft.bend(piece, (0, 1, 2), move.speed, move.tolerance, move.line)
+        self.draft.bend(piece, (0, 1, 2), move.feed)
 
     def _draft_move(
         self, move: _Move, way: FloatArray, first: float, last: float, end: InPlane
     ) -> None:
         """Drafts a move along a part of its parallel; chords of an arc where the height changes."""
-        if move.speed is None:
+        if move.feed is None:
             self.draft.go(*end, move.z)
             return
-        feed = partial(self.draft.feed, speed=move.speed, tolerance=move.tolerance, line=move.line)
         curvature, length = float(way[0, CURVATURE]), last - first
         if not curvature:
-            feed(*end, move.z)
+            self.draft.feed(*end, move.z, move.feed)
             return
         if length <= REPEATED_POINT:
             return
@@ -351,14 +334,14 @@ class Compensation:
         piece = _arc(points_at(way, at, 1)[0], curvature, length, end)
         z, radius = self.draft.last[2], abs(1 / curvature)
         if abs(move.z - z) <= REPEATED_POINT:
-            self.draft.bend(piece, (0, 1, 2), move.speed, move.tolerance, move.line)
+            self.draft.bend(piece, (0, 1, 2), move.feed)
             return
         start, turn = points_at(way, at)[0], int(math.copysign(1.0, curvature))
         center = (start + radius * np.array(piece.normal)).tolist()
         circle = Circle(center, start.tolist(), end, turn, length / radius, radius, radius)
         points = helix_points(circle, 1, self.chord_tolerance, self.draft.room_for)
         for i, point in enumerate(points, 1):
-            feed(*point, z + i / len(points) * (move.z - z))
+            self.draft.feed(*point, z + i / len(points) * (move.z - z), move.feed)
 
 
 def _arc(tangent: FloatArray, curvature: float, length: float, end: InPlane) -> Piece:

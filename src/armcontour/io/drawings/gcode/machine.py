@@ -89,8 +89,7 @@ class Machine:
             at[1] = float(y) * unit + shift[1]
         if z is not None:
             at[2] = float(z) * unit + shift[2]
-        speed = modes.feed or tool.speed(0.0)
-        self.draft.feed(at[0], at[1], at[2], speed, modes.tolerance, self.notes.line)
+        self.draft.feed(at[0], at[1], at[2], tool.feed_of(0.0))
 
     def execute(self, block: Block) -> bool:
         """Carries out a line.

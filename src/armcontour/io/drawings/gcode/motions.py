@@ -16,6 +16,7 @@ from armcontour.io.drawings.gcode.arcs import (
 from armcontour.io.drawings.gcode.arcs import Point as InPlane
 from armcontour.io.drawings.gcode.codes import AXES, OFFSETS, PLANES
 from armcontour.io.drawings.gcode.compensation import Compensation
+from armcontour.io.drawings.gcode.draft import Feed
 from armcontour.io.drawings.gcode.faults import Fault, Notes
 from armcontour.io.drawings.gcode.modes import Modes
 from armcontour.io.drawings.gcode.offsets import Offsets
@@ -164,20 +165,19 @@ class Tool:
         """A straight feed move."""
         self._refuse_lost()
         self.offsets.place()
-        speed = self.speed(math.dist(self.at, target))
         x, y, z = target
-        self.draft.feed(x, y, z, speed, self.modes.tolerance, self.notes.line)
+        self.draft.feed(x, y, z, self.feed_of(math.dist(self.at, target)))
         self.at[:] = target
 
-    def speed(self, length: float) -> float:
-        """The speed of a feed move of a length [m/s]; NaN, and noted, where the file gives none."""
+    def feed_of(self, length: float) -> Feed:
+        """Speed, tolerance and line of a feed move of a length [m]; notes a missing feed rate."""
         found = self.modes.speed_of(length)
         if found != found:
             self.notes.once(
                 "The file gives no feed rate for moves, first in line {}: they have no speed of "
                 "their own, and the job's limits hold."
             )
-        return found
+        return found, self.modes.tolerance, self.notes.line
 
     def _refuse_lost(self) -> None:
         if self.away:
@@ -198,28 +198,20 @@ class Tool:
         circle = self._circle(block, (last[a], last[b]), (target[a], target[b]))
         rise = target[c] - last[c]
         if abs(rise) > CLOSE and not self.draft.left:
-            speed = self.speed(helix_length(circle, turns, rise))
-            self._helix(circle, turns, target, speed)
+            feed = self.feed_of(helix_length(circle, turns, rise))
+            points = helix_points(circle, turns, self.chord_tolerance, self.draft.room_for)
+            x = list(last)
+            for i, (u, v) in enumerate(points, 1):
+                x[a], x[b], x[c] = u, v, last[c] + i / len(points) * rise
+                self.draft.feed(x[0], x[1], x[2], feed)
         else:
             self.draft.room_for(turns - 1)
             pieces = pieces_of(circle, turns)
             length = sum(x.length for x in pieces)
-            speed = self.speed(math.hypot(length, rise))
-            for x in pieces:
-                share = rise * x.length / length
-                self.draft.bend(x, axes, speed, modes.tolerance, self.notes.line, rise=share)
+            feed = self.feed_of(math.hypot(length, rise))
+            for piece in pieces:
+                self.draft.bend(piece, axes, feed, rise=rise * piece.length / length)
         self.at[:] = target
-
-    def _helix(self, circle: Circle, turns: int, target: list[float], speed: float) -> None:
-        """Chords of a helix."""
-        a, b, c = PLANES[self.modes.plane]
-        points = helix_points(circle, turns, self.chord_tolerance, self.draft.room_for)
-        point = list(self.draft.start_of_arc())
-        first = point[c]
-        for i, (u, v) in enumerate(points, 1):
-            point[a], point[b], point[c] = u, v, first + i / len(points) * (target[c] - first)
-            x, y, z = point
-            self.draft.feed(x, y, z, speed, self.modes.tolerance, self.notes.line)
 
     def _circle(self, block: Block, start: InPlane, end: InPlane) -> Circle:
         modes = self.modes
