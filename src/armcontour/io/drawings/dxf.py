@@ -180,6 +180,8 @@ class DxfWalk(Walk):
         progress: Called from time to time with the share of the file that is read.
     """
 
+    part = " in its model space"
+
     def __init__(
         self,
         document: Any,

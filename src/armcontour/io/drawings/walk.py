@@ -80,6 +80,8 @@ class Walk:
 
     # Whether the parts of one entity are never chained, and have its name.
     apart = False
+    # The part of a file that is read, for messages.
+    part = ""
 
     def __init__(self, source: str, options: ReadOptions, progress: Progress | None) -> None:
         self.source, self.options, self.skip = source, options, options.skips
@@ -133,7 +135,7 @@ class Walk:
             if self.others:
                 notes.append(f"Of other colours than chosen: {list_counted(self.others)}.")
             why = f" ({' '.join(notes).rstrip('.')})" if notes else ""
-            why = self.explain_empty() or f"has no contour to follow{why}"
+            why = self.explain_empty() or f"has no contour to follow{self.part}{why}"
             raise InvalidInput(f"{self.source} {why}.")
         program = Program(
             moves=tuple(contours),

@@ -89,7 +89,8 @@ class Machine:
             at[1] = float(y) * unit + shift[1]
         if z is not None:
             at[2] = float(z) * unit + shift[2]
-        self.draft.feed(at[0], at[1], at[2], tool.feed_of(0.0))
+        feed = (modes.feed, modes.tolerance, self.notes.line) if modes.feed else tool.feed_of(0.0)
+        self.draft.feed(at[0], at[1], at[2], feed)
 
     def execute(self, block: Block) -> bool:
         """Carries out a line.
