@@ -6,10 +6,9 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path as FilePath
 
 from armcontour._checks import LONGEST_NAME
-from armcontour._files import SMALL, read_bytes
+from armcontour._files import SMALL
 from armcontour._progress import Progress, Step, under
 from armcontour._text import make_printable, show
 
@@ -106,15 +105,6 @@ class Labels:
             f"Names that have more than {LONGEST_NAME} characters, or some that are not printable, "
             f"were changed ({len(self._changed)}), such as {show(name)} to '{label}'."
         ]
-
-
-def bytes_of(file: str | FilePath) -> bytes:
-    """Content of a file.
-
-    Raises:
-        InvalidInput: The file cannot be read, or is too large.
-    """
-    return read_bytes(file, "file", most=LARGEST)
 
 
 def color_of(text: str) -> str:

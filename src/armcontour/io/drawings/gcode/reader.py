@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 
-from armcontour._progress import Progress, Step, under
+from armcontour._progress import Progress
 from armcontour.errors import InvalidInput
 from armcontour.io.drawings.gcode.dialect import dialect_of
 from armcontour.io.drawings.gcode.faults import Fault
@@ -13,6 +13,7 @@ from armcontour.io.drawings.gcode.machine import Machine
 from armcontour.io.drawings.gcode.words import LONGEST_LINE, parse
 from armcontour.io.drawings.mending import mend
 from armcontour.io.drawings.options import ReadOptions
+from armcontour.io.drawings.reading import Tell, tell_share
 from armcontour.program import Program
 
 # A line of nothing but coordinates and feed, as nearly all lines of long programs are. Whatever it
@@ -64,13 +65,11 @@ def read_gcode(
     """
     lines = _lines(data, source)
     machine = Machine(options, dialect_of(lines))
-    runner = _Runner(lines, source, machine)
-    tell = None if progress is None else under(progress, source)
-    runner.run(tell)
+    tell = tell_share(progress, source)
+    _Runner(lines, source, machine).run(tell)
     program = machine.draft.program(source, tuple(machine.notes.sentences()))
     program = mend(program, options)
-    if tell is not None:
-        tell(Step((), 1.0))
+    tell(1.0)
     return program
 
 
@@ -108,7 +107,7 @@ class _Runner:
         # Whether a percent sign opened the program, a word was read, and the program has ended.
         self.framed = self.seen = self.ended = False
 
-    def run(self, tell: Progress | None) -> None:
+    def run(self, tell: Tell) -> None:
         """Carries out all lines up to the end of the program.
 
         Args:
@@ -122,8 +121,8 @@ class _Runner:
         try:
             for i, line in enumerate(lines):
                 notes.line = i + 1
-                if tell is not None and i and not i % LINES_BETWEEN_REPORTS:
-                    tell(Step((), i / len(lines)))
+                if not i % LINES_BETWEEN_REPORTS:
+                    tell(i / len(lines))
                 found = PLAIN.fullmatch(line) if plain else None
                 if found is not None:
                     machine.feed_to(*found.groups())
