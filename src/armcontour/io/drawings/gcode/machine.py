@@ -13,7 +13,6 @@ from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.codes import AXES, PLANES
 from armcontour.io.drawings.gcode.compensation import Compensation
 from armcontour.io.drawings.gcode.cycles import Cycles
-from armcontour.io.drawings.gcode.dialect import Dialect
 from armcontour.io.drawings.gcode.draft import Draft
 from armcontour.io.drawings.gcode.faults import MILLIMETRE, Fault, Notes
 from armcontour.io.drawings.gcode.modes import Modes, unit_of
@@ -21,7 +20,7 @@ from armcontour.io.drawings.gcode.motions import Tool
 from armcontour.io.drawings.gcode.offsets import Offsets
 from armcontour.io.drawings.gcode.switches import Extruder, Switches
 from armcontour.io.drawings.gcode.unknown import Unknown
-from armcontour.io.drawings.gcode.words import Block, whole
+from armcontour.io.drawings.gcode.words import Block, Dialect, whole
 from armcontour.io.drawings.options import ReadOptions
 
 # Codes and words of lines that only move the tool.

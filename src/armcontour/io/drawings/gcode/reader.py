@@ -7,10 +7,9 @@ import re
 
 from armcontour._progress import Progress
 from armcontour.errors import InvalidInput
-from armcontour.io.drawings.gcode.dialect import dialect_of
 from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.machine import Machine
-from armcontour.io.drawings.gcode.words import LONGEST_LINE, parse
+from armcontour.io.drawings.gcode.words import LONGEST_LINE, dialect_of, parse
 from armcontour.io.drawings.mending import mend
 from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.drawings.reading import Tell, tell_share

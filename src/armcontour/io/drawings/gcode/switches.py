@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.compensation import Compensation
-from armcontour.io.drawings.gcode.dialect import Dialect
 from armcontour.io.drawings.gcode.faults import Fault, Notes
-from armcontour.io.drawings.gcode.words import Block, whole
+from armcontour.io.drawings.gcode.words import Block, Dialect, whole
 from armcontour.program.moves import Value
 
 SPINDLE: dict[float, Value] = {3: True, 4: "reverse", 5: False}
