@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from tests.io.tables import refusals
 
 from armcontour._quantities import Quantity
-from armcontour.io.columns import read_titles
-from armcontour.io.tool_file import read_tool_positions
+from armcontour.io.csv_table import Title, read_table
+from armcontour.io.log_file import read_tool_positions
 from armcontour.io.units import (
     MOST_CHARACTERS,
     PERCENT,
@@ -145,21 +145,13 @@ SI = {"t": "s", "q": "rad", "dq": "rad/s", "x": "m", "name": None}
 
 
 def titles(*given):
-    def key_of(name, has_unit):
+    def title_of(name, has_unit):
         key, _, suffix = name.partition("_")
-        return (key, suffix or None) if key in SI else None
+        return Title(key, SI[key], suffix or None) if key in SI else None
 
-    return read_titles(
-        given,
-        where="a.csv, line 1",
-        example="t,q",
-        key_of=key_of,
-        si_of=SI.get,
-        unknown=left_out.append,
-    )
-
-
-left_out = []
+    # A single title may have blanks.
+    line = ";".join(given if len(given) > 1 else [*given, "-"])
+    return read_table(line, "a.csv", title_of, example="t,q")
 
 
 def test_units_become_factors():
@@ -173,12 +165,11 @@ def test_units_become_factors():
         ("x [ in ]", "x", 0.0254),
         ("name", "name", 1.0),
     ):
-        left_out.clear()
-        found = titles("other", title, "something [V]")
-        assert left_out == ["other", "something [V]"]
-        assert list(found) == [key]
-        assert (found[key].index, found[key].title) == (1, title)
-        assert found[key].factor == pytest.approx(factor, rel=1e-12), title
+        table = titles("other", title, "something [V]")
+        assert table.unknown == ("other", "something [V]")
+        ((found, column),) = table.columns.items()
+        assert (found, column.index, column.title) == (key, 1, title)
+        assert column.factor == pytest.approx(factor, rel=1e-12), title
 
 
 BAD = """

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from armcontour.clearance import Clearance
     from armcontour.cli.options import ArmOptions, CheckOptions
     from armcontour.evaluation import Check
-    from armcontour.io.trajectory_file import TrajectoryFile
+    from armcontour.io.joint_table import TrajectoryFile
     from armcontour.jobs import Job, Run
     from armcontour.program import Program
     from armcontour.scene import Scene

@@ -22,8 +22,9 @@ from armcontour.io.exports.table import (
     regular_times,
     tabulate,
 )
+from armcontour.io.joint_table import TrajectoryFile
 from armcontour.io.results import SUMMARY, verify_file
-from armcontour.io.trajectory_file import TrajectoryFile, read_trajectory
+from armcontour.io.trajectory_file import read_trajectory
 from armcontour.motion import Samples, TimedEvent
 
 # Times this near to each other are the same, in command intervals: they are printed with 12 digits.
