@@ -17,7 +17,7 @@ from armcontour._text import list_some, show
 from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.io.csv_table import MOST_NAMED, CsvTable, read_table
-from armcontour.io.joint_table import TrajectoryFile, read_csv_text, joints_of, read_samples
+from armcontour.io.joint_table import TrajectoryFile, joints_of, read_csv_text, read_samples
 from armcontour.io.joint_titles import AXES, Key, read_joint_title, read_tool_title
 from armcontour.io.ros_files import is_ros_file, read_ros_log
 from armcontour.motion.log import INTERPOLATIONS, Log, cut

@@ -15,8 +15,8 @@ from armcontour.io.csv_table import MOST_NAMED, CsvTable, last_digit, read_table
 from armcontour.io.joint_table import (
     QUANTITIES,
     TrajectoryFile,
-    read_csv_text,
     joints_of,
+    read_csv_text,
     read_samples,
     title_pattern,
 )
