@@ -20,6 +20,7 @@ Key = TypeVar("Key", bound=Hashable)
 NUMBER = re.compile(
     r"[+-]?(?=\.?\d)(?P<whole>\d*)(?:\.(?P<part>\d*))?(?:[eE](?P<power>[+-]?\d+))?", re.ASCII
 )
+_ONES = str.maketrans("23456789", "11111111")
 # A comma between digits, as in 0,125.
 _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
 # A number in brackets, as in q[0], is an index and no unit.
@@ -91,18 +92,18 @@ class Digits:
     digits: int = 0
     highest: float = -math.inf
 
-    def add(self, text: str) -> None:
-        """Update the counts with the digits of a number."""
-        match = NUMBER.fullmatch(text)
-        if match is None:
-            return
-        whole, part, power = match.group("whole", "part", "power")
-        part, exponent = part or "", int(power or 0)
-        number = (whole + part).lstrip("0")
-        self.places = max(self.places, len(part) - exponent)
-        if number.strip("0"):
-            self.digits = max(self.digits, len(number))
-            self.highest = max(self.highest, len(number) - 1 - len(part) + exponent)
+    def add(self, texts: Sequence[str]) -> None:
+        """Update the counts with the digits of numbers."""
+        # Numbers without exponents that differ in digits other than 0 count the same.
+        alike = {x if "e" in x or "E" in x else x.translate(_ONES) for x in texts}
+        for match in filter(None, map(NUMBER.fullmatch, alike)):
+            whole, part, power = match.group("whole", "part", "power")
+            part, exponent = part or "", int(power or 0)
+            number = (whole + part).lstrip("0")
+            self.places = max(self.places, len(part) - exponent)
+            if number.strip("0"):
+                self.digits = max(self.digits, len(number))
+                self.highest = max(self.highest, len(number) - 1 - len(part) + exponent)
 
 
 def last_digit(columns: Sequence[Digits]) -> float:
@@ -198,9 +199,10 @@ class CsvTable(Generic[Key]):
 
     def texts(self, keys: Sequence[Key]) -> Iterator[tuple[int, list[list[str]]]]:
         """Yield the cells of some columns, several thousand rows at a time, after the first row."""
-        for first in range(0, len(self.lines), CHUNK):
-            rows = [self.cells(i) for i in range(first, min(first + CHUNK, len(self.lines)))]
-            yield first, [[row[self.columns[x].index] for row in rows] for x in keys]
+        indices, count = [self.columns[x].index for x in keys], len(self.lines)
+        for first in range(0, count, CHUNK):
+            rows = [self.cells(i) for i in range(first, min(first + CHUNK, count))]
+            yield first, [[row[i] for row in rows] for i in indices]
 
     def read(self, keys: Sequence[Key]) -> tuple[FloatArray, list[Digits]]:
         """The numbers of some columns in SI units, (rows, columns), and their printed digits.
@@ -219,8 +221,7 @@ class CsvTable(Generic[Key]):
                 if "," in "".join(column):
                     column = [_DECIMAL_COMMA.sub(r"\g<1>.\g<2>", x) for x in column]
                 values[first : first + len(column), k] = self._convert(column, first, keys[k])
-                for text in column:
-                    digits[k].add(text)
+                digits[k].add(column)
         return values * [self.columns[x].factor for x in keys], digits
 
     def _convert(self, texts: list[str], first: int, key: Key) -> list[float]:
@@ -367,7 +368,9 @@ def _split(line: str, separator: str | None) -> list[str]:
         csv.Error: A quote that is not closed, or a cell in quotes that is too long.
     """
     if separator is None or '"' not in line:
-        return [x.strip() for x in line.split(separator)]
+        # Most lines of large files have no blanks.
+        cells = line.split(separator)
+        return cells if line.split() == [line] else [x.strip() for x in cells]
     # One line at a time, so that an open quote does not include the next lines.
     return [x.strip() for x in next(csv.reader([line], delimiter=separator, strict=True))]
 

@@ -302,8 +302,7 @@ def _join_points(
 def _digit(values: FloatArray) -> float:
     """Value of the last printed digit of numbers, as the shortest text of each has it."""
     found = Digits()
-    for value in values.ravel().tolist():
-        found.add(repr(value))
+    found.add([repr(x) for x in values.ravel().tolist()])
     return last_digit([found])
 
 
