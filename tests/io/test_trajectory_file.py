@@ -87,15 +87,15 @@ t,q1,q3/0,1,2/ => line 1: the column q2 is missing
 t [m],q1/0,1/ => the unit 'm' of the column 't [m]' is not one that converts to s
 t,q1/0,1/1/ => line 3: 1 values, but 2 columns
 t,q1/0,1//1,x/ => line 4, column 'q1': 'x' is not a finite number
-t,q1/0,1/# a/0,2/ => line 4, column 't': times must increase, but 0 does not come after 0
+t,q1/0,1/# a/0,2/ => line 4, column 't': '0' is 0.0 s, but times must increase
 t,q1/0,1/1,{"1" * 140_000}/ => line 3, column 'q1': '1111
 t,q1/0,1/1,"{"1" * 140_000}"/ => line 3: field larger
 t,q1/0,"1/1,2/ => line 2: ... quotes
-t,q1/0,1/1,1e308/ => line 3, column 'q1': '1e308' is ... above 10000 rad
+t,q1/0,1/1,1e308/ => line 3, column 'q1': '1e308' is ... more than 10000 rad
 t,q1 [deg]/0,1/1,1e6/ => line 3, column 'q1 [deg]': '1e6' is 1.75e+04 rad
-t,q1/0,1/5e-324,1/1e-323,1/ => line 3, ... at least 1 ns ... 5e-324 comes only
+t,q1/0,1/5e-324,1/1e-323,1/ => line 3, ... at least 1 ns
 t,q1/0,1/1e300,1/ => line 3, column 't': '1e300' is ... within 1e+10 s
-t,q1/1e9,1/1000000000.0000005,1/ => line 3, ... by more than their own rounding
+t,q1/1e9,1/1000000000.0000005,1/ => line 3, ... more than the rounding
 """
 
 

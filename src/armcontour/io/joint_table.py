@@ -13,15 +13,7 @@ import numpy as np
 from armcontour._checks import FloatArray, IntArray
 from armcontour._describing import several
 from armcontour._files import LARGE, read_text
-from armcontour._sampling import (
-    LARGEST,
-    LATEST,
-    describe_bursts,
-    describe_short_step,
-    find_far_time,
-    find_large,
-    find_short_step,
-)
+from armcontour._sampling import LARGEST, describe_bursts, refuse_far, refuse_samples
 from armcontour._text import show
 from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
@@ -149,15 +141,21 @@ def read_samples(
         # Nanoseconds since 1970 have more digits than a float: times begin in second 0.
         clock, t = FRACTION, t - t[0] + part
     values, digit = values[:, len(times) :], digits[times.index(clock)]
-    _refuse_far(table, clock, t, rows)
+    named = {x: [i for i, y in enumerate(keys) if y.kind == x] for x in QUANTITIES}
+
+    def place(name: str, i: int, j: int) -> str:
+        row, key = int(rows[i]), keys[named[name][j]] if name in named else times[0]
+        return f"{table.place(row, key)}: {show(table.cell(row, key))}"
+
+    refuse_far(t, place, lambda new: table.rename(new, table.columns[clock].title))
     _ask_for_angles(table, keys, values)
     _ask_for_times(table, clock, t, values[:, [x.kind == "q" for x in keys]])
     last = last_digit([digit]) * table.columns[clock].factor
     t, some, more = tidy_times(t, values, last, table.source)
     values, rows = values[some], rows[some]
     used = (t >= start) & (t <= end)
-    _refuse_steps(table, clock, t[used], rows[used])
-    _refuse_large(table, keys, values[used], rows[used])
+    rows = rows[used]
+    refuse_samples(t[used], {x: values[used][:, of] for x, of in named.items() if of}, place)
     if any("joint_states" in table.columns[x].title and x.joint.isdigit() for x in keys):
         more += (
             "Joints of /joint_states are taken in the order of their numbers. Compare with the "
@@ -234,49 +232,6 @@ def _even_step(t: FloatArray, digit: float) -> float | None:
         if np.ptp(t - t[0] - short * index) <= 1.001 * digit:
             return short
     return None
-
-
-def _refuse_far(table: CsvTable[Key], clock: Key, t: FloatArray, rows: IntArray) -> None:
-    """Refuse times that are too large to be seconds."""
-    i = find_far_time(t)
-    if i is not None:
-        row, title = int(rows[i]), table.columns[clock].title
-        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if abs(t[i]) * y < LATEST), "ns")
-        raise InvalidInput(
-            f"{table.place(row, clock)}: {show(table.cell(row, clock))} is {t[i]:.3g} s, but times "
-            f"must stay within {LATEST:g} s: give the column its unit, such as "
-            f"{table.rename(f't [{unit}]', title)}.",
-            index=row,
-        )
-
-
-def _refuse_steps(table: CsvTable[Key], clock: Key, t: FloatArray, rows: IntArray) -> None:
-    """Refuse times that do not increase, or increase by too little."""
-    i = find_short_step(t)
-    if i is not None:
-        clock = TIME if TIME in table.columns else clock
-        before, after = (table.cell(int(x), clock) for x in rows[i - 1 : i + 1])
-        said = describe_short_step(before, after, float(t[i] - t[i - 1]))
-        row = int(rows[i])
-        raise InvalidInput(f"{table.place(row, clock)}: {said}.", index=row)
-
-
-def _refuse_large(
-    table: CsvTable[Key], keys: Sequence[Key], values: FloatArray, rows: IntArray
-) -> None:
-    """Refuse joint values that no joint can have."""
-    for kind, what in QUANTITIES.items():
-        of = [i for i, x in enumerate(keys) if x.kind == kind]
-        large = find_large(kind, values[:, of]) if of else None
-        if large is not None:
-            row, key, value = int(rows[large[0]]), keys[of[large[1]]], values[:, of][large]
-            raise InvalidInput(
-                f"{table.place(row, key)}: {show(table.cell(row, key))} is {value:.3g} {key.si}, "
-                f"but no {what} is above {LARGEST[kind]:g} {key.si}: correct the number, or give "
-                "the column its unit, such as q1 [deg].",
-                index=row,
-                joint=large[1],
-            )
 
 
 def _ask_for_angles(table: CsvTable[Key], keys: Sequence[Key], values: FloatArray) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -125,7 +125,7 @@ def arrange(log: Log, joint_names: Sequence[str]) -> Log:
     notes = describe_match(names, joint_names, order)
     if spare := [x for i, x in enumerate(names) if i not in order]:
         notes.append(
-            f"{list_some(spare, MOST_NAMED)} of {source} is no joint of the arm: left out."
+            f"Joints of {source} that the arm does not have: {list_some(spare, MOST_NAMED)}: left out."
         )
     return replace(
         log,
@@ -163,7 +163,8 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
                 needed=log.interval,
                 allowed=COARSEST,
             )
-        refuse_beyond(log, arm)
+        both = {"set-point": log.command, "measured position": log.measured}
+        refuse_beyond(log.source, log.t, both, log.joint_names, arm)
         refuse_unled(log)
     total = sum(float(x.t[-1] - x.t[0]) for x in logs)
     if total > LONGEST:
@@ -175,30 +176,49 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
         )
 
 
-def refuse_beyond(log: Log, arm: Arm) -> None:
+def refuse_beyond(
+    source: str,
+    t: FloatArray,
+    positions: Mapping[str, FloatArray],
+    joint_names: Sequence[str],
+    arm: Arm,
+    *,
+    margin: float = BEYOND,
+    degrees_only: bool = False,
+) -> None:
     """Refuse positions that the arm cannot have.
+
+    Args:
+        source: Where they come from, for messages.
+        t: Times [s], (n,).
+        positions: Positions [rad], (n, dof), by their names.
+        joint_names: Names of their joints.
+        arm: The arm.
+        margin: Allowed distance from the range of a joint [rad].
+        degrees_only: Whether to refuse only what would be within all ranges in degrees.
 
     Raises:
         InvalidInput: A joint is outside its range.
     """
-    ranges = np.stack(arm.limits.joint_range(arm.dof))
-    for name, values in (("command", log.command), ("measured", log.measured)):
-        beyond = np.maximum(ranges[0] - values, values - ranges[1])
+    low, high = arm.limits.joint_range(arm.dof)
+    for name, values in positions.items():
+        beyond = np.maximum(low - values, values - high)
         i, j = np.unravel_index(np.argmax(beyond), beyond.shape)
-        if beyond[i, j] <= BEYOND:
+        turned = np.radians(values)
+        degrees = bool((turned >= low - BEYOND).all() and (turned <= high + BEYOND).all())
+        if beyond[i, j] <= margin or (degrees_only and not degrees):
             continue
-        value, (low, high) = float(values[i, j]), ranges[:, j]
-        scaled = np.degrees([low, high]) if math.isfinite(high - low) else [-360.0, 360.0]
-        hint = (
-            "its unit seems to be degrees, so give the column its unit, such as [deg]"
-            if scaled[0] <= value <= scaled[1]
-            else "correct the number, or give the arm of the log"
-        )
+        hint = "correct the number, or give the arm of the file"
+        if degrees:
+            hint = (
+                "all joints are within their ranges if the positions are degrees: are they? Then "
+                "give all positions and rates that unit, such as q1 [deg] and dq1 [deg/s]"
+            )
         raise InvalidInput(
-            f"{log.source}: the {name} position of {log.joint_names[j]} is {value:.4g} rad at "
-            f"t = {log.t[i]:g} s, outside the range of {arm.name} from {low:.4g} to "
-            f"{high:.4g} rad: {hint}.",
-            t=float(log.t[i]),
+            f"{source}: the {name} of {joint_names[j]} is {values[i, j]:.4g} rad at "
+            f"t = {clock(t[i])} s, outside the range of {arm.name} from {low[j]:.4g} to "
+            f"{high[j]:.4g} rad: {hint}.",
+            t=float(t[i]),
             joint=int(j),
         )
 
