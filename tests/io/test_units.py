@@ -193,6 +193,8 @@ t,x,y\n0,1,2 => tool.csv, line 1 ... column z ... t,x,y,z
 x,y,z\n0,1,2 => column t
 t,x,y,z\n0,1,2,many => line 2 ... 'many'
 0,1,2,3\n1,1,2,3 => first line must name the columns
+t,x,y,z\n0,0,0,0\n0,1,0,0 => line 3, column 't': '0' is 0.0 s, but times must increase
+t [ns],x,y,z\n1,0,0,0\n2,1,0 => line 3: 3 values, but 4 columns
 """
 
 
@@ -217,6 +219,10 @@ def test_positions_of_the_tool(read):
     t, points = read("t [ms],x [mm],y [mm]\n8,401,100\n16,402,100", 2)
     np.testing.assert_allclose(t, [0.008, 0.016])
     np.testing.assert_allclose(points, [[0.401, 0.1], [0.402, 0.1]])
+    # Rows that repeat the one before, and times in two columns, as in logs.
+    t, points = read("sec,nanosec,x,y\n7,900000000,1,2\n7,900000000,1,2\n8,100000000,1,3", 2)
+    np.testing.assert_allclose(t, [0.9, 1.1])
+    np.testing.assert_allclose(points, [[1, 2], [1, 3]])
 
 
 def test_files_that_are_refused(read):

@@ -124,9 +124,8 @@ def arrange(log: Log, joint_names: Sequence[str]) -> Log:
         return log
     notes = describe_match(names, joint_names, order)
     if spare := [x for i, x in enumerate(names) if i not in order]:
-        notes.append(
-            f"Joints of {source} that the arm does not have: {list_some(spare, MOST_NAMED)}: left out."
-        )
+        left_out = list_some(spare, MOST_NAMED)
+        notes.append(f"Joints of {source} that the arm does not have are left out: {left_out}.")
     return replace(
         log,
         command=log.command[:, order],

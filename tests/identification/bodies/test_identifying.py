@@ -191,6 +191,13 @@ def test_joints_are_put_in_the_order_of_the_arm(log, nominal):
     mixed = of_joints(log, order, tuple(nominal.joint_names[k] for k in order))
     back = arrange(mixed, nominal.joint_names)
     assert (back.measured == log.measured).all() and back.joint_names == nominal.joint_names
+    # Also by names with a prefix, without joints that the arm does not have.
+    mixed = of_joints(log, order, tuple(f"left_{nominal.joint_names[k]}" for k in order))
+    back = arrange(mixed, nominal.joint_names[:5])
+    assert (back.measured == log.measured[:, :5]).all() and "wrist_3" in back.notes[-1]
+    # Numbers are no names: some programs count from 0.
+    numbered = of_joints(log, range(6), tuple(f"joint {k}" for k in range(6)))
+    assert arrange(numbered, [f"joint {k}" for k in range(1, 7)]) is numbered
 
 
 def test_at_rest_nothing_is_told(nominal):
