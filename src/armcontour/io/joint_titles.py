@@ -150,7 +150,7 @@ def read_tool_title(name: str, has_unit: bool) -> Title[Key] | None:
     if len(axis) == 1 and axis[0] in AXES:
         return Title(Key(axis[0]), "m", unit)
     title = read_joint_title(name, has_unit)
-    return title if title is not None and title.key == TIME else None
+    return title if title is not None and title.key in (TIME, FRACTION) else None
 
 
 def _take_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
