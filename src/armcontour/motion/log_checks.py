@@ -202,7 +202,7 @@ def refuse_beyond(
     low, high = arm.limits.joint_range(arm.dof)
     for name, values in positions.items():
         beyond = np.maximum(low - values, values - high)
-        i, j = np.unravel_index(np.argmax(beyond), beyond.shape)
+        i, j = map(int, np.unravel_index(np.argmax(beyond), beyond.shape))
         turned = np.radians(values)
         degrees = bool((turned >= low - BEYOND).all() and (turned <= high + BEYOND).all())
         if beyond[i, j] <= margin or (degrees_only and not degrees):
@@ -218,7 +218,7 @@ def refuse_beyond(
             f"t = {clock(t[i])} s, outside the range of {arm.name} from {low[j]:.4g} to "
             f"{high[j]:.4g} rad: {hint}.",
             t=float(t[i]),
-            joint=int(j),
+            joint=j,
         )
 
 
