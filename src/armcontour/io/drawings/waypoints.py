@@ -6,7 +6,6 @@ import dataclasses
 import math
 import re
 from collections.abc import Mapping, Sequence
-from itertools import chain
 
 import numpy as np
 
@@ -16,11 +15,10 @@ from armcontour._text import plain_number, show
 from armcontour.errors import InvalidInput
 from armcontour.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
 from armcontour.geometry import Path
-from armcontour.geometry.mending import Printed
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.smooth_axes import smooth_axes
 from armcontour.io.csv_table import CsvTable, Title, read_table
-from armcontour.io.drawings.mending import half_a_place, mend
+from armcontour.io.drawings.mending import mend
 from armcontour.io.drawings.options import FARTHEST, ReadOptions
 from armcontour.program import Contour, Event, Program
 
@@ -82,8 +80,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     program = Program(
         moves=tuple(contours), source=source, notes=tuple(notes), remarks=tuple(remarks)
     )
-    printed = _printed(table, options)
-    return mend(program, printed, options)
+    return mend(program, options)
 
 
 def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str], list[str]]:
@@ -126,15 +123,6 @@ def _title(name: str, has_unit: bool) -> Title[str] | None:
         return None
     unit = match["unit"]
     return Title(key, UNITS.get(key), unit and unit.replace("_per_", "/").replace("_", "/"))
-
-
-def _printed(table: CsvTable[str], options: ReadOptions) -> Printed:
-    """What the coordinates of a table can hold."""
-    column, axes = table.columns["x"], [x for x in POINT if x in table.columns]
-    unit = (options.unit or 1.0) if column.unit is None else column.factor
-    parts = chain.from_iterable(texts for _, texts in table.texts(axes))
-    cells = (x.replace(",", ".") for x in chain.from_iterable(parts))
-    return Printed(point=half_a_place(cells) * unit)
 
 
 def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatArray]:
