@@ -15,7 +15,8 @@ from armcontour.frames import from_rpy
 from armcontour.geometry import Arc, Path
 from armcontour.io.cell import read_cell
 from armcontour.jobs import Rounding, run, warnings_of
-from armcontour.jobs.programs import programs_of, trace_run
+from armcontour.jobs.planning import programs_of
+from armcontour.jobs.programs import trace_run
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
 LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)

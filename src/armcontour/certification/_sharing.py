@@ -22,7 +22,8 @@ from armcontour.evaluation.pieces import unexplained_errors
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
-from armcontour.jobs.programs import programs_of, round_program, trace_run
+from armcontour.jobs.planning import programs_of
+from armcontour.jobs.programs import round_program, trace_run
 from armcontour.motion import Trajectory
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.robustness.box import Box

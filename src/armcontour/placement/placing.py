@@ -20,7 +20,7 @@ from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_e
 from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.place_search import CLEARANCE, CYCLE, MIDDLE, TORQUE, PlaceSearch
-from armcontour.jobs.programs import programs_of
+from armcontour.jobs.planning import programs_of
 from armcontour.placement.judging import Judge, Verdict
 from armcontour.placement.moving import Moves, refuse_tilted_base
 from armcontour.placement.placement import Place, Placement, all_places
@@ -81,7 +81,12 @@ def place(
     with locate_errors(f"Run {this.name}"):
         program = programs_of(dataclasses.replace(job, runs=(this,)), this)[1]
     judge = Judge(
-        job=dataclasses.replace(job, path=program, process=Process(), runs=(this,)),
+        job=dataclasses.replace(
+            job,
+            path=program,
+            process=Process(),
+            runs=(dataclasses.replace(this, rounding=None),),
+        ),
         moves=_moves(job, program, axes, asked),
         what=asked.what,
         objective=asked.objective,
