@@ -219,8 +219,8 @@ def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
     for name in others:
         assert found[name].trajectory is not found["one"].trajectory
     # Runs that differ behind tracing are traced once.
-    assert found["again"].joint_path is found["one"].joint_path
-    assert found["slow"].joint_path is not found["one"].joint_path
+    assert found["again"].traced is found["one"].traced
+    assert found["slow"].traced is not found["one"].traced
 
 
 def test_branch_start_and_angular_tolerance_reach_their_steps(in_space):

@@ -17,7 +17,6 @@ from armcontour.jobs.results import Planned
 from armcontour.jobs.warnings import SAME_SPEED, assigned_speed
 from armcontour.program import Contour, Leads, Process, Program, arrange, prepare
 from armcontour.timing import Optimal
-from armcontour.timing.program_tracing import ends_of
 
 # The first length that is tried [m], and the shortest and longest ones.
 FIRST_LEAD, SHORTEST_LEAD, LONGEST_LEAD = 32e-3, 2e-3, 16.0
@@ -68,8 +67,7 @@ def automatic_leads(job: Job, this: Run, plan: PlanOne) -> list[Leads]:
     if isinstance(job.arm, PlanarTwoLink) and job.branch is None:
         # The first contour chooses the branch for all of them.
         first = plan(job, this, objective=Program(moves=contours[:1]))
-        begin, _ = ends_of(first.traced.joint_paths[0])
-        job = dataclasses.replace(job, branch=job.arm.branch_of(begin))
+        job = dataclasses.replace(job, branch=job.arm.branch_of(first.trajectory(0.0)))
     for x in contours:
         contour = dataclasses.replace(x, events=(), work=None)
         own = process.of_layer(x.layer)

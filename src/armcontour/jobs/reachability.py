@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,8 +33,7 @@ INSIDE = 5e-3
 SAID = 1e-3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Places:
+class _Places(NamedTuple):
     """Places along some paths of a program.
 
     Args:
@@ -55,27 +53,20 @@ class _Places:
     @classmethod
     def along(cls, paths: list[tuple[str, Path]]) -> _Places:
         """Places along paths: ends of segments and places between, or some of them."""
-        most = int(np.clip(MOST_PLACES // len(paths), 2, MOST_ALONG))
-        s, points, rotations = [], [], []
-        for _, x in paths:
-            at = _some(np.union1d(np.linspace(0, x.length, most), x.breaks), most)
-            s.append(at)
-            points.append(x(at))
-            rotations.append(
-                np.tile(np.eye(3), (len(at), 1, 1)) if x.orientation is None else x.orientation(at)
-            )
-        return cls(
-            paths=paths,
-            of=np.repeat(np.arange(len(paths)), [len(at) for at in s]),
-            s=np.concatenate(s),
-            points=np.concatenate(points),
-            rotations=np.concatenate(rotations),
-        )
+        most, rows = int(np.clip(MOST_PLACES // len(paths), 2, MOST_ALONG)), []
+        for k, (_, x) in enumerate(paths):
+            s = np.union1d(np.linspace(0, x.length, most), x.breaks)
+            if len(s) > 2 * most:
+                s = s[np.unique(np.linspace(0, len(s) - 1, 2 * most).astype(np.intp))]
+            turned = np.tile(np.eye(3), (len(s), 1, 1))
+            if x.orientation is not None:
+                turned = x.orientation(s)
+            rows.append((np.full(len(s), k), s, x(s), turned))
+        return cls(paths, *map(np.concatenate, zip(*rows, strict=True)))
 
     def some(self, which: IntArray) -> _Places:
         """Only these places."""
-        chosen = {x.name: getattr(self, x.name)[which] for x in fields(self)[1:]}
-        return _Places(paths=self.paths, **chosen)
+        return _Places(self.paths, *(x[which] for x in self[1:]))
 
 
 def explain(error: Unreachable, job: Job) -> Unreachable:
@@ -128,13 +119,6 @@ def _extremes(arm: Arm, places: _Places) -> _Places:
     base = [arm.base, 0.0] if isinstance(arm, PlanarTwoLink) else arm.chain.base.position
     ranks = np.argsort(np.linalg.norm(places.points - base, axis=1))
     return places.some(np.sort(np.append(ranks[: MOST_PLACES // 4], ranks[-MOST_PLACES:])))
-
-
-def _some(values: FloatArray, most: int) -> FloatArray:
-    """At most twice so many values, evenly spread over all of them."""
-    if len(values) <= 2 * most:
-        return values
-    return values[np.unique(np.linspace(0, len(values) - 1, 2 * most).astype(np.intp))]
 
 
 def _reached(
@@ -231,7 +215,7 @@ def _way(arm: Arm, places: _Places, away: FloatArray) -> FloatArray | None:
 
         starts = np.tile(seeds(arm)[0], (len(kept.s), 1))
     for _ in range(MOST_STEPS):
-        moved = dataclasses.replace(kept, points=kept.points + way)
+        moved = kept._replace(points=kept.points + way)
         missing = _reached(arm, moved, WORST, starts) - moved.points
         gaps = np.linalg.norm(missing, axis=1)
         k = int(np.argmax(gaps))

@@ -46,7 +46,7 @@ from armcontour.jobs.run_data import (
     torque_rows,
     warning_rows,
 )
-from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+from armcontour.motion import Execution, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.servo import ServoModel
 from armcontour.timing import Conventional, Explanation, Tracing
@@ -185,11 +185,8 @@ class Planned:
     @property
     def rounding_error(self) -> float | None:
         """Largest distance of the path from the objective, at corners [m]; None as drawn."""
-        return max((x for x in self._deviations if x is not None), default=None)
-
-    @property
-    def _deviations(self) -> list[float | None]:
-        return [getattr(x.path, "deviation", None) for x in self.path.contours]
+        known = (getattr(x.path, "deviation", None) for x in self.path.contours)
+        return max((x for x in known if x is not None), default=None)
 
     @property
     def tolerance(self) -> float | None:
@@ -214,13 +211,6 @@ class Planned:
     def torques(self) -> Torques | None:
         """Torques of the plan over time; None if the arm has no bodies."""
         return planned_torques(self.arm, self.trajectory)
-
-    @property
-    def joint_path(self) -> JointPath | None:
-        """The joint path of a single path; None for other programs."""
-        if self.traced is None or self.path.single_path is None:
-            return None
-        return self.traced.joint_paths[0]
 
     @cached_property
     def jerk_stops(self) -> tuple[JerkStop, ...]:
@@ -406,11 +396,6 @@ class RunResult(Planned, Result):
     def judged(self) -> Evaluation | None:
         """The evaluation that judges the run; None without a simulation."""
         return self.judge.evaluation
-
-    @property
-    def for_bodies(self) -> bool:
-        """Whether the set-points are for the arm's bodies, which the servo model does not have."""
-        return self.run.for_bodies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -622,7 +607,7 @@ def _experiment(result: RunResult) -> Iterator[Row]:
     rows += torque_rows(applied_torques(x.execution), limit, result.arm, "applied")
     for row in rows:
         row = replace(row, name=f"{BODIES}{row.name}")
-        if result.for_bodies:
+        if result.run.for_bodies:
             yield row
         elif row.label and row.name.startswith(SHOWN_OF_BODIES):
             yield replace(row, label=f"{ON_BODIES}{row.label}", level=TABLE)

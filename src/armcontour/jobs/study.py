@@ -26,18 +26,9 @@ from armcontour.jobs.results import ExperimentResult, Planned, RunResult, Study
 from armcontour.jobs.reuse import Reuse
 from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.program import Program
-from armcontour.servo import ServoModel
 from armcontour.timing import refuse_unkept_jerk
 
-STEPS = (
-    ROUNDING,
-    "tracing",
-    "timing",
-    "clearance",
-    "compensation",
-    "execution",
-    "evaluation",
-)
+STEPS = (ROUNDING, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 TEACHING = STEPS[:5]
 EXPERIMENT = "experiment"
 # Largest time between two results of an execution [s], unless the drives on bodies are slower.
@@ -87,8 +78,7 @@ def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
     plants = {}
     for x in job.runs:
         with locate_errors(f"Run {x.name}"):
-            free = x.rounding is not None and x.rounding.free
-            refuse_unkept_jerk(Method.SHAPED if free else x.timing.method, x.limits)
+            refuse_unkept_jerk(Method.SHAPED if x.is_shaped else x.timing.method, x.limits)
             if simulate and x.experiment is not None:
                 with locate_errors(EXPERIMENT):
                     refuse_without_mujoco()
@@ -106,7 +96,7 @@ def _simulate(
     """Fields of a `RunResult`: how the servo executes set-points, and rigid bodies if given."""
     this, path, objective = planned.run, planned.path, planned.objective
     progress(Step(("execution",)))
-    executed = execute_run(job, this, taught)
+    executed = execute_run(job, taught)
     progress(Step(("evaluation",)))
     found: dict[str, Any] = {
         "execution": executed,
@@ -133,22 +123,13 @@ def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
     return teach(trajectory, job.servo, this.compensation, period=this.period, arm=job.arm)
 
 
-def execute_run(
-    job: Job, this: Run, taught: TaughtData, servo: ServoModel | None = None
-) -> Execution:
-    """Simulate how the servo executes the set-points of a run.
-
-    Args:
-        job: The job.
-        this: The run.
-        taught: Its set-points.
-        servo: The simulated servo; by default that of the job's plant.
+def execute_run(job: Job, taught: TaughtData) -> Execution:
+    """Simulate how the servo of the job's plant executes the set-points of a run.
 
     Raises:
         ExecutionError: The joints do not come to rest.
     """
-    plant = ServoPlant(job.arm, job.plant_servo if servo is None else servo)
-    return execute(taught, plant, resolution=RESOLUTION)
+    return execute(taught, ServoPlant(job.arm, job.plant_servo), resolution=RESOLUTION)
 
 
 def evaluate_run(this: Run, executed: Execution, path: Program, objective: Program) -> Evaluation:
@@ -213,6 +194,6 @@ def on_bodies(
 def steps_of(this: Run, *, simulated: bool = True) -> tuple[str, ...]:
     """Names of the steps of a run, in order."""
     steps = STEPS if simulated else TEACHING
-    if this.rounding is not None and this.rounding.free:
+    if this.is_shaped:
         steps = (SHAPING, *steps[1:])
     return steps if this.experiment is None or not simulated else (*steps, EXPERIMENT)

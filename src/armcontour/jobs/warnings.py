@@ -46,11 +46,12 @@ SAME_SPEED = 1e-3
 def capped(program: Program, run: Run) -> Iterator[str]:
     """Warnings for speeds and corner tolerances of the path that the run does not allow."""
     # With the shape free the tolerance holds along lines, too.
-    free = run.rounding is not None and run.rounding.free
     tolerance = None if run.rounding is None else run.rounding.tolerance
     doubts = (doubt_tolerance(x.path, tolerance) for x in program.contours)
     yield from next(filter(None, doubts), [])
-    tolerances: Callable[[Path], FloatArray] = (lambda x: x.tolerances) if free else _at_corners
+    tolerances: Callable[[Path], FloatArray] = (
+        (lambda x: x.tolerances) if run.is_shaped else _at_corners
+    )
     for what, key, unit, cap, values in (
         ("speed", "limits.speed", "m/s", run.limits.speed, lambda x: x.speeds),
         ("corner tolerance", "corners.tolerance", "m", tolerance, tolerances),

@@ -79,14 +79,11 @@ def place(
     off = read_uncertainty(asked.uncertainty, job.arm.dimension)
     refuse_tilted_base((*(x.name for x in axes), *off), asked.what)
     with locate_errors(f"Run {this.name}"):
-        program = programs_of(dataclasses.replace(job, runs=(this,)), this)[1]
+        program = programs_of(job, this)[1]
+    # The corners of this program are rounded.
+    plain = dataclasses.replace(this, rounding=None)
     judge = Judge(
-        job=dataclasses.replace(
-            job,
-            path=program,
-            process=Process(),
-            runs=(dataclasses.replace(this, rounding=None),),
-        ),
+        job=dataclasses.replace(job, path=program, process=Process(), runs=(plain,)),
         moves=_moves(job, program, axes, asked),
         what=asked.what,
         objective=asked.objective,

@@ -41,7 +41,6 @@ from armcontour.studio.preview_run import (
     with_one_run,
 )
 from armcontour.studio.previewed import Executed, Preview
-from armcontour.timing.program_tracing import ends_of
 
 # Most set-points of an exact preview.
 MOST_SET_POINTS = 200_000
@@ -158,13 +157,12 @@ class Previewer:
                 this, differs = (own, ()) if exact else coarser_run(job, own, moving)
                 found, kept = self._plan(job, this, exact, moving, progress)
                 explanation = explain_plan(job, found.trajectory, self._reuse)
-        assert found.traced is not None
         return Preview.of(
             found,
             job=job,
             explanation=explanation,
             below_base=below_base(job, found.trajectory),
-            start=ends_of(found.traced.joint_paths[0])[0],
+            start=found.trajectory(0.0),
             seconds=seconds,
             differs=(*differs, *kept),
         )
@@ -275,8 +273,7 @@ class Previewer:
         # While a handle moves, the first place that is out of reach is enough.
         found = plan_one(job, this, self._reuse, progress, clear=False, brief=moving)
         if searches:
-            assert found.traced is not None
-            self.keep_start(job, ends_of(found.traced.joint_paths[0])[0])
+            self.keep_start(job, found.trajectory(0.0))
         return found, ()
 
 
