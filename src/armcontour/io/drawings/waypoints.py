@@ -6,7 +6,6 @@ import dataclasses
 import math
 import re
 from collections.abc import Mapping, Sequence
-from itertools import chain
 
 import numpy as np
 
@@ -16,10 +15,9 @@ from armcontour._text import plain_number
 from armcontour.errors import InvalidInput
 from armcontour.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
 from armcontour.geometry import Path
-from armcontour.geometry.mending import Printed
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.smooth_axes import smooth_axes
-from armcontour.io.drawings.mending import half_a_place, mend
+from armcontour.io.drawings.mending import mend
 from armcontour.io.drawings.options import FARTHEST, ReadOptions
 from armcontour.io.drawings.waypoint_table import (
     ANGLES,
@@ -78,15 +76,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     program = Program(
         moves=tuple(contours), source=source, notes=tuple(notes), remarks=tuple(remarks)
     )
-    printed = _printed(table, options)
-    return mend(program, printed, options)
-
-
-def _printed(table: Table, options: ReadOptions) -> Printed:
-    """What the coordinates of a table can hold."""
-    column, cells = table.columns["x"], [table.cells[x] for x in POINT if x in table.columns]
-    unit = (options.unit or 1.0) if column.unit is None else column.factor
-    return Printed(point=half_a_place(chain.from_iterable(cells)) * unit)
+    return mend(program, options)
 
 
 def _quantities(table: Table, options: ReadOptions) -> dict[str, FloatArray]:
