@@ -242,16 +242,13 @@ def check(
         InvalidInput: Samples that are not a trajectory of this arm; names the row, counted from 1.
     """
     program = None if path is None else Program.of(path, "check compares with a Path or a Program")
-    parts = _split(samples, arm, program, limits)
-    for x in parts:
-        # Without a program, what is given for its path is refused.
-        if x.path is not None or program is None:
-            _refuse_path(arm, x.path, deviation, missed, orientation_deviation)
+    for on in [None] if program is None else [x.path for x in program.contours]:
+        _refuse_path(arm, on, deviation, missed, orientation_deviation)
     uses: dict[str, LimitUse] = {}
     left: dict[str, None] = {}
     farthest: PathDeviation | None = None
     whole: dict[str, Any] | None = None
-    for part in parts:
+    for part in _split(samples, arm, program, limits):
         tally = Tally(arm, part.limits, part.path, deviation, orientation_deviation)
         motion = part.motion
         if _is_law(motion):
@@ -334,9 +331,8 @@ def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | Non
     assert program is not None
     log = _check_samples(samples, arm.dof, None)
     windows = find_windows(arm.tool_position(log.q), program)
-    for (first, last), path, start in zip(
-        windows, paths, program.breaks.tolist()[:-1], strict=True
-    ):
+    starts = program.breaks[:-1].tolist()
+    for (first, last), path, start in zip(windows, paths, starts, strict=True):
         rows = {x: getattr(log, x) for x in ("t", "q", "dq", "ddq")}
         part = {x: None if y is None else y[first : last + 1] for x, y in rows.items()}
         motion = SimpleNamespace(**part, resolution=getattr(samples, "resolution", None))
