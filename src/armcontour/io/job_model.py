@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from armcontour._quantities import (
+    About,
     Angle,
     AtLeast,
     Distance,
@@ -38,6 +39,8 @@ from armcontour.servo import ServoModel
 from armcontour.timing import METHODS, PlanOptions, Shaped
 from armcontour.timing.options import FASTEST
 
+# Topic of options in the help of commands.
+POSITION = "Cell and position of the drawing"
 RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 
 
@@ -281,9 +284,13 @@ class PathModel(ReadOptions):
     segments: list[SegmentModel] | None = None
     spline: SplineModel | None = None
     file: str | None = None
-    frame: FrameModel | None = None
+    frame: Annotated[
+        FrameModel | None,
+        About("--at", POSITION, "Origin of the drawing: '300 mm, 0 mm'.", "to_point", "position"),
+        About("--turn", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
+    ] = None
     repeat: RepeatModel | None = None
-    tool: str | None = None
+    tool: Annotated[str | None, About("--only-tool", POSITION)] = None
     orientation: Annotated[
         OrientationModel | list[OrientationModel] | None, BeforeValidator(_orientation)
     ] = None
@@ -406,12 +413,12 @@ class JobModel:
     servo: ServoModel
     plant: Annotated[dict[str, Any], Given(ServoModel, null=True)] | None = None
     experiment: ExperimentModel | None = None
-    command_interval: Interval = PERIOD
+    command_interval: Annotated[Interval, About(panel="servo", usual=(1e-4, 2e-2))] = PERIOD
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     certificate: Goal | None = None
     placement: PlaceSearch | None = None
     scene: SceneModel | None = None
-    ignore_collisions: bool = False
+    ignore_collisions: Annotated[bool, About("--ignore-collisions", POSITION)] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

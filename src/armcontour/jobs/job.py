@@ -11,6 +11,7 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, digits, line_up, several
 from armcontour._quantities import (
+    About,
     Acceleration,
     AngularDistance,
     AtLeast,
@@ -61,9 +62,9 @@ class Rounding(Checked):
     """How corners are rounded: by `tolerance`, or by `speed` and `acceleration`.
 
     Args:
-        shape: "arc" rounds corners with arcs. "free" finds, for the limits of the run, the fastest
+        shape: "arc" rounds corners with arcs; "free" finds, for the limits of the run, the fastest
             path whose points are all within the tolerance of the objective, corners and lines
-            alike; it needs `tolerance` and the timing optimal.
+            alike, and needs `tolerance` and the timing optimal.
         tolerance: Largest corner error [m] (case II).
         at: For the shape arc, the largest errors of single corners in the place of `tolerance` [m],
             by the numbers of their waypoints from 1, such as `{2: 1 mm}`: points of a polyline or
@@ -84,17 +85,21 @@ class Rounding(Checked):
             than `tolerance`.
     """
 
-    shape: Annotated[str, Choice(SHAPES)] = ARC
-    tolerance: Distance | None = None
+    shape: Annotated[str, Choice(SHAPES), About("--corner-shape")] = ARC
+    tolerance: Annotated[
+        Distance | None, About("--tolerance", panel="path", usual=(1e-5, 2e-2))
+    ] = None
     # Not part of the hash: mappings have none.
     at: Mapping[int, Distance] | None = field(default=None, hash=False)
-    line_tolerance: Distance | None = None
-    zone: Tolerance | None = None
-    iterations: Annotated[int, AtLeast(0)] | None = None
+    line_tolerance: Annotated[Distance | None, About("--line-tolerance")] = None
+    zone: Annotated[Tolerance | None, About("--zone")] = None
+    iterations: Annotated[Annotated[int, AtLeast(0)] | None, About("--iterations")] = None
     speed: Speed | None = None
     acceleration: Acceleration | None = None
     angular_tolerance: AngularDistance | None = None
-    continuity: Annotated[Continuity, Choice(CONTINUITIES)] | None = None
+    continuity: Annotated[
+        Annotated[Continuity, Choice(CONTINUITIES)] | None, About("--continuity")
+    ] = None
     transition_tolerance: Distance | None = None
 
     @property

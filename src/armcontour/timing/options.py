@@ -11,6 +11,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._quantities import (
+    About,
     AngularDistance,
     AtLeast,
     Axes,
@@ -63,7 +64,7 @@ class PlanOptions(Options):
     """
 
     method: ClassVar[Method]
-    reserve: Reserve = 0.0
+    reserve: Annotated[Reserve, About(panel="run", usual=(0.0, 0.9))] = 0.0
     branch: str | None = None
     start: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
     fits: Callable[[JointPath], bool] | None = None
