@@ -33,28 +33,36 @@ SOURCE = Path(ac.__file__).parent
 ROOT = SOURCE.parent.parent
 # Names of each option, and files that do not count.
 OPTIONS = {
-    "path.units": ("units", "gcode|io/(certificate|learning|summary)"),
+    # Words of G-code, and the units of figures in JSON, have the same name.
+    "path.units": ("units", ".*gcode|io/(certificate|learning|summary)|jobs/results|placement"),
     "path.join_tolerance": ("join_tolerance", ""),
+    # The fit of a spline; the distance that a contour was shaped with, a figure; `Shaped`, the
+    # arguments of the function `shape`, as those of `round_corners` in geometry.
     "corners.tolerance": (
         "tolerance",
         "geometry|(io|files)/(drawings|certificate)|evaluation|verification|certification|studies"
         "|tracing|.*/tracing|program|.*/jerk|.*shaping/(curves|nodes|search|starts)|control"
-        "|jobs/(goal|single_corners|programs)|cli/(certifying|checking)|io/job_path"
+        "|jobs/(goal|single_corners|programs)|cli/(certifying|checking)|io/job_(path|model)"
+        "|report/sections/shaping|.*shaping/shaper|timing/options"
         "|studio/(converting|tasks|static/taskforms)",
     ),
+    # Tool speeds as figures; how much of a limit is used; the corner speed of `Rounding`.
     "limits.speed": (
         "speed",
         "geometry|io/(drawings|summary)|.*(evaluation|certification|identification)|motion|program"
         "|drives|robot/drives|report|batches|.*constraints|.*/(jerk|topp)|_text|verification"
-        "|(timing|planning)/(common|mac|_laps|end_sp|expl|conv|program)|studio/(line|picture)"
-        "|jobs/(analog|programs|warnings)|studio/(converting|static)",
+        "|(timing|planning)/(common|mac|_laps|end_sp|expl|conv|program|limit_use|planner)|studio/(line|picture)"
+        "|jobs/(analog|programs|warnings|results|run_data|job)|studio/(converting|static)",
     ),
+    # Exports have an interval of their own, and so has `Paper`, the arguments of a function; a
+    # preview chooses a longer one.
     "command_interval": (
         "command_interval|period",
-        "(io|files)/(exports|stored_run)|cli/exporting|(control/)?(compensation|learning)"
+        "(io|files)/(exports|stored_run)|cli/(exporting|options)|timing/options|studio/preview_run|(control/)?(compensation|learning)"
         "|certification|simulation|robustness|servo|robot|report|motion|jobs/study|studio/tasks",
     ),
-    "timing.reserve": ("reserve", "certification|motion|jobs/programs"),
+    # `with_reserve` subtracts it.
+    "timing.reserve": ("reserve", "certification|motion|jobs/programs|timing/common"),
 }
 # Attributes that hold each quantity, and files that do not count.
 SCRIPTS = "|studio/static/(arm3d|layers|motion|notes|playback|trail|view2d)"

@@ -7,6 +7,7 @@ keys of files.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from types import EllipsisType
 from typing import Annotated, Literal
 
@@ -143,6 +144,10 @@ class About:
     panel: str = ""
     usual: tuple[float, float] = (0.0, 0.0)
     label: str = ""
+
+
+# Of fields with a slider in the Studio's group of the path.
+AboutPath = partial(About, panel="path")
 
 
 @dataclass(frozen=True, slots=True)

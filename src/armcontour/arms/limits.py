@@ -17,6 +17,7 @@ from armcontour._checks import FloatArray
 from armcontour._describing import brief, digits, line_up, to_html
 from armcontour._quantities import (
     About,
+    AboutPath,
     AccelerationLimit,
     AngularAccelerationLimit,
     AngularSpeedLimit,
@@ -38,7 +39,6 @@ DIRECTED = ("joint_velocity", "joint_acceleration")
 JERK_LIMITS = ("joint_jerk", "tool_jerk", "path_jerk")
 # Sliders of limits.
 _joint = partial(About, panel="joints")
-_tool = partial(About, panel="path")
 
 
 @_checks.explain_calls
@@ -79,9 +79,11 @@ class Limits(Checked):
     joint_jerk: Annotated[JointJerks | None, _joint(usual=(1.0, 1e4))] = None
     joint_lower: JointRanges | None = None
     joint_upper: JointRanges | None = None
-    speed: Annotated[SpeedLimit | None, _tool("--speed", usual=(1e-3, 2.0))] = None
-    tool_acceleration: Annotated[AccelerationLimit | None, _tool(usual=(1e-2, 50.0))] = None
-    centripetal_acceleration: Annotated[AccelerationLimit | None, _tool(usual=(1e-2, 20.0))] = None
+    speed: Annotated[SpeedLimit | None, AboutPath("--speed", usual=(1e-3, 2.0))] = None
+    tool_acceleration: Annotated[AccelerationLimit | None, AboutPath(usual=(1e-2, 50.0))] = None
+    centripetal_acceleration: Annotated[AccelerationLimit | None, AboutPath(usual=(1e-2, 20.0))] = (
+        None
+    )
     angular_speed: AngularSpeedLimit | None = None
     angular_acceleration: AngularAccelerationLimit | None = None
     tool_jerk: JerkLimit | None = None

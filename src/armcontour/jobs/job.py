@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Annotated
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, Any, cast
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, digits, line_up, several
 from armcontour._quantities import (
     About,
+    AboutPath,
     Acceleration,
     AngularDistance,
     AtLeast,
@@ -44,7 +45,7 @@ from armcontour.program.preparing import refuse_unfit
 from armcontour.scene import Scene
 from armcontour.servo import ServoModel
 from armcontour.timing import Optimal, PlanOptions, Shaped, refuse_endless
-from armcontour.timing.options import DEFAULT_ITERATIONS, FASTEST
+from armcontour.timing.options import FASTEST
 
 # A title is a line of a report.
 LONGEST_TITLE = 200
@@ -86,9 +87,7 @@ class Rounding(Checked):
     """
 
     shape: Annotated[str, Choice(SHAPES), About("--corner-shape")] = ARC
-    tolerance: Annotated[
-        Distance | None, About("--tolerance", panel="path", usual=(1e-5, 2e-2))
-    ] = None
+    tolerance: Annotated[Distance | None, AboutPath("--tolerance", usual=(1e-5, 2e-2))] = None
     # Not part of the hash: mappings have none.
     at: Mapping[int, Distance] | None = field(default=None, hash=False)
     line_tolerance: Annotated[Distance | None, About("--line-tolerance")] = None
@@ -118,15 +117,6 @@ class Rounding(Checked):
         single = (self.at or {}).values()
         return None if self.tolerance is None else min([self.tolerance, *single])
 
-    def within(self, tolerance: float) -> Rounding:
-        """The same with another tolerance, which those of single corners do not exceed.
-
-        Args:
-            tolerance: Largest corner error [m].
-        """
-        single = {k: min(x, tolerance) for k, x in (self.at or {}).items()}
-        return replace(self, tolerance=tolerance, at=single or None)
-
     @property
     def without_continuity(self) -> Rounding:
         """The same without what only arcs have."""
@@ -135,21 +125,15 @@ class Rounding(Checked):
     @property
     def wanted(self) -> dict[str, float | None]:
         """The given tolerances and iterations of the shape free, by their names."""
-        values = {name: getattr(self, name) for name in ("tolerance", *OF_FREE)}
+        names = {x.name for x in fields(self)} & {x.name for x in fields(Shaped)}
+        values = {name: getattr(self, name) for name in names}
         given = {name: x for name, x in values.items() if x is not None}
         return {**given, "angular_tolerance": self.angular_tolerance}
 
     @property
     def options(self) -> Shaped:
         """Options of `shape` for the shape free."""
-        assert self.tolerance is not None
-        return Shaped(
-            tolerance=self.tolerance,
-            line_tolerance=self.line_tolerance,
-            zone=self.zone,
-            angular_tolerance=self.angular_tolerance,
-            iterations=DEFAULT_ITERATIONS if self.iterations is None else self.iterations,
-        )
+        return Shaped(**cast(Any, self.wanted))
 
     def check(self, timing: str, key: str = "corners") -> None:
         """Refuse values that do not go together.
@@ -187,14 +171,6 @@ class Rounding(Checked):
             raise InvalidInput(
                 f"{key}.tolerance is missing: the shape free needs it, the largest distance from "
                 "the objective, such as tolerance: 1 mm."
-            )
-        if self.line_tolerance is not None and self.line_tolerance > self.tolerance:
-            raise InvalidInput(
-                f"{key}.line_tolerance of {number(self.line_tolerance, 'm')} is above "
-                f"{key}.tolerance of {number(self.tolerance, 'm')}: lines may not be less exact "
-                f"than corners, so give at most {number(self.tolerance, 'm')}.",
-                needed=self.line_tolerance,
-                allowed=self.tolerance,
             )
         with locate_errors(key):
             _ = self.options
