@@ -53,18 +53,20 @@ OPTIONS = {
         "speed",
         "geometry|io/(drawings|summary)|.*(evaluation|certification|identification)|motion|program"
         "|drives|robot/drives|report|batches|.*constraints|.*/(jerk|topp)|_text|verification"
-        "|(timing|planning)/(common|mac|_laps|end_sp|expl|conv|program|limit_use|planner)|studio/(line|picture)"
+        "|(timing|planning)/(common|mac|_laps|end_sp|expl|conv|program|limit_use|planner)"
+        "|studio/(line|picture)"
         "|jobs/(analog|programs|warnings|results|run_data|job)|studio/(converting|static)",
     ),
     # Exports have an interval of their own, and so has `Paper`, the arguments of a function; a
     # preview chooses a longer one.
     "command_interval": (
         "command_interval|period",
-        "(io|files)/(exports|stored_run)|cli/(exporting|options)|timing/options|studio/preview_run|(control/)?(compensation|learning)"
+        "(io|files)/(exports|stored_run)|cli/(exporting|options)|timing/options"
+        "|studio/preview_run|(control/)?(compensation|learning)"
         "|certification|simulation|robustness|servo|robot|report|motion|jobs/study|studio/tasks",
     ),
     # `with_reserve` subtracts it.
-    "timing.reserve": ("reserve", "certification|motion|jobs/programs|timing/common"),
+    "timing.reserve": ("reserve", "certification|motion|jobs/planning|timing/common"),
 }
 # Attributes that hold each quantity, and files that do not count.
 SCRIPTS = "|studio/static/(arm3d|layers|motion|notes|playback|trail|view2d)"

@@ -4,10 +4,10 @@ from armcontour._lazy import lazy_names
 
 _HOME = {
     "certificate": "certificate_json derating_csv",
+    "exports.table": "write_planned write_taught write_torque",
     "job_file": "json_schema parse_job read_job",
     "limits_file": "read_limits",
     "mesh_file": "read_mesh",
-    "motion_csv": "write_planned write_taught write_torque",
     "patch": "parse_set",
     "placement": "placed_job_text placement_csv placement_json",
     "results": "ResultFolder",

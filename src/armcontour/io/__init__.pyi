@@ -1,13 +1,13 @@
 from armcontour.io.certificate import certificate_json as certificate_json
 from armcontour.io.certificate import derating_csv as derating_csv
+from armcontour.io.exports.table import write_planned as write_planned
+from armcontour.io.exports.table import write_taught as write_taught
+from armcontour.io.exports.table import write_torque as write_torque
 from armcontour.io.job_file import json_schema as json_schema
 from armcontour.io.job_file import parse_job as parse_job
 from armcontour.io.job_file import read_job as read_job
 from armcontour.io.limits_file import read_limits as read_limits
 from armcontour.io.mesh_file import read_mesh as read_mesh
-from armcontour.io.motion_csv import write_planned as write_planned
-from armcontour.io.motion_csv import write_taught as write_taught
-from armcontour.io.motion_csv import write_torque as write_torque
 from armcontour.io.patch import parse_set as parse_set
 from armcontour.io.placement import placed_job_text as placed_job_text
 from armcontour.io.placement import placement_csv as placement_csv

@@ -8,8 +8,8 @@ _HOME = {
     "goal": "Goal",
     "job": "Job Rounding Run",
     "place_search": "PlaceSearch",
-    "programs": "programs_of",
-    "results": "ExperimentResult RunResult ShapingGain Study warnings_of",
-    "study": "STEPS run steps_of traced_alike",
+    "planning": "plan_one programs_of",
+    "results": "ExperimentResult Planned RunResult ShapingGain Study warnings_of",
+    "study": "STEPS run steps_of",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

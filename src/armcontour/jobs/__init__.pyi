@@ -6,8 +6,10 @@ from armcontour.jobs.job import Job as Job
 from armcontour.jobs.job import Rounding as Rounding
 from armcontour.jobs.job import Run as Run
 from armcontour.jobs.place_search import PlaceSearch as PlaceSearch
-from armcontour.jobs.programs import programs_of as programs_of
+from armcontour.jobs.planning import plan_one as plan_one
+from armcontour.jobs.planning import programs_of as programs_of
 from armcontour.jobs.results import ExperimentResult as ExperimentResult
+from armcontour.jobs.results import Planned as Planned
 from armcontour.jobs.results import RunResult as RunResult
 from armcontour.jobs.results import ShapingGain as ShapingGain
 from armcontour.jobs.results import Study as Study
@@ -15,4 +17,3 @@ from armcontour.jobs.results import warnings_of as warnings_of
 from armcontour.jobs.study import STEPS as STEPS
 from armcontour.jobs.study import run as run
 from armcontour.jobs.study import steps_of as steps_of
-from armcontour.jobs.study import traced_alike as traced_alike
