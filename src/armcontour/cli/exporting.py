@@ -416,7 +416,9 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     from armcontour._quantities import Interval
     from armcontour._text import capitalise
     from armcontour.cli.console import Console
+    from armcontour.core.render import figure
     from armcontour.errors import InvalidInput
+    from armcontour.evaluation.evaluation import duration_row
     from armcontour.io.cell import read_cell_arm
     from armcontour.io.exports.formats import put
     from armcontour.io.stored_run import read_run
@@ -452,9 +454,8 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
             f"Not exported: the analog outputs {', '.join(run.analog)}. A result does not have "
             "their values: export them with armcontour run."
         )
-    Console().say(
-        f"Exported {what} of run {run.name}: {_size(table, file)}, {table.duration:.4f} s: {file}"
-    )
+    motion = figure(duration_row(table.duration))
+    Console().say(f"Exported {what} of run {run.name}: {_size(table, file)}, {motion}: {file}")
 
 
 def _format(file: FilePath, options: StoredExportOptions) -> ExportFormat:

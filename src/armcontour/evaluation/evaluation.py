@@ -200,9 +200,9 @@ class Evaluation(Result, Checked):
         }
 
 
-def duration_row(duration: float) -> Row:
+def duration_row(duration: float, level: int = FIRST) -> Row:
     """The duration of a plan [s]."""
-    return Row("duration", duration, "s", "motion", level=FIRST)
+    return Row("duration", duration, "s", "motion", level=level)
 
 
 def settled_row(settled: float) -> Row:

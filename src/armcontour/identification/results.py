@@ -15,7 +15,7 @@ from armcontour._describing import brief, several
 from armcontour._version import __version__
 from armcontour.arms import Arm
 from armcontour.core.fields import Checked, checked
-from armcontour.core.render import Result, number, plain, spread
+from armcontour.core.render import Result, number, number_range, plain
 from armcontour.core.result import VERDICT, Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.identification.fitting import predict, split_logs
@@ -84,7 +84,8 @@ class Estimate(Result):
     @property
     def row(self) -> Row:
         """The value with its 95 % interval, as one figure."""
-        note = spread(self.value, self.low, self.high, self.unit)
+        ends = self.low, self.high
+        note = f"({number_range(ends, self.unit)})" if np.isfinite(ends).all() else ""
         if not (self.determined or math.isnan(self.value)):
             note = f"{note} open".strip()
         return Row(self.name, self.value, self.unit, self.label, note)

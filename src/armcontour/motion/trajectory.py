@@ -196,13 +196,18 @@ class Trajectory(Checked):
 
     def __repr__(self) -> str:
         """Method, duration and number of joints, without arrays."""
-        return f"Trajectory({str(self.method)!r}, {self.duration:.6g} s, {self.dof} joints)"
+        return f"Trajectory({str(self.method)!r}, {self._size})"
+
+    @property
+    def _size(self) -> str:
+        """Duration and number of joints."""
+        return f"{number(self.duration, 's')}, {several(self.dof, 'joint')}"
 
     def __str__(self) -> str:
         """Method, duration, length, and what the motion consists of."""
         path, moves = self.path, Counter(x.kind for x in self.spans)
         return line_up(
-            f"Trajectory: {number(self.duration, 's')}, {several(self.dof, 'joint')}",
+            f"Trajectory: {self._size}",
             [
                 ("method", str(self.method)),
                 ("path", "" if path is None else number(path.length, "m")),

@@ -13,8 +13,9 @@ from armcontour.arms import Arm, SerialArm
 from armcontour.arms.limit_use import use_of
 from armcontour.clearance import Clearance
 from armcontour.core.render import Result
-from armcontour.core.result import Data, Row
+from armcontour.core.result import TABLE, Data, Row
 from armcontour.errors import ArmContourError, NotRealizable
+from armcontour.evaluation.evaluation import duration_row
 from armcontour.jobs.axes import corners_of
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.place_search import CLEARANCE, CYCLE, MANIPULABILITY, TORQUE
@@ -90,7 +91,7 @@ class Verdict(Result):
         """The figures that are known."""
         rows = (
             Row("bound", self.bound, "s"),
-            Row("duration", self.duration, "s", "motion"),
+            duration_row(self.duration, TABLE),
             Row("singular", self.singular, "m/rad", "least singular value"),
             Row("clearance", self.clearance, "m", "clearance"),
             Row("torque_margin", self.torque_margin, "1", "torque margin"),
