@@ -55,7 +55,14 @@ if TYPE_CHECKING:
         RoundedPath,
         ShapedPath,
     )
-    from armcontour.identification import Identification, RobotIdentification, identify
+    from armcontour.identification import (
+        BodyFit,
+        BodyIdentification,
+        Identification,
+        ServoFit,
+        identify,
+        identify_bodies,
+    )
     from armcontour.io import read_job, read_trajectory
     from armcontour.io.drawings.options import ReadOptions
     from armcontour.io.drawings.read import read_path
@@ -161,7 +168,14 @@ _HOME = {
         "RoundedPath",
         "ShapedPath",
     ),
-    "identification": ("Identification", "RobotIdentification", "identify"),
+    "identification": (
+        "BodyFit",
+        "BodyIdentification",
+        "Identification",
+        "ServoFit",
+        "identify",
+        "identify_bodies",
+    ),
     "io": ("read_job", "read_trajectory"),
     "io.drawings.options": ("ReadOptions",),
     "io.drawings.read": ("read_path",),
@@ -235,6 +249,8 @@ __all__ = [
     "ArmContourError",
     "ArmOptions",
     "Batch",
+    "BodyFit",
+    "BodyIdentification",
     "Cell",
     "Certificate",
     "Check",
@@ -290,13 +306,13 @@ __all__ = [
     "ReadOptions",
     "Recording",
     "RigidBodyPlant",
-    "RobotIdentification",
     "RosYamlFormat",
     "RoundedPath",
     "Rounding",
     "Run",
     "Scene",
     "SerialArm",
+    "ServoFit",
     "ServoModel",
     "ServoPlant",
     "Shaped",
@@ -324,6 +340,7 @@ __all__ = [
     "export",
     "fastest_poles",
     "identify",
+    "identify_bodies",
     "learn",
     "load_arm",
     "place",

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from armcontour._describing import clock
+from armcontour._sampling import white_noise
 from armcontour.errors import InvalidInput
-from armcontour.identification.fitting import noise_of
 from armcontour.motion.log import Log
 from armcontour.motion.misreading import find_misreading
 
@@ -50,7 +50,7 @@ def refuse_fast(log: Log) -> None:
         InvalidInput: It does: its times are too short.
     """
     for j, y in enumerate(log.measured.T):
-        window = math.ceil(2 * noise_of(y) / (NOISY * FASTEST * log.interval))
+        window = math.ceil(2 * white_noise(y) / (NOISY * FASTEST * log.interval))
         k = min(max(window, FEWEST), len(y) - 1)
         speeds = np.abs(y[k:] - y[:-k]) / (log.t[k:] - log.t[:-k])
         i = int(np.argmax(speeds))
