@@ -15,7 +15,6 @@ from armcontour._sampling import white_noise
 from armcontour._text import show
 from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
-from armcontour.identification.checking import refuse_fast, refuse_misread
 from armcontour.identification.fitting import (
     MRAD,
     Search,
@@ -48,6 +47,7 @@ from armcontour.identification.results import (
 from armcontour.identification.saturation import find_saturation, select_between
 from armcontour.identification.selection import Selected, find_lag, select
 from armcontour.motion.log import FEWEST, Log
+from armcontour.motion.log_checks import refuse_fast, refuse_misread
 from armcontour.servo.simulation import JointServo
 
 SERVO_FIT = ServoFit()

@@ -13,7 +13,6 @@ from armcontour.arms import Arm
 from armcontour.core.fields import checked
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.identification.bodies.body_identification import BodyIdentification, BodyJoint
-from armcontour.identification.bodies.checking import arranged, check_logs
 from armcontour.identification.bodies.grid import Gridded
 from armcontour.identification.bodies.model import CENTER, LEAST_MASS, OF_JOINTS, Model
 from armcontour.identification.bodies.output_error import (
@@ -35,6 +34,7 @@ from armcontour.identification.options import (
 )
 from armcontour.identification.servos import changes_velocity
 from armcontour.motion.log import Log
+from armcontour.motion.log_checks import arrange, check_logs
 from armcontour.servo import ServoModel
 
 BODY_FIT = BodyFit()
@@ -76,7 +76,9 @@ def identify_bodies(
         InvalidInput: Samples too far apart, a log that is too short, or logs that are not of the
             arm.
     """
-    every = [arranged(x, arm) for x in list_logs(logs)]
+    every = [arrange(x, arm.joint_names) for x in list_logs(logs)]
+    for x in every:
+        x.refuse_gaps()
     tell, interpolation = under(progress), choose_interpolation(every, options.interpolation)
     guess = ServoModel(kp=KP, kv=KV) if servo is None else servo
     guess = guess.for_joints(arm.dof).replace(interpolation=interpolation)
