@@ -261,8 +261,8 @@ class _Choices:
 
         length, drawn = length_of(option[tour]), length_of(self.first[:-1])
         return (
-            f"In the order shortest, the straight ways between contours have {number(length, 'm')} in "
-            f"all ({number(drawn, 'm')} in the order of the file)."
+            "In the order shortest, the straight ways between contours have "
+            f"{number(length, 'm')} in all ({number(drawn, 'm')} in the order of the file)."
         )
 
     def taken(self, tour: IntArray, option: IntArray) -> tuple[Contour, ...]:

@@ -65,14 +65,14 @@ def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
     return words if len(edits) == 1 else f"{words} and {len(edits) - 1} more"
 
 
-def describe(document: Document, seen: Seen, run: str, *, draft: bool) -> Frame:
+def describe(document: Document, seen: Seen, run: str, *, draft: str | None) -> Frame:
     """The frame that says what the document is.
 
     Args:
         document: The document.
         seen: What is seen of it.
         run: Name of the run that is shown.
-        draft: Whether there is a draft of an earlier session.
+        draft: Name of what an earlier session has not saved; None without.
     """
     data, handles = seen.data, seen.handles
     header: dict[str, Any] = {

@@ -112,7 +112,7 @@ class ArmView {
    */
   outdate(what) {
     this.stale.add(what);
-    this.exact = null;
+    if (what === "picture" || what === "executed") this.exact = null;
     this.draw();
   }
 
@@ -207,7 +207,7 @@ class ArmView {
     region.dataset.of = motion?.of ?? "none";
     region.dataset.exact = String(exact !== null);
     region.dataset.joints = q.join(",");
-    region.dataset.reach = String(this.camera.reach);
+    region.dataset.elevation = String(this.camera.elevation);
     region.dataset.tool = [at[3], at[7], at[11]].join(",");
     region.dataset.refused = refused ? refused.join(",") : "";
     region.dataset.pieces = String(trail?.times.length ?? 0);

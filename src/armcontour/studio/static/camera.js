@@ -17,7 +17,7 @@ export const VIEW_NAMES = /** @type {View[]} */ (Object.keys(VIEWS));
 const ROOM = 1.12;
 const WIDEST = 3;
 /** Share of the picture, from its middle, in which something of the scene stays. */
-const INSIDE = 0.8;
+const INSIDE = 0.6;
 /** Half of the height that is seen of a path at its nearest, in metres, and of an arm, in parts of its reach. */
 const NEAR_PATH = 0.005;
 const NEAR_ARM = 0.12;
