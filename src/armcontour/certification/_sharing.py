@@ -22,7 +22,7 @@ from armcontour.evaluation.pieces import unexplained_errors
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Rounding, Run
-from armcontour.jobs.programs import programs_of, round_program, trace_run
+from armcontour.jobs.planning import programs_of, round_program, trace_run
 from armcontour.motion import Trajectory
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.robustness.box import Box
@@ -134,7 +134,7 @@ class Sharing:
         # The certificate says what it costs compared to this plan. It comes first, since what
         # refuses it, such as an event before the start, would refuse the certificate at its end.
         self.progress(Step(("uncertified plan",)))
-        self._traced = trace_run(self.job, self.this, self.largest)
+        self._traced = trace_run(self.job, self.this, self.largest, self.progress)
         self.uncertified = plan_fastest(robot, self.largest, self._traced)
         if robot.bodies:
             self._refuse_start(robot)
@@ -221,7 +221,7 @@ class Sharing:
         robot = robot_of(self.job, self.this, self.goal)
         least = self.uncertified.duration
         for program in (self._shape(self.with_shape_of(x))[1] for x in budgets):
-            traced = trace_run(self.job, self.this, program)
+            traced = trace_run(self.job, self.this, program, self.progress)
             least = min(least, plan_fastest(robot, program, traced).duration)
         if least >= self.deadline:
             raise Slower(least)
@@ -257,8 +257,7 @@ class Sharing:
         if this is None:
             this = self.with_shape_of(budget)
             objective, program = self._shape(this)
-            self.progress(Step(("tracing",)))
-            traced = trace_run(self.job, this, program)
+            traced = trace_run(self.job, this, program, self.progress)
         else:
             assert self._programs is not None
             (objective, program), traced = self._programs, self._traced

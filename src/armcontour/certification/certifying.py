@@ -30,15 +30,16 @@ from armcontour.certification.certificate import (
 )
 from armcontour.certification.lowering import find_lowered
 from armcontour.core.fields import checked
-from armcontour.errors import ExecutionError, InvalidInput, NotRealizable
+from armcontour.errors import ExecutionError, InvalidInput, NotRealizable, Unreachable
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import pieces_of
 from armcontour.execution import execute
+from armcontour.jobs import reachability
+from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run, choose_run
 from armcontour.jobs.study import evaluate_run, on_bodies
-from armcontour.jobs.ways import clearance_of, reach_told
 from armcontour.motion import Method, Trajectory
 from armcontour.program import Program, contour_called
 from armcontour.robustness.monte_carlo import spans_of, worst_corner
@@ -93,8 +94,10 @@ def certify(
         # So is what does not fit the box.
         spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, this.period)
     search = _Certifying(job, this, goal, executor, under(progress))
-    with reach_told(job):
+    try:
         return search.certificate()
+    except Unreachable as error:
+        raise reachability.explain(error, job) from None
 
 
 def goal_of(job: Job, **overrides: Any) -> Goal:

@@ -23,7 +23,7 @@ from armcontour._quantities import (
     Tolerance,
 )
 from armcontour.arms import Arm, Limits
-from armcontour.clearance import Cell, CellOnce
+from armcontour.clearance import Cell, cell_of
 from armcontour.compensation import CompensationOptions, InverseDynamics
 from armcontour.compensation.compensator import INVERSE
 from armcontour.core.fields import Checked
@@ -306,6 +306,11 @@ class Run(Checked):
         return self.experiment if self.for_bodies else None
 
     @property
+    def is_shaped(self) -> bool:
+        """Whether corners have the shape free, which is found together with the timing."""
+        return self.rounding is not None and self.rounding.free
+
+    @property
     def continuity(self) -> Continuity | None:
         """What is continuous along rounded corners; None without corners that arcs replace."""
         if self.rounding is None or self.rounding.free:
@@ -377,7 +382,6 @@ class Job(Checked):
     ignore_collisions: bool = False
     part: Frame = field(default_factory=Frame)
     program: Program = field(init=False)
-    _cell: CellOnce = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.plant_servo is None:
@@ -387,7 +391,6 @@ class Job(Checked):
     def _check_together(self) -> None:
         program = Program.of(self.path, "A job needs a Path or a Program")
         object.__setattr__(self, "program", program)
-        object.__setattr__(self, "_cell", CellOnce(self.arm, self.scene))
         for x in self.runs:
             with locate_errors(f"Run {x.name}"):
                 self.servo.refuse_too_fast(x.period)
@@ -437,12 +440,12 @@ class Job(Checked):
 
     @property
     def cell(self) -> Cell:
-        """The arm and what stands around it, ready for clearance; made at first use.
+        """The arm and what stands around it, ready for clearance.
 
         Raises:
             InvalidInput: As `check_clearance`.
         """
-        return self._cell.cell()
+        return cell_of(self.arm, self.scene)
 
 
 def find_run(job: Job, name: str) -> Run:

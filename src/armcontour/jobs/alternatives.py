@@ -1,0 +1,313 @@
+"""`alternatives`: joint paths of a program that keep clear of the cell and of the arm itself."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from armcontour._checks import FloatArray
+from armcontour._progress import Progress, Step
+from armcontour.arms import Arm, SerialArm
+from armcontour.clearance import Cell, Clearance
+from armcontour.clearance.distances import can_measure
+from armcontour.core.render import number
+from armcontour.errors import ArmContourError, InvalidInput, locate_errors
+from armcontour.frames import exp
+from armcontour.geometry import Path
+from armcontour.jobs.job import Job, Run
+from armcontour.motion import JointPath, Span, Trajectory, stand_still
+from armcontour.program import Contour, Program, contour_called
+from armcontour.scene.arm_shapes import ASSUMED_GAP, ASSUMED_RADIUS
+from armcontour.timing import Tracing, trace_program
+from armcontour.timing.program_tracing import bound_duration, ends_of, find_starts
+from armcontour.tracing import trace
+
+# A rapid that would touch goes so far back along the tool axis first [m], the least that is clear.
+RETRACTS = (0.02, 0.05, 0.1, 0.2)
+# Places on the way back, which is straight for the tool but not for the joints.
+PLACES = 8
+# Where the turn about the tool axis is free, so many of them are tried in each configuration.
+TURNS = 8
+REST = "at rest"
+OTHER = "another configuration is taken, in which the contours are clear"
+# A tool point this near to the flange has no tool between [m].
+SHORT = 1e-3
+# Position and orientation, with the turn about the tool axis.
+WHOLE_POSE = 6
+
+# Of arms in space; in the plane neighbouring links are all that could touch.
+NOT_LOOKED_AT = (
+    "nothing looked at how near the arm comes to itself: that needs the package pin, which is not "
+    "installed and has no wheels for Windows."
+)
+NO_SHAPES = (
+    "nothing looked at how near the arm comes to itself: the shapes of its links are not known; "
+    "give its description <collision> elements, or the job arm.shapes."
+)
+
+
+def alternatives(
+    job: Job, this: Run, traced: Tracing, progress: Progress
+) -> Iterator[tuple[Tracing, tuple[str, ...]]]:
+    """Joint paths of a program, the fastest first, then those that are found to keep clear.
+
+    Contours are followed in another configuration, or with another turn about a tool axis that is
+    free. Rapids go back along the tool axis, move, and approach along it; or through postures that
+    a search finds.
+
+    Args:
+        job: The job.
+        this: The run.
+        traced: The fastest joint paths.
+        progress: Called with the step "clearance" and the share that is done.
+
+    Yields:
+        Joint paths, and sentences on what is different, or why nothing looks at the clearance. The
+        next ones are for a caller whose plan along these comes too near to something. The last ones
+        are those that got farthest.
+
+    Raises:
+        InvalidInput: The job has a scene, but the shapes of the arm are not known.
+    """
+    if not _is_looked_at(job):
+        yield traced, _why_unseen(job.arm)
+        return
+    if not _has_pairs(job):
+        yield traced, ()
+        return
+    notes = ((OTHER,) if traced.passed_over else ()) + _about_tool(job.arm)
+    yield traced, notes
+    cell, others = job.cell, list[str]()
+    if (reached := _reach(traced, cell)) < np.inf:
+        other = _other_start(job, this, traced, reached, progress)
+        if other is None:
+            return
+        if _reach(other, cell) < np.inf:
+            # No rapid helps; the first contour of these that comes too near is refused.
+            yield other, notes
+            return
+        traced = other
+        others.append(OTHER)
+    around = _rapids_around(job, this, traced, cell, progress)
+    count = sum(x is not y for x, y in zip(around.steps, traced.steps, strict=True))
+    if count:
+        what = "1 rapid goes" if count == 1 else f"{count} rapids go"
+        others.append(f"{what} around what the direct way would come too near to")
+    if others:
+        yield around, tuple(dict.fromkeys((*others, *notes)))
+
+
+def clearance_of(job: Job, motion: Trajectory) -> Clearance | None:
+    """How far the arm stays from itself and its cell; None where nothing looks at it."""
+    return job.cell.check(motion) if _is_looked_at(job) and _has_pairs(job) else None
+
+
+def below_base(job: Job, motion: Trajectory) -> str | None:
+    """A sentence on links that come below the base; None if none does, or nothing looks at it."""
+    if not _is_looked_at(job):
+        return None
+    return Clearance(pairs=(), below=job.cell.below(motion)).below_base
+
+
+def _has_pairs(job: Job) -> bool:
+    """Whether there is anything that the arm may come near to."""
+    return job.scene is not None or bool(job.cell.pairs)
+
+
+def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
+    """Whether a contour keeps clear and above the base; None if no configuration is chosen.
+
+    Args:
+        job: The job.
+    """
+    chosen = job.start is None and isinstance(job.arm, SerialArm)
+    if not chosen or not _is_looked_at(job):
+        return None
+    return job.cell.stays_above if job.ignore_collisions else job.cell.fits
+
+
+def _is_looked_at(job: Job) -> bool:
+    """Whether distances are computed; without a scene nobody asks for what is not known."""
+    return job.scene is not None or (job.arm.knows_shapes and can_measure())
+
+
+def _why_unseen(arm: Arm) -> tuple[str, ...]:
+    """Why nothing looks at how near an arm comes to itself, if that is not said elsewhere."""
+    if arm.dimension != 3:
+        return ()
+    try:
+        return (NO_SHAPES,) if arm.shapes is None else (NOT_LOOKED_AT,)
+    except InvalidInput:
+        # Notes of the arm say which meshes are lacking.
+        return ()
+
+
+def _about_tool(arm: Arm) -> tuple[str, ...]:
+    """What the shape of the tool is, if nobody gave it."""
+    if arm.chain is None or not np.linalg.norm(arm.chain.tool.position) > SHORT:
+        return ()
+    own = [] if arm.shapes is None else [x for x in arm.shapes.shapes if x.tool]
+    if not own:
+        return ("the tool has no shape, so nothing looked at how near it comes: arm.tool.shapes",)
+    if not own[0].assumed:
+        return ()
+    return (
+        f"the tool is taken as a capsule with a radius of {number(ASSUMED_RADIUS, 'm')}, from the "
+        f"flange to {number(ASSUMED_GAP, 'm')} before the tool point: arm.tool.shapes gives its "
+        "own shapes",
+    )
+
+
+def refuse_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
+    """Refuse the first contour that comes too near to something, else the first other move.
+
+    Rapids might go around what is in their way, so that contours are what a user has to change.
+
+    Args:
+        job: The job.
+        program: The program.
+        trajectory: Its plan.
+
+    Raises:
+        Collision: A move comes too near to something; times are those of the whole motion.
+    """
+    contours = iter(enumerate(program.contours))
+    moves: list[tuple[str, Span]] = []
+    called = contour_called(program.contours[0], 0)
+    for x in trajectory.spans:
+        if x.kind == "contour":
+            number, contour = next(contours)
+            called = contour_called(contour, number)
+        moves.append((called if x.kind == "contour" else f"{x.kind} after {called}", x))
+    for name, x in sorted(moves, key=lambda move: move[1].kind != "contour"):
+        found = None if x.trajectory is None else job.cell.check(x.trajectory)
+        if found is not None and not found.kept:
+            with locate_errors(name):
+                found.later(x.t[0]).refuse()
+    job.cell.check(trajectory).refuse()
+
+
+def _rapids_around(job: Job, this: Run, traced: Tracing, cell: Cell, progress: Progress) -> Tracing:
+    """Joint paths whose rapids go around what they would come too near to, as far as is found."""
+    steps = []
+    for k, x in enumerate(traced.steps):
+        progress(Step(("clearance",), k / len(traced.steps)))
+        path = x.joint_path
+        if path is not None and not traced.is_contour(x) and not cell.keeps(path):
+            found = _rapid_around(job.arm, this, cell, path)
+            if found is not None:
+                x = dataclasses.replace(x, joint_path=found)
+        steps.append(x)
+    return dataclasses.replace(traced, steps=tuple(steps))
+
+
+def _other_start(
+    job: Job, this: Run, traced: Tracing, reached: float, progress: Progress
+) -> Tracing | None:
+    """Joint paths from another start: the fastest whose contours keep clear, or those farthest.
+
+    None if no start gets farther than the joint paths that were tried first, by `_reach`.
+    """
+    if job.start is not None or not isinstance(job.arm, SerialArm):
+        return None
+    program, farthest, cell = traced.program, None, job.cell
+    first = next(x.path for x in program.moves if isinstance(x, Contour))
+    bounds = this.limits.for_joints(job.arm.dof)
+    for starts in _starts(job.arm.with_limits(bounds), first):
+        best: tuple[float, Tracing | None] = (np.inf, None)
+        clear = [x for x in starts if cell.keeps(_rest(x))]
+        for k, q in enumerate(clear):
+            progress(Step(("clearance",), k / len(clear)))
+            try:
+                found = trace_program(program, job.arm, this.limits, start=q)
+            except ArmContourError:
+                continue
+            least = sum(bound_duration(x, bounds) for x in found.joint_paths)
+            if least >= best[0]:
+                continue
+            reach = _reach(found, cell)
+            if reach == np.inf:
+                best = least, found
+            elif reach > reached:
+                farthest, reached = found, reach
+        if best[1] is not None:
+            return best[1]
+    return farthest
+
+
+def _reach(traced: Tracing, cell: Cell) -> float:
+    """Number of contours that keep clear before one does not, and the share of that one.
+
+    Infinite if all keep clear.
+    """
+    contours = [x.joint_path for x in traced.steps if traced.is_contour(x)]
+    for k, path in enumerate(x for x in contours if x is not None):
+        if not cell.keeps(path):
+            near = cell.check(path).too_near
+            return k + ((near and near[0].first_time) or 0.0) / path.length
+    return np.inf
+
+
+def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
+    """Joint positions in which a path can start: its configurations, then turned about a free axis.
+
+    The turn at the start of a configuration is a good one already, so that the others only help
+    where none of these is clear.
+    """
+    try:
+        yield find_starts(path, arm)
+    except ArmContourError:
+        return
+    if path.orientation is None or not path.orientation.axis_only:
+        return
+    from armcontour.arms.inverse import configurations
+
+    point, rotation = path([0.0])[0], path.orientation([0.0])[0]
+    turned: list[FloatArray] = []
+    for angle in np.arange(TURNS) * 2 * np.pi / TURNS:
+        pose = np.column_stack([rotation @ exp(np.array([0.0, 0.0, angle])), point])
+        turned += list(configurations(arm, pose, WHOLE_POSE))
+    yield turned
+
+
+def _rapid_around(arm: Arm, this: Run, cell: Cell, path: JointPath) -> JointPath | None:
+    """A joint path with the same ends that keeps clear; None if none is found."""
+    from armcontour.clearance.connecting import connect, through
+
+    first, last = ends_of(path)
+    if not (cell.keeps(_rest(first)) and cell.keeps(_rest(last))):
+        return None
+    if isinstance(arm, SerialArm):
+        for height in RETRACTS:
+            up, down = _retract(arm, this, first, height), _retract(arm, this, last, height)
+            if up is not None and down is not None:
+                found = through(cell, np.concatenate([up, down[::-1]]))
+                if found is not None:
+                    return found
+    ranges = this.limits.for_joints(arm.dof).joint_range(arm.dof)
+    return connect(cell, first, last, ranges)
+
+
+def _rest(q: FloatArray) -> Trajectory:
+    """Rest at joint positions [rad], (dof,)."""
+    return Trajectory(laws=(stand_still(q, 1.0),), method=REST)
+
+
+def _retract(arm: SerialArm, this: Run, q: FloatArray, height: float) -> FloatArray | None:
+    """Joint positions on the way back along the tool axis, (n, dof); None if out of reach.
+
+    Args:
+        arm: The arm.
+        this: The run.
+        q: Joint positions at the start [rad], (dof,).
+        height: Length of the way [m].
+    """
+    point, rotation = (x[0] for x in arm.pose(q[None]))
+    line = Path.polyline([point, point - height * rotation[:, 2]])
+    try:
+        way = trace(line.oriented(rotation), arm, limits=this.limits, start=q)
+    except ArmContourError:
+        return None
+    return way(np.linspace(0.0, way.length, PLACES))
