@@ -13,7 +13,7 @@ from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.arms.limits import JOINT_LIMITS
 from armcontour.core.fields import checked
-from armcontour.core.render import Result
+from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
@@ -101,7 +101,8 @@ class Shortfall:
     @property
     def sentence(self) -> str:
         """The shortfall as one line of a report."""
-        return f"{self.reason} at s = {self.s:.3f} m: {self.speed:.3g} of {self.assigned:.3g} m/s"
+        speed, assigned = (number(x, "m/s") for x in (self.speed, self.assigned))
+        return f"{self.reason} at s = {number(self.s, 'm')}: {speed} of {assigned}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
