@@ -11,7 +11,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._describing import brief
 from armcontour.core.fields import Checked
-from armcontour.core.render import Result, spread
+from armcontour.core.render import Result, number_range
 from armcontour.core.result import Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.identification.fit import allowed_deviation
@@ -108,7 +108,8 @@ class Estimate(Result):
     @property
     def row(self) -> Row:
         """The value with its 95 % interval, as one figure."""
-        note = spread(self.value, self.low, self.high, self.unit)
+        ends = self.low, self.high
+        note = f"({number_range(ends, self.unit)})" if np.isfinite(ends).all() else ""
         if not (self.determined or math.isnan(self.value)):
             note = f"{note} open".strip()
         return Row(self.name, self.value, self.unit, self.label, note)
