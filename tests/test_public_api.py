@@ -121,7 +121,7 @@ def test_an_unknown_keyword_is_refused(limits, servo, refuses):
 # Results, and classes that only their subclasses make.
 NOT_MADE = {
     *("Arm", "Plant", "Batch", "Certificate", "Check", "Clearance", "Evaluation", "Explanation"),
-    *("Identification", "LearnedRun", "Lesson", "LimitUse", "Placement", "RobotIdentification"),
+    *("BodyIdentification", "Identification", "LearnedRun", "Lesson", "LimitUse", "Placement"),
     *("RoundedPath", "ShapedPath", "Study", "Tally"),
 }
 

@@ -24,7 +24,7 @@ _HOME = {
     "execution": "Plant RigidBodyPlant ServoPlant execute",
     "frames": "Frame",
     "geometry": "Arc Demand Line Orientation Path RoundedPath ShapedPath",
-    "identification": "Identification RobotIdentification identify",
+    "identification": "BodyFit BodyIdentification Identification ServoFit identify identify_bodies",
     "io": "read_job read_trajectory",
     "io.drawings.options": "ReadOptions",
     "io.drawings.read": "read_path",

@@ -44,9 +44,12 @@ from armcontour.geometry import Orientation as Orientation
 from armcontour.geometry import Path as Path
 from armcontour.geometry import RoundedPath as RoundedPath
 from armcontour.geometry import ShapedPath as ShapedPath
+from armcontour.identification import BodyFit as BodyFit
+from armcontour.identification import BodyIdentification as BodyIdentification
 from armcontour.identification import Identification as Identification
-from armcontour.identification import RobotIdentification as RobotIdentification
+from armcontour.identification import ServoFit as ServoFit
 from armcontour.identification import identify as identify
+from armcontour.identification import identify_bodies as identify_bodies
 from armcontour.io import read_job as read_job
 from armcontour.io import read_trajectory as read_trajectory
 from armcontour.io.drawings.options import ReadOptions as ReadOptions

@@ -261,7 +261,7 @@ class Limits(Checked):
         Args:
             dof: Number of joints.
         """
-        return _bounds(self, "joint_acceleration", dof)
+        return self.bounds("joint_acceleration", dof)
 
     def velocity_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower (negative) and upper bound of every joint's velocity, infinite without one.
@@ -269,7 +269,25 @@ class Limits(Checked):
         Args:
             dof: Number of joints.
         """
-        return _bounds(self, "joint_velocity", dof)
+        return self.bounds("joint_velocity", dof)
+
+    def bounds(self, name: str, dof: int) -> tuple[FloatArray, FloatArray]:
+        """Lower (negative) and upper bounds of a limit of joints, infinite without one.
+
+        Args:
+            name: "joint_velocity", "joint_acceleration", "joint_torque" or "joint_jerk".
+            dof: Number of joints.
+        """
+        values = getattr(self, name)
+        try:
+            if values is not None and values.ndim == 2:
+                low, high = np.array(np.broadcast_to(values, (dof, 2)).T, order="C")
+                return low, high
+            upper = np.full(dof, np.inf if values is None else values)
+        except (TypeError, ValueError):
+            self.for_joints(dof)
+            raise
+        return -upper, upper
 
     def joint_range(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower and upper end of every joint's range [rad], infinite without one.
@@ -337,34 +355,3 @@ def _list_values(values: npt.ArrayLike) -> str:
 def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:
     """The given joint limits, or infinity for every joint."""
     return np.full(dof, np.inf) if values is None else np.array(values, dtype=np.float64)
-
-
-def _bounds(limits: Limits, name: str, dof: int) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper bound of every joint, (dof,) each, of a limit that may have directions."""
-    values = getattr(limits, name)
-    try:
-        if values is not None and values.ndim == 2:
-            low, high = np.array(np.broadcast_to(values, (dof, 2)).T, order="C")
-            return low, high
-        upper = np.full(dof, np.inf if values is None else values)
-    except (TypeError, ValueError):
-        limits.for_joints(dof)
-        raise
-    return -upper, upper
-
-
-def by_direction(
-    values: FloatArray, bounds: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Amounts of velocities or accelerations, and what limits them in their directions.
-
-    Args:
-        values: The values, (..., dof).
-        bounds: Lower and upper bounds, (dof,) each.
-
-    Returns:
-        The amounts, (..., dof), and the largest ones, (dof,) or (..., dof).
-    """
-    low, high = bounds
-    both = np.array_equal(-low, high)
-    return np.abs(values), high if both else np.where(values < 0, -low, high)

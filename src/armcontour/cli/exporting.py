@@ -377,10 +377,11 @@ def _warn_of_jumps(target: Target, table: Table, limits: Limits, name: str) -> l
     """Warn of a curve through set-points that needs far more than the limits of acceleration."""
     import numpy as np
 
+    from armcontour.arms.limit_use import use_of
+
     if table.ddq is None or limits.joint_acceleration is None:
         return []
-    low, high = limits.acceleration_bounds(table.ddq.shape[1])
-    ratio = np.maximum(table.ddq / low, table.ddq / high).max(axis=0)
+    ratio = use_of("joint_acceleration", limits, table.ddq).largest
     joint = int(np.argmax(ratio))
     if ratio[joint] < FAR_ABOVE:
         return []

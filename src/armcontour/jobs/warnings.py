@@ -164,7 +164,7 @@ def stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
         point = ", ".join(number(x, "m") for x in first.point)
         contour = f" of {first.contour}" if first.contour else ""
         yield (
-            f"{several(count, 'full stop')}, the first at s = {first.s:.4g} m ({point})"
+            f"{several(count, 'full stop')}, the first at s = {number(first.s, 'm')} ({point})"
             f"{contour}, where the curvature of the path jumps and limits of jerk allow no speed: "
             "corners: {continuity: curvature} with a larger tolerance or transition_tolerance, "
             "longer lines and arcs, or a tool orientation that does not turn leaves fewer."

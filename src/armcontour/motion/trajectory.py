@@ -329,6 +329,13 @@ class Trajectory(Checked):
         return np.unique(np.concatenate(inner))
 
     @property
+    def smooth_breaks(self) -> FloatArray:
+        """Times between which the motion and its joint paths are smooth [s]."""
+        laws = zip(self.laws, self.starts[:-1], strict=True)
+        passed = (t + x.passages for x, t in laws if isinstance(x, PathLaw))
+        return np.unique(np.concatenate([self.breaks, *passed]))
+
+    @property
     def switching_points(self) -> FloatArray:
         """Times of the paper's switching points P0, P1, ...: the ends of the stretches [s]."""
         return np.array([0.0, *(x.t[1] for x in self.stretches)])

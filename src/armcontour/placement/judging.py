@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from armcontour.arms import Arm, SerialArm
+from armcontour.arms.limit_use import use_of
 from armcontour.clearance import Clearance
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
@@ -350,12 +351,9 @@ def _singular(arm: Arm, traced: Tracing) -> float:
 
 def _torque_margin(arm: Arm, run: Run, found: Trajectory) -> float:
     """The share of the limits of torque that a plan leaves free at its breaks; nan without any."""
-    limit = run.limits.joint_torque
-    if limit is None or not arm.has_bodies:
+    if run.limits.joint_torque is None or not arm.has_bodies:
         return np.nan
     t = found.breaks
-    used = [
-        np.abs(torques_at(arm, found, x, side=y)) / limit
-        for x, y in ((t[1:], "left"), (t[:-1], "right"))
-    ]
-    return float(1 - max(x.max() for x in used))
+    sides = ((t[1:], "left"), (t[:-1], "right"))
+    torques = np.concatenate([torques_at(arm, found, x, side=y) for x, y in sides])
+    return float(1 - use_of("joint_torque", run.limits, torques).ratio.max())
