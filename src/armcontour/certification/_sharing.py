@@ -316,9 +316,11 @@ class Sharing:
         rounding, tolerance = self.this.rounding, self.goal.tolerance
         if rounding is None or tolerance is None:
             return self.this
-        line = rounding.line_tolerance
+        line, most = rounding.line_tolerance, tolerance - servo
         left: Rounding = replace(
-            rounding.within(tolerance - servo),
+            rounding,
+            tolerance=most,
+            at={k: min(x, most) for k, x in (rounding.at or {}).items()} or None,
             line_tolerance=None if line is None else self._tightest - servo,
         )
         return replace(self.this, rounding=left)

@@ -10,6 +10,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
+from armcontour.arms.limit_use import States
 from armcontour.compensation.compensator import teach
 from armcontour.evaluation.error_profile import ErrorProfile, Missed
 from armcontour.evaluation.pieces import Piece, evaluated_times
@@ -31,7 +32,6 @@ from armcontour.robustness.deviations import Worst
 from armcontour.robustness.monte_carlo import Spread, spread, worst_corner
 from armcontour.servo import ServoModel
 from armcontour.servo.simulation import Simulation
-from armcontour.timing.limit_use import States, quantity, ratio
 
 # Executions are looked at this often per command interval, but not more often than this [s].
 PER_INTERVAL = 16
@@ -416,15 +416,15 @@ def _states(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     limits = setting.limits
     s, joints = motion(plan, t, side)
-    states = States(setting.arm, *joints)
+    states = States(setting.arm, tuple(joints))
     # Of ds² a velocity takes the square of its share, an acceleration its share.
-    pace = (ratio("joint_velocity", limits, states) ** 2).max(axis=1)
+    pace = (states.use("joint_velocity", limits).ratio ** 2).max(axis=1)
     here = assigned_speeds(setting, s, side)
     if np.isfinite(here).any():
-        pace = np.maximum(pace, (quantity("speed", states) / here) ** 2)
+        pace = np.maximum(pace, (states.bound("speed")[0] / here) ** 2)
     if limits.centripetal_acceleration is not None:
-        pace = np.maximum(pace, ratio("centripetal_acceleration", limits, states))
-    return s, ratio("joint_acceleration", limits, states), pace
+        pace = np.maximum(pace, states.use("centripetal_acceleration", limits).ratio)
+    return s, states.use("joint_acceleration", limits).ratio, pace
 
 
 def assigned_speeds(
@@ -451,8 +451,8 @@ def command_use(setting: Setting, taught: TaughtData, t: FloatArray) -> FloatArr
     """The share of what bounds ds² that set-points take, at the times `t`, (n,)."""
     dof = setting.arm.dof
     rate = np.append(np.diff(taught.q, axis=0), np.zeros((1, dof)), axis=0) / taught.period
-    states = States(setting.arm, taught.q, rate, np.zeros_like(rate))
-    pace = (ratio("joint_velocity", setting.limits, states) ** 2).max(axis=1)
+    states = States(setting.arm, (taught.q, rate))
+    pace = (states.use("joint_velocity", setting.limits).ratio ** 2).max(axis=1)
     lower, upper = setting.limits.joint_range(dof)
     outside = ((taught.q < lower) | (taught.q > upper)).any(axis=1)
     pace = np.maximum(pace, np.where(outside, OUTSIDE, 0.0))
