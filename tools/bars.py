@@ -54,7 +54,7 @@ OPTIONS = {
         "(io|files)/(exports|stored_run)|cli/exporting|(control/)?(compensation|learning)"
         "|certification|simulation|robustness|servo|robot|report|motion|jobs/study|studio/tasks",
     ),
-    "timing.reserve": ("reserve", "certification|motion|jobs/programs"),
+    "timing.reserve": ("reserve", "certification|motion|jobs/planning"),
 }
 # Attributes that hold each quantity, and files that do not count.
 SCRIPTS = "|studio/static/(arm3d|layers|motion|notes|playback|trail|view2d)"

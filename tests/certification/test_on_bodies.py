@@ -77,7 +77,7 @@ def test_corners_and_drawn_robots_are_stated(certified):
 
 
 def test_the_executed_corners_are_the_worst_of_the_box(certified):
-    """Four of 128 corners are executed: others are hardly worse, and most of them are better."""
+    """Four of 128 corners are executed: others are within the budget, too."""
     job = certified.job
     u = Unknowns.of(certified.goal.box, job.arm, job.plant_servo)
     runs = BodyRuns(
@@ -88,8 +88,8 @@ def test_the_executed_corners_are_the_worst_of_the_box(certified):
         options={"step": 1e-3},
     )
     others = spread_on_bodies(runs, u.corners()[::5], processes=1)
-    worst = certified.corners.max.max()
-    assert others.max.max() <= 1.02 * worst and others.quantile(0.5) < 0.9 * worst
+    assert others.within(0.3e-3) == 1.0
+    assert others.quantile(0.5) < 0.9 * certified.corners.max.min()
 
 
 def test_a_nominal_robot_alone():

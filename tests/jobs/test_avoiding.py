@@ -128,7 +128,7 @@ def test_contours_are_followed_in_another_configuration(job, free, monkeypatch):
     single = plan_of(alone, scene=post_at_elbow(alone, plan_of(alone)))
     assert single.clearance.kept and single.avoided == (OTHER,)
     # The first contour decides before all are timed.
-    monkeypatch.setattr("armcontour.jobs.ways.find_starts", None)
+    monkeypatch.setattr("armcontour.jobs.alternatives.find_starts", None)
     plan = plan_of(job, scene=post_at_elbow(job, free))
     assert plan.clearance.kept and plan.avoided == (OTHER,)
     assert np.abs(plan.trajectory(0.0) - free.trajectory(0.0)).max() > 0.1

@@ -15,7 +15,7 @@ from armcontour.frames import from_rpy
 from armcontour.geometry import Arc, Path
 from armcontour.io.cell import read_cell
 from armcontour.jobs import Rounding, run, warnings_of
-from armcontour.jobs.programs import programs_of, trace_run
+from armcontour.jobs.planning import plan_one, programs_of
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
 LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)
@@ -34,9 +34,8 @@ def job(process, *moves, arm=ARM, **values):
 def planned(done):
     """The program of a job's run, its plan, and its speeds at the ends of the work."""
     (this,) = done.runs
-    _, program = programs_of(done, this)
-    traced, found = trace_run(done, this, program), []
-    trajectory = ac.plan(traced, done.arm, this.limits, this.timing)
+    plan, found = plan_one(done, this, clear=False), []
+    program, trajectory = plan.path, plan.trajectory
     for span in trajectory.spans:
         if span.work is not None:
             t = np.array(span.work)
@@ -184,7 +183,7 @@ def test_runs_a_program_from_its_drawing_to_its_evaluation():
     assert len(result.evaluation.contours) == 2
     names = [x.name for x in result.trajectory.events]
     assert names in (["x", "tool", "tool"] * 2, ["tool", "x", "tool"] * 2)
-    assert result.explanation is not None and result.joint_path is None
+    assert result.explanation is not None and result.path.single_path is None
     assert result.taught.trajectory is result.trajectory
 
 
@@ -213,7 +212,7 @@ def test_a_job_of_a_path_is_one_of_its_program():
     for x in (by_path, by_program):
         assert x.program.path is BEND
     first, second = (run(x).runs["taught"] for x in (by_path, by_program))
-    assert first.path.single_path is not None and first.joint_path is not None
+    assert first.path.single_path is not None
     np.testing.assert_array_equal(first.taught.q, second.taught.q)
     for x in (first, second):
         assert x.evaluation.until == 3.0 and len(x.evaluation.contours) == 1

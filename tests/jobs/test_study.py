@@ -19,7 +19,6 @@ from armcontour.io import parse_job
 from armcontour.jobs import Experiment, Rounding, build_plant, programs_of, run
 from armcontour.jobs.job import choose_run
 from armcontour.jobs.quantities import angular_speed, planned_torques
-from armcontour.jobs.warnings import collect_warnings
 from armcontour.tracing.tracer import trace_all
 
 
@@ -190,7 +189,7 @@ def test_warnings_of_demands_and_set_points(study):
     (overload,) = found.warnings
     assert "times its acceleration limit" in overload
     coarse = dataclasses.replace(found, run=changed(found.run, period=1.0))
-    warning, same = collect_warnings(coarse)
+    warning, same = coarse.warnings
     assert "command interval of 1.0000 s" in warning and same == overload
 
 
@@ -220,8 +219,8 @@ def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
     for name in others:
         assert found[name].trajectory is not found["one"].trajectory
     # Runs that differ behind tracing are traced once.
-    assert found["again"].joint_path is found["one"].joint_path
-    assert found["slow"].joint_path is not found["one"].joint_path
+    assert found["again"].traced is found["one"].traced
+    assert found["slow"].traced is not found["one"].traced
 
 
 def test_branch_start_and_angular_tolerance_reach_their_steps(in_space):

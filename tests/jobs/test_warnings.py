@@ -12,7 +12,6 @@ from tests.jobs.making import ARM, a_job, a_run
 import armcontour as ac
 from armcontour.jobs import Experiment, PlaceSearch, Rounding, run
 from armcontour.jobs.axes import corners_of, read_axes, read_uncertainty
-from armcontour.jobs.warnings import collect_warnings
 from armcontour.placement import Moves
 from armcontour.program import Contour, Program, Rapid
 
@@ -106,7 +105,7 @@ def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
         other = dataclasses.replace(
             seen.experiment, evaluation=evaluation, uncompensated=uncompensated
         )
-        anew = collect_warnings(dataclasses.replace(seen, experiment=other))
+        anew = dataclasses.replace(seen, experiment=other).warnings
         said = [x for x in anew if "bodies" in x]
         assert len(said) == (evaluation is plain)
     for value in (plain.contour_error.rms, judged.contour_error.rms):

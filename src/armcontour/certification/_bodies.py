@@ -23,8 +23,6 @@ from armcontour.robustness.unknowns import Unknowns
 FIRST, MORE = 8, 4
 # Number of unknowns up to which all corners may be executed.
 ALL_CORNERS = 14
-# Deviations along the path count at the first and the last time, when the robot rests.
-ENDS = [0, -1]
 
 
 def worst_corners(case: Case, taught: TaughtData) -> tuple[FloatArray, dict[str, float]]:
@@ -50,13 +48,16 @@ def worst_corners(case: Case, taught: TaughtData) -> tuple[FloatArray, dict[str,
     each = np.array([tool[:n] - nominal for _, _, tool in traces[1:]]).reshape(k, n, -1)
     each = np.moveaxis(each, 0, 2) / single
     middle, half = (high + low) / 2, (high - low) / 2
-    sides = normals(tangent)
-    along = np.zeros_like(tangent)
-    along[ENDS] = tangent[ENDS]
+    # Off its ends the tool cannot be nearer to the path than to them.
+    ends = []
+    for end, way in ((0.0, -1.0), (runs.path.length, 1.0)):
+        outward = np.tile(way * runs.path(end, 1), (n, 1))
+        reach = np.abs(np.einsum("ndk,nd->nk", each, outward) * np.abs(single)).sum(axis=1)
+        beyond = np.einsum("nd,nd->n", nominal - runs.path(end), outward)
+        ends.append((np.where(abs(s - end) <= reach, beyond, -np.inf), outward))
     bound, errors = np.zeros(0), np.zeros((0, k))
-    largest, parts = -1.0, {}
-    for side in [*sides, along, -along]:
-        own = np.einsum("nd,nd->n", off, side)
+    largest, parts = -np.inf, {}
+    for own, side in [(np.einsum("nd,nd->n", off, x), x) for x in normals(tangent)] + ends:
         moved = np.einsum("ndk,nd->nk", each, side)
         corner = middle + np.where(moved >= 0, half, -half)
         total = own + (moved * corner).sum(axis=1)

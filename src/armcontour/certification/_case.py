@@ -20,12 +20,11 @@ from armcontour.execution import Plant, RigidBodyPlant, ServoPlant
 from armcontour.execution.rigid_body_plant import STEP
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Run
+from armcontour.jobs.results import Planned
 from armcontour.motion import TaughtData, Trajectory
 from armcontour.program import Contour, Program
 from armcontour.robustness.box import Box
 from armcontour.servo import ServoModel
-from armcontour.timing import Optimal, intervals_of
-from armcontour.timing.program_timing import Timing, time_program
 from armcontour.timing.program_tracing import Tracing
 
 # A plan is proven at this resolution [s].
@@ -39,29 +38,36 @@ FORGOTTEN = 20.0
 MOST_PLACES = 1000
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Case:
-    """A run to certify: its robot, its traced program, and the goal of all contours.
+    """A run to certify: its robot, its fastest plan, and the goal of all contours.
 
     Args:
         job: The job.
-        run: The run, with the corner tolerance of this case.
+        planned: The plan of the run with nothing derated.
         goal: The goal.
-        objective: The program before its corners were rounded.
-        traced: The traced program.
         servo_allowed: Largest contour error of the execution, over the box if there is one [m].
         progress: Called with a step before each trial.
         executor: Executor of robots of a box as rigid bodies; None is processes of this machine.
     """
 
     job: Job
-    run: Run
+    planned: Planned
     goal: Goal
-    objective: Program
-    traced: Tracing
     servo_allowed: float
     progress: Progress
     executor: Executor | None = None
+
+    @property
+    def run(self) -> Run:
+        """The run, with the corner tolerance of this case."""
+        return self.planned.run
+
+    @property
+    def traced(self) -> Tracing:
+        """The joint paths of the program."""
+        assert self.planned.traced is not None
+        return self.planned.traced
 
     @property
     def arm(self) -> Arm:
@@ -127,13 +133,8 @@ class Case:
     @property
     def drive_options(self) -> dict[str, Any]:
         """Options of rigid bodies from the run's experiment."""
-        return drive_options(self.run)
-
-    @cached_property
-    def fastest(self) -> Trajectory:
-        """The plan of the program with nothing derated."""
-        timing = Timing(self.arm, self.limits, Optimal(intervals=intervals_of(self.program)))
-        return time_program(self.traced, timing).limited(self.limits)
+        experiment = self.run.experiment
+        return {x: getattr(experiment, x) for x in DRIVE_OPTIONS} if experiment else {}
 
     @property
     def resolution(self) -> float:
@@ -209,9 +210,3 @@ class Case:
                 "dead_time of the box", box.dead_time, dof, "s"
             )
         return FORGOTTEN / min(rates) + float(dead_time.max())
-
-
-def drive_options(this: Run) -> dict[str, Any]:
-    """Options of rigid bodies from the experiment of a run."""
-    experiment = this.experiment
-    return {x: getattr(experiment, x) for x in DRIVE_OPTIONS} if experiment else {}

@@ -25,7 +25,7 @@ from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
 from armcontour.jobs.results import ROUNDING, ExperimentResult, RunResult, Study
 from armcontour.jobs.run_data import field_rows, off_drawing, warning_rows
-from armcontour.jobs.warnings import beyond_logs, collect_warnings
+from armcontour.jobs.warnings import beyond_logs
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.robustness.monte_carlo import Spread
@@ -552,7 +552,7 @@ class Certificate(Result):
     def result(self) -> RunResult:
         """The certified plan as the result of its run."""
         single = self.path.single_path
-        found = RunResult(
+        return RunResult(
             run=self.run,
             objective=self.objective,
             path=self.path,
@@ -567,7 +567,6 @@ class Certificate(Result):
             failure=self.failure,
             clearance=self.clearance,
         )
-        return replace(found, warnings=collect_warnings(found))
 
     @property
     def study(self) -> Study:

@@ -14,7 +14,7 @@ from armcontour import _checks
 from armcontour._describing import count_kinds
 from armcontour._progress import Progress, Step, under
 from armcontour.certification import _bodies
-from armcontour.certification._case import Case, drive_options
+from armcontour.certification._case import Case
 from armcontour.certification._moves import Move
 from armcontour.certification._search import execute_servos, search
 from armcontour.certification._uses import Trial, distances, run, speed_shares
@@ -26,17 +26,19 @@ from armcontour.certification.certificate import (
 )
 from armcontour.certification.lowering import find_lowered
 from armcontour.core.fields import checked
-from armcontour.errors import ExecutionError, InvalidInput, NotRealizable
+from armcontour.errors import ExecutionError, InvalidInput, NotRealizable, Unreachable
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import pieces_of
-from armcontour.execution import RigidBodyPlant, execute
+from armcontour.execution import execute
 from armcontour.geometry import Path, RoundedPath, ShapedPath
+from armcontour.jobs import reachability
+from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run, choose_run
-from armcontour.jobs.programs import programs_of, round_program, trace_run
+from armcontour.jobs.planning import plan_one
+from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.study import evaluate_run, on_bodies
-from armcontour.jobs.ways import clearance_of, reach_told
 from armcontour.motion import Method, TaughtData
 from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
 from armcontour.robustness.box import Box
@@ -106,30 +108,33 @@ def certify(
     if goal.box is not None and goal.plant == "servo":
         # So is what does not fit the box.
         spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, this.period)
+    # A certified plan derates what it has to, so it leaves no reserve.
+    timing = (
+        Optimal(intervals=this.timing.intervals) if isinstance(this.timing, Optimal) else Optimal()
+    )
+    this = replace(this, timing=timing)
     tell, shapes = under(progress), [this]
     if this.rounding is not None and this.rounding.free:
         shapes.append(replace(this, rounding=this.rounding.with_arcs))
     best: tuple[Case, Proven] | None = None
     refusal: NotRealizable | None = None
     durations: dict[str, float] = {}
-    with reach_told(job):
-        for each in shapes:
-            shape = ARC if each.rounding is None else each.rounding.shape
-            deadline = (
-                durations[shapes[0].rounding.shape] if best and shapes[0].rounding else np.inf
-            )
-            try:
-                case, found, least = _fastest(job, each, goal, executor, tell, deadline)
-            except NotRealizable as error:
-                refusal = error
-                continue
-            durations[shape] = least
-            if found is not None and least < deadline:
-                best = case, found
-        if best is None:
-            assert refusal is not None
-            raise refusal
-        return _certificate(*best, durations if FREE in durations else {})
+    for each in shapes:
+        deadline = min(durations.values(), default=np.inf)
+        try:
+            case, proven, least = _fastest(job, each, goal, executor, tell, deadline)
+        except Unreachable as error:
+            raise reachability.explain(error, job) from None
+        except NotRealizable as error:
+            refusal = error
+            continue
+        durations[ARC if each.rounding is None else each.rounding.shape] = least
+        if proven is not None and least < deadline:
+            best = case, proven
+    if best is None:
+        assert refusal is not None
+        raise refusal
+    return _certificate(*best, durations if FREE in durations else {})
 
 
 def goal_of(job: Job, **overrides: Any) -> Goal:
@@ -180,28 +185,16 @@ def _fastest(
 
     def case_of(servo: float) -> Case:
         shaped = _with_shape(this, goal, servo)
-        tell(Step(("tracing",)))
-        objective, program = _programs(job, shaped, tell)
-        traced = trace_run(job, shaped, program)
-        return Case(
-            job=job,
-            run=shaped,
-            goal=goal,
-            objective=objective,
-            traced=traced,
-            servo_allowed=servo,
-            progress=tell,
-            executor=executor,
-        )
+        planned = plan_one(job, shaped, reuse, tell, clear=False)
+        return Case(job, planned, goal, servo, tell, executor)
 
-    if goal.plant == "rigid_body":
-        _refuse_other_jobs(job, this, goal)
-    base = case_of(0.0)
+    reuse = Reuse()
     # The certificate says what it costs compared to this plan. It comes first, since what refuses
     # it, such as an event before the start, would refuse the certificate at its end.
-    tell(Step(("uncertified plan",)))
-    least = base.fastest.duration
+    base = case_of(0.0)
+    least = base.planned.trajectory.duration
     if base.bodies:
+        _refuse_other_programs(base)
         _refuse_start(base)
     free = this.rounding is not None and this.rounding.free
     bent = free or any(shape_part(x.path) > 0 for x in base.program.contours)
@@ -210,7 +203,7 @@ def _fastest(
         assert budget is not None
         if least >= deadline:
             return base, None, least
-        alone = search(replace(base, run=this, servo_allowed=budget))
+        alone = search(replace(base, servo_allowed=budget))
         return base, alone, alone[0].trajectory.duration
     tightest = _tightest(this, goal)
     budgets = [x * tightest for x in SERVO_SHARES] if goal.servo is None else [goal.servo]
@@ -255,19 +248,6 @@ def _worst(proof: Trial, moves: Sequence[Move]) -> float:
     return max(largest + [float(x.max.max()) for x in robots])
 
 
-def _programs(job: Job, this: Run, tell: Progress) -> tuple[Program, Program]:
-    """The program of a run before and after rounding or shaping.
-
-    A certified plan derates what it has to: it leaves no reserve.
-    """
-    rounding = this.rounding
-    if rounding is None or not rounding.free:
-        return programs_of(job, this)
-    objective, _ = programs_of(job, replace(this, rounding=rounding.with_arcs))
-    shaped = replace(this, timing=replace(this.timing, reserve=0.0))
-    return objective, round_program(job, shaped, objective, tell)
-
-
 def _tightest(this: Run, goal: Goal) -> float:
     """The smallest tolerance that shape and servo share [m]."""
     assert goal.tolerance is not None
@@ -285,27 +265,22 @@ def _with_shape(this: Run, goal: Goal, servo: float) -> Run:
     return replace(this, rounding=shape)
 
 
-def _refuse_other_jobs(job: Job, this: Run, goal: Goal) -> None:
-    """Refuse a job that certificates on rigid bodies are not made for.
+def _refuse_other_programs(case: Case) -> None:
+    """Refuse a program that certificates on rigid bodies are not made for.
 
     Raises:
         InvalidInput: The program has several contours, rapids or events between, or the arm or
             the servo has no rigid bodies.
     """
-    rounding = this.rounding
-    if rounding is not None and rounding.free:
-        # The moves are the same, and need no shape.
-        this = replace(this, rounding=rounding.with_arcs)
-    program = programs_of(job, this)[0]
+    program = case.program
     others = [x for x in program.moves if not isinstance(x, Contour | Dwell)]
     if len(program.contours) > 1 or others:
         raise InvalidInput(
             "A certificate on rigid bodies is for one contour, with or without dwells, but "
             f"this program has {_list_moves(program)}, or certify with plant: servo."
         )
-    servo = job.plant_servo.for_joints(job.arm.dof)
-    Unknowns.of(goal.box or Box(), job.arm, servo)
-    RigidBodyPlant(job.arm, servo, this.limits, **drive_options(this))
+    Unknowns.of(case.box or Box(), case.arm, case.servo)
+    case.plant()
 
 
 def _refuse_start(case: Case) -> None:
@@ -316,7 +291,7 @@ def _refuse_start(case: Case) -> None:
         NotRealizable: They rest too far from it.
     """
     (contour,) = case.program.contours
-    off = _bodies.rest_at_start(case, contour.path, case.teach(case.fastest))
+    off = _bodies.rest_at_start(case, contour.path, case.teach(case.planned.trajectory))
     allowed = case.goal.servo or case.goal.tolerance
     assert allowed is not None
     work = case.work_of(contour)
@@ -337,12 +312,12 @@ def _certificate(base: Case, found: Proven, shapes: Mapping[str, float]) -> Cert
     case, job, this = proof.case, proof.case.job, proof.case.run
     case.progress(Step(("evaluation",)))
     judged = replace(this, limits=case.limits)
-    result = evaluate_run(judged, proof.executed, case.program, case.objective)
+    result = evaluate_run(judged, proof.executed, case.program, case.planned.objective)
     experiment, failure = None, None
     if this.experiment is not None:
         case.progress(Step(("experiment",)))
         try:
-            experiment = on_bodies(job, this, proof.taught, case.program, case.objective)
+            experiment = on_bodies(job, this, proof.taught, case.program, case.planned.objective)
         except ExecutionError as error:
             failure = error
     assert proof.check is not None
@@ -351,7 +326,7 @@ def _certificate(base: Case, found: Proven, shapes: Mapping[str, float]) -> Cert
         run=this,
         goal=case.goal,
         model=model_of(case),
-        objective=case.objective,
+        objective=case.planned.objective,
         path=case.program,
         trajectory=proof.trajectory,
         taught=proof.taught,
@@ -370,7 +345,7 @@ def _certificate(base: Case, found: Proven, shapes: Mapping[str, float]) -> Cert
 
 def _contours(base: Case, proof: Trial, contours: Sequence[Move]) -> Iterator[ContourCertificate]:
     """The certificates of all contours."""
-    case, fastest = proof.case, base.fastest.contour_spans
+    case, fastest = proof.case, base.planned.trajectory.contour_spans
     spans = proof.trajectory.contour_spans
     # Nearly continuous set-points show the part of the servo.
     own = case.run.period
@@ -417,7 +392,7 @@ def _contours(base: Case, proof: Trial, contours: Sequence[Move]) -> Iterator[Co
 
 def _uncertified(case: Case) -> Uncertified:
     """Execute the fastest plan, with nothing derated."""
-    fastest = case.fastest
+    fastest = case.planned.trajectory
     taught = case.teach(fastest)
     resolution = max(min(1e-3, case.run.period), case.resolution)
     executed = execute(taught, case.plant(), resolution=resolution)

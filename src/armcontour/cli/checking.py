@@ -277,8 +277,9 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
     Without a name, the first run that rounds corners, if all such runs round alike.
     """
     from armcontour.errors import InvalidInput
-    from armcontour.jobs import traced_alike
     from armcontour.jobs.job import find_run
+    from armcontour.jobs.planning import path_inputs
+    from armcontour.jobs.reuse import comparable
 
     if run_name is not None:
         return find_run(job, run_name)
@@ -290,7 +291,8 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
             f"The runs of the job {job.name} round corners differently: choose one with --run "
             f"({names})."
         )
-    if limited and not all(traced_alike(runs[0], x) for x in runs):
+    first, *others = ((path_inputs(job, x), comparable(x.limits)) for x in runs)
+    if limited and any(x != first for x in others):
         names = ", ".join(x.name for x in runs)
         raise InvalidInput(
             f"The runs of the job {job.name} have different limits: choose one with --run "

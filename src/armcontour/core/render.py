@@ -247,7 +247,8 @@ class Result:
         raise NotImplementedError
 
     def __str__(self) -> str:
-        """Its figures in lines."""
-        return text(self.to_data())
+        """Its figures and warnings in lines."""
+        data = self.to_data()
+        return "\n".join([text(data), *(f"Warning: {x}" for x in data.warnings)])
 
     _repr_html_ = to_html

@@ -10,9 +10,16 @@ if TYPE_CHECKING:
     from armcontour.jobs.goal import Goal
     from armcontour.jobs.job import Job, Rounding, Run
     from armcontour.jobs.place_search import PlaceSearch
-    from armcontour.jobs.programs import programs_of
-    from armcontour.jobs.results import ExperimentResult, RunResult, ShapingGain, Study, warnings_of
-    from armcontour.jobs.study import STEPS, run, steps_of, traced_alike
+    from armcontour.jobs.planning import plan_one, programs_of
+    from armcontour.jobs.results import (
+        ExperimentResult,
+        Planned,
+        RunResult,
+        ShapingGain,
+        Study,
+        warnings_of,
+    )
+    from armcontour.jobs.study import STEPS, run, steps_of
 else:
     __getattr__, __all__ = lazy_names(
         __name__,
@@ -22,8 +29,8 @@ else:
             "goal": "Goal",
             "job": "Job Rounding Run",
             "place_search": "PlaceSearch",
-            "programs": "programs_of",
-            "results": "ExperimentResult RunResult ShapingGain Study warnings_of",
-            "study": "STEPS run steps_of traced_alike",
+            "planning": "plan_one programs_of",
+            "results": "ExperimentResult Planned RunResult ShapingGain Study warnings_of",
+            "study": "STEPS run steps_of",
         },
     )

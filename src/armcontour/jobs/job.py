@@ -306,6 +306,11 @@ class Run(Checked):
         return self.experiment if self.for_bodies else None
 
     @property
+    def is_shaped(self) -> bool:
+        """Whether corners have the shape free, which is found together with the timing."""
+        return self.rounding is not None and self.rounding.free
+
+    @property
     def continuity(self) -> Continuity | None:
         """What is continuous along rounded corners; None without corners that arcs replace."""
         if self.rounding is None or self.rounding.free:

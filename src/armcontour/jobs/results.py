@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 from armcontour._describing import brief, draw, several, to_html
 from armcontour._text import capitalise
 from armcontour._version import __version__
-from armcontour.arms import Arm
+from armcontour.arms import Arm, compare_limits
 from armcontour.clearance import Clearance
+from armcontour.compensation import NoCompensation
 from armcontour.core.fields import checked
 from armcontour.core.render import Result, compare, lay_out, number, units
 from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
@@ -23,6 +24,7 @@ from armcontour.evaluation.evaluation import duration_row
 from armcontour.execution import RigidBodyPlant
 from armcontour.geometry import RoundedPath, ShapedPath, count_full_stops
 from armcontour.geometry.shaped import SHAPED, doubt_search
+from armcontour.jobs import warnings
 from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.quantities import (
@@ -44,7 +46,7 @@ from armcontour.jobs.run_data import (
     torque_rows,
     warning_rows,
 )
-from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+from armcontour.motion import Execution, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.servo import ServoModel
 from armcontour.timing import Conventional, Explanation, Tracing
@@ -130,8 +132,8 @@ class ExperimentResult:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RunResult(Result):
-    """Result of one run of a job: its plan, its set-points, their execution and its evaluation.
+class Planned:
+    """The plan of a run.
 
     Args:
         run: The run.
@@ -140,20 +142,11 @@ class RunResult(Result):
             corners.
         trajectory: The realizable trajectory.
         traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
-        exceeded: Sentences on limits above those of the arm.
         clearance: How far the arm stays from itself and from its cell, as planned; None for an arm
             whose shapes are not known.
-        avoided: Sentences on other ways that were taken to keep clear; without a clearance, on why
-            there is none.
+        avoided: Sentences on other joint paths that were taken to keep clear; without a clearance,
+            on why there is none.
         explanation: Which limit binds where, for a plan of the method "optimal".
-        taught: The taught data; None in a plan of the Studio.
-        servo: The servo for which it was made.
-        execution: The executed motion; None without a simulation.
-        evaluation: Errors of the executed motion; None without a simulation.
-        executed_clearance: How far the arm stays from itself and from its cell, as executed.
-        experiment: Result on rigid bodies, if the run has an experiment that did not fail.
-        failure: The error of a failed experiment.
-        warnings: Sentences on what makes the result worse than requested.
     """
 
     run: Run
@@ -161,36 +154,39 @@ class RunResult(Result):
     path: Program
     trajectory: Trajectory
     traced: Tracing | None = None
-    exceeded: tuple[str, ...] = ()
     clearance: Clearance | None = None
     avoided: tuple[str, ...] = ()
     explanation: Explanation | None = None
-    # Of a run that went so far, these are not None.
-    taught: TaughtData = None  # type: ignore[assignment]
-    servo: ServoModel | None = None
-    execution: Execution = None  # type: ignore[assignment]
-    evaluation: Evaluation = None  # type: ignore[assignment]
-    executed_clearance: Clearance | None = None
-    experiment: ExperimentResult | None = None
-    failure: ExecutionError | None = None
-    warnings: tuple[str, ...] = ()
 
-    def to_data(self) -> Data:
-        """The verdict on the run and its figures."""
-        return run_data(self)
+    @classmethod
+    def of(cls, planned: Planned, **more: Any) -> Self:
+        """A plan with more values, which may replace its own."""
+        return cls(**{x.name: getattr(planned, x.name) for x in fields(Planned)} | more)
 
-    __repr__ = brief
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what makes the result worse than requested, without the run's name."""
+        return tuple(filter(None, self._warnings()))
 
-    figure = draw
+    def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
+        run, trajectory = self.run, self.trajectory
+        yield from self.path.notes
+        yield from warnings.capped(self.objective, run)
+        yield compare_limits(run.limits, self.arm)
+        yield from warnings.stops(self.jerk_stops)
+        # In a given duration contours are slower than assigned on purpose.
+        if run.duration is None:
+            ends_only = bool(self.jerk_stops)
+            yield from warnings.slow(self.path, trajectory, run, ends_only=ends_only)
+        yield from (x.sentence for x in self.weaves if x.differs)
+        yield from warnings.collisions(self.clearance, executed, self.avoided)
+        yield from warnings.coarse(trajectory, run)
 
     @property
     def rounding_error(self) -> float | None:
         """Largest distance of the path from the objective, at corners [m]; None as drawn."""
-        return max((x for x in self._deviations if x is not None), default=None)
-
-    @property
-    def _deviations(self) -> list[float | None]:
-        return [getattr(x.path, "deviation", None) for x in self.path.contours]
+        known = (getattr(x.path, "deviation", None) for x in self.path.contours)
+        return max((x for x in known if x is not None), default=None)
 
     @property
     def tolerance(self) -> float | None:
@@ -207,50 +203,14 @@ class RunResult(Result):
         return None if least is None else least * DEFAULT_ACCURACY
 
     @property
-    def kept(self) -> bool | None:
-        """Whether corners are within their tolerance and the contour error within the accuracy.
-
-        None without a simulation, and without an accuracy.
-        """
-        allowed, e = self.accuracy, self.judged
-        if allowed is None or e is None or self.failure is not None:
-            return None if self.failure is None else False
-        error, tolerance = self.rounding_error, self.tolerance
-        off = error is not None and tolerance is not None and error > tolerance * (1 + ROUNDING)
-        return not off and e.contour_error.max <= allowed
-
-    @property
-    def kept_note(self) -> str:
-        """What was compared for `kept`."""
-        allowed, e = self.accuracy, self.judged
-        if allowed is None or e is None:
-            return ""
-        why = "" if self.run.accuracy is not None else ", a tenth of the smallest tolerance"
-        return f"contour error {number(e.contour_error.max, 'm')} of {number(allowed, 'm')}{why}"
-
-    @property
     def arm(self) -> Arm:
         """The arm."""
-        return self.trajectory.require_arm() if self.execution is None else self.execution.arm
-
-    @cached_property
-    def motion(self) -> Execution:
-        """The executed motion; without a simulation that of joints that follow the plan exactly."""
-        if self.execution is not None:
-            return self.execution
-        return Execution.of_plan(self.trajectory, self.arm)
+        return self.trajectory.require_arm()
 
     @cached_property
     def torques(self) -> Torques | None:
         """Torques of the plan over time; None if the arm has no bodies."""
         return planned_torques(self.arm, self.trajectory)
-
-    @property
-    def joint_path(self) -> JointPath | None:
-        """The joint path of a single path; None for other programs."""
-        if self.traced is None or self.path.single_path is None:
-            return None
-        return self.traced.joint_paths[0]
 
     @cached_property
     def jerk_stops(self) -> tuple[JerkStop, ...]:
@@ -287,25 +247,6 @@ class RunResult(Result):
         what = "1 full stop" if count == 1 else f"{count} full stops"
         why = ", ".join(f"{n} {reason}" for reason, n in found.items())
         return f"Run {self.run.name}: {what} inside contours ({why})."
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Sentences on plan and execution, with the name of the run, which are no warnings."""
-        found = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
-        found += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves if not x.differs]
-        if self.taught is not None and (used := self.taught.command_note):
-            found.append(f"Run {self.run.name}: set-points / command limits: {used}.")
-        clear = None if self._far_from_itself else self.clearance_note
-        found += [x for x in (self.shape_note, self.stops_note, clear) if x is not None]
-        e = self.evaluation
-        if e is not None and e.unexplained is not None:
-            along, across = (number(x, "m") for x in e.unexplained)
-            found.append(
-                f"Run {self.run.name}: contour error {number(e.contour_error.max, 'm')}, and at "
-                f"most {across} more across the path ({along} along it) that the servo model does "
-                "not explain."
-            )
-        return tuple(found)
 
     @cached_property
     def weaves(self) -> tuple[Weaving, ...]:
@@ -346,21 +287,115 @@ class RunResult(Result):
         )
         return f"Run {self.run.name}: {found}.{early}"
 
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunResult(Planned, Result):
+    """Result of one run of a job: its plan, its set-points, their execution and its evaluation.
+
+    Args:
+        taught: The taught data.
+        servo: The servo for which it was made.
+        execution: The executed motion; None without a simulation.
+        evaluation: Errors of the executed motion; None without a simulation.
+        executed_clearance: How far the arm stays from itself and from its cell, as executed.
+        experiment: Result on rigid bodies, if the run has an experiment that did not fail.
+        failure: The error of a failed experiment.
+    """
+
+    taught: TaughtData
+    servo: ServoModel | None = None
+    execution: Execution | None = None
+    evaluation: Evaluation | None = None
+    executed_clearance: Clearance | None = None
+    experiment: ExperimentResult | None = None
+    failure: ExecutionError | None = None
+
+    def to_data(self) -> Data:
+        """The verdict on the run and its figures."""
+        return run_data(self)
+
+    __repr__ = brief
+
+    figure = draw
+
+    @property
+    def kept(self) -> bool | None:
+        """Whether corners are within their tolerance and the contour error within the accuracy.
+
+        None without a simulation, and without an accuracy.
+        """
+        allowed, e = self.accuracy, self.judged
+        if allowed is None or e is None or self.failure is not None:
+            return None if self.failure is None else False
+        error, tolerance = self.rounding_error, self.tolerance
+        off = error is not None and tolerance is not None and error > tolerance * (1 + ROUNDING)
+        return not off and e.contour_error.max <= allowed
+
+    @property
+    def kept_note(self) -> str:
+        """What was compared for `kept`."""
+        allowed, e = self.accuracy, self.judged
+        if allowed is None or e is None:
+            return ""
+        why = "" if self.run.accuracy is not None else ", a tenth of the smallest tolerance"
+        return f"contour error {number(e.contour_error.max, 'm')} of {number(allowed, 'm')}{why}"
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self.trajectory.require_arm() if self.execution is None else self.execution.arm
+
+    @cached_property
+    def motion(self) -> Execution:
+        """The executed motion; without a simulation that of joints that follow the plan exactly."""
+        if self.execution is not None:
+            return self.execution
+        return Execution.of_plan(self.trajectory, self.arm)
+
+    def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
+        run = self.run
+        yield from super()._warnings(self.executed_clearance)
+        yield from warnings.changed_commands(self.taught)
+        if self.servo is not None:
+            yield warnings.beyond_logs(self.servo, self.trajectory)
+            if not isinstance(run.compensation, NoCompensation):
+                yield self.servo.doubt
+        if self.execution is not None and self.evaluation is not None:
+            yield from warnings.unsettled(self.execution)
+            yield from warnings.not_followed(run, self.execution, self.evaluation)
+        if (x := self.experiment) is not None and x.uncompensated is not None:
+            yield from warnings.worse_than_none(run, x.evaluation, x.uncompensated)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on plan and execution, with the name of the run, which are no warnings."""
+        found = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
+        found += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves if not x.differs]
+        if used := self.taught.command_note:
+            found.append(f"Run {self.run.name}: set-points / command limits: {used}.")
+        clear = None if self._far_from_itself else self.clearance_note
+        found += [x for x in (self.shape_note, self.stops_note, clear) if x is not None]
+        e = self.evaluation
+        if e is not None and e.unexplained is not None:
+            along, across = (number(x, "m") for x in e.unexplained)
+            found.append(
+                f"Run {self.run.name}: contour error {number(e.contour_error.max, 'm')}, and at "
+                f"most {across} more across the path ({along} along it) that the servo model does "
+                "not explain."
+            )
+        return tuple(found)
+
     @property
     def judge(self) -> RunResult | ExperimentResult:
         """The result whose execution judges the run: that on rigid bodies, or that of the servo."""
-        on_bodies = self.run.judge is not None and self.experiment is not None
-        return self.experiment if on_bodies else self  # type: ignore[return-value]
+        if self.run.judge is not None and self.experiment is not None:
+            return self.experiment
+        return self
 
     @property
-    def judged(self) -> Evaluation:
-        """The evaluation that judges the run."""
+    def judged(self) -> Evaluation | None:
+        """The evaluation that judges the run; None without a simulation."""
         return self.judge.evaluation
-
-    @property
-    def for_bodies(self) -> bool:
-        """Whether the set-points are for the arm's bodies, which the servo model does not have."""
-        return self.run.for_bodies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -414,8 +449,8 @@ class Study:
             parts: What else is in the summary, by its keys.
         """
         job, arm = self.job, self.job.arm
-        warnings = warnings_of(self.runs.values())
-        more = f", {several(len(warnings), 'warning')}" if warnings else ""
+        found = warnings_of(self.runs.values())
+        more = f", {several(len(found), 'warning')}" if found else ""
         runs = {name: run_data(x, job) for name, x in self.runs.items()}
         return Data(
             f"Study of {job.title}{more}",
@@ -434,7 +469,7 @@ class Study:
                 Row("files", list(files)),
             ),
             parts={"runs": Data("Runs", parts=runs), **parts},
-            warnings=warnings,
+            warnings=found,
         )
 
     def __str__(self) -> str:
@@ -468,7 +503,7 @@ def run_data(result: RunResult, job: Job | None = None) -> Data:
         result: The run.
         job: Its job, which knows where the contours begin on its objective; None if unknown.
     """
-    executed = result.evaluation is not None
+    e = result.evaluation
     parts: dict[str, Data] = {}
     if result.clearance is not None:
         parts["clearance"] = _clearance(result)
@@ -486,13 +521,13 @@ def run_data(result: RunResult, job: Job | None = None) -> Data:
         f"Run {result.run.name}",
         (
             *_verdict(result),
-            *(_executed(result) if executed else _planned(result)),
+            *(_planned(result) if e is None else _executed(result, e)),
             *torque_rows(result.torques, result.run.limits.joint_torque, result.arm, "planned"),
             *_experiment(result),
             *_set_points(result),
             *_plan(result, job),
         ),
-        (*_tables(result, job), *(result.evaluation.to_data().tables if executed else ())),
+        (*_tables(result, job), *(() if e is None else e.to_data().tables)),
         parts,
         notes=result.remarks,
         warnings=result.warnings,
@@ -513,7 +548,7 @@ def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[
         if result.evaluation is None:
             rows.append(duration_row(result.trajectory.duration))
         else:
-            rows += [*_executed(result), *_experiment(result)]
+            rows += [*_executed(result, result.evaluation), *_experiment(result)]
     named = {x.name: x for x in rows}
     if result.judge is not result:
         bodies = [x for x in named.values() if x.name.startswith(BODIES) and x.value is not None]
@@ -536,14 +571,13 @@ def _verdict(result: RunResult) -> Iterator[Row]:
     yield from warning_rows(result.warnings)
 
 
-def _executed(result: RunResult) -> Iterator[Row]:
+def _executed(result: RunResult, evaluation: Evaluation) -> Iterator[Row]:
     """Figures of the execution by the servo; of files only, where the bodies judge."""
-    rows = result.evaluation.to_data().rows
-    for row in rows:
-        judges = result.judged is result.evaluation or row.name == "limit_ratios"
+    for row in evaluation.to_data().rows:
+        judges = result.judged is evaluation or row.name == "limit_ratios"
         yield row if judges else replace(row, level=FILE)
-    yield from angular_rows(result.execution)
-    yield Row("unsettled", result.execution.unsettled, "rad")
+    yield from angular_rows(result.motion)
+    yield Row("unsettled", result.motion.unsettled, "rad")
 
 
 def _planned(result: RunResult) -> Iterator[Row]:
@@ -573,7 +607,7 @@ def _experiment(result: RunResult) -> Iterator[Row]:
     rows += torque_rows(applied_torques(x.execution), limit, result.arm, "applied")
     for row in rows:
         row = replace(row, name=f"{BODIES}{row.name}")
-        if result.for_bodies:
+        if result.run.for_bodies:
             yield row
         elif row.label and row.name.startswith(SHOWN_OF_BODIES):
             yield replace(row, label=f"{ON_BODIES}{row.label}", level=TABLE)
@@ -612,8 +646,9 @@ def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
 
 def _set_points(result: RunResult) -> Iterator[Row]:
     """How many set-points there are, and limits of commands with their cost."""
-    taught: TaughtData | None = result.taught
-    if taught is None:
+    taught = result.taught
+    if result.servo is None and result.execution is None:
+        # The joints of a plan without a servo follow it exactly.
         return
     every = f"every {number(taught.period, 's')}"
     yield Row("set_points", len(taught.q), "", "set-points", every)

@@ -44,11 +44,9 @@ def off_drawing(
 
 
 def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
-    """The worst warning, and all of them."""
+    """The number of warnings, and all of them."""
     if warnings:
-        more = len(warnings) - 1
-        note = f"and {several(more, 'more warning')}" if more else ""
-        yield Row("worst_warning", warnings[0], "", "warning", note, VERDICT)
+        yield Row("warning_count", len(warnings), "", "warnings", level=VERDICT)
     yield Row("warnings", warnings)
 
 

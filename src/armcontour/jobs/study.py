@@ -5,55 +5,32 @@ Files are read and written by `io`; all steps between are called from here, in t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
 from armcontour._progress import Progress, Step, under
-from armcontour.arms import Limits, compare_limits
 from armcontour.clearance import Clearance
 from armcontour.compensation import NoCompensation
 from armcontour.compensation.compensator import teach
 from armcontour.core.fields import checked
 from armcontour.errors import ExecutionError, locate_errors
 from armcontour.evaluation import Evaluation, evaluate
-from armcontour.execution import ServoPlant, execute
+from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.execution.rigid_body_plant import refuse_without_mujoco
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.programs import programs_of, trace_run
-from armcontour.jobs.results import ExperimentResult, RunResult, Study
-from armcontour.jobs.warnings import collect_warnings
-from armcontour.jobs.ways import (
-    clearance_of,
-    reach_told,
-    refuse_collision,
-    ways,
-)
+from armcontour.jobs.planning import ROUNDING, SHAPING, explain_plan, plan_one
+from armcontour.jobs.results import ExperimentResult, Planned, RunResult, Study
+from armcontour.jobs.reuse import Reuse
 from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.program import Program
-from armcontour.servo import ServoModel
-from armcontour.timing import Explanation, Optimal, Tracing, explain, plan, refuse_unkept_jerk
+from armcontour.timing import refuse_unkept_jerk
 
-STEPS = (
-    "rounding",
-    "tracing",
-    "timing",
-    "clearance",
-    "compensation",
-    "execution",
-    "evaluation",
-)
+STEPS = (ROUNDING, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 TEACHING = STEPS[:5]
 EXPERIMENT = "experiment"
-# Takes the place of rounding where corners have the shape free.
-SHAPING = "shaping"
-# What runs share that differ only after their plans.
-PLANNED = ("objective", "path", "trajectory", "traced", "exceeded", "clearance", "avoided")
 # Largest time between two results of an execution [s], unless the drives on bodies are slower.
 RESOLUTION = 1e-3
 
@@ -73,160 +50,68 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
     Raises:
         ArmContourError: The error of the first run that fails.
     """
-    refuse_impossible(job, simulate=simulate)
-    done: dict[str, RunResult] = {}
+    plants = _plants(job, simulate)
+    reuse, done = Reuse(len(job.runs)), dict[str, RunResult]()
     for this in job.runs:
         tell = under(progress, this.name)
         with locate_errors(f"Run {this.name}"):
-            done[this.name] = run_one(job, this, list(done.values()), tell, simulate=simulate)
+            planned = plan_one(job, this, reuse, tell)
+            tell(Step(("compensation",)))
+            taught = teach_run(job, this, planned.trajectory)
+            simulated: dict[str, Any] = {}
+            if simulate:
+                simulated = _simulate(job, planned, taught, plants.get(this.name), tell)
+                simulated["explanation"] = explain_plan(job, planned.trajectory, reuse)
+            done[this.name] = RunResult.of(planned, taught=taught, servo=job.servo, **simulated)
     return Study(job=job, runs=MappingProxyType(done))
 
 
-def refuse_impossible(job: Job, *, simulate: bool = True) -> None:
-    """Refuse what is known to fail before any work, which can take minutes.
+def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
+    """The simulated robots of the experiments, by the names of the runs.
+
+    What is known to fail is refused before any work, which can take minutes.
 
     Raises:
         ArmContourError: A timing method that keeps no limits of jerk where there are some, or an
             experiment that cannot be simulated.
     """
+    plants = {}
     for x in job.runs:
         with locate_errors(f"Run {x.name}"):
-            free = x.rounding is not None and x.rounding.free
-            refuse_unkept_jerk(Method.SHAPED if free else x.timing.method, x.limits)
+            refuse_unkept_jerk(Method.SHAPED if x.is_shaped else x.timing.method, x.limits)
             if simulate and x.experiment is not None:
                 with locate_errors(EXPERIMENT):
                     refuse_without_mujoco()
-                    build_plant(x.experiment, job.arm, job.plant_servo, x.limits)
+                    plants[x.name] = build_plant(x.experiment, job.arm, job.plant_servo, x.limits)
+    return plants
 
 
-def run_one(
-    job: Job, this: Run, earlier: Sequence[RunResult], progress: Progress, *, simulate: bool = True
-) -> RunResult:
-    """Do one run, from its objective path to its evaluation and its warnings.
-
-    Args:
-        job: The job.
-        this: The run.
-        earlier: Results of earlier runs of the job, whose plans it may share.
-        progress: Called with each step.
-        simulate: As in `run`.
-
-    Raises:
-        ArmContourError: A step fails.
-    """
-    found = _do_steps(job, this, earlier, progress, simulate=simulate)
-    return replace(found, warnings=collect_warnings(found))
-
-
-def _do_steps(
-    job: Job, this: Run, earlier: Sequence[RunResult], progress: Progress, *, simulate: bool
-) -> RunResult:
-    """The result of `run_one` without its warnings."""
-    found = plan_one(job, this, earlier, progress)
-    progress(Step(("compensation",)))
-    found = replace(found, taught=teach_run(job, this, found.trajectory), servo=job.servo)
-    if not simulate:
-        return found
+def _simulate(
+    job: Job,
+    planned: Planned,
+    taught: TaughtData,
+    plant: RigidBodyPlant | None,
+    progress: Progress,
+) -> dict[str, Any]:
+    """Fields of a `RunResult`: how the servo executes set-points, and rigid bodies if given."""
+    this, path, objective = planned.run, planned.path, planned.objective
     progress(Step(("execution",)))
-    executed = execute_run(job, this, found.taught)
+    executed = execute_run(job, taught)
     progress(Step(("evaluation",)))
-    found = replace(
-        found,
-        explanation=explain_run(job, this, found.trajectory),
-        execution=executed,
-        evaluation=evaluate_run(this, executed, found.path, found.objective),
-        executed_clearance=_executed_clearance(job, found, executed),
-    )
-    if this.experiment is None:
+    found: dict[str, Any] = {
+        "execution": executed,
+        "evaluation": evaluate_run(this, executed, path, objective),
+        "executed_clearance": _executed_clearance(job, planned, executed),
+    }
+    if plant is None:
         return found
     progress(Step((EXPERIMENT,)))
     try:
         with locate_errors(EXPERIMENT):
-            judged = on_bodies(job, this, found.taught, found.path, found.objective)
-            return replace(found, experiment=judged)
+            judged = on_bodies(job, this, taught, path, objective, plant)
+            return {**found, "experiment": judged}
     except ExecutionError as error:
-        return replace(found, failure=error)
-
-
-def plan_one(job: Job, this: Run, earlier: Sequence[RunResult], progress: Progress) -> RunResult:
-    """Plan one run: the fastest motion that keeps its limits and stays clear.
-
-    Runs with the same path and limits share one tracing, because tracing with redundant degrees of
-    freedom takes seconds, and shaping too. Leads of automatic length depend on the timing, so that
-    such runs share nothing unless they are timed alike.
-
-    Args:
-        job: The job.
-        this: The run.
-        earlier: Results of earlier runs of the job.
-        progress: Called with each step.
-
-    Raises:
-        ArmContourError: The run cannot be planned.
-    """
-    alike = [x for x in earlier if x.traced is not None and traced_alike(x.run, this)]
-    for x in alike:
-        if _timed_alike(x.run, this):
-            return RunResult(run=this, **{name: getattr(x, name) for name in PLANNED})
-    if alike and not job.process.automatic:
-        x = alike[0]
-        assert x.traced is not None
-        return plan_clear(job, this, x.objective, x.path, x.traced, progress)
-    progress(Step((steps_of(this)[0],)))
-    known = earlier[0].objective if earlier and not job.process.automatic else None
-    with reach_told(job):
-        objective, path = programs_of(job, this, progress, known)
-        progress(Step(("tracing",)))
-        traced = trace_run(job, this, path, progress)
-    return plan_clear(job, this, objective, path, traced, progress)
-
-
-def plan_clear(
-    job: Job, this: Run, objective: Program, path: Program, traced: Tracing, progress: Progress
-) -> RunResult:
-    """Plan a traced program along the first of several joint paths that keep clear.
-
-    Args:
-        job: The job.
-        this: The run.
-        objective: The program with sharp corners.
-        path: The program that the tool follows.
-        traced: Its joint paths, the fastest.
-        progress: Called with the steps "timing" and "clearance", and the share that is done.
-
-    Raises:
-        Collision: The arm comes too near to something, no other way was found, and the job does not
-            ignore this.
-        InvalidInput: The job has a scene, but the shapes of the arm are not known.
-    """
-    for way in ways(job, this, traced, progress):
-        traced, notes = way
-        progress(Step(("timing",)))
-        trajectory = plan(traced, job.arm, this.limits, this.timing, progress=progress)
-        progress(Step(("clearance",)))
-        clearance = clearance_of(job, trajectory)
-        if clearance is None or clearance.kept or job.ignore_collisions:
-            break
-    else:
-        refuse_collision(job, path, trajectory)
-    above = compare_limits(this.limits, job.arm)
-    return RunResult(
-        run=this,
-        objective=objective,
-        path=path,
-        trajectory=trajectory,
-        traced=traced,
-        exceeded=(above,) if above else (),
-        clearance=clearance,
-        avoided=notes,
-    )
-
-
-def explain_run(job: Job, this: Run, trajectory: Trajectory) -> Explanation | None:
-    """Which limit binds where on the plan of a run; None for methods that have no such limits."""
-    if trajectory.method is not Method.OPTIMAL:
-        return None
-    return explain(trajectory, job.arm)
+        return {**found, "failure": error}
 
 
 def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
@@ -238,22 +123,13 @@ def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
     return teach(trajectory, job.servo, this.compensation, period=this.period, arm=job.arm)
 
 
-def execute_run(
-    job: Job, this: Run, taught: TaughtData, servo: ServoModel | None = None
-) -> Execution:
-    """Simulate how the servo executes the set-points of a run.
-
-    Args:
-        job: The job.
-        this: The run.
-        taught: Its set-points.
-        servo: The simulated servo; by default that of the job's plant.
+def execute_run(job: Job, taught: TaughtData) -> Execution:
+    """Simulate how the servo of the job's plant executes the set-points of a run.
 
     Raises:
         ExecutionError: The joints do not come to rest.
     """
-    plant = ServoPlant(job.arm, job.plant_servo if servo is None else servo)
-    return execute(taught, plant, resolution=RESOLUTION)
+    return execute(taught, ServoPlant(job.arm, job.plant_servo), resolution=RESOLUTION)
 
 
 def evaluate_run(this: Run, executed: Execution, path: Program, objective: Program) -> Evaluation:
@@ -261,7 +137,7 @@ def evaluate_run(this: Run, executed: Execution, path: Program, objective: Progr
     return evaluate(executed, path, objective=objective, until=this.until, limit_use=True)
 
 
-def _executed_clearance(job: Job, found: RunResult, executed: Execution) -> Clearance | None:
+def _executed_clearance(job: Job, found: Planned, executed: Execution) -> Clearance | None:
     """How far the arm stays from itself and from its cell when the servo executes a plan.
 
     Raises:
@@ -278,7 +154,12 @@ def _executed_clearance(job: Job, found: RunResult, executed: Execution) -> Clea
 
 
 def on_bodies(
-    job: Job, this: Run, taught: TaughtData, path: Program, objective: Program
+    job: Job,
+    this: Run,
+    taught: TaughtData,
+    path: Program,
+    objective: Program,
+    plant: RigidBodyPlant | None = None,
 ) -> ExperimentResult:
     """Execute taught data on the simulated rigid bodies of the arm.
 
@@ -288,9 +169,11 @@ def on_bodies(
         taught: The set-points.
         path: The program that the tool follows.
         objective: The program with sharp corners.
+        plant: The simulated robot; by default that of the run's experiment.
     """
-    assert this.experiment is not None
-    plant = build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
+    if plant is None:
+        assert this.experiment is not None
+        plant = build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
     # The plant has no results between two cycles of the drives.
     how: dict[str, Any] = {"resolution": max(RESOLUTION, plant.step)}
     executed = execute(taught, plant, **how)
@@ -311,27 +194,6 @@ def on_bodies(
 def steps_of(this: Run, *, simulated: bool = True) -> tuple[str, ...]:
     """Names of the steps of a run, in order."""
     steps = STEPS if simulated else TEACHING
-    if this.rounding is not None and this.rounding.free:
+    if this.is_shaped:
         steps = (SHAPING, *steps[1:])
     return steps if this.experiment is None or not simulated else (*steps, EXPERIMENT)
-
-
-def _timed_alike(first: Run, second: Run) -> bool:
-    """Whether two runs with the same joint paths have the same plan."""
-    return first.timing == second.timing
-
-
-def traced_alike(first: Run, second: Run) -> bool:
-    """Whether two runs have the same path and limits, and so the same joint path."""
-    if first.rounding != second.rounding:
-        return False
-    if first.rounding is not None and first.rounding.free:
-        # The shape depends on what the plan leaves to the servo, and on its grid.
-        one, other = first.timing, second.timing
-        assert isinstance(one, Optimal) and isinstance(other, Optimal)
-        if replace(one, duration=other.duration) != other:
-            return False
-    return all(
-        np.array_equal(getattr(first.limits, x.name), getattr(second.limits, x.name))
-        for x in fields(Limits)
-    )

@@ -9,13 +9,14 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._describing import several
 from armcontour._text import list_some
-from armcontour.compensation import InverseDynamics, NoCompensation
+from armcontour.clearance import Clearance
+from armcontour.compensation import InverseDynamics
 from armcontour.core.render import number
+from armcontour.evaluation import Evaluation
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.jobs.jerk_stops import JerkStop
 from armcontour.jobs.job import Run
-from armcontour.jobs.results import ExperimentResult, RunResult
 from armcontour.motion import Execution, TaughtData, Trajectory
 from armcontour.motion.command_limits import describe_excess
 from armcontour.program import Contour, Program, contour_called
@@ -42,42 +43,15 @@ SLOW, ENDS = 2.0, 1e-3
 SAME_SPEED = 1e-3
 
 
-def collect_warnings(result: RunResult) -> tuple[str, ...]:
-    """Sentences on what makes the result of a run worse than requested, without the run's name.
-
-    Args:
-        result: The result, with a plan at least.
-    """
-    run, trajectory = result.run, result.trajectory
-    found = [*result.path.notes, *_capped(result.objective, run), *result.exceeded]
-    found += _stops(result.jerk_stops)
-    # In a given duration contours are slower than assigned on purpose.
-    if run.duration is None:
-        found += _slow(result.path, trajectory, run, ends_only=bool(result.jerk_stops))
-    found += [x.sentence for x in result.weaves if x.differs]
-    found += _collisions(result)
-    found += _coarse(trajectory, run)
-    if result.taught is not None:
-        found += _changed_commands(result.taught)
-    if result.servo is not None:
-        found += [beyond_logs(result.servo, trajectory)]
-        if result.taught is not None and not isinstance(run.compensation, NoCompensation):
-            found += [result.servo.doubt]
-    if result.execution is not None:
-        found += [*_unsettled(result.execution), *_not_followed(result)]
-    if result.experiment is not None:
-        found += _worse_than_none(result.experiment, run)
-    return tuple(filter(None, found))
-
-
-def _capped(program: Program, run: Run) -> Iterator[str]:
+def capped(program: Program, run: Run) -> Iterator[str]:
     """Warnings for speeds and corner tolerances of the path that the run does not allow."""
     # With the shape free the tolerance holds along lines, too.
-    free = run.rounding is not None and run.rounding.free
     tolerance = None if run.rounding is None else run.rounding.tolerance
     doubts = (doubt_tolerance(x.path, tolerance) for x in program.contours)
     yield from next(filter(None, doubts), [])
-    tolerances: Callable[[Path], FloatArray] = (lambda x: x.tolerances) if free else _at_corners
+    tolerances: Callable[[Path], FloatArray] = (
+        (lambda x: x.tolerances) if run.is_shaped else _at_corners
+    )
     for what, key, unit, cap, values in (
         ("speed", "limits.speed", "m/s", run.limits.speed, lambda x: x.speeds),
         ("corner tolerance", "corners.tolerance", "m", tolerance, tolerances),
@@ -101,7 +75,7 @@ def _at_corners(path: Path) -> FloatArray:
     return np.where(path.turns > TANGENT_TOLERANCE, np.fmin(own[:-1], own[1:]), np.nan)
 
 
-def _slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool) -> Iterator[str]:
+def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool) -> Iterator[str]:
     """A warning for the contour, or its start or end, that is slowest relative to its speed.
 
     Contours that are too short for the assigned velocity, and stops of the path, do not count.
@@ -182,7 +156,7 @@ def _missed_speed(
         )
 
 
-def _stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
+def stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
     """One warning for all full stops that limits of jerk force."""
     if stops:
         first, count = stops[0], len(stops)
@@ -196,21 +170,28 @@ def _stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
         )
 
 
-def _collisions(result: RunResult) -> Iterator[str]:
-    """Warnings for collisions that are ignored or not checked, and for links below the base."""
-    planned, near = result.clearance, result.executed_clearance
+def collisions(
+    planned: Clearance | None, executed: Clearance | None, avoided: tuple[str, ...]
+) -> Iterator[str]:
+    """Warnings for collisions that are ignored or not checked, and for links below the base.
+
+    Args:
+        planned: The clearance of the plan; None if it is not known.
+        executed: The clearance of the execution; None without one.
+        avoided: Without a clearance, sentences on why it is not known.
+    """
     if planned is None:
-        yield from result.avoided
+        yield from avoided
         return
     if not planned.kept:
         yield f"collisions are ignored: {planned.too_near[0]}."
-    elif near is not None and not near.kept:
-        yield f"as executed, {near.too_near[0]}, which is within the margin."
+    elif executed is not None and not executed.kept:
+        yield f"as executed, {executed.too_near[0]}, which is within the margin."
     if planned.below_base is not None:
         yield planned.below_base
 
 
-def _coarse(trajectory: Trajectory, run: Run) -> Iterator[str]:
+def coarse(trajectory: Trajectory, run: Run) -> Iterator[str]:
     """A warning for set-points that hardly represent the plan."""
     if run.period > COARSE * trajectory.duration:
         yield (
@@ -220,7 +201,7 @@ def _coarse(trajectory: Trajectory, run: Run) -> Iterator[str]:
         )
 
 
-def _changed_commands(taught: TaughtData) -> Iterator[str]:
+def changed_commands(taught: TaughtData) -> Iterator[str]:
     """Warnings for set-points that are cut off, changed, or beyond the limits of the plan."""
     if taught.cut_off is not None and taught.cut_off.max() >= UNFELT:
         j = int(np.argmax(taught.cut_off))
@@ -238,7 +219,7 @@ def _changed_commands(taught: TaughtData) -> Iterator[str]:
     yield describe_excess(taught)
 
 
-def _unsettled(executed: Execution) -> Iterator[str]:
+def unsettled(executed: Execution) -> Iterator[str]:
     """A warning for an execution that ends before the joints are at rest."""
     if executed.unsettled is not None:
         j = int(np.argmax(executed.unsettled))
@@ -250,16 +231,15 @@ def _unsettled(executed: Execution) -> Iterator[str]:
         )
 
 
-def _not_followed(result: RunResult) -> Iterator[str]:
+def not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> Iterator[str]:
     """A warning for the joint that saturates most, or for a servo model that cannot judge the run.
 
     The method "conventional" does not consider limits of joints.
     """
-    evaluation, run, executed = result.evaluation, result.run, result.execution
     error = f"up to {number(evaluation.contour_error.max, 'm')} off"
     joint = int(evaluation.demand_ratio.argmax())
     ratio = float(evaluation.demand_ratio[joint])
-    if result.for_bodies:
+    if run.for_bodies:
         if run.experiment is None:
             yield (
                 "its set-points are for the arm's bodies, so the servo model, which has none, does "
@@ -280,11 +260,15 @@ def _not_followed(result: RunResult) -> Iterator[str]:
         )
 
 
-def _worse_than_none(experiment: ExperimentResult, run: Run) -> Iterator[str]:
-    """A warning for a compensation that increases the contour error on the arm's bodies."""
-    if experiment.uncompensated is None:
-        return
-    found, without = experiment.evaluation.contour_error, experiment.uncompensated.contour_error
+def worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> Iterator[str]:
+    """A warning for a compensation that increases the contour error on the arm's bodies.
+
+    Args:
+        run: The run.
+        judged: Evaluation on rigid bodies.
+        uncompensated: That of the same plan without compensation.
+    """
+    found, without = judged.contour_error, uncompensated.contour_error
     if found.rms <= without.rms and found.max <= without.max:
         return
     why = "it is for the servo model, not for bodies: compensation: {method: inverse_dynamics}"

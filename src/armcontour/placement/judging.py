@@ -17,9 +17,9 @@ from armcontour.errors import ArmContourError, NotRealizable
 from armcontour.jobs.axes import corners_of
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.place_search import CLEARANCE, CYCLE, MANIPULABILITY, TORQUE
-from armcontour.jobs.programs import trace_run
+from armcontour.jobs.planning import plan_one, trace_one
 from armcontour.jobs.quantities import torques_at
-from armcontour.jobs.study import plan_clear
+from armcontour.jobs.reuse import Reuse
 from armcontour.motion import Trajectory
 from armcontour.placement.manipulability import least_singular_value
 from armcontour.placement.moving import Moves, place_arm, place_bases, place_job
@@ -144,8 +144,8 @@ class Judge:
     """Judges places of a job.
 
     Args:
-        job: The job in its own place: its path is the program that the tool follows in its only
-            run, with rounded corners.
+        job: The job in its own place: its path is the program that the tool follows, with rounded
+            corners, so that its only run rounds none.
         moves: What coordinates of a place mean.
         what: What they move, "part" or "base".
         objective: One of `OBJECTIVES`.
@@ -276,11 +276,12 @@ class Judge:
         """
         here, run, bound = place_job(self.job, self.moves.frame(place), self.what), self.run, 0.0
         try:
-            traced = trace_run(here, run, here.program)
+            reuse, program = Reuse(), here.program
+            _, traced = trace_one(here, run, reuse, objective=program, brief=True)
             bound = SURE * self._bound(traced) if self.bounded else 0.0
             if self.objective == CYCLE and bound > cutoff:
                 return Verdict(bound=bound)
-            found = plan_clear(here, run, here.program, here.program, traced, lambda step: None)
+            found = plan_one(here, run, reuse, objective=program, brief=True)
         except ArmContourError as error:
             return _refused(error, bound)
         assert found.traced is not None

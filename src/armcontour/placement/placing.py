@@ -20,7 +20,7 @@ from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_e
 from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.place_search import CLEARANCE, CYCLE, MIDDLE, TORQUE, PlaceSearch
-from armcontour.jobs.programs import programs_of
+from armcontour.jobs.planning import programs_of
 from armcontour.placement.judging import Judge, Verdict
 from armcontour.placement.moving import Moves, refuse_tilted_base
 from armcontour.placement.placement import Place, Placement, all_places
@@ -79,9 +79,11 @@ def place(
     off = read_uncertainty(asked.uncertainty, job.arm.dimension)
     refuse_tilted_base((*(x.name for x in axes), *off), asked.what)
     with locate_errors(f"Run {this.name}"):
-        program = programs_of(dataclasses.replace(job, runs=(this,)), this)[1]
+        program = programs_of(job, this)[1]
+    # The corners of this program are rounded.
+    plain = dataclasses.replace(this, rounding=None)
     judge = Judge(
-        job=dataclasses.replace(job, path=program, process=Process(), runs=(this,)),
+        job=dataclasses.replace(job, path=program, process=Process(), runs=(plain,)),
         moves=_moves(job, program, axes, asked),
         what=asked.what,
         objective=asked.objective,

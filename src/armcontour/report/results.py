@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,7 @@ from armcontour.arms import Arm, Limits, resolve_limits
 from armcontour.errors import InvalidInput
 from armcontour.evaluation import Evaluation, evaluate
 from armcontour.geometry import Path
-from armcontour.jobs import Job, Run, RunResult, Study
-from armcontour.jobs.warnings import collect_warnings
+from armcontour.jobs import Job, Planned, Run, RunResult, Study
 from armcontour.motion import PERIOD, Execution, Method, Span, Trajectory
 from armcontour.program import Contour, Dwell, Move, Program, Rapid
 from armcontour.report.figure import Figure
@@ -41,7 +39,8 @@ def study_of(result: Result) -> Study:
     if isinstance(result, RunResult):
         return _study(result)
     if isinstance(result, Trajectory):
-        return _study(_warned(_planned(result)))
+        plan = _planned(result)
+        return _study(RunResult.of(plan, taught=Execution.of_plan(result, plan.arm).taught))
     if isinstance(result, Execution):
         result = evaluate(result, _planned(result.taught.trajectory, result.arm).path)
     if result.judged is None:
@@ -50,18 +49,16 @@ def study_of(result: Result) -> Study:
     limits, taught = done.limits, done.executed.taught
     plan = _planned(taught.trajectory, done.executed.arm, done.path, limits)
     servo = getattr(done.executed.plant, "servo", None)
-    found = RunResult(
+    found = RunResult.of(
+        plan,
         run=_run("run", plan.trajectory, taught.method, limits, taught.period),
         objective=plan.objective if done.objective is None else done.objective,
-        path=done.path,
-        trajectory=plan.trajectory,
-        explanation=plan.explanation,
         taught=taught,
         servo=servo if isinstance(servo, ServoModel) else None,
         execution=done.executed,
         evaluation=result,
     )
-    return _study(_warned(found))
+    return _study(found)
 
 
 def draw_result(result: Result, kind: str) -> Any:
@@ -117,18 +114,13 @@ def _study(result: RunResult) -> Study:
     return Study(job=job, runs={result.run.name: result})
 
 
-def _warned(result: RunResult) -> RunResult:
-    """The result with its warnings."""
-    return replace(result, warnings=collect_warnings(result))
-
-
 def _planned(
     plan: Trajectory,
     arm: Arm | None = None,
     program: Program | None = None,
     limits: Limits | None = None,
-) -> RunResult:
-    """The run of a plan, without set-points."""
+) -> Planned:
+    """The run of a plan."""
     arm = plan.require_arm() if arm is None else arm
     program = _program_of(plan, arm) if program is None else program
     limits = resolve_limits("write_report", arm, limits, plan.limits)
@@ -136,7 +128,7 @@ def _planned(
     known = plan.limits is not None and plan.method == Method.OPTIMAL
     explanation = explain(plan, arm) if known else None
     sharp = getattr(program.single_path, "objective", None)
-    return RunResult(
+    return Planned(
         run=_run("plan", plan, "none", limits, PERIOD),
         objective=program if sharp is None else Program.of(sharp, "A plan needs a path"),
         path=program,

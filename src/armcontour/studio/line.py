@@ -13,7 +13,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.geometry import Path
 from armcontour.jobs import Run
 from armcontour.motion import LawAlongPath
-from armcontour.studio.previewed import Planned
+from armcontour.studio.previewed import Preview
 from armcontour.studio.thinning import bends, thin
 from armcontour.timing import Explanation
 
@@ -44,7 +44,7 @@ class Line:
     ends: IntArray
 
     @classmethod
-    def of(cls, planned: Planned) -> Line:
+    def of(cls, planned: Preview) -> Line:
         """The places of a plan: points of curves, and where the plan changes."""
         rows: list[tuple[FloatArray, ...]] = []
         for contour, span in zip(

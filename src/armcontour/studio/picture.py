@@ -18,7 +18,7 @@ from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.program import Program, cut_parts
 from armcontour.studio.demand import demand_of
 from armcontour.studio.line import NOTHING, Line, places_of
-from armcontour.studio.previewed import Planned
+from armcontour.studio.previewed import Preview
 from armcontour.studio.thinning import bends, thin
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
@@ -50,7 +50,7 @@ KINDS = {
 BESIDES = {"rapid": "rapids between contours", "dwell": "dwells"}
 
 
-def picture_frame(planned: Planned, view: View) -> Frame:
+def picture_frame(planned: Preview, view: View) -> Frame:
     """The picture of a plan.
 
     Args:
@@ -143,7 +143,7 @@ def _objective(objective: Program, view: View) -> dict[str, Any]:
     return _thinned_outline(*_outline(objective), view)
 
 
-def _kerf(planned: Planned, view: View) -> tuple[list[float], dict[str, Any]]:
+def _kerf(planned: Preview, view: View) -> tuple[list[float], dict[str, Any]]:
     """The kerf of each part that is cut [m], and arrays of these parts and of what is drawn."""
     process, parts = planned.job.process, cut_parts(planned.path, planned.job.process)
     if not parts:
@@ -193,7 +193,7 @@ def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
     ]
 
 
-def _shares(planned: Planned) -> list[dict[str, Any]]:
+def _shares(planned: Preview) -> list[dict[str, Any]]:
     """Where the duration goes [s], the longest first: times of limits, and between contours.
 
     Limits have their share of the time of all contours.
@@ -211,7 +211,7 @@ def _shares(planned: Planned) -> list[dict[str, Any]]:
     return sorted(found, key=lambda x: -x["time"])
 
 
-def _shortfalls(planned: Planned, view: View) -> list[dict[str, Any]]:
+def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
     """Where the tool is slower than assigned, and why; the worst ones if there are many."""
     found = () if planned.explanation is None else planned.explanation.shortfalls
     worst = sorted(found, key=lambda x: x.speed / x.assigned)[:MOST_SHORTFALLS]
@@ -238,7 +238,7 @@ def _points_at(program: Program, s: FloatArray) -> FloatArray:
     return found
 
 
-def _corners(planned: Planned, view: View) -> list[dict[str, Any]]:
+def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
     """The rounded corners of all contours; none if they are too many to grab."""
     found: list[dict[str, Any]] = []
     rounding, given = planned.run.rounding, planned.job.program.contours
@@ -276,7 +276,7 @@ def _caps(rounding: Rounding, numbers: IntArray) -> FloatArray:
     return np.array([single.get(k, usual) for k in numbers.tolist()], dtype=np.float64)
 
 
-def _notes(planned: Planned) -> list[str]:
+def _notes(planned: Preview) -> list[str]:
     """What a reader of the picture should know."""
     found = [*planned.differs]
     found += [x for x in (planned.stops_note, planned.shape_note) if x is not None]
@@ -288,7 +288,7 @@ def _notes(planned: Planned) -> list[str]:
     return found
 
 
-def _rapids(planned: Planned, view: View) -> dict[str, Any]:
+def _rapids(planned: Preview, view: View) -> dict[str, Any]:
     """Arrays of the ways of the tool between contours."""
     spans = [x.t for x in planned.trajectory.spans if x.kind == "rapid"]
     spans = spans[: MOST_POINTS // OF_RAPID]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -26,14 +25,14 @@ from armcontour.io.job_model import JobModel
 from armcontour.io.job_path import part_of, placed_path, unplaced_path
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Job, Run
-from armcontour.jobs.programs import programs_of, trace_run
-from armcontour.jobs.study import explain_run, teach_run
-from armcontour.jobs.warnings import collect_warnings
-from armcontour.jobs.ways import below_base, reach_told
+from armcontour.jobs.alternatives import below_base
+from armcontour.jobs.planning import explain_plan, plan_one
+from armcontour.jobs.results import Planned
+from armcontour.jobs.reuse import LARGE_RESULTS, Reuse, comparable
+from armcontour.jobs.study import teach_run
 from armcontour.motion import Execution
 from armcontour.program import Program
 from armcontour.scene import Scene
-from armcontour.studio.kept import LARGE_KEPT, Kept, comparable
 from armcontour.studio.preview_run import (
     coarser_run,
     execute_judged,
@@ -41,9 +40,7 @@ from armcontour.studio.preview_run import (
     with_fewer_samples,
     with_one_run,
 )
-from armcontour.studio.previewed import Executed, Planned
-from armcontour.timing import plan
-from armcontour.timing.program_tracing import ends_of
+from armcontour.studio.previewed import Executed, Preview
 
 # Most set-points of an exact preview.
 MOST_SET_POINTS = 200_000
@@ -70,17 +67,17 @@ class Previewer:
     def __init__(self, folder: FilePath | None = None, *, trust_xacro: bool = False) -> None:
         self.folder = folder or FilePath()
         self.trust_xacro = trust_xacro
-        self._kept = Kept()
+        self._reuse = Reuse()
         # The configuration of the last plan, and the arm it is of.
         self._arm: Arm | None = None
         self._start: FloatArray | None = None
 
     def forget(self) -> None:
         """Forget all results, as files of the job may have changed."""
-        self._kept = Kept()
+        self._reuse = Reuse()
         self._arm = self._start = None
 
-    def may_be_exact(self, planned: Planned) -> bool:
+    def may_be_exact(self, planned: Preview) -> bool:
         """Whether a plan differs from that of a full run, which can be had in about a second.
 
         An arm in space without a start searches all its configurations in a full run, and many
@@ -113,7 +110,7 @@ class Previewer:
         Raises:
             InvalidInput: Values that do not make a job.
         """
-        return self._job_and_path(data, run)[0]
+        return self._reuse.get("job", (data, run), lambda: self._make_job(data, run))
 
     def drawn(self, data: Mapping[str, Any]) -> Program:
         """The path of a job as a program, before it is prepared; without the other keys' values.
@@ -122,12 +119,12 @@ class Previewer:
             InvalidInput: Values that do not make an arm and a path.
         """
         _, path = self._arm_and_path(self._model(data), data)
-        return self._kept.get("program", path, lambda: Program.of(path))
+        return self._reuse.get("program", path, lambda: Program.of(path))
 
     def is_long(self, data: Mapping[str, Any]) -> bool:
         """Whether the program is too long to be planned at every move."""
         program = self.drawn(data)
-        count = self._kept.get(
+        count = self._reuse.get(
             "segments", program, lambda: sum(len(x.path) for x in program.contours)
         )
         return count > LONG
@@ -140,7 +137,7 @@ class Previewer:
         moving: bool = False,
         exact: bool = False,
         progress: Progress | None = None,
-    ) -> Planned:
+    ) -> Preview:
         """Plan a run.
 
         Args:
@@ -153,17 +150,24 @@ class Previewer:
         Raises:
             ArmContourError: As `run`.
         """
-        with self._kept.timed() as seconds:
-            job, path = self._job_and_path(data, run)
+        with self._reuse.timed() as seconds:
+            job = self.job(data, run)
             (own,) = job.runs
             with locate_errors(f"Run {own.name}"):
                 this, differs = (own, ()) if exact else coarser_run(job, own, moving)
-                # While a handle moves, the first place that is out of reach is enough.
-                with nullcontext() if moving else reach_told(job):
-                    found = self._plan(job, path, this, exact, progress)
-        return dataclasses.replace(found, seconds=seconds, differs=(*differs, *found.differs))
+                found, kept = self._plan(job, this, exact, moving, progress)
+                explanation = explain_plan(job, found.trajectory, self._reuse)
+        return Preview.of(
+            found,
+            job=job,
+            explanation=explanation,
+            below_base=below_base(job, found.trajectory),
+            start=found.trajectory(0.0),
+            seconds=seconds,
+            differs=(*differs, *kept),
+        )
 
-    def execute(self, planned: Planned, *, moving: bool = False) -> Executed:
+    def execute(self, planned: Preview, *, moving: bool = False) -> Executed:
         """Compensate and execute a plan, and find its contour errors.
 
         Args:
@@ -173,10 +177,10 @@ class Previewer:
         Raises:
             ArmContourError: As `run`.
         """
-        job, this, get = planned.job, planned.run, self._kept.get
+        job, this, get = planned.job, planned.run, self._reuse.get
         _refuse_too_long(planned)
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
-        with self._kept.timed() as seconds, locate_errors(f"Run {this.name}"):
+        with self._reuse.timed() as seconds, locate_errors(f"Run {this.name}"):
             how = (comparable(this.compensation), this.period, servos[0])
             taught = get(
                 "compensation",
@@ -189,7 +193,7 @@ class Previewer:
                 "execution",
                 (taught, servos[1], comparable(this.limits), comparable(bodies)),
                 lambda: execute_judged(job, this, taught, bodies),
-                most=LARGE_KEPT,
+                most=LARGE_RESULTS,
                 samples=lambda x: len(x.t),
             )
             if moving and planned.path.single_path is not None:
@@ -198,7 +202,7 @@ class Previewer:
                 "evaluation",
                 (execution, planned.path, this.until),
                 lambda: _contour_errors(execution, planned.path, this.until),
-                most=LARGE_KEPT,
+                most=LARGE_RESULTS,
                 samples=lambda x: len(x[1].t),
             )
         return Executed(
@@ -211,42 +215,38 @@ class Previewer:
             seconds=seconds,
         )
 
-    def _job_and_path(self, data: Mapping[str, Any], run: str | None) -> tuple[Job, Path | Program]:
-        """The job with one run, and its path as it was before the process was added."""
-        return self._kept.get("job", (data, run), lambda: self._make_job(data, run))
-
-    def _make_job(self, data: Mapping[str, Any], run: str | None) -> tuple[Job, Path | Program]:
+    def _make_job(self, data: Mapping[str, Any], run: str | None) -> Job:
         model = with_one_run(self._model(data), run)
         arm, path = self._arm_and_path(model, data)
         scene: Scene | None = None
         if model.scene is not None:
             given, part = model.scene, part_of(model.path)
             made_of = data["scene"], _part(data)
-            scene = self._kept.get("scene", made_of, lambda: scene_of(given, self.folder, part))
-        return job_on(model, arm, path, scene), path
+            scene = self._reuse.get("scene", made_of, lambda: scene_of(given, self.folder, part))
+        return job_on(model, arm, path, scene)
 
     def _model(self, data: Mapping[str, Any]) -> JobModel:
-        return self._kept.get("keys", data, lambda: _model_of(data))
+        return self._reuse.get("keys", data, lambda: _model_of(data))
 
     def _arm_and_path(self, model: JobModel, data: Mapping[str, Any]) -> tuple[Arm, Path | Program]:
-        arm = self._kept.get(
+        arm = self._reuse.get(
             "arm",
             data["arm"],
             lambda: arm_of(model.arm, self.folder, trust_xacro=self.trust_xacro),
         )
         # A drawing is not read again where its frame moves.
         here = {key: x for key, x in data["path"].items() if key != "frame"}
-        drawn = self._kept.get(
+        drawn = self._reuse.get(
             "drawing",
             (here, arm.dimension),
             lambda: unplaced_path(model.path, self.folder, arm.dimension),
         )
-        path = self._kept.get(
+        path = self._reuse.get(
             "path", (drawn, _part(data)), lambda: placed_path(model.path, drawn, arm.dimension)
         )
         used = equipped(model, path)
         if used is not model.arm:
-            arm = self._kept.get(
+            arm = self._reuse.get(
                 "equipped",
                 (data["arm"], data["tools"], path),
                 lambda: arm_of(used, self.folder, trust_xacro=self.trust_xacro),
@@ -254,71 +254,27 @@ class Previewer:
         return arm, path
 
     def _plan(
-        self, job: Job, drawn: Path | Program, this: Run, exact: bool, progress: Progress | None
-    ) -> Planned:
-        """Plan in the configuration of the last plan if there is one, else in the fastest."""
-        kept = None
-        if not exact and job.start is None and isinstance(job.arm, SerialArm):
-            kept = self._start if self._arm is job.arm else None
-        if kept is not None:
-            here = self._kept.get(
-                "configuration",
-                (job, kept.tobytes()),
-                lambda: dataclasses.replace(job, start=kept),
-            )
+        self, job: Job, this: Run, exact: bool, moving: bool, progress: Progress | None
+    ) -> tuple[Planned, tuple[str, ...]]:
+        """Plan in the configuration of the last plan if there is one, else in the fastest.
+
+        Returns:
+            The plan, and a sentence if it is in the configuration of the last plan.
+        """
+        searches = not exact and job.start is None
+        if searches and isinstance(job.arm, SerialArm) and self._arm is job.arm:
+            here = dataclasses.replace(job, start=self._start)
             try:
-                found = self._plan_in(here, drawn, this, progress)
-                return dataclasses.replace(found, differs=(CONFIGURATION,))
+                found = plan_one(here, this, self._reuse, progress, clear=False, brief=True)
+                return found, (CONFIGURATION,)
             except Unreachable:
                 # Another configuration may reach it; else its error is the one to tell.
                 pass
-        found = self._plan_in(job, drawn, this, progress)
-        if not exact and job.start is None:
-            self.keep_start(job, found.start)
-        return found
-
-    def _plan_in(
-        self, job: Job, drawn: Path | Program, this: Run, progress: Progress | None
-    ) -> Planned:
-        """Do the steps from the objective path to the explanation."""
-        get, limits = self._kept.get, comparable(this.limits)
-        start = None if job.start is None else job.start.tobytes()
-        rounding = this.rounding
-        by_limits = job.process.automatic or (rounding is not None and rounding.free)
-        of_path = (
-            *(drawn, comparable(job.process), rounding),
-            *(this.continuity, this.transition_tolerance, this.limits.centripetal_acceleration),
-            (job.arm, start, limits, this.timing) if by_limits else None,
-        )
-        objective, path = get("rounding", of_path, lambda: programs_of(job, this, progress))
-        ranges = [x.tobytes() for x in this.limits.joint_range(job.arm.dof)]
-        traced = get(
-            "tracing",
-            (path, job.arm, job.branch, start, ranges, comparable(job.scene)),
-            lambda: trace_run(job, this, path, progress),
-        )
-        trajectory = get(
-            "timing",
-            (traced, limits, this.timing),
-            lambda: plan(traced, job.arm, this.limits, this.timing, progress=progress),
-        )
-        explanation = get(
-            "explanation",
-            (trajectory, limits, this.timing.reserve),
-            lambda: explain_run(job, this, trajectory),
-        )
-        found = Planned(
-            run=this,
-            objective=objective,
-            path=path,
-            trajectory=trajectory,
-            traced=traced,
-            job=job,
-            explanation=explanation,
-            below_base=below_base(job, trajectory),
-            start=ends_of(traced.joint_paths[0])[0],
-        )
-        return dataclasses.replace(found, warnings=collect_warnings(found))
+        # While a handle moves, the first place that is out of reach is enough.
+        found = plan_one(job, this, self._reuse, progress, clear=False, brief=moving)
+        if searches:
+            self.keep_start(job, found.trajectory(0.0))
+        return found, ()
 
 
 def _model_of(data: Mapping[str, Any]) -> JobModel:
@@ -328,7 +284,7 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
     return model_of(JobModel, data, "job")
 
 
-def _refuse_too_long(planned: Planned) -> None:
+def _refuse_too_long(planned: Preview) -> None:
     """Refuse to simulate what takes minutes, in which nothing else would be shown.
 
     Raises:

@@ -118,7 +118,7 @@ def execute_judged(job: Job, this: Run, taught: TaughtData, bodies: Experiment |
         bodies: As `experiment_of` gives it.
     """
     if bodies is None:
-        return execute_run(job, this, taught)
+        return execute_run(job, taught)
     plant = build_plant(bodies, job.arm, job.plant_servo, this.limits)
     return execute(taught, plant, resolution=max(RESOLUTION, plant.step))
 

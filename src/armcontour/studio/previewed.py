@@ -9,12 +9,12 @@ from armcontour._checks import FloatArray
 from armcontour.evaluation import ErrorProfile
 from armcontour.evaluation.pieces import Piece
 from armcontour.jobs import Job
-from armcontour.jobs.results import RunResult
+from armcontour.jobs.results import Planned
 from armcontour.motion import Execution, TaughtData
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Planned(RunResult):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Preview(Planned):
     """The plan of a run of a document.
 
     Args:
@@ -46,7 +46,7 @@ class Executed:
         seconds: Time that each step took [s], without steps whose results were kept.
     """
 
-    planned: Planned
+    planned: Preview
     taught: TaughtData
     execution: Execution
     pieces: tuple[Piece, ...]

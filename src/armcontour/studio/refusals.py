@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.errors import ArmContourError
-from armcontour.studio.previewed import Planned
+from armcontour.studio.previewed import Preview
 from armcontour.studio.view import View, in_space
 
 
@@ -18,7 +18,7 @@ def refusal_header(
     *,
     tier: int,
     run: str = "",
-    planned: Planned | None = None,
+    planned: Preview | None = None,
     waypoints: FloatArray | None = None,
 ) -> dict[str, Any]:
     """What was refused, and where.

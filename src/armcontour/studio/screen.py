@@ -23,7 +23,7 @@ from armcontour.studio.executed import executed_frame
 from armcontour.studio.lanes import FastLane, Stale
 from armcontour.studio.picture import drawing_frame, picture_frame
 from armcontour.studio.preview import Previewer
-from armcontour.studio.previewed import Executed, Planned
+from armcontour.studio.previewed import Executed, Preview
 from armcontour.studio.refusals import refusal_header
 from armcontour.studio.robot import arm_frame
 from armcontour.studio.view import View
@@ -46,12 +46,12 @@ class Superseded(Exception):
 class _Seen:
     """What there is of one document: its newest plan and execution, and what pages have of it."""
 
-    planned: Planned | None = None
+    planned: Preview | None = None
     executed: Executed | None = None
     # Arm and scene that pages have.
     parts: tuple[Arm, Scene | None] | None = None
     # What the picture on pages shows: a plan, or the path of a run that has none.
-    picture: Planned | tuple[Program, str] | None = None
+    picture: Preview | tuple[Program, str] | None = None
     # Whether pages have anything of its newest state.
     drawn: bool = False
 
@@ -121,7 +121,7 @@ class Screen:
         self._done.wait()
 
     @property
-    def planned(self) -> Planned | None:
+    def planned(self) -> Preview | None:
         """The newest plan of this document."""
         return self._seen.planned
 
@@ -226,7 +226,7 @@ class Screen:
         except Superseded:
             pass
         except ArmContourError as error:
-            if not isinstance(seen.picture, Planned):
+            if not isinstance(seen.picture, Preview):
                 # What is out of reach can be moved only if it is seen where it is.
                 with contextlib.suppress(ArmContourError):
                     if seen.picture != (self.previewer.drawn(shown.data), shown.run):
@@ -234,7 +234,7 @@ class Screen:
             yield _refusal(error, shown, planned)
 
     def _execution(
-        self, planned: Planned, shown: Shown, stale: Stale, moving: bool
+        self, planned: Preview, shown: Shown, stale: Stale, moving: bool
     ) -> Iterator[Frame]:
         """The execution of a plan, and then the exact plan with its own execution."""
         exact = self.previewer.may_be_exact(planned)
@@ -246,7 +246,7 @@ class Screen:
         if (exact or moving) and not stale() and not self._may_wait(shown):
             yield from self._live(shown, stale) if moving else self._exact(shown, stale)
 
-    def _picture(self, planned: Planned, shown: Shown) -> Iterator[Frame]:
+    def _picture(self, planned: Preview, shown: Shown) -> Iterator[Frame]:
         """The picture of a plan."""
         yield picture_frame(planned, shown.view)
         if self._reached:
@@ -279,7 +279,7 @@ class Screen:
             shown.seen.executed = executed = self.previewer.execute(planned)
             yield executed_frame(executed, shown.view)
 
-    def _plan_exactly(self, data: Mapping[str, Any], run: str, stale: Stale) -> Planned:
+    def _plan_exactly(self, data: Mapping[str, Any], run: str, stale: Stale) -> Preview:
         """The plan as a full run has it.
 
         Raises:
@@ -304,7 +304,7 @@ class Screen:
             return shown.waits
 
 
-def _refusal(error: ArmContourError, shown: Shown, planned: Planned | None) -> Frame:
+def _refusal(error: ArmContourError, shown: Shown, planned: Preview | None) -> Frame:
     """What could not be planned or executed, and where."""
     header = refusal_header(
         error,

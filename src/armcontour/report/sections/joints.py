@@ -107,8 +107,8 @@ def draw_joints(name: str, result: RunResult) -> Any:
 
 def _end(result: RunResult) -> float:
     """End of the run and its experiment [s]."""
-    simulated = result.evaluation is not None
-    ends = [result.evaluation.until if simulated else result.trajectory.duration]
+    e = result.evaluation
+    ends = [result.trajectory.duration if e is None else e.until]
     if result.experiment is not None:
         ends.append(result.experiment.evaluation.until)
     return max(ends)
@@ -124,8 +124,8 @@ def _curves(
         done = result.experiment.execution
         look = {"colour": EXPERIMENT_COLOUR, "width": 1.2}
         found["experiment"] = (done.t, _state(done, order), look)
-    if (done := result.execution) is not None:
-        found["executed"] = (done.t, _state(done, order), {"colour": EXECUTED_COLOUR})
+    if (moved := result.execution) is not None:
+        found["executed"] = (moved.t, _state(moved, order), {"colour": EXECUTED_COLOUR})
     dotted = {"colour": PLANNED_COLOUR, "width": 1.5, "dash": "dot"}
     found["planned"] = (t, result.trajectory(t, order), dotted)
     return found

@@ -1,4 +1,4 @@
-"""Results of steps that are kept by what they were made of."""
+"""`Reuse`: results of the steps of planning, by what they depend on."""
 
 from __future__ import annotations
 
@@ -11,16 +11,21 @@ from typing import Any, TypeVar
 import numpy as np
 
 T = TypeVar("T")
-# Results that are kept of every step: those of a few runs that are looked at by turns.
-KEPT = 4
+# Number of results of each step in the cache: those of a few runs that a user compares.
+RESULTS = 4
 # Number of sampled results in the cache: 2, or 1 above 200,000 samples.
-LARGE_KEPT, MOST_SAMPLES = 2, 200_000
+LARGE_RESULTS, MOST_SAMPLES = 2, 200_000
 
 
-class Kept:
-    """Results of steps with what they were made of: the same again is not done again."""
+class Reuse:
+    """A cache of the results of steps: a step with the same inputs is not repeated.
 
-    def __init__(self) -> None:
+    Args:
+        size: Number of results of each step in the cache.
+    """
+
+    def __init__(self, size: int = RESULTS) -> None:
+        self.size = size
         self._known: dict[str, list[tuple[Any, Any]]] = {}
         self.seconds: dict[str, float] = {}
 
@@ -30,16 +35,16 @@ class Kept:
         made_of: Any,
         make: Callable[[], T],
         *,
-        most: int = KEPT,
+        most: int | None = None,
         samples: Callable[[T], int] = lambda value: 0,
     ) -> T:
-        """The result of a step, kept or made.
+        """The result of a step: that of an earlier call with the same inputs, or a new one.
 
         Args:
             step: Name of the step.
-            made_of: Everything that the result depends on; it can be compared.
+            made_of: All inputs of the step, comparable.
             make: Does the step.
-            most: How many results of the step are kept.
+            most: Number of results of the step in the cache; by default that of all steps.
             samples: Number of samples that a result has.
         """
         known = self._known.setdefault(step, [])
@@ -52,7 +57,7 @@ class Kept:
         value = make()
         self.seconds[step] = time.perf_counter() - begin
         known.insert(0, (made_of, value))
-        del known[most:]
+        del known[self.size if most is None else most :]
         while len(known) > 1 and sum(samples(x) for _, x in known) > MOST_SAMPLES:
             del known[-1]
         return value
