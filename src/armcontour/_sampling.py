@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour.errors import InvalidInput
 
 # Steps of time [s]. Controllers and planners sample at 1 MHz at most; a nanosecond is the last
 # digit of times that are printed with nine decimals. Shorter steps come of damaged files, and
@@ -17,41 +20,92 @@ LATEST = 1e10
 # Joint positions [rad], velocities [rad/s] and accelerations [rad/s²]. 10,000 rad are 1,600 turns.
 # The others only keep sums and squares finite: wrong values below them are there to be judged.
 LARGEST = {"q": 1e4, "dq": 1e9, "ddq": 1e12}
-
-
+Place = Callable[[str, int, int], str]
+JOINT_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 # An interval this many times the usual one is a gap: nobody knows what was commanded in it.
 GAP = 3.0
 # Where more of the intervals are gaps, the times come in bursts.
 MOST_GAPS = 0.05
 
 
-def shortest_step(t: FloatArray) -> FloatArray:
-    """The shortest usable steps after times `t` [s]."""
+def refuse_far(t: FloatArray, place: Place, rename: Callable[[str], str] = str) -> None:
+    """Refuse times that are too large to be seconds.
+
+    Args:
+        t: Times [s], (n,).
+        place: As in `refuse_samples`.
+        rename: Gives what the message advises, for a title such as "t [ms]".
+
+    Raises:
+        InvalidInput: There is such a time.
+    """
+    far = np.flatnonzero(np.abs(t) > LATEST)
+    if len(far):
+        i = int(far[0])
+        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if abs(t[i]) * y < LATEST), "ns")
+        raise InvalidInput(
+            f"{place('t', i, 0)} is {t[i]:.3g} s, but times must stay within {LATEST:g} s: correct "
+            f"the number, or give the times their unit, such as {rename(f't [{unit}]')}.",
+            index=i,
+            t=float(t[i]),
+        )
+
+
+def refuse_samples(t: FloatArray, arrays: Mapping[str, FloatArray], place: Place) -> None:
+    """Refuse times and joint values that no sampled motion can have.
+
+    Args:
+        t: Times [s], (n,).
+        arrays: Joint positions ("q"; or "command" and "measured"), velocities "dq" and
+            accelerations "ddq", (n, dof) each.
+        place: Takes "t" or the name of an array, the index of a row and that of a joint. Gives the
+            subject of a sentence on the value, such as "t in row 3".
+
+    Raises:
+        InvalidInput: There is such a value.
+    """
+    refuse_far(t, place)
+    # Compared with the later time: where times jump back, any bound is missed.
+    steps = np.diff(t)
+    short = np.flatnonzero(~(steps >= _shortest_step(t[1:])))
+    if len(short):
+        i = int(short[0]) + 1
+        step, least, why = float(steps[i - 1]), f"{SHORTEST_STEP * 1e9:g} ns", ""
+        if step > 0:
+            why = f": the step must be at least {least} and more than the rounding of the times"
+        elif step == 0:
+            why = (
+                ": the times are repeated or rounded, and do not agree with even steps; print them "
+                "with more digits"
+            )
+        before, after = (f"{float(x)!r} s" for x in t[i - 1 : i + 1])
+        raise InvalidInput(
+            f"{place('t', i, 0)} is {after}, but times must increase, and the one before is "
+            f"{before}{why}.",
+            index=i,
+            t=float(t[i]),
+        )
+    for name, values in arrays.items():
+        kind = name if name in LARGEST else "q"
+        large = np.argwhere(~(np.abs(values) <= LARGEST[kind]))
+        if len(large):
+            i, j = map(int, large[0])
+            unit = JOINT_UNITS[kind]
+            raise InvalidInput(
+                f"{place(name, i, j)} is {values[i, j]:.3g} {unit}, but no joint has more than "
+                f"{LARGEST[kind]:g} {unit}: correct the number, or give it its unit, such as "
+                "q1 [deg].",
+                index=i,
+                t=float(t[i]),
+                joint=j,
+            )
+
+
+def _shortest_step(t: FloatArray) -> FloatArray:
+    """The shortest usable steps before times `t` [s]."""
     ulp = STEP_ULPS * np.finfo(np.float64).eps
     # The difference of two times that are printed a nanosecond apart may be a little less.
     return np.asarray(np.maximum(0.999 * SHORTEST_STEP, ulp * np.abs(t)))
-
-
-def find_short_step(t: FloatArray) -> int | None:
-    """Index of the first time that does not follow the one before it by a usable step."""
-    # Compared with the later time: where times jump back, any bound is missed.
-    short = np.flatnonzero(~(np.diff(t) >= shortest_step(t[1:])))
-    return int(short[0]) + 1 if len(short) else None
-
-
-def describe_short_step(before: str, after: str, step: float) -> str:
-    """Why two times cannot follow each other, in words."""
-    if step == 0:
-        return (
-            f"times must increase, but {after} does not come after {before}: the times are "
-            "repeated or rounded, and do not agree with even steps; print them with more digits"
-        )
-    if step < 0:
-        return f"times must increase, but {after} does not come after {before}"
-    return (
-        f"times must increase by at least {SHORTEST_STEP * 1e9:g} ns and by more than their own "
-        f"rounding, but {after} comes only {step:.3g} s after {before}"
-    )
 
 
 def describe_bursts(t: FloatArray, source: str) -> str:
@@ -64,18 +118,6 @@ def describe_bursts(t: FloatArray, source: str) -> str:
         f"gaps of up to {steps.max():.3g} s: they are probably those at which messages arrived, "
         "and speeds computed with them are wrong. Use the controller's own times."
     )
-
-
-def find_far_time(t: FloatArray) -> int | None:
-    """Index of the first time beyond `LATEST`."""
-    far = np.flatnonzero(np.abs(t) > LATEST)
-    return int(far[0]) if len(far) else None
-
-
-def find_large(kind: str, values: FloatArray) -> tuple[int, int] | None:
-    """Row and column of the first value of "q", "dq" or "ddq" that no joint has."""
-    large = np.argwhere(~(np.abs(values) <= LARGEST[kind]))
-    return (int(large[0, 0]), int(large[0, 1])) if len(large) else None
 
 
 def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:

@@ -339,7 +339,7 @@ GOOD = {"t": [0.0, 0.1, 0.2], "q": [HERE, [0.31, 0.9], [0.32, 0.9]]}
 
 def test_what_is_no_trajectory_is_refused(arm, refuses):
     for change, words, data in (
-        ({"t": [0.0, 0.1, 0.1]}, "does not come after row 2", {"index": 2}),
+        ({"t": [0.0, 0.1, 0.1]}, "t in row 3 is 0.1 s, but times must increase", {"index": 2}),
         ({"t": [0.0, 0.2, 0.1]}, "row 3", {"index": 2, "t": 0.1}),
         ({"t": [0.0, np.nan, 0.2]}, "t is nan in row 2", {"index": 1}),
         ({"q": [HERE, HERE, [0.3, np.inf]]}, "inf in row 3", {"index": 2, "joint": 1}),
@@ -351,7 +351,7 @@ def test_what_is_no_trajectory_is_refused(arm, refuses):
         ({"t": None}, "must have times t", {}),
         ({"t": [0.0, 5e-324, 1e-323]}, "at least 1 ns", {"index": 1}),
         ({"t": [0.0, 1.0, 1e300]}, "within 1e+10 s", {"index": 2}),
-        ({"t": [1e9, 1e9 + 5e-7, 1e9 + 1]}, "more than their own rounding", {}),
+        ({"t": [1e9, 1e9 + 5e-7, 1e9 + 1]}, "more than the rounding", {}),
         ({"q": [HERE, [0.3, -1e308], HERE]}, "10000 rad", {"index": 1, "joint": 1}),
         ({"dq": [HERE, [1e200, 0.9], HERE]}, "1e+09 rad/s", {}),
         ({"ddq": [HERE, [1e13, 0.9], HERE]}, "1e+12 rad/s", {}),

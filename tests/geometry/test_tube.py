@@ -11,7 +11,7 @@ import armcontour as ac
 from armcontour.geometry import Segments, Tube, _tube, near_points, round_with_parabolas
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.fit import draw_with_arcs
-from armcontour.geometry.mending import Printed, mend_vertices
+from armcontour.geometry.mending import mend_vertices
 from armcontour.geometry.near_points import group_points, nearest_points, pairs_within
 from armcontour.geometry.nearest import pack
 
@@ -366,7 +366,7 @@ def test_a_long_chain_is_one_group_and_no_points_have_none():
 
 
 LAST = 1e-6  # three decimals of a millimetre
-PRINTED = Printed(point=np.sqrt(0.5) * LAST)
+PRINTED = np.sqrt(0.5) * LAST
 
 
 def printed_arc(start, end, center):
@@ -409,7 +409,7 @@ def test_a_printed_rounded_rectangle_is_tangent_again(decimals):
     step = 10.0 ** -(decimals + 3)
     path = rounded_rectangle(step)
     assert (path.turns > 1e-9).sum() >= 5
-    found = mend_vertices(path, Printed(point=np.sqrt(0.5) * step))
+    found = mend_vertices(path, np.sqrt(0.5) * step)
     assert (found.path.turns <= 1e-9).all() and seam_kink(found.path) <= 1e-9
     assert found.count == (path.turns > 1e-9).sum() + (seam_kink(path) > 1e-9)
     assert found.kink == pytest.approx(max(path.turns.max(), seam_kink(path)), rel=1e-6)
@@ -470,7 +470,7 @@ def test_printed_tangent_arcs_are_tangent_again(parts, decimals):
         segments.append(printed_arc(start, end, np.round(center / step) * step))
         start = end
     path = path_of(*segments)
-    found = mend_vertices(path, Printed(point=np.sqrt(0.5) * step))
+    found = mend_vertices(path, np.sqrt(0.5) * step)
     if found is None:
         assert (path.turns <= 1e-9).all()
         return

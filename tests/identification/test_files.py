@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 import yaml
 from soak.identification import move, multisine
+from tests.io.tables import parse_log
 
 from armcontour.cli.identifying import identify_files
 from armcontour.cli.options import IdentifyOptions
 from armcontour.errors import InvalidInput
 from armcontour.identification import Log, identify
 from armcontour.io.json_text import data_json
-from armcontour.io.log_file import parse_log, read_log
+from armcontour.io.log_file import read_log
 from armcontour.io.robot_file import read_servo
 from armcontour.io.servo_file import servo_yaml
 from armcontour.report.identification import render_identification

@@ -1,9 +1,21 @@
 """Tables of what is read and of what is refused: one row a line, one test for a table."""
 
+import tempfile
+from pathlib import Path
+
 import numpy as np
 import yaml
 
 from armcontour.errors import InvalidInput
+from armcontour.io.log_file import read_log
+
+
+def parse_log(text, **options):
+    """The log in CSV text; options as of `read_log`."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "log.csv"
+        file.write_text(text)
+        return read_log(file, **options)
 
 
 def rows(table):

@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from tests.io.tables import refusals
+from tests.io.tables import parse_log, refusals
 
 from armcontour.cli.identifying import identify_files
 from armcontour.cli.options import IdentifyOptions
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_trajectory, read_trajectory
-from armcontour.io.log_file import parse_log, read_log, read_run_log
+from armcontour.io.log_file import read_log, read_run_log
 from armcontour.learning import Recording
 
 COUNT = 60
@@ -262,7 +262,7 @@ def test_rows_of_other_topics_are_left_out():
     assert "2 rows" in found.notes[0] and "order" in found.notes[1]
     # Half a row is a fault.
     lines[20] = f"{T[18] + 0.001:.6f},1,,9"
-    refusals(parse_trajectory, [("\n".join(lines), "line 21: '' in the column")])
+    refusals(parse_trajectory, [("\n".join(lines), "line 21, ... position[1]': '' is not")])
 
 
 BAD = """

@@ -12,9 +12,8 @@ import pytest
 import armcontour as ac
 from armcontour.compensation import METHODS
 from armcontour.errors import InvalidInput
-from armcontour.io import ResultFolder
+from armcontour.io import ResultFolder, write_planned, write_taught
 from armcontour.io.exports import make_table
-from armcontour.io.motion_csv import write_planned, write_taught
 from armcontour.io.results import SUMMARY
 from armcontour.io.stored_run import read_run
 

@@ -79,23 +79,23 @@ def test_resolution_is_that_of_the_printed_digits():
 BAD = f"""
 => log.csv is empty
 # nothing/ => log.csv is empty
-t,q1,q2/ => no samples
+t,q1,q2/ => no rows
 # a/t,q2,tau1/0,1,2/ => line 2: the column q1 is missing ... 'tau1' are not known
 t,q1,q1_deg/0,1,2/ => line 1: the columns 'q1' and 'q1_deg' hold the same
 q1,q2/0,1/ => line 1: the column t is missing
 t,q1,q3/0,1,2/ => line 1: the column q2 is missing
 t [m],q1/0,1/ => the unit 'm' of the column 't [m]' is not one that converts to s
 t,q1/0,1/1/ => line 3: 1 values, but 2 columns
-t,q1/0,1//1,x/ => line 4: 'x' in the column 'q1' is not a finite number
-t,q1/0,1/# a/0,2/ => line 4: times must increase, but 0 does not come after 0
-t,q1/0,1/1,{"1" * 140_000}/ => line 3: '1111 ... in the column 'q1'
-t,q1/0,1/1,"{"1" * 140_000}"/ => line 3: ... in the column 'q1' is not a finite
-t,q1/0,"1/1,2/ => line 2: '"1' in the column 'q1' is not a finite number
-t,q1/0,1/1,1e308/ => line 3: '1e308' in the column 'q1' is ... above 10000 rad
-t,q1 [deg]/0,1/1,1e6/ => line 3: '1e6' in the column 'q1 [deg]' is 1.75e+04 rad
-t,q1/0,1/5e-324,1/1e-323,1/ => line 3: ... at least 1 ns ... 5e-324 comes only
-t,q1/0,1/1e300,1/ => line 3: '1e300' in the column 't' is ... within 1e+10 s
-t,q1/1e9,1/1000000000.0000005,1/ => line 3: ... by more than their own rounding
+t,q1/0,1//1,x/ => line 4, column 'q1': 'x' is not a finite number
+t,q1/0,1/# a/0,2/ => line 4, column 't': '0' is 0.0 s, but times must increase
+t,q1/0,1/1,{"1" * 140_000}/ => line 3, column 'q1': '1111
+t,q1/0,1/1,"{"1" * 140_000}"/ => line 3: field larger
+t,q1/0,"1/1,2/ => line 2: ... quotes
+t,q1/0,1/1,1e308/ => line 3, column 'q1': '1e308' is ... more than 10000 rad
+t,q1 [deg]/0,1/1,1e6/ => line 3, column 'q1 [deg]': '1e6' is 1.75e+04 rad
+t,q1/0,1/5e-324,1/1e-323,1/ => line 3, ... at least 1 ns
+t,q1/0,1/1e300,1/ => line 3, column 't': '1e300' is ... within 1e+10 s
+t,q1/1e9,1/1000000000.0000005,1/ => line 3, ... more than the rounding
 """
 
 
@@ -105,7 +105,7 @@ def test_anything_else_is_refused_with_its_line():
 
     refusals(parse, BAD, "log.csv")
     tokens = ("nan", "", "1_0", "\u0663", "Infinity", "1e999", "0x10")
-    words = "log.csv, line 3: '{}' in the column 'q1' is not a finite number"
+    words = "log.csv, line 3, column 'q1': '{}' is not a finite number"
     refusals(parse, [(f"t,q1/0,1/1,{x}/", words.format(x)) for x in tokens])
 
 
@@ -146,7 +146,7 @@ def test_usual_steps_and_large_times_are_read():
     lines = ["t,q1,q2", *(f"{i},0.5,0.25" for i in range(4000))]
     assert len(parse_trajectory("\n".join(lines)).t) == 4000
     lines[3001] = "3000,0.5,0_5"
-    with pytest.raises(InvalidInput, match="line 3002: '0_5' in the column 'q2'") as caught:
+    with pytest.raises(InvalidInput, match="line 3002, column 'q2': '0_5'") as caught:
         parse_trajectory("\n".join(lines))
     assert caught.value.index == 3000
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from tests.io.tables import refusals
 
 from armcontour._quantities import Quantity
-from armcontour.io.columns import read_titles
-from armcontour.io.tool_file import read_tool_positions
+from armcontour.io.csv_table import Title, read_table
+from armcontour.io.log_file import read_tool_positions
 from armcontour.io.units import (
     MOST_CHARACTERS,
     PERCENT,
@@ -145,21 +145,13 @@ SI = {"t": "s", "q": "rad", "dq": "rad/s", "x": "m", "name": None}
 
 
 def titles(*given):
-    def key_of(name, has_unit):
+    def title_of(name, has_unit):
         key, _, suffix = name.partition("_")
-        return (key, suffix or None) if key in SI else None
+        return Title(key, SI[key], suffix or None) if key in SI else None
 
-    return read_titles(
-        given,
-        where="a.csv, line 1",
-        example="t,q",
-        key_of=key_of,
-        si_of=SI.get,
-        unknown=left_out.append,
-    )
-
-
-left_out = []
+    # A single title may have blanks.
+    line = ";".join(given if len(given) > 1 else [*given, "-"])
+    return read_table(line, "a.csv", title_of, example="t,q")
 
 
 def test_units_become_factors():
@@ -173,12 +165,11 @@ def test_units_become_factors():
         ("x [ in ]", "x", 0.0254),
         ("name", "name", 1.0),
     ):
-        left_out.clear()
-        found = titles("other", title, "something [V]")
-        assert left_out == ["other", "something [V]"]
-        assert list(found) == [key]
-        assert (found[key].index, found[key].title) == (1, title)
-        assert found[key].factor == pytest.approx(factor, rel=1e-12), title
+        table = titles("other", title, "something [V]")
+        assert table.unknown == ("other", "something [V]")
+        ((found, column),) = table.columns.items()
+        assert (found, column.index, column.title) == (key, 1, title)
+        assert column.factor == pytest.approx(factor, rel=1e-12), title
 
 
 BAD = """
@@ -202,6 +193,8 @@ t,x,y\n0,1,2 => tool.csv, line 1 ... column z ... t,x,y,z
 x,y,z\n0,1,2 => column t
 t,x,y,z\n0,1,2,many => line 2 ... 'many'
 0,1,2,3\n1,1,2,3 => first line must name the columns
+t,x,y,z\n0,0,0,0\n0,1,0,0 => line 3, column 't': '0' is 0.0 s, but times must increase
+t [ns],x,y,z\n1,0,0,0\n2,1,0 => line 3: 3 values, but 4 columns
 """
 
 
@@ -226,6 +219,10 @@ def test_positions_of_the_tool(read):
     t, points = read("t [ms],x [mm],y [mm]\n8,401,100\n16,402,100", 2)
     np.testing.assert_allclose(t, [0.008, 0.016])
     np.testing.assert_allclose(points, [[0.401, 0.1], [0.402, 0.1]])
+    # Rows that repeat the one before, and times in two columns, as in logs.
+    t, points = read("sec,nanosec,x,y\n7,900000000,1,2\n7,900000000,1,2\n8,100000000,1,3", 2)
+    np.testing.assert_allclose(t, [0.9, 1.1])
+    np.testing.assert_allclose(points, [[1, 2], [1, 3]])
 
 
 def test_files_that_are_refused(read):

@@ -7,7 +7,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.motion import LapLaw, Law, Samples, Stretch, stand_still
-from armcontour.motion.misreading import find_misreading
+from armcontour.motion.log_checks import find_misreading
 
 
 def lap(duration, q, dq, ddq):

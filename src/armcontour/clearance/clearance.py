@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -33,6 +34,8 @@ STEP, PIECES = 1e-5, 16
 FEW = {8: 25, 4: 100}
 # So many breaks of a motion are looked at together, which bounds the memory.
 AT_ONCE = 20_000
+# Number of cells in the cache: those of a few jobs.
+CELLS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -387,32 +390,18 @@ class Cell:
         return _Search(motion, self.pairs, self._distances, np.inf).run()
 
 
-class CellOnce:
-    """A `Cell` that is made when it is first asked for, and kept; copies make their own.
+@lru_cache(maxsize=CELLS)
+def cell_of(arm: Arm, scene: Scene | None) -> Cell:
+    """The arm and its cell, made once for an arm and a scene.
 
     Args:
         arm: The arm, with the shapes of its links.
         scene: Obstacles and margins; by default none, with the default margins.
+
+    Raises:
+        InvalidInput: As `check_clearance`.
     """
-
-    def __init__(self, arm: Arm, scene: Scene | None) -> None:
-        self._given = arm, scene
-        self._made: Cell | None = None
-
-    def cell(self) -> Cell:
-        """The cell.
-
-        Raises:
-            InvalidInput: As `check_clearance`.
-        """
-        if self._made is None:
-            arm, scene = self._given
-            self._made = Cell(arm, Scene() if scene is None else scene)
-        return self._made
-
-    def __reduce__(self) -> tuple[type[CellOnce], tuple[Arm, Scene | None]]:
-        """Bodies of the library of distances do not go to other processes."""
-        return CellOnce, self._given
+    return Cell(arm, Scene() if scene is None else scene)
 
 
 class _Search:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from armcontour.clearance import Clearance
     from armcontour.cli.options import ArmOptions, CheckOptions
     from armcontour.evaluation import Check
-    from armcontour.io.trajectory_file import TrajectoryFile
+    from armcontour.io.joint_table import TrajectoryFile
     from armcontour.jobs import Job, Run
     from armcontour.program import Program
     from armcontour.scene import Scene
@@ -173,6 +173,7 @@ def _samples(trajectory: FilePath, arm: Arm, x: CheckOptions) -> TrajectoryFile:
     """Read a trajectory file, which must have as many joints as the arm."""
     from armcontour.errors import InvalidInput
     from armcontour.io import read_trajectory
+    from armcontour.motion.log_checks import refuse_beyond
 
     samples = read_trajectory(trajectory, arm.joint_names, columns=x.columns, topic=x.topic)
     if samples.q.shape[1] != arm.dof:
@@ -181,30 +182,11 @@ def _samples(trajectory: FilePath, arm: Arm, x: CheckOptions) -> TrajectoryFile:
             f"({', '.join(map(show, samples.joints))}), but the arm {arm.name} has {arm.dof} "
             f"({', '.join(arm.joint_names)}): give all of them, or the arm of the file with --arm."
         )
-    _refuse_degrees(samples, arm)
+    refuse_beyond(
+        samples.source, samples.t, {"position": samples.q}, samples.joints, arm,
+        margin=2 * math.pi, degrees_only=True,
+    )  # fmt: skip
     return _with_noise(samples, x.noise)
-
-
-def _refuse_degrees(samples: TrajectoryFile, arm: Arm) -> None:
-    """Refuse positions far out of the joint ranges that are within them if they are degrees.
-
-    Raises:
-        InvalidInput: There are such positions.
-    """
-    from armcontour.errors import InvalidInput
-
-    low, high = arm.limits.joint_range(arm.dof)
-    beyond = np.maximum(samples.q - high, low - samples.q)
-    row, joint = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
-    turned = np.radians(samples.q)
-    if beyond[row, joint] <= 2 * math.pi or (turned < low).any() or (turned > high).any():
-        return
-    raise InvalidInput(
-        f"{samples.source}: {show(samples.joints[joint])} is {samples.q[row, joint]:.4g} rad at "
-        f"t = {samples.t[row]:.4g} s, more than a turn out of its range, but all joints of the "
-        f"{arm.name} are within their ranges if the positions are degrees: are they? Then give "
-        "all positions and rates that unit, such as q1 [deg] and dq1 [deg/s]."
-    )
 
 
 def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:

@@ -258,8 +258,7 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
 
 def _refuse_outputs(x: Exports, events: Iterable[str], owner: str) -> None:
     """Refuse outputs for events that do not exist."""
-    from armcontour.io.exports.exporting import refuse_unknown_outputs
-    from armcontour.io.exports.formats import outputs_of
+    from armcontour.io.exports.formats import outputs_of, refuse_unknown_outputs
 
     names = {name: 0 for target in x.targets for name in outputs_of(target.format)}
     refuse_unknown_outputs(names, events, option="--output", owner=owner)
@@ -418,7 +417,7 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     from armcontour.cli.console import Console
     from armcontour.errors import InvalidInput
     from armcontour.io.cell import read_cell_arm
-    from armcontour.io.exports.destination import put
+    from armcontour.io.exports.formats import put
     from armcontour.io.stored_run import read_run
 
     (target,) = _with_outputs(

@@ -144,9 +144,8 @@ def _read(
     job: Job, plan: RunResult, x: LearnOptions, window: tuple[float, float], progress: Progress
 ) -> tuple[TaughtData, Log | Recording, tuple[FloatArray, FloatArray] | None]:
     """What the robot executed, its log, and positions of its tool if there are any."""
-    from armcontour.io.log_file import read_run_log
+    from armcontour.io.log_file import read_run_log, read_tool_positions
     from armcontour.io.taught_file import read_taught
-    from armcontour.io.tool_file import read_tool_positions
 
     assert x.log is not None
     progress(Step(("reading the log",)))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from functools import cache, wraps
 from types import UnionType
 from typing import (
@@ -91,10 +91,9 @@ def check(value: Any) -> None:
     kind: Any = type(value)
     readers, shapes = _readers(kind)
     try:
-        for name, read in readers:
+        for name, read, default in readers:
             given = getattr(value, name)
-            checked = read(given)
-            if checked is not given:
+            if given is not default and (checked := read(given)) is not given:
                 object.__setattr__(value, name, checked)
         if shapes:
             _refuse_misfits(value, shapes)
@@ -134,15 +133,15 @@ class _Field(NamedTuple):
 
 
 @cache
-def _readers(kind: Any) -> tuple[list[tuple[str, Reader]], list[tuple[str, Axes]]]:
-    """Readers of the fields of a dataclass, and shapes with axes that other fields have, too."""
+def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, Axes]]]:
+    """Readers of the fields of a dataclass and defaults that fit; shapes with shared axes."""
     hints = get_type_hints(kind, include_extras=True)
     user = _noun(kind)
     readers, shapes = [], []
-    for name in (x.name for x in fields(kind) if x.init):
+    for name, default in ((x.name, x.default) for x in fields(kind) if x.init):
         field = _Field(capitalise(user), name, f"{name} of {user}")
         if (read := _reader(hints[name], field)) is not None:
-            readers.append((name, read))
+            readers.append((name, read, default if _fits(default, read) else MISSING))
         for hint in (hints[name], *get_args(hints[name])):
             axes = _find(Axes, getattr(hint, "__metadata__", ()))
             if axes is not None:
@@ -152,6 +151,14 @@ def _readers(kind: Any) -> tuple[list[tuple[str, Reader]], list[tuple[str, Axes]
         x for _, shape in shapes for x in shape.axes if isinstance(x, str)
     )
     return readers, [(x, shape) for x, shape in shapes if any(names[n] > 1 for n in shape.axes)]
+
+
+def _fits(default: Any, read: Reader) -> bool:
+    """Whether a default needs no check: some stand for values that are computed later."""
+    try:
+        return default is not MISSING and read(default) is default
+    except InvalidInput:
+        return False
 
 
 @cache

@@ -16,15 +16,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._quantities import AngularRate, AtLeast, NotNegative, Quantity, Seed, Tolerance
-from armcontour._sampling import (
-    LARGEST,
-    LATEST,
-    describe_short_step,
-    find_far_time,
-    find_large,
-    find_short_step,
-)
-from armcontour._text import capitalise
+from armcontour._sampling import refuse_samples
 from armcontour.arms import Arm, Limits, SerialArm, resolve_limits
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
@@ -507,7 +499,11 @@ def _check_samples(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLik
             f"A trajectory {'with' if least == 2 else 'without'} velocities needs at least {least} "
             f"samples, but has {len(times)}."
         )
-    _refuse_values(times, columns)
+    refuse_samples(
+        times,
+        columns,
+        lambda name, i, j: f"{name}{f' of joint {j + 1}' * (name != 't')} in row {i + 1}",
+    )
     digits: Mapping[str, npt.ArrayLike] = (
         (getattr(samples, "resolution", None) or {}) if resolution is None else resolution
     )
@@ -532,37 +528,6 @@ def _check_samples(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLik
         t_error=t_error,
         clock=clock,
     )
-
-
-def _refuse_values(t: FloatArray, columns: Mapping[str, FloatArray]) -> None:
-    """Refuse times and joint values that no sampled motion can have.
-
-    Raises:
-        InvalidInput: Such a value; the message names its row, from 1.
-    """
-    row = find_far_time(t)
-    if row is not None:
-        raise InvalidInput(
-            f"t is {t[row]:.3g} s in row {row + 1}: times must stay within {LATEST:g} s.",
-            index=row,
-            t=float(t[row]),
-        )
-    row = find_short_step(t)
-    if row is not None:
-        before, after = (f"row {i + 1} ({t[i]:.9g} s)" for i in (row - 1, row))
-        said = describe_short_step(before, after, float(t[row] - t[row - 1]))
-        raise InvalidInput(f"{capitalise(said)}.", index=row, t=float(t[row]))
-    for name, values in columns.items():
-        found = find_large(name, values)
-        if found is not None:
-            row, j = found
-            raise InvalidInput(
-                f"{name} of joint {j + 1} is {values[row, j]:.3g} {UNITS[name]} in row {row + 1}, "
-                f"but no joint has more than {LARGEST[name]:g} {UNITS[name]}: mend the number.",
-                index=row,
-                joint=j,
-                t=float(t[row]),
-            )
 
 
 def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:

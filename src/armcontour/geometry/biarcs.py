@@ -30,6 +30,7 @@ MORE = 1.25
 Contact = tuple[FloatArray, FloatArray, FloatArray]
 
 
+@np.errstate(divide="ignore", invalid="ignore")
 def biarcs(
     p0: FloatArray,
     t0: FloatArray,
@@ -53,8 +54,7 @@ def biarcs(
     c, b = dot(chord, chord), dot(chord, w * t0 + t1)
     a = 2 * share * (1 - dot(t0, t1))
     root = np.sqrt(b * b + a * c)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        d = np.where(b > 0, c / (b + root), (root - b) / a)
+    d = np.where(b > 0, c / (b + root), (root - b) / a)
     q0, q1 = p0 + (share * d)[:, None] * t0, p1 - d[:, None] * t1
     along = unit(q1 - q0)
     return _arc(p0, t0, along, share * d), _arc((q0 + w * q1) / (1 + w), along, t1, d)

@@ -1,4 +1,4 @@
-"""Mending of vertices that printed coordinates have bent: exactly tangent again."""
+"""Mending of vertices that rounded coordinates have bent: exactly tangent again."""
 
 from __future__ import annotations
 
@@ -22,34 +22,6 @@ SHARES = np.linspace(0.0, 1.0, 9)
 ALL = np.zeros(len(SHARES), dtype=np.intp)
 # How often the blends of a seam are halved before the seam is left as it is.
 MOST_HALVINGS = 20
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Printed:
-    """What the decimals of printed coordinates can hold.
-
-    Args:
-        point: Distance by which printing can have moved a point [m].
-        angle: Angle by which printing can have turned the ends of an arc, beyond what follows from
-            its points, as where it is given by an angle or a bulge [rad].
-        by_radius: Whether arcs are given by end points and radius, which hardly define the tangents
-            of half a circle.
-    """
-
-    point: float
-    angle: float = 0.0
-    by_radius: bool = False
-
-    def turns(self, rows: Segments) -> FloatArray:
-        """Angles by which printing can have turned the ends of lines and arcs [rad], (n,)."""
-        k, arc = rows.curvatures, rows.curvatures > 0
-        size = np.minimum(rows.lengths, 1 / np.where(arc, k, 1 / rows.lengths))
-        turn = 2 * self.point / size + np.where(arc, self.angle, 0.0)
-        if self.by_radius:
-            # The derivative of asin(chord / 2 r) by chord and r; at half a circle its square root.
-            flat = np.maximum(np.abs(np.cos(k * rows.lengths / 2)), np.sqrt(2 * self.point * k))
-            turn = turn + np.where(arc, 2 * self.point * k / np.maximum(flat, 1e-300), 0.0)
-        return np.asarray(turn)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,20 +49,24 @@ class Mended:
         return np.asarray(np.interp(np.asarray(s, dtype=np.float64), self.before, self.after))
 
 
-def mend_vertices(path: Path, printed: Printed, most: float = np.inf) -> Mended | None:
-    """Make vertices tangent at which printing can have made the turn; None if there are none.
+def mend_vertices(path: Path, tolerance: float, most: float = np.inf) -> Mended | None:
+    """Make vertices tangent whose turn disappears if points move a little; None if there are none.
 
-    At most half of each segment changes per vertex. Vertices stay if a segment beside them has the
-    tolerance 0. The vertex at which a closed path starts and ends stays where it is.
+    Moving both ends of a line by a distance turns it by up to twice the distance over its length,
+    the ends of an arc over its length or radius. At most half of each segment changes per vertex.
+    Vertices stay if a segment beside them has the tolerance 0. The vertex at which a closed path
+    starts and ends stays where it is.
 
     Args:
         path: A path without tool orientation.
-        printed: What the decimals of the path's coordinates can hold.
-        most: Largest distance between both paths [m], where it is less than printing moves a point.
+        tolerance: Distance by which points can move, and between both paths [m].
+        most: Largest distance between both paths [m], if it is less.
     """
-    turns, held = path.turns, printed.turns(path.segments)
+    rows, turns = path.segments, path.turns
+    size = np.minimum(rows.lengths, 1 / np.maximum(rows.curvatures, 1 / rows.lengths))
+    held = 2 * tolerance / size
     own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    own = np.minimum(own, min(printed.point, most))
+    own = np.minimum(own, min(tolerance, most))
     allowed = np.minimum(own[:-1], own[1:])
     largest = np.minimum(held[:-1] + held[1:], LARGEST_KINK)
     vertex = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns <= largest) & (allowed > 0))

@@ -12,13 +12,12 @@ from armcontour.arms import Arm
 from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
 from armcontour.identification.bodies import GRAVITIES, RobotIdentification, identify_robot
-from armcontour.identification.bodies.checking import arranged
-from armcontour.identification.checking import refuse_fast
-from armcontour.identification.fitting import Search
+from armcontour.identification.fitting import Search, noise_of
 from armcontour.identification.joint import changes_velocity, identify_joint
 from armcontour.identification.judgement import judge
 from armcontour.identification.results import Identification
 from armcontour.motion.log import INTERPOLATIONS, Log, join
+from armcontour.motion.log_checks import arrange, refuse_fast
 from armcontour.servo import ServoModel
 
 # Orders of the models that may be selected, by the option model.
@@ -129,7 +128,9 @@ def identify(
         joints = f"{name} is for joints without an arm: leave it out, or leave arm out."
         _checks.refuse_if(given, joints)
     _checks.refuse_if(not logs, "There is no log to identify from: give at least one.")
-    every = [arranged(x, arm) for x in logs]
+    for x in logs:
+        x.refuse_gaps()
+    every = [arrange(x, arm.joint_names) for x in logs]
     cycle = DRIVE_CYCLE
     if drive_cycle is not None:
         cycle = _checks.between("cycle of the drives", drive_cycle, 0.0, LONGEST_CYCLE, "s")
@@ -167,7 +168,7 @@ def _identify_servo(
     """Identify the servo of every joint of some logs."""
     for x in logs:
         _refuse_interval(x)
-        refuse_fast(x)
+        refuse_fast(x, [noise_of(y) for y in x.measured.T])
     search = Search(min(_delays(x, longest)[1] for x in logs), cycle)
     tell, joints = under(progress), []
     for j, name in enumerate(logs[0].joint_names):

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.identification.checking import refuse_misread
 from armcontour.identification.fitting import MRAD, Search, Stretch, noise_of, predict, split_logs
 from armcontour.identification.intervals import estimate_parameters, is_white, resolution
 from armcontour.identification.judgement import WEAK
@@ -18,6 +17,7 @@ from armcontour.identification.results import DIGITS, JointIdentification
 from armcontour.identification.saturation import find_saturation, select_between
 from armcontour.identification.selection import Selected, find_lag, select
 from armcontour.motion.log import FEWEST, Log
+from armcontour.motion.log_checks import refuse_misread
 from armcontour.servo.simulation import JointServo
 
 # A model is good if its RMS error is at most this share of the tracking error, or at most so many

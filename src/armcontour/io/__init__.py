@@ -6,10 +6,10 @@ from armcontour._lazy import lazy_names
 
 if TYPE_CHECKING:
     from armcontour.io.certificate import certificate_json, derating_csv
+    from armcontour.io.exports.table import write_planned, write_taught, write_torque
     from armcontour.io.job_file import json_schema, parse_job, read_job
     from armcontour.io.limits_file import read_limits
     from armcontour.io.mesh_file import read_mesh
-    from armcontour.io.motion_csv import write_planned, write_taught, write_torque
     from armcontour.io.patch import parse_set
     from armcontour.io.placement import placed_job_text, placement_csv, placement_json
     from armcontour.io.results import ResultFolder
@@ -23,7 +23,7 @@ else:
             "job_file": "json_schema parse_job read_job",
             "limits_file": "read_limits",
             "mesh_file": "read_mesh",
-            "motion_csv": "write_planned write_taught write_torque",
+            "exports.table": "write_planned write_taught write_torque",
             "patch": "parse_set",
             "placement": "placed_job_text placement_csv placement_json",
             "results": "ResultFolder",

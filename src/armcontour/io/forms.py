@@ -45,18 +45,16 @@ class LengthsModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AnglesModel:
+class AnglesModel(LengthsModel):
     """Evenly spaced values of an angle; of a whole turn the last is left out, as it is the first.
 
     Args:
         start: The first value [rad].
         end: The last value [rad].
-        places: Number of values.
     """
 
     start: Angle
     end: Angle
-    places: Annotated[int, AtLeast(1)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

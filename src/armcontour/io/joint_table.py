@@ -1,35 +1,28 @@
-"""Read joint motion from CSV, for trajectories and logs: columns, joints, and times."""
+"""Read motion over time from tables: the joints of an arm, or the point of its tool."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour._describing import several
-from armcontour._sampling import (
-    LARGEST,
-    LATEST,
-    describe_bursts,
-    describe_short_step,
-    find_far_time,
-    find_large,
-    find_short_step,
-)
+from armcontour._files import LARGE, read_text
+from armcontour._sampling import LARGEST, describe_bursts, refuse_far, refuse_samples
 from armcontour._text import show
+from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
-from armcontour.io.columns import Column, read_titles
-from armcontour.io.joint_titles import FRACTION, TIME, Key, read_joint_title
-from armcontour.io.number_table import CsvTable, Digits, last_digit, read_columns, split_csv
+from armcontour.io.csv_table import CsvTable, Digits, last_digit
+from armcontour.io.joint_titles import FRACTION, TIME, Key
+from armcontour.motion import LapLaw, Trajectory
 
-EXAMPLE = (
-    "t [s],q1 [deg],q2 [deg], or t,u1,q1,u2,q2 for commands and measured positions; without such a "
-    "line, name them with --columns"
-)
+# Quantities of the columns, for messages.
+QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
 # Joint positions without a unit [rad] above this are asked about: they may be degrees. No arm of
 # the library turns by more than two turns.
 WIDEST = 4 * math.pi
@@ -40,38 +33,48 @@ SLOWEST = 0.01
 FEW = 10
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class JointColumns:
-    """The columns of joint motion in a table.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrajectoryFile(Checked):
+    """The joint motion of a file, in SI units.
 
     Args:
-        table: The table.
-        known: The columns by what they hold.
-        unknown: Titles of the other columns.
+        source: Name of the file.
+        t: Times [s], (n,).
+        q: Joint positions [rad], (n, dof).
+        dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²], (n, dof); None without them.
+        command: Set-points [rad], (n, dof); None without them.
+        resolution: Value of the last printed digit of "t", "q", "dq", "ddq" [SI].
+        joints: Names of the joints, as the file has them.
+        left_out: Titles of columns that are not used.
+        notes: What was recognised in the file, or left out of it.
     """
 
-    table: CsvTable
-    known: Mapping[Key, Column[Key]]
-    unknown: tuple[str, ...]
+    source: str
+    t: FloatArray
+    q: FloatArray
+    dq: FloatArray | None = None
+    ddq: FloatArray | None = None
+    command: FloatArray | None = None
+    resolution: Mapping[str, float] = field(default_factory=dict)
+    joints: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
-    def joints(self, kind: str, role: str) -> list[str]:
-        """Joints with columns of a kind and role: in the order of their numbers, or of the file.
-
-        Joints with names are left out where others have numbers.
-        """
-        every = [x.joint for x in self.known if (x.kind, x.role) == (kind, role)]
-        numbers = sorted((x for x in every if x.isdigit()), key=lambda x: (len(x), x))
-        return numbers or every
+    @property
+    def straight(self) -> Trajectory:
+        """The motion of joints that move evenly from sample to sample, from time 0 on."""
+        rates = np.diff(self.q, axis=0) / np.diff(self.t)[:, None]
+        law = LapLaw(breaks=self.t - self.t[0], q=self.q, dq=rates, ddq=np.zeros_like(rates))
+        return Trajectory(laws=(law,), method="samples")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointSamples:
-    """Samples of some columns, in SI units.
+class TableSamples:
+    """TableSamples of some columns, in SI units.
 
     Args:
         t: Times [s], (n,).
         values: Values, (n, columns).
-        rows: Rows of the table, (n,).
         digit: Value of the last printed digit of the times [s].
         digits: Printed digits per column.
         notes: What was recognised or left out.
@@ -79,105 +82,108 @@ class JointSamples:
 
     t: FloatArray
     values: FloatArray
-    rows: IntArray
     digit: float
     digits: Sequence[Digits]
     notes: tuple[str, ...]
 
 
-def read_joint_columns(
-    text: str, source: str, columns: str | None, joint_names: Sequence[str] = ()
-) -> JointColumns:
-    """Read the titles of a table.
-
-    Args:
-        text: The CSV text.
-        source: Name of the file, for messages.
-        columns: Names of columns, as `split_csv` takes them.
-        joint_names: Names of the arm's joints, if it is known.
+def read_csv_text(file: str | FilePath, what: str, topic: str | None = None) -> str:
+    """The text of a file of some kind, which has no topics.
 
     Raises:
-        InvalidInput: There is no such table, or two columns have the same title.
+        InvalidInput: There is no such file, or a topic is given.
     """
-    table = split_csv(text, source, columns)
-    unknown: list[str] = []
-    known = read_titles(
-        table.names,
-        where=table.heading,
-        example=EXAMPLE,
-        key_of=lambda name, has_unit: read_joint_title(name, has_unit, joint_names),
-        si_of=lambda key: key.si,
-        unknown=unknown.append,
-        option="--columns",
-    )
-    return JointColumns(table, known, tuple(unknown))
+    if topic is not None:
+        name = FilePath(file).name
+        raise InvalidInput(f"{name} is CSV, which has no topics: leave --topic out.")
+    return read_text(file, what, most=LARGE, latin=True)
 
 
-def read_joint_samples(columns: JointColumns, keys: Sequence[Key]) -> JointSamples:
+def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
+    """Joints with columns of a kind and role: in the order of their numbers, or of the file.
+
+    Joints with names are left out where others have numbers.
+    """
+    every = [x.joint for x in table.columns if (x.kind, x.role) == (kind, role)]
+    numbers = sorted((x for x in every if x.isdigit()), key=lambda x: (len(x), x))
+    return numbers or every
+
+
+def read_samples(
+    table: CsvTable[Key], keys: Sequence[Key], start: float = -math.inf, end: float = math.inf
+) -> TableSamples:
     """Read the times and some columns.
 
-    Rows that repeat the one before are left out. Rounded times that agree with even steps are
-    replaced by these.
+    Rows that repeat the one before are left out, and those with cells of other columns only.
+    Rounded times that agree with even steps are replaced by these.
+
+    Args:
+        table: The table.
+        keys: The columns, at least one.
+        start: First time that is needed [s].
+        end: Last time that is needed [s].
 
     Raises:
-        InvalidInput: There is no time, a cell is no number, or a column without a unit looks as if
-            it had another one than SI.
+        InvalidInput: There is no time, a cell is no number, a column without a unit looks as if
+            it had another one than SI, or needed times do not increase or values are too large.
     """
-    table, known = columns.table, columns.known
-    if TIME not in known and FRACTION not in known:
-        raise InvalidInput(
-            f"{table.heading}: the column t is missing, the times of the samples: give it, or name "
-            "it, such as --columns 't [ms]=NAME'."
-        )
-    times = [known[x] for x in (TIME, FRACTION) if x in known]
-    used = [*times, *(known[key] for key in keys)]
-    indices = [x.index for x in used]
-    filled = np.arange(len(table.lines))
-    try:
-        numbers, digits = read_columns(table, indices)
-    except InvalidInput:
-        filled = _filled_rows(table, indices[len(times) :])
-        if len(filled) in (0, len(table.lines)):
-            raise
-        table = replace(
-            table,
-            lines=[table.lines[i] for i in filled],
-            numbers=[table.numbers[i] for i in filled],
-        )
-        numbers, digits = read_columns(table, indices)
-    clock, t = times[0], numbers[:, 0] * times[0].factor
-    if len(times) == 2:
-        part = numbers[:, 1] * times[1].factor
-        if ((part >= 0) & (part < 1)).all():
-            # Nanoseconds since 1970 have more digits than a float: times begin in second 0.
-            clock, t = times[1], t - t[0] + part
-    values = numbers[:, len(times) :] * [x.factor for x in used[len(times) :]]
-    _refuse_far(table, clock.index, t)
-    _ask_for_angles(columns, keys, values)
-    if clock.unit is None:
-        _ask_for_times(table, clock, t, values[:, [x.kind == "q" for x in keys]])
-    digit = last_digit([digits[times.index(clock)]]) * clock.factor
-    t, rows, notes = tidy_times(t, values, digit, table.source)
-    if len(filled) < len(columns.table.lines):
-        count = len(columns.table.lines) - len(filled)
-        notes = (f"{several(count, 'row')} of {table.source} without positions: left out.", *notes)
-    if any("joint_states" in known[x].title and x.joint.isdigit() for x in keys):
-        notes += (
+    times = [x for x in (TIME, FRACTION) if x in table.columns]
+    if not times:
+        table.need(TIME)
+    values, digits = table.read([*times, *keys])
+    rows = _filled_rows(table, values, [*times, *keys], len(times))
+    values, notes = values[rows], list[str]()
+    if len(rows) < len(table.lines):
+        left_out = several(len(table.lines) - len(rows), "row")
+        notes.append(f"{left_out} of {table.source} without positions: left out.")
+    clock, t, part = times[0], values[:, 0], values[:, len(times) - 1]
+    if len(times) == 2 and ((part >= 0) & (part < 1)).all():
+        # Nanoseconds since 1970 have more digits than a float: times begin in second 0.
+        clock, t = FRACTION, t - t[0] + part
+    values, digit = values[:, len(times) :], digits[times.index(clock)]
+    named = {x: [i for i, y in enumerate(keys) if y.kind == x] for x in QUANTITIES}
+
+    def place(name: str, i: int, j: int) -> str:
+        row, key = int(rows[i]), keys[named[name][j]] if name in named else times[0]
+        return f"{table.place(row, key)}: {show(table.cell(row, key))}"
+
+    refuse_far(t, place, lambda new: table.rename(new, table.columns[clock].title))
+    _ask_for_angles(table, keys, values)
+    _ask_for_times(table, clock, t, values[:, [x.kind == "q" for x in keys]])
+    last = last_digit([digit]) * table.columns[clock].factor
+    t, some, more = tidy_times(t, values, last, table.source)
+    values, rows = values[some], rows[some]
+    used = (t >= start) & (t <= end)
+    rows = rows[used]
+    refuse_samples(t[used], {x: values[used][:, of] for x, of in named.items() if of}, place)
+    if any("joint_states" in table.columns[x].title and x.joint.isdigit() for x in keys):
+        more += (
             "Joints of /joint_states are taken in the order of their numbers. Compare with the "
             "names in its messages, and rename columns with --columns where the order differs.",
         )
-    return JointSamples(t, values[rows], filled[rows], digit, digits[len(times) :], notes)
+    return TableSamples(t, values, last, digits[len(times) :], (*notes, *more))
 
 
-def _filled_rows(table: CsvTable, columns: Sequence[int]) -> IntArray:
-    """Rows with a cell in some columns, or without any but the time, as other topics have none."""
-    found = []
-    for i in range(len(table.lines)):
-        cells = table.cells(i)
-        others = [x for k, x in enumerate(cells[1:], start=1) if k not in columns]
-        if any(cells[k] for k in columns if k < len(cells)) or not any(others):
-            found.append(i)
-    return np.array(found, dtype=np.intp)
+def _filled_rows(
+    table: CsvTable[Key], values: FloatArray, keys: Sequence[Key], first: int
+) -> IntArray:
+    """Rows without those that have cells of other columns only, as rows of other topics.
+
+    Raises:
+        InvalidInput: Another cell is empty, or all rows are left out.
+    """
+    known = {table.columns[x].index for x in keys}
+    spare = [
+        i
+        for i in np.flatnonzero(np.isnan(values[:, first:]).all(axis=1)).tolist()
+        if any(x for k, x in enumerate(table.cells(i)) if k not in known)
+    ]
+    every = np.arange(len(values))
+    rows = every if len(spare) == len(every) else np.delete(every, spare)
+    empty = np.argwhere(np.isnan(values[rows]))
+    if len(empty):
+        table.refuse_cell(int(rows[empty[0, 0]]), keys[empty[0, 1]])
+    return rows
 
 
 def tidy_times(
@@ -228,131 +234,29 @@ def _even_step(t: FloatArray, digit: float) -> float | None:
     return None
 
 
-def match_joints(names: Sequence[str], wanted: Sequence[str], source: str) -> list[int] | None:
-    """Indices of the wanted joints by equal names, or by names with a prefix; None without.
-
-    Raises:
-        InvalidInput: Several names end with that of a joint.
-    """
-    if set(wanted) <= set(names):
-        return [names.index(x) for x in wanted]
-    found = []
-    for joint in wanted:
-        alike = [i for i, x in enumerate(names) if x == joint]
-        alike = alike or [i for i, x in enumerate(names) if _is_prefixed(x, joint)]
-        if len(alike) > 1:
-            other = names[alike[1]].removesuffix(joint)
-            raise InvalidInput(
-                f"{source}: {' and '.join(show(names[i]) for i in alike[:2])} both may be the "
-                f"joint {joint}: leave the other out with --columns '-=*{other}*'."
-            )
-        found += alike
-    return found if len(set(found)) == len(wanted) and wanted else None
-
-
-def describe_match(names: Sequence[str], wanted: Sequence[str], order: Sequence[int]) -> list[str]:
-    """A note on joints that were matched by names with a prefix; none for equal names."""
-    if not wanted or names[order[0]] == wanted[0]:
-        return []
-    return [
-        f"Joints are matched by the ends of their names, such as {names[order[0]]} = {wanted[0]}."
-    ]
-
-
-def _is_prefixed(long: str, short: str) -> bool:
-    """Whether one of two names is the other one with a prefix."""
-    if len(long) < len(short):
-        long, short = short, long
-    return not short.isdigit() and re.fullmatch(rf".*[_\W]{re.escape(short)}", long) is not None
-
-
-def _refuse_far(table: CsvTable, column: int, t: FloatArray) -> None:
-    """Refuse times that are too large to be seconds."""
-    row = find_far_time(t)
-    if row is not None:
-        name = table.names[column]
-        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if abs(t[row]) * y < LATEST), "ns")
-        raise InvalidInput(
-            f"{table.place(row)}: {table.cell(row, column)} is {t[row]:.3g} s, but times must stay "
-            f"within {LATEST:g} s: give the column its unit, such as --columns "
-            f"'t [{unit}]={name}'.",
-            index=row,
-        )
-
-
-def refuse_times(samples: JointSamples, columns: JointColumns) -> None:
-    """Refuse times that do not increase, or increase by too little.
-
-    Raises:
-        InvalidInput: As said; names the line.
-    """
-    i = find_short_step(samples.t)
-    if i is None:
-        return
-    table = columns.table
-    index = columns.known[TIME if TIME in columns.known else FRACTION].index
-    before, after = (table.cells(int(samples.rows[k]))[index] for k in (i - 1, i))
-    step = float(samples.t[i] - samples.t[i - 1])
-    raise InvalidInput(
-        f"{table.place(int(samples.rows[i]))}: {describe_short_step(before, after, step)} (column "
-        f"{table.names[index]!r}).",
-        index=int(samples.rows[i]),
-    )
-
-
-def refuse_large(
-    columns: JointColumns, samples: JointSamples, keys: Sequence[Key], quantities: Mapping[str, str]
-) -> None:
-    """Refuse joint values that no joint can have.
-
-    Raises:
-        InvalidInput: As said; names the line.
-    """
-    for kind in quantities:
-        of = [i for i, x in enumerate(keys) if x.kind == kind]
-        large = find_large(kind, samples.values[:, of]) if of else None
-        if large is not None:
-            i, k = large
-            row, key, table = int(samples.rows[i]), keys[of[k]], columns.table
-            raise InvalidInput(
-                f"{table.place(row)}: {table.cell(row, columns.known[key].index)} is "
-                f"{samples.values[i, of[k]]:.3g} {key.si}, but no {quantities[kind]} is above "
-                f"{LARGEST[kind]:g} {key.si}: correct the number, or give the column its unit, "
-                "such as q1 [deg].",
-                index=row,
-                joint=k,
-            )
-
-
-def _ask_for_angles(columns: JointColumns, keys: Sequence[Key], values: FloatArray) -> None:
-    """Ask for the unit of positions without one that are many turns.
-
-    Raises:
-        InvalidInput: There are such positions.
-    """
-    bare = [k for k, x in enumerate(keys) if x.kind == "q" and columns.known[x].unit is None]
+def _ask_for_angles(table: CsvTable[Key], keys: Sequence[Key], values: FloatArray) -> None:
+    """Ask for the unit of positions without one that are many turns."""
+    bare = [k for k, x in enumerate(keys) if x.kind == "q" and table.columns[x].unit is None]
     for k in bare:
         low, high = values[:, k].min(), values[:, k].max()
         if not WIDEST < max(-low, high) <= LARGEST["q"]:
             continue
-        every = dict.fromkeys(title_pattern(columns.known[keys[i]].title) for i in bare)
+        every = dict.fromkeys(title_pattern(table.columns[keys[i]].title) for i in bare)
         raise InvalidInput(
-            f"{columns.table.heading}: the column {show(columns.known[keys[k]].title)} has no "
-            f"unit, and its values from {low:.4g} to {high:.4g} would be up to "
+            f"{table.heading}: the column {show(table.columns[keys[k]].title)} has no unit, and "
+            f"its values from {low:.4g} to {high:.4g} would be up to "
             f"{max(-low, high) / (2 * math.pi):.3g} turns: name the unit, such as --columns "
             f"'{','.join(f'{x} [deg]={x}' for x in every)}' for degrees ([rad] for radians)."
         )
 
 
-def _ask_for_times(table: CsvTable, column: Column[Key], t: FloatArray, q: FloatArray) -> None:
-    """Ask for the unit of times without one at which joints would hardly move.
-
-    Raises:
-        InvalidInput: There are such times.
-    """
-    steps = np.diff(t)
-    usable: BoolArray = steps > 0
-    if not usable.any() or not q.shape[1] or np.median(steps[usable]) < (1 if len(t) >= FEW else 2):
+def _ask_for_times(table: CsvTable[Key], clock: Key, t: FloatArray, q: FloatArray) -> None:
+    """Ask for the unit of times without one at which joints would hardly move."""
+    steps, column = np.diff(t), table.columns[clock]
+    usable = steps > 0
+    if column.unit is not None or not usable.any() or not q.shape[1]:
+        return
+    if np.median(steps[usable]) < (1 if len(t) >= FEW else 2):
         return
     speed = float((np.abs(np.diff(q, axis=0)[usable]) / steps[usable][:, None]).max())
     if 0 < speed < SLOWEST:

@@ -1,4 +1,4 @@
-"""The table of names that columns of joint motion have, and the reader of one title."""
+"""The table of names that columns of motion have, and the reader of one title."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import NamedTuple
+
+from armcontour.io.csv_table import Title
 
 # Words of titles by their meaning, in the singular: names of PlotJuggler, ROS, controllers and
 # their clients (UR's RTDE, KUKA's RSI, ABB's EGM, libfranka), in English and German.
@@ -48,15 +50,22 @@ _CAPITALS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[^\W\d_A-Z]+")
 _PARTS = re.compile(r"[/.:|]+")
 # Angles of a tool, if no other word is in the title; wrist_roll is a joint.
 TOOL_ANGLES = ("roll", "pitch", "yaw", "a", "b", "c")
+# Axes of the tool's positions, words that may be with the axis, and units that end a title.
+AXES = ("x", "y", "z")
+TOOL_WORDS = ("tool", "tcp", "actual", "measured", "position", "pos")
+LENGTHS = ("m", "mm", "um", "cm")
 # Longest number of a joint.
 MOST_DIGITS = 9
+# SI units of the kinds of columns.
+SI = {"t": "s", "fraction": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
 
 
 class Key(NamedTuple):
-    """What a column of joint motion holds.
+    """What a column of motion holds.
 
     Args:
-        kind: "t", "fraction" (of the second, in a column of its own), "q", "dq" or "ddq".
+        kind: "t", "fraction" (of the second, in a column of its own), "q", "dq" or "ddq"; "x", "y"
+            or "z" of the tool.
         role: "command" or "measured"; empty for times.
         joint: Number of the joint as in the file, or its name; empty for times.
     """
@@ -65,28 +74,18 @@ class Key(NamedTuple):
     role: str = ""
     joint: str = ""
 
+    def __str__(self) -> str:
+        """A title of the column, for messages."""
+        return f"{self.kind}{self.joint}"
+
     @property
     def si(self) -> str:
         """The SI unit."""
-        return {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}.get(self.kind, "s")
+        return SI.get(self.kind, "m")
 
 
 TIME = Key("t")
 FRACTION = Key("fraction")
-
-
-class Title(NamedTuple):
-    """The content of a column by its title, as `read_titles` takes it.
-
-    Args:
-        key: What the column holds.
-        unit: The unit in the name; None without one.
-        rank: Of two columns with one key, the one of the lower rank is used.
-    """
-
-    key: Key
-    unit: str | None
-    rank: int = 0
 
 
 class _Word(NamedTuple):
@@ -97,7 +96,9 @@ class _Word(NamedTuple):
     link: str
 
 
-def read_joint_title(name: str, has_unit: bool, joint_names: Sequence[str] = ()) -> Title | None:
+def read_joint_title(
+    name: str, has_unit: bool, joint_names: Sequence[str] = ()
+) -> Title[Key] | None:
     """Read a title without its unit in brackets; None if it is no time and no joint motion.
 
     Args:
@@ -131,13 +132,25 @@ def read_joint_title(name: str, has_unit: bool, joint_names: Sequence[str] = ())
     if not joint:
         joint = _joint(parts) if kind or roles else ""
     if not joint and kind == "q":
-        return Title(Key("q", roles[-1] if roles else "measured", "1"), unit, 2)
+        return Title(Key("q", roles[-1] if roles else "measured", "1"), "rad", unit, 2)
     of_tool = not (kind or named) and joint.lower() in TOOL_ANGLES
     if not joint or of_tool or (joint.isdigit() and len(joint) > MOST_DIGITS):
         return None
     # Motors are no joints, and the state of a drive is preferred to the copy of a command.
     rank = (roles.count("command") > 1) + any(x.text.lower() == "theta" for x in words)
-    return Title(Key(kind or "q", roles[-1] if roles else "measured", joint), unit, rank)
+    key = Key(kind or "q", roles[-1] if roles else "measured", joint)
+    return Title(key, key.si, unit, rank)
+
+
+def read_tool_title(name: str, has_unit: bool) -> Title[Key] | None:
+    """Read a title without its unit in brackets; None if it is no time and no axis of the tool."""
+    words = [x.lower() for x in _RUN.findall(name)]
+    unit = words.pop() if not has_unit and len(words) > 1 and words[-1] in LENGTHS else None
+    axis = [x for x in words if x not in TOOL_WORDS]
+    if len(axis) == 1 and axis[0] in AXES:
+        return Title(Key(axis[0]), "m", unit)
+    title = read_joint_title(name, has_unit)
+    return title if title is not None and title.key in (TIME, FRACTION) else None
 
 
 def _take_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
@@ -162,14 +175,15 @@ def _are_numbers(joint_names: tuple[str, ...]) -> bool:
     return numbers == [str(k) for k in range(1, len(numbers) + 1)]
 
 
-def _time(words: Sequence[_Word], unit: str | None) -> Title | None:
+def _time(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
     """The title of a time, or of the nanoseconds or microseconds of a time in two columns."""
     if not {x.meaning for x in words} <= {"t", "fraction", "topic", "q", "measured"}:
         return None
     for x in words:
         if x.meaning == "fraction":
-            return Title(FRACTION, "ns" if x.text.lower().startswith("n") else "us", len(words))
-    return Title(TIME, unit, len(words) - 1)
+            unit = "ns" if x.text.lower().startswith("n") else "us"
+            return Title(FRACTION, "s", unit, len(words))
+    return Title(TIME, "s", unit, len(words) - 1)
 
 
 def _joint(parts: Sequence[Sequence[_Word]]) -> str:

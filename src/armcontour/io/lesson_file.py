@@ -6,13 +6,11 @@ import dataclasses
 import io
 import json
 import zipfile
-from math import isfinite
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
 from armcontour._files import LARGE, read_bytes
 from armcontour._version import __version__
 from armcontour.errors import InvalidInput
@@ -25,18 +23,8 @@ VERSION = 3
 # Plan and command limits are made again from the job, and the model of the response from the plan.
 LEFT_OUT = ("trajectory", "runs", "lifted", "servo", "misfits", "command_limits", "limit_cost")
 RUN = "run {}: {}"
-# Types of values that are no arrays, by the annotations of their fields.
-KINDS: dict[Any, tuple[type, ...]] = {
-    "Time": (float, int),
-    "float": (float, int),
-    "float | None": (float, int, type(None)),
-    "FloatArray | None": (type(None),),
-    "int": (int,),
-    "bool": (bool,),
-    "str": (str,),
-}
-# The first moment that a zip file can name, so that equal lessons are equal files.
-MOMENT = (1980, 1, 1, 0, 0, 0)
+# Entry with everything that is no array.
+ABOUT = "about.json"
 
 
 def write_lesson(file: FilePath, lesson: Lesson) -> None:
@@ -64,12 +52,11 @@ def write_lesson(file: FilePath, lesson: Lesson) -> None:
         "misfits": lesson.misfits,
         "runs": runs,
     }
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as target:
-        target.writestr(_entry("about.json"), json.dumps(about, indent=1))
-        for name, values in arrays.items():
-            content = io.BytesIO()
-            np.lib.format.write_array(content, np.ascontiguousarray(values), allow_pickle=False)
-            target.writestr(_entry(f"{name}.npy"), content.getvalue())
+    # Equal lessons are equal files: neither numpy nor ZipInfo writes the present time.
+    with file.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)
+    with zipfile.ZipFile(file, "a") as target:
+        target.writestr(zipfile.ZipInfo(ABOUT), json.dumps(about, indent=1), zipfile.ZIP_DEFLATED)
 
 
 def read_lesson(file: FilePath, plan: Trajectory) -> Lesson:
@@ -84,34 +71,30 @@ def read_lesson(file: FilePath, plan: Trajectory) -> Lesson:
     """
     content = read_bytes(file, "file of learning")
     try:
-        with zipfile.ZipFile(io.BytesIO(content)) as source:
-            if sum(x.file_size for x in source.infolist()) > LARGE:
+        with np.load(io.BytesIO(content), allow_pickle=False) as source:
+            if sum(x.file_size for x in source.zip.infolist()) > LARGE:
                 raise ValueError("its content is too large")
-            about = json.loads(source.read("about.json"))
+            about = json.loads(source[ABOUT])
             if about["version"] != VERSION:
                 raise InvalidInput(
                     f"it is of version {about['version']} of such files, by armcontour "
                     f"{about['armcontour']}, and armcontour {__version__} reads version {VERSION}: "
                     "learn with that one, or begin again with the taught data of the job."
                 )
-            arrays = {
-                x.filename.removesuffix(".npy"): _read_array(source.read(x))
-                for x in source.infolist()
-                if x.filename.endswith(".npy")
-            }
-        runs = tuple(
-            LearnedRun(**_checked(LearnedRun, plain), **_arrays_of(number, arrays))
-            for number, plain in enumerate(about["runs"], start=1)
-        )
-        own: dict[str, Any] = {name: values for name, values in arrays.items() if ": " not in name}
-        before, after = (float(x) for x in about["misfits"])
+            arrays: dict[str, Any] = {x: source[x] for x in source.files if x != ABOUT}
+        runs = []
+        for number, plain in enumerate(about["runs"], start=1):
+            start = RUN.format(number, "")
+            own = {x.removeprefix(start): y for x, y in arrays.items() if x.startswith(start)}
+            runs.append(LearnedRun(**plain, **own))
+        before, after = about["misfits"]
         return Lesson(
             trajectory=plan,
-            runs=runs,
+            runs=tuple(runs),
             servo=ServoModel(**about["servo"]),
             misfits=(before, after),
-            **_checked(Lesson, about["lesson"]),
-            **own,
+            **about["lesson"],
+            **{x: y for x, y in arrays.items() if ": " not in x},
         )
     except InvalidInput as error:
         raise error.at(str(file)) from None
@@ -125,40 +108,10 @@ def read_lesson(file: FilePath, plan: Trajectory) -> Lesson:
 
 def _split(
     value: Lesson | LearnedRun, left_out: tuple[str, ...] = ()
-) -> tuple[dict[str, FloatArray], dict[str, Any]]:
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """The fields of a dataclass that are arrays, and those that are numbers or text."""
     named = {
         x.name: getattr(value, x.name) for x in dataclasses.fields(value) if x.name not in left_out
     }
     arrays = {name: x for name, x in named.items() if isinstance(x, np.ndarray)}
     return arrays, {name: x for name, x in named.items() if name not in arrays}
-
-
-def _checked(of: type, values: dict[str, Any]) -> dict[str, Any]:
-    """Values of fields, which must be of the types of the fields."""
-    known = {x.name: KINDS[x.type] for x in dataclasses.fields(of) if x.type in KINDS}
-    for name, value in values.items():
-        if not isinstance(value, known[name]) or (isinstance(value, float) and not isfinite(value)):
-            raise ValueError(f"{name} is {value!r}")
-    return values
-
-
-def _entry(name: str) -> zipfile.ZipInfo:
-    """A compressed entry of a zip file."""
-    entry = zipfile.ZipInfo(name, MOMENT)
-    entry.compress_type = zipfile.ZIP_DEFLATED
-    return entry
-
-
-def _read_array(content: bytes) -> FloatArray:
-    """A finite array of doubles."""
-    found = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
-    if found.dtype != np.float64 or not np.isfinite(found).all():
-        raise ValueError("an array is not of finite doubles")
-    return np.asarray(found)
-
-
-def _arrays_of(number: int, arrays: dict[str, FloatArray]) -> dict[str, Any]:
-    """The arrays of one run by their names."""
-    start = RUN.format(number, "")
-    return {x.removeprefix(start): y for x, y in arrays.items() if x.startswith(start)}

@@ -1,39 +1,33 @@
-"""Read logs of commanded and measured joint positions: CSV, and bags of ROS."""
+"""Read logs of commanded and measured positions: CSV, and bags of ROS; positions of the tool."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armcontour import _checks
-from armcontour._describing import several
-from armcontour._files import LARGE, read_text
+from armcontour._checks import FloatArray
 from armcontour._text import list_some, show
 from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
-from armcontour.io.joint_table import (
-    JointColumns,
-    describe_match,
-    match_joints,
-    read_joint_columns,
-    read_joint_samples,
-)
-from armcontour.io.joint_titles import Key
+from armcontour.io.csv_table import MOST_NAMED, CsvTable, read_table
+from armcontour.io.joint_table import TrajectoryFile, joints_of, read_csv_text, read_samples
+from armcontour.io.joint_titles import AXES, Key, read_joint_title, read_tool_title
 from armcontour.io.ros_files import is_ros_file, read_ros_log
 from armcontour.motion.log import INTERPOLATIONS, Log, cut
+from armcontour.motion.log_checks import arrange
 
 if TYPE_CHECKING:
     from armcontour.learning import Recording
 
 EXAMPLE = "t,u1,q1,u2,q2 or t [s],command 1 [deg],measured 1 [deg]"
-# Titles that one message lists.
-MOST_NAMED = 8
-_INTERPOLATION = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)\s*", re.IGNORECASE)
+_INTERPOLATION = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)", re.IGNORECASE)
 BOTH = ("command", "measured")
 
 
@@ -73,55 +67,7 @@ def read_log(
     Raises:
         InvalidInput: A file of another form, or samples that `Log` refuses; names file and line.
     """
-    place = _checks.read_place("read_log", file)
-    if is_ros_file(place):
-        found = read_ros_log(place, topic, columns)
-        return cut(
-            found.t, found.arrays["command"], found.arrays["q"], start, end, found.names,
-            source=place.name, unwrap=unwrap, notes=found.notes,
-        )  # fmt: skip
-    if topic is not None:
-        raise InvalidInput(f"{place.name} is CSV, which has no topics: leave --topic out.")
-    text = read_text(file, "log", most=LARGE, latin=True)
-    return parse_log(
-        text, source=place.name, start=start, end=end, unwrap=unwrap, columns=columns
-    )  # fmt: skip
-
-
-def parse_log(
-    text: str,
-    *,
-    source: str = "log",
-    start: float = -math.inf,
-    end: float = math.inf,
-    unwrap: bool = False,
-    columns: str | None = None,
-) -> Log:
-    """Read a log from CSV text; see `read_log`.
-
-    Raises:
-        InvalidInput: As in `read_log`.
-    """
-    found = read_joint_columns(text, source, columns)
-    return _log(found, text, start=start, end=end, unwrap=unwrap)[0]
-
-
-def _log(found: JointColumns, text: str, **window: Any) -> tuple[Log, list[str]]:
-    """The log of joints with a command and a measured position, and their names in the table."""
-    joints, notes = _pair(found)
-    samples = read_joint_samples(found, [Key("q", role, x) for role in BOTH for x in joints])
-    command, measured = np.hsplit(samples.values, 2)
-    log = cut(
-        samples.t,
-        command,
-        measured,
-        joint_names=[f"joint {x}" if x.isdigit() else x for x in joints],
-        interpolation=_find_interpolation(text.splitlines()),
-        source=found.table.source,
-        notes=(*notes, *samples.notes),
-        **window,
-    )
-    return log, joints
+    return _read(_checks.read_place("read_log", file), (), start, end, unwrap, columns, topic)[0]
 
 
 def read_run_log(
@@ -151,102 +97,138 @@ def read_run_log(
     Raises:
         InvalidInput: As in `read_log`.
     """
-    place = FilePath(file)
-    if not is_ros_file(place) and topic is None:
-        text = read_text(file, "log", most=LARGE, latin=True)
-        found = read_joint_columns(text, place.name, columns, joint_names)
-        if found.joints("q", "measured") and not found.joints("q", "command"):
-            return _read_positions(found, joint_names, start, end, unwrap)
-        log, joints = _log(found, text, start=start, end=end, unwrap=unwrap)
-    else:
-        log = read_log(file, start=start, end=end, unwrap=unwrap, columns=columns, topic=topic)
-        joints = list(log.joint_names)
-    order, matched = _arm_order(joints, joint_names, log.source, log.notes)
-    return Log(
-        t=log.t,
-        command=log.command[:, order],
-        measured=log.measured[:, order],
-        joint_names=tuple(log.joint_names[i] for i in order),
-        interpolation=log.interpolation,
-        source=log.source,
-        notes=(*log.notes, *matched),
-    )
-
-
-def _read_positions(
-    found: JointColumns, joint_names: Sequence[str], start: float, end: float, unwrap: bool
-) -> Recording:
-    """Measured positions of a log without commands."""
     from armcontour.learning import Recording
 
-    source, joints = found.table.source, found.joints("q", "measured")
-    samples = read_joint_samples(found, [Key("q", "measured", x) for x in joints])
-    q = samples.values
-    # A log refuses wrapped angles and numbers that no joint has.
-    log = cut(samples.t, q, q, start, end, joints, source=source, unwrap=unwrap)
-    order, matched = _arm_order(joints, joint_names, source)
-    notes = (*samples.notes, *matched)
-    return Recording(t=log.t, q=log.measured[:, order], source=source, notes=notes)
+    log, commanded = _read(FilePath(file), joint_names, start, end, unwrap, columns, topic)
+    log = arrange(log, joint_names)
+    if commanded:
+        return log
+    return Recording(t=log.t, q=log.measured, source=log.source, notes=log.notes)
 
 
-def _arm_order(
-    own: Sequence[str], joint_names: Sequence[str], source: str, notes: Sequence[str] = ()
-) -> tuple[list[int], list[str]]:
-    """Where the joints of an arm are among those of a log, all in their order if names differ.
+def _read(
+    file: FilePath,
+    joint_names: Sequence[str],
+    start: float,
+    end: float,
+    unwrap: bool,
+    columns: str | None,
+    topic: str | None,
+) -> tuple[Log, bool]:
+    """The log in a file, and whether it has commands; else they are the measured positions.
 
-    Raises:
-        InvalidInput: Names differ, and there are more or fewer joints.
+    Logs without commands are refused if no names of joints are given.
     """
-    order = match_joints(own, joint_names, source)
-    if order is not None:
-        return order, describe_match(own, joint_names, order)
-    if len(own) != len(joint_names):
-        raise InvalidInput(
-            f"{source} has {several(len(own), 'joint')} ({list_some(own, MOST_NAMED)}), but the "
-            f"arm has {len(joint_names)} ({list_some(joint_names, MOST_NAMED)}). "
-            f"{' '.join(notes) or 'Name its columns with --columns.'}"
+    if is_ros_file(file):
+        found, interpolation = read_ros_log(file, topic, columns), None
+    else:
+        table = read_table(
+            read_csv_text(file, "log", topic),
+            file.name,
+            partial(read_joint_title, joint_names=joint_names),
+            example=EXAMPLE,
+            columns=columns,
+            option="--columns",
         )
-    return list(range(len(own))), []
+        found = _joint_motion(table, start, end, positions=bool(joint_names))
+        interpolation = _find_interpolation(table.comments)
+    log = cut(
+        found.t,
+        found.q if found.command is None else found.command,
+        found.q,
+        start,
+        end,
+        [f"joint {x}" if x.isdigit() else x for x in found.joints],
+        interpolation=interpolation,
+        source=found.source,
+        unwrap=unwrap,
+        notes=found.notes,
+    )
+    return log, found.command is not None
 
 
-def _find_interpolation(lines: Sequence[str]) -> str | None:
-    """The interpolation that a comment gives; None without such a comment."""
-    for line in lines:
-        match = _INTERPOLATION.fullmatch(line.strip())
-        if match and match["what"].lower() in INTERPOLATIONS:
-            return str(match["what"].lower())
-    return None
-
-
-def _pair(found: JointColumns) -> tuple[list[str], list[str]]:
-    """Names of the joints with a command and a measured position, and notes on the others.
+def _joint_motion(
+    table: CsvTable[Key], start: float, end: float, *, positions: bool
+) -> TrajectoryFile:
+    """Commands and measured positions; with `positions` also measured positions alone.
 
     Raises:
         InvalidInput: No joint has both.
     """
-    where = found.table.heading
-    joints = {role: found.joints("q", role) for role in BOTH}
+    joints = {role: joints_of(table, "q", role) for role in BOTH}
+    if positions and joints["measured"] and not joints["command"]:
+        roles, (names, notes) = ["measured"], (joints["measured"], list[str]())
+    else:
+        roles, (names, notes) = list(BOTH), _pair(table, joints)
+    samples = read_samples(table, [Key("q", x, y) for x in roles for y in names], start, end)
+    *command, q = np.hsplit(samples.values, len(roles))
+    return TrajectoryFile(
+        source=table.source,
+        t=samples.t,
+        q=q,
+        command=command[0] if command else None,
+        joints=tuple(names),
+        notes=(*notes, *samples.notes),
+    )
+
+
+def _find_interpolation(comments: Iterable[str]) -> str | None:
+    """The interpolation that a comment gives; None without such a comment."""
+    found = (match["what"].lower() for x in comments if (match := _INTERPOLATION.fullmatch(x)))
+    return next((x for x in found if x in INTERPOLATIONS), None)
+
+
+def _pair(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str], list[str]]:
+    """Names of the joints with a command and a measured position, and notes on the others."""
     pairs = [x for x in joints["measured"] if x in joints["command"]]
     if not any(joints.values()):
         raise InvalidInput(
-            f"{where}: there is no command and no measured position: name the columns such as "
-            f"{EXAMPLE}, also with --columns 'u#=COMMAND_#,q#=MEASURED_#'."
+            f"{table.heading}: there is no command and no measured position: name the columns such "
+            f"as {EXAMPLE}, also with --columns 'u#=COMMAND_#,q#=MEASURED_#'."
         )
-    single = [key for key in found.known if key.kind == "q" and key.joint not in pairs]
+    single = [key for key in table.columns if key.kind == "q" and key.joint not in pairs]
     if not pairs:
         key = single[0]
         other, letter = ("measured", "q") if key.role == "command" else ("command", "u")
         raise InvalidInput(
-            f"{where}: the column {show(found.known[key].title)} has no {other} column for the "
-            f"same joint: name one such as {letter}{'' if key.joint.isdigit() else '_'}{key.joint},"
-            f" also with --columns '{letter}#=NAME_#'."
+            f"{table.heading}: the column {show(table.columns[key].title)} has no {other} column "
+            f"for the same joint: name one such as {letter}{'' if key.joint.isdigit() else '_'}"
+            f"{key.joint}, also with --columns '{letter}#=NAME_#'."
         )
     notes = []
-    for role, other in (("command", "measured"), ("measured", "command")):
-        titles = [show(found.known[x].title) for x in single if x.role == role]
+    for role, other in (BOTH, BOTH[::-1]):
+        titles = [show(table.columns[x].title) for x in single if x.role == role]
         if titles:
             notes.append(
-                f"{list_some(titles, MOST_NAMED)} of {found.table.source} "
+                f"{list_some(titles, MOST_NAMED)} of {table.source} "
                 f"{'has' if len(titles) == 1 else 'have'} no {other} column: left out."
             )
     return pairs, notes
+
+
+def read_tool_positions(file: str | FilePath, dimension: int) -> tuple[FloatArray, FloatArray]:
+    """Read positions of the tool over time from a CSV file, as a tracker measured them.
+
+    The first line names the columns: `t`, `x`, `y` and, of a tool in space, `z`, also as
+    `tool x` or `tcp_x`. Units are SI unless in brackets or a suffix: `t [ms]`, `x [mm]`, `x_mm`.
+    Other columns are left out. Positions are those of the tool point in the frame of the job's
+    path. Times, separators and comments are as in `read_log`.
+
+    Args:
+        file: The file.
+        dimension: Number of coordinates, 2 or 3.
+
+    Returns:
+        Times [s], (n,), and positions [m], (n, dimension).
+
+    Raises:
+        InvalidInput: A file of another form; names file and line.
+    """
+    axes = AXES[:dimension]
+    example = f"t,{','.join(axes)} or t [ms],{','.join(f'{x} [mm]' for x in axes)}"
+    text = read_csv_text(file, "file of tool positions")
+    table = read_table(text, FilePath(file).name, read_tool_title, example=example)
+    keys = [Key(x) for x in axes]
+    table.need(*keys)
+    samples = read_samples(table, keys)
+    return samples.t, samples.values

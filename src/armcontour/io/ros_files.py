@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from itertools import islice
@@ -20,8 +19,9 @@ from armcontour._checks import FloatArray
 from armcontour._files import LARGE, MEGABYTE, SMALL, read_text
 from armcontour._text import plain_number, show
 from armcontour.errors import InvalidInput
-from armcontour.io.joint_table import describe_match, match_joints, tidy_times
-from armcontour.io.number_table import Digits, last_digit, rename
+from armcontour.io.csv_table import Digits, last_digit, rename
+from armcontour.io.joint_table import TrajectoryFile, tidy_times
+from armcontour.motion.log_checks import describe_match, match_joints
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 # Goals of actions as ROS 1 and 2 record them.
@@ -53,25 +53,6 @@ _rosbags = threading.Lock()
 NANOSECOND = 1e-9
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RosMotion:
-    """Joint motion from a file of ROS.
-
-    Args:
-        names: Names of the joints.
-        t: Times [s], (n,): from the start of a trajectory, or from the first message on.
-        arrays: "q" [rad], and "dq", "ddq" or "command" where the file has them, (n, dof) each.
-        digit: Value of the last printed digit of each array; zero where numbers are binary.
-        notes: What was recognised.
-    """
-
-    names: tuple[str, ...]
-    t: FloatArray
-    arrays: dict[str, FloatArray]
-    digit: dict[str, float]
-    notes: tuple[str, ...] = ()
-
-
 def is_ros_file(file: str | FilePath) -> bool:
     """Whether a file or folder is one of ROS, by its name."""
     place = FilePath(file)
@@ -80,7 +61,7 @@ def is_ros_file(file: str | FilePath) -> bool:
 
 def read_ros_motion(
     file: FilePath, joint_names: Sequence[str], topic: str | None, names: str | None = None
-) -> RosMotion:
+) -> TrajectoryFile:
     """Read the motion of some joints.
 
     Args:
@@ -149,20 +130,22 @@ def _tidy(
     arrays: dict[str, FloatArray],
     names: Sequence[str],
     notes: Sequence[str],
-) -> RosMotion:
+) -> TrajectoryFile:
     """The motion of messages with stamps, without repeated messages."""
     values = np.concatenate(list(arrays.values()), axis=1)
     t, rows, more = tidy_times(_times([_stamp(x) for x in messages]), values, NANOSECOND, source)
-    return RosMotion(
-        names=tuple(names),
+    tidied: dict[str, Any] = {key: x[rows] for key, x in arrays.items()}
+    return TrajectoryFile(
+        source=source,
+        joints=tuple(names),
         t=t,
-        arrays={key: x[rows] for key, x in arrays.items()},
-        digit={},
+        **tidied,
+        resolution={"t": NANOSECOND},
         notes=(*notes, *more),
     )
 
 
-def read_ros_log(file: FilePath, topic: str | None, names: str | None = None) -> RosMotion:
+def read_ros_log(file: FilePath, topic: str | None, names: str | None = None) -> TrajectoryFile:
     """Read commands and measured positions from the state of a controller in a bag.
 
     Args:
@@ -193,7 +176,7 @@ def _read_yaml(
     file: FilePath,
     joint_names: Sequence[str],
     called: Callable[[Sequence[str]], tuple[str, ...]],
-) -> RosMotion:
+) -> TrajectoryFile:
     """A JointTrajectory as it is exported, or as `ros2 topic echo` prints it or what has it.
 
     Raises:
@@ -296,20 +279,22 @@ def _join_points(
     joint_names: Sequence[str],
     *,
     printed: bool = False,
-) -> RosMotion:
+) -> TrajectoryFile:
     """The motion of the points of one trajectory."""
     if not points:
         raise InvalidInput(f"{source} has a trajectory without points.")
     wanted = tuple(joint_names) or tuple(names)
     order = _order(source, names, wanted)
     notes = tuple(describe_match(names, wanted, order))
-    arrays = _stack(source, points, [order] * len(points))
+    arrays: dict[str, Any] = _stack(source, points, [order] * len(points))
     times = [_duration(x) for x in points]
-    return RosMotion(
-        names=wanted,
+    digits = {x: _digit(values) for x, values in arrays.items()} if printed else {}
+    return TrajectoryFile(
+        source=source,
+        joints=wanted,
         t=np.array(times) * NANOSECOND,
-        arrays=arrays,
-        digit={x: _digit(values) for x, values in arrays.items()} if printed else {},
+        **arrays,
+        resolution={"t": NANOSECOND, **digits},
         notes=notes,
     )
 
@@ -317,8 +302,7 @@ def _join_points(
 def _digit(values: FloatArray) -> float:
     """Value of the last printed digit of numbers, as the shortest text of each has it."""
     found = Digits()
-    for value in values.ravel().tolist():
-        found.add(repr(value))
+    found.add([repr(x) for x in values.ravel().tolist()])
     return last_digit([found])
 
 

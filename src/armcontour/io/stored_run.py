@@ -12,7 +12,6 @@ import numpy as np
 
 from armcontour._files import read_text
 from armcontour._text import list_some
-from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.table import (
     Table,
@@ -22,8 +21,9 @@ from armcontour.io.exports.table import (
     regular_times,
     tabulate,
 )
+from armcontour.io.joint_table import TrajectoryFile
 from armcontour.io.results import SUMMARY, verify_file
-from armcontour.io.trajectory_file import TrajectoryFile, read_trajectory
+from armcontour.io.trajectory_file import read_trajectory
 from armcontour.motion import Samples, TimedEvent
 
 # Times this near to each other are the same, in command intervals: they are printed with 12 digits.
@@ -54,10 +54,11 @@ class StoredRun:
     analog: tuple[str, ...] = ()
     plain: bool = False
 
-    def taught(
-        self, *, arm: Arm | None = None, derivatives: int = 2, tool_motion: bool = False
-    ) -> Table:
-        """The table of the set-points; options as in `make_table`.
+    def taught(self, **options: Any) -> Table:
+        """The table of the set-points.
+
+        Args:
+            options: `arm`, `derivatives` and `tool_motion`, as in `make_table`.
 
         Raises:
             InvalidInput: The file is missing or was changed, or as in `make_table`.
@@ -65,33 +66,22 @@ class StoredRun:
         found = self._read("taught.csv")
         start = float(found.t[0])
         return tabulate(
-            self._set_points(found, derivatives),
+            self._set_points(found, options.get("derivatives", 2)),
             name=f"{self.title} taught",
             period=self.period,
             events=tuple(x.shifted(-start) for x in self.events),
             start_time=start,
-            arm=arm,
             joint_names=self.joint_names,
-            derivatives=derivatives,
-            tool_motion=tool_motion,
+            **options,
         )
 
-    def reference(
-        self,
-        period: float | None = None,
-        *,
-        arm: Arm | None = None,
-        derivatives: int = 2,
-        tool_motion: bool = False,
-    ) -> Table:
-        """The table of the plan, every `period`; options as in `make_table`.
+    def reference(self, period: float | None = None, **options: Any) -> Table:
+        """The table of the plan, every `period`.
 
         Args:
             period: Time between samples [s], a whole multiple of the command interval, as the
                 result has no times between; the command interval by default.
-            arm: The arm.
-            derivatives: Highest derivative.
-            tool_motion: Whether the table has orientation and speed of the tool.
+            options: As in `taught`.
 
         Raises:
             InvalidInput: The file is missing or was changed, the period is no multiple or longer
@@ -118,10 +108,8 @@ class StoredRun:
             name=f"{self.title} reference",
             period=step,
             events=self.events,
-            arm=arm,
             joint_names=self.joint_names,
-            derivatives=derivatives,
-            tool_motion=tool_motion,
+            **options,
         )
 
     def _set_points(self, taught: TrajectoryFile, derivatives: int) -> Samples:

@@ -8,9 +8,10 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from armcontour.errors import InvalidInput
+from armcontour.io.joint_table import TrajectoryFile
 from armcontour.io.lesson_file import read_lesson
 from armcontour.io.results import verify_file
-from armcontour.io.trajectory_file import TrajectoryFile, read_trajectory
+from armcontour.io.trajectory_file import read_trajectory
 from armcontour.jobs import Job, RunResult
 from armcontour.learning import Lesson
 from armcontour.motion import TaughtData

@@ -80,11 +80,11 @@ def alternatives(
     notes = ((OTHER,) if traced.passed_over else ()) + _about_tool(job.arm)
     yield traced, notes
     cell, others = job.cell, list[str]()
-    if not _contours_clear(traced, cell):
-        other = _other_start(job, this, traced, cell, progress)
+    if (reached := _reach(traced, cell)) < np.inf:
+        other = _other_start(job, this, traced, reached, progress)
         if other is None:
             return
-        if not _contours_clear(other, cell):
+        if _reach(other, cell) < np.inf:
             # No rapid helps; the first contour of these that comes too near is refused.
             yield other, notes
             return
@@ -203,25 +203,16 @@ def _rapids_around(job: Job, this: Run, traced: Tracing, cell: Cell, progress: P
     return dataclasses.replace(traced, steps=tuple(steps))
 
 
-def _contours_clear(traced: Tracing, cell: Cell) -> bool:
-    """Whether all contours keep clear."""
-    return all(
-        cell.keeps(x.joint_path)
-        for x in traced.steps
-        if x.joint_path is not None and traced.is_contour(x)
-    )
-
-
 def _other_start(
-    job: Job, this: Run, traced: Tracing, cell: Cell, progress: Progress
+    job: Job, this: Run, traced: Tracing, reached: float, progress: Progress
 ) -> Tracing | None:
     """Joint paths from another start: the fastest whose contours keep clear, or those farthest.
 
-    None if no start gets farther than the joint paths that were tried first.
+    None if no start gets farther than the joint paths that were tried first, by `_reach`.
     """
     if job.start is not None or not isinstance(job.arm, SerialArm):
         return None
-    program, farthest, reached = traced.program, None, _reach(traced, cell)
+    program, farthest, cell = traced.program, None, job.cell
     first = next(x.path for x in program.moves if isinstance(x, Contour))
     bounds = this.limits.for_joints(job.arm.dof)
     for starts in _starts(job.arm.with_limits(bounds), first):
@@ -247,14 +238,15 @@ def _other_start(
 
 
 def _reach(traced: Tracing, cell: Cell) -> float:
-    """Number of contours that keep clear before one does not, and the share of that one."""
-    contours = [x for x in traced.steps if x.joint_path is not None and traced.is_contour(x)]
-    for k, x in enumerate(contours):
-        assert x.joint_path is not None
-        if not cell.keeps(x.joint_path):
-            near = cell.check(x.joint_path).too_near
-            first = near[0].first_time if near else None
-            return k + (first or 0.0) / x.joint_path.length
+    """Number of contours that keep clear before one does not, and the share of that one.
+
+    Infinite if all keep clear.
+    """
+    contours = [x.joint_path for x in traced.steps if traced.is_contour(x)]
+    for k, path in enumerate(x for x in contours if x is not None):
+        if not cell.keeps(path):
+            near = cell.check(path).too_near
+            return k + ((near and near[0].first_time) or 0.0) / path.length
     return np.inf
 
 

@@ -23,7 +23,7 @@ from armcontour._quantities import (
     Tolerance,
 )
 from armcontour.arms import Arm, Limits
-from armcontour.clearance import Cell, CellOnce
+from armcontour.clearance import Cell, cell_of
 from armcontour.compensation import CompensationOptions, InverseDynamics
 from armcontour.compensation.compensator import INVERSE
 from armcontour.core.fields import Checked
@@ -382,7 +382,6 @@ class Job(Checked):
     ignore_collisions: bool = False
     part: Frame = field(default_factory=Frame)
     program: Program = field(init=False)
-    _cell: CellOnce = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.plant_servo is None:
@@ -392,7 +391,6 @@ class Job(Checked):
     def _check_together(self) -> None:
         program = Program.of(self.path, "A job needs a Path or a Program")
         object.__setattr__(self, "program", program)
-        object.__setattr__(self, "_cell", CellOnce(self.arm, self.scene))
         for x in self.runs:
             with locate_errors(f"Run {x.name}"):
                 self.servo.refuse_too_fast(x.period)
@@ -442,12 +440,12 @@ class Job(Checked):
 
     @property
     def cell(self) -> Cell:
-        """The arm and what stands around it, ready for clearance; made at first use.
+        """The arm and what stands around it, ready for clearance.
 
         Raises:
             InvalidInput: As `check_clearance`.
         """
-        return self._cell.cell()
+        return cell_of(self.arm, self.scene)
 
 
 def find_run(job: Job, name: str) -> Run:

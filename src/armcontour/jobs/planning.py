@@ -118,7 +118,7 @@ def trace_one(
         limits = comparable(this.limits)
         if job.start is not None and not clear:
             limits = comparable(this.limits.joint_range(job.arm.dof))
-        made_of = path, *_arm_of(job), limits, job.scene, job.ignore_collisions
+        made_of = path, _arm_inputs(job), limits
         return prepared, reuse.get("tracing", made_of, lambda: trace_run(job, this, path, tell))
     except Unreachable as error:
         if brief:
@@ -176,7 +176,7 @@ def path_inputs(job: Job, this: Run) -> tuple[Any, ...]:
         comparable(job.process),
         *(this.rounding, this.continuity, this.transition_tolerance, this.until),
         this.limits.centripetal_acceleration,
-        (*_arm_of(job), comparable(this.limits), timing) if by_limits else None,
+        (_arm_inputs(job), comparable(this.limits), timing) if by_limits else None,
     )
 
 
@@ -187,9 +187,9 @@ def explain_plan(job: Job, trajectory: Trajectory, reuse: Reuse) -> Explanation 
     return reuse.get("explanation", trajectory, lambda: explain(trajectory, job.arm))
 
 
-def _arm_of(job: Job) -> tuple[Any, ...]:
-    """The arm and its configuration, comparable."""
-    return job.arm, job.branch, comparable(job.start)
+def _arm_inputs(job: Job) -> tuple[Any, ...]:
+    """All of the arm and its cell that joint paths depend on, comparable."""
+    return job.arm, job.branch, comparable(job.start), job.scene, job.ignore_collisions
 
 
 def _prepare(job: Job, this: Run) -> Program:

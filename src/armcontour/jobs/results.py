@@ -386,16 +386,13 @@ class RunResult(Planned, Result):
         return tuple(found)
 
     @property
-    def judge(self) -> RunResult | ExperimentResult:
-        """The result whose execution judges the run: that on rigid bodies, or that of the servo."""
-        if self.run.judge is not None and self.experiment is not None:
-            return self.experiment
-        return self
-
-    @property
     def judged(self) -> Evaluation | None:
-        """The evaluation that judges the run; None without a simulation."""
-        return self.judge.evaluation
+        """The evaluation that judges the run: that on rigid bodies, or that of the servo.
+
+        None without a simulation.
+        """
+        bodies = None if self.run.judge is None else self.experiment
+        return self.evaluation if bodies is None else bodies.evaluation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -550,7 +547,7 @@ def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[
         else:
             rows += [*_executed(result, result.evaluation), *_experiment(result)]
     named = {x.name: x for x in rows}
-    if result.judge is not result:
+    if result.judged is not result.evaluation:
         bodies = [x for x in named.values() if x.name.startswith(BODIES) and x.value is not None]
         named |= {name: replace(x, name=name) for x in bodies if (name := x.name[len(BODIES) :])}
     return tuple(named.values())

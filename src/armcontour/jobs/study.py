@@ -123,13 +123,16 @@ def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
     return teach(trajectory, job.servo, this.compensation, period=this.period, arm=job.arm)
 
 
-def execute_run(job: Job, taught: TaughtData) -> Execution:
-    """Simulate how the servo of the job's plant executes the set-points of a run.
+def execute_run(job: Job, taught: TaughtData, plant: RigidBodyPlant | None = None) -> Execution:
+    """Simulate how a plant executes the set-points of a run, by default the servo of the job.
 
     Raises:
         ExecutionError: The joints do not come to rest.
     """
-    return execute(taught, ServoPlant(job.arm, job.plant_servo), resolution=RESOLUTION)
+    if plant is None:
+        return execute(taught, ServoPlant(job.arm, job.plant_servo), resolution=RESOLUTION)
+    # The plant has no results between two cycles of the drives.
+    return execute(taught, plant, resolution=max(RESOLUTION, plant.step))
 
 
 def evaluate_run(this: Run, executed: Execution, path: Program, objective: Program) -> Evaluation:
@@ -174,14 +177,12 @@ def on_bodies(
     if plant is None:
         assert this.experiment is not None
         plant = build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
-    # The plant has no results between two cycles of the drives.
-    how: dict[str, Any] = {"resolution": max(RESOLUTION, plant.step)}
-    executed = execute(taught, plant, **how)
+    executed = execute_run(job, taught, plant)
     uncompensated = None
     if not isinstance(this.compensation, NoCompensation):
         plain = replace(this, compensation=NoCompensation())
         with suppress(ExecutionError):
-            done = execute(teach_run(job, plain, taught.trajectory), plant, **how)
+            done = execute_run(job, teach_run(job, plain, taught.trajectory), plant)
             uncompensated = evaluate(done, path, until=this.until)
     return ExperimentResult(
         plant=plant,

@@ -17,7 +17,7 @@ from armcontour.errors import InvalidInput
 from armcontour.learning.lesson import LearnedRun, Recording
 from armcontour.learning.lifted import Lifted, rms
 from armcontour.motion import TaughtData
-from armcontour.motion.misreading import find_misreading
+from armcontour.motion.log_checks import find_misreading
 
 # Largest difference between two clocks; more is another job, or another unit of time.
 WORST_RATE = 0.03

@@ -14,16 +14,7 @@ from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._describing import brief, clock, joint_rows, line_up, several
 from armcontour._quantities import Axes, Choice, Name, Quantity
-from armcontour._sampling import (
-    GAP,
-    LARGEST,
-    LATEST,
-    describe_bursts,
-    describe_short_step,
-    find_far_time,
-    find_large,
-    find_short_step,
-)
+from armcontour._sampling import GAP, LARGEST, describe_bursts, refuse_samples
 from armcontour._text import show
 from armcontour.core.fields import Checked
 from armcontour.core.render import number
@@ -87,9 +78,7 @@ class Log(Checked):
                 f"{self.source} needs {dof} different joint names, not {', '.join(names)}."
             )
         object.__setattr__(self, "joint_names", names)
-        self._clip_times()
-        for name in POSITIONS:
-            self._check_size(name)
+        refuse_samples(self.t, {x: getattr(self, x) for x in POSITIONS}, self._place)
         for j, name in product(range(dof), POSITIONS):
             self._check_turns(name, j)
 
@@ -167,38 +156,12 @@ class Log(Checked):
             )
         return _checks.lock_floats(np.ascontiguousarray(values))
 
-    def _clip_times(self) -> None:
-        i = find_far_time(self.t)
-        if i is not None:
-            raise InvalidInput(
-                f"{self.source}: sample {i + 1} is at t = {self.t[i]:.3g} s, but times must stay "
-                f"within {LATEST:g} s: give the column its unit, such as t [ms].",
-                index=i,
-                t=float(self.t[i]),
-            )
-        steps = np.diff(self.t)
-        i = find_short_step(self.t)
-        if i is not None:
-            before, after = (f"sample {k + 1} at {float(self.t[k])!r} s" for k in (i - 1, i))
-            raise InvalidInput(
-                f"{self.source}: {describe_short_step(before, after, float(steps[i - 1]))}.",
-                index=i,
-                t=float(self.t[i]),
-            )
-
-    def _check_size(self, name: str) -> None:
-        found = find_large("q", getattr(self, name))
-        if found is not None:
-            i, j = found
-            raise InvalidInput(
-                f"{self.source}: the {name} position of {self.joint_names[j]} is "
-                f"{getattr(self, name)[i, j]:.3g} rad at t = {clock(self.t[i])} s, but no joint "
-                f"position is above {LARGEST['q']:g} rad: mend the number, or give the column its "
-                "unit.",
-                index=i,
-                t=float(self.t[i]),
-                joint=j,
-            )
+    def _place(self, name: str, i: int, j: int) -> str:
+        """A time or a position, for messages."""
+        if name == "t":
+            return f"{self.source}: the time of sample {i + 1}"
+        at = f"at t = {clock(self.t[i])} s"
+        return f"{self.source}: the {name} position of {self.joint_names[j]} {at}"
 
     def _check_turns(self, name: str, j: int) -> None:
         values = getattr(self, name)[:, j]
@@ -326,7 +289,7 @@ def _used(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
 def _unwrapped(command: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Both without jumps of whole turns, starting in the same turn."""
     # Jumps of numbers that no joint has are refused by Log, not undone.
-    if any(find_large("q", x) is not None for x in (command, measured)):
+    if max(np.abs(x).max() for x in (command, measured)) > LARGEST["q"]:
         return command, measured
     command, measured = np.unwrap(command, axis=0), np.unwrap(measured, axis=0)
     return command, measured + 2 * math.pi * np.round((command[0] - measured[0]) / (2 * math.pi))

@@ -1,4 +1,4 @@
-"""Where lines and arcs in the plane cross each other.
+"""Offsets and crossings of lines and arcs in the plane, the core of kerfs and of G41 and G42.
 
 A table of pieces has a row for each line or arc; its columns are named below.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._checks import FloatArray, IntArray
 from armcontour._sampling import number_parts
 
 # Points nearer than this are one [m].
@@ -20,21 +20,59 @@ PAIRS = 200_000
 # Columns of a table of pieces: start x, y, unit tangent x, y, curvature, positive to the left,
 # and length.
 X, Y, TX, TY, CURVATURE, LENGTH = range(6)
-# Points in which two pieces meet, if both were continued: the middle between them, (n, 2), their
-# distance from it, (n,), its direction, (n, 2), and whether the pieces lie on one curve, (n,).
-_Meeting = tuple[FloatArray, FloatArray, FloatArray, BoolArray]
 
 
 def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
     """Points of pieces, or their tangents, at distances u from their starts, (n, 2)."""
     angle = pieces[:, CURVATURE] * u
     tangents = pieces[:, TX : TY + 1]
-    normals = _left(tangents)
+    normals = left_of(tangents)
     if order == 1:
         return np.asarray(np.cos(angle)[:, None] * tangents + np.sin(angle)[:, None] * normals)
     along = u * np.sinc(angle / np.pi)
     across = u * (angle / 2) * np.sinc(angle / (2 * np.pi)) ** 2
     return np.asarray(pieces[:, :2] + along[:, None] * tangents + across[:, None] * normals)
+
+
+def parallels(pieces: FloatArray, d: float) -> FloatArray:
+    """Pieces at a distance d to the left [m], (n, 6); arcs that turn inside out have lengths <= 0.
+
+    Arcs keep their centres.
+    """
+    moved, grown = pieces.copy(), 1 - pieces[:, CURVATURE] * d
+    moved[:, :2] += d * left_of(pieces[:, TX : TY + 1])
+    moved[:, CURVATURE] /= np.where(grown > 0, grown, 1.0)
+    moved[:, LENGTH] *= grown
+    return moved
+
+
+def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
+    """Angles from tangents to others, positive to the left [rad], (n,)."""
+    return np.asarray(np.arctan2(_cross(arriving, leaving), (arriving * leaving).sum(axis=1)))
+
+
+@np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
+def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lengths by which an inside corner shortens two pieces, up to where they cross [m], (n,) each.
+
+    Args:
+        before: The pieces that lead to the corners, (n, 6).
+        after: The pieces that lead away, (n, 6).
+
+    Returns:
+        The lengths, of the crossing nearest to the end of the first piece; NaN if none follows the
+        start of the second one. They may be longer than the pieces.
+    """
+    points = _common_points(before, after)
+    ahead = _places(after, points)
+    back = before[:, LENGTH, None] - _places(before, points)
+    whole = 2 * np.pi / np.abs(before[:, CURVATURE, None])
+    back = np.where(back < -SAME_PLACE, back + whole, back)
+    back = np.where((back >= -SAME_PLACE) & (ahead >= -SAME_PLACE), back, np.inf)
+    nearest = np.argmin(back, axis=1)[:, None]
+    back, ahead = (np.take_along_axis(x, nearest, axis=1)[:, 0] for x in (back, ahead))
+    there = np.isfinite(back)
+    return np.where(there, back, np.nan), np.where(there, ahead, np.nan)
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
@@ -71,7 +109,7 @@ def crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     return np.concatenate(which), np.concatenate(places)
 
 
-def _left(vectors: FloatArray) -> FloatArray:
+def left_of(vectors: FloatArray) -> FloatArray:
     """Vectors turned to the left by a right angle, (..., 2)."""
     return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
 
@@ -84,7 +122,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 def _circles(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Centres and radii of arcs [m], (n, 2) and (n,); not finite for lines."""
     radius = 1 / pieces[:, CURVATURE]
-    return pieces[:, :2] + radius[:, None] * _left(pieces[:, TX : TY + 1]), np.abs(radius)
+    return pieces[:, :2] + radius[:, None] * left_of(pieces[:, TX : TY + 1]), np.abs(radius)
 
 
 def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -120,57 +158,42 @@ def _places(pieces: FloatArray, points: FloatArray) -> FloatArray:
 def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     """Points that pieces have in common two by two if continued; ends where they run together.
 
+    A line or circle with curvature k and left normal n at its point 0 has k x.x / 2 = n.x at its
+    points x. The difference of two such equations is the straight line w.x = r. So neither centres
+    nor radii are needed, and nearly straight arcs lose no digits.
+
     Returns:
         The points, NaN where there are fewer than four, (n, 4, 2).
     """
-    bent = (a[:, CURVATURE] != 0).astype(int) + (b[:, CURVATURE] != 0)
-    # A line comes first.
-    turned = ((a[:, CURVATURE] != 0) & (b[:, CURVATURE] == 0))[:, None]
+    # The more curved one comes first.
+    turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
     a, b = np.where(turned, b, a), np.where(turned, a, b)
+    ka, kb = a[:, CURVATURE], b[:, CURVATURE]
+    na, nb = left_of(a[:, TX : TY + 1]), left_of(b[:, TX : TY + 1])
+    gap, ratio = b[:, :2] - a[:, :2], kb / np.where(ka == 0, 1.0, ka)
+    w = nb + kb[:, None] * gap - ratio[:, None] * na
+    r = kb * (gap * gap).sum(axis=1) / 2 + (nb * gap).sum(axis=1)
+    size = np.hypot(w[:, 0], w[:, 1])
+    foot, along = (r / size**2)[:, None] * w, left_of(w) / size[:, None]
+    slope = (na * along).sum(axis=1)
+    rest = ka * (foot * foot).sum(axis=1) / 2 - (na * foot).sum(axis=1)
+    # The points foot + s along with ka s² / 2 - slope s + rest = 0; touching ones miss by rounding.
+    inside = slope**2 - 2 * ka * rest
+    inside[inside < -2 * np.abs(ka) * SAME_PLACE / size] = np.nan
+    parallel = (ka == 0) & (np.abs(slope) < PARALLEL)
+    slope = np.where(parallel, np.nan, slope)
+    larger = slope + np.copysign(np.sqrt(np.maximum(inside, 0.0)), slope)
+    far = np.where(ka == 0, np.nan, larger / ka)
+    near = np.where(inside > 0, 2 * rest / larger, far)
     found = np.full((len(a), 4, 2), np.nan)
-    for arcs, meet in enumerate((_two_lines, _line_and_arc, _two_arcs)):
-        kind = np.flatnonzero(bent == arcs)
-        if not len(kind):
-            continue
-        middle, half, direction, together = meet(a[kind], b[kind])
-        apart = half[:, None] * direction
-        found[kind, 0], found[kind, 1] = middle + apart, middle - apart
-        same = kind[together]
-        ends = [x for p in (a[same], b[same]) for x in (p[:, :2], points_at(p, p[:, LENGTH]))]
-        found[same] = np.stack(ends, axis=1)
-    # Lines meet in one point.
-    found[(bent == 0) & np.isnan(found[:, 2, 0]), 1] = np.nan
+    for i, s in enumerate((near, far)):
+        found[:, i] = a[:, :2] + foot + s[:, None] * along
+    one_circle = (size <= np.abs(kb) * SAME_PLACE) & (
+        np.abs(1 / ka) - np.abs(1 / kb) >= -SAME_PLACE
+    )
+    together = np.where(ka == 0, parallel & (np.abs(rest) <= SAME_PLACE), one_circle)
+    ends = [x[together] for x in (a, b)]
+    found[together] = np.stack(
+        [y for x in ends for y in (x[:, :2], points_at(x, x[:, LENGTH]))], axis=1
+    )
     return found
-
-
-def _two_lines(a: FloatArray, b: FloatArray) -> _Meeting:
-    """The point in which two lines meet."""
-    along, gap = a[:, TX : TY + 1], b[:, :2] - a[:, :2]
-    sine = _cross(along, b[:, TX : TY + 1])
-    parallel = np.abs(sine) < PARALLEL
-    u = _cross(gap, b[:, TX : TY + 1]) / np.where(parallel, np.nan, sine)
-    together = parallel & (np.abs(_cross(along, gap)) <= SAME_PLACE)
-    return a[:, :2] + u[:, None] * along, np.zeros(len(a)), along, together
-
-
-def _line_and_arc(a: FloatArray, b: FloatArray) -> _Meeting:
-    """Points in which lines meet circles."""
-    (centers, r), tangents = _circles(b), a[:, TX : TY + 1]
-    gap = centers - a[:, :2]
-    along, across = (gap * tangents).sum(axis=1), _cross(tangents, gap)
-    half = np.sqrt(np.maximum((r - across) * (r + across), 0.0))
-    half[np.abs(across) > r + SAME_PLACE] = np.nan
-    return a[:, :2] + along[:, None] * tangents, half, tangents, np.zeros(len(a), np.bool_)
-
-
-def _two_arcs(a: FloatArray, b: FloatArray) -> _Meeting:
-    """Points in which circles meet."""
-    (ca, ra), (cb, rb) = _circles(a), _circles(b)
-    gap = cb - ca
-    d = np.hypot(gap[:, 0], gap[:, 1])
-    together = (d <= SAME_PLACE) & (np.abs(ra - rb) <= SAME_PLACE)
-    meet = (d > 0) & (d <= ra + rb + SAME_PLACE) & (d >= np.abs(ra - rb) - SAME_PLACE)
-    d = np.where(meet, d, np.nan)
-    along = (d * d + (ra - rb) * (ra + rb)) / (2 * d)
-    half = np.sqrt(np.maximum((ra - along) * (ra + along), 0.0))
-    return ca + (along / d)[:, None] * gap, half, _left(gap) / d[:, None], together

@@ -17,7 +17,7 @@ from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.orienting import tangent_rates
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program._crossings import LENGTH, crossings
-from armcontour.program.leads import WASTE, lead_path
+from armcontour.program.leads import lead_path
 from armcontour.program.moves import (
     Contour,
     Move,
@@ -36,7 +36,7 @@ from armcontour.program.offsetting import (
     crossing_owners,
     offset_segments,
 )
-from armcontour.program.process import Lead, Process
+from armcontour.program.process import WASTE, Lead, Process
 from armcontour.program.rounding import draw_with_arcs
 
 # Halvings in the search for the largest kerf that fits: a share of 0.0001 of what does not.

@@ -13,10 +13,6 @@ from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.orienting import tangent_rates
 from armcontour.geometry.segments import Segments
 
-SHAPES = ("line", "arc")
-SIDES = ("left", "right")
-# The scrap side: the side on which the material is thrown away.
-WASTE = "waste"
 # Angle of a quarter circle [rad].
 QUARTER = np.pi / 2
 # If the sine of the angle between tangent and `up` is below this, left and right are undefined.

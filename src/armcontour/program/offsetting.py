@@ -24,7 +24,10 @@ from armcontour.program._crossings import (
     TX,
     TY,
     crossings,
+    left_of,
+    parallels,
     points_at,
+    turns_between,
 )
 
 # By so much less than the offset a part may be away from the contour, by rounding [m]: points of
@@ -122,29 +125,14 @@ def _table(source: Segments, mirror: FloatArray) -> FloatArray:
 def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, IntArray]:
     """The offset segments to the left by d [m], with circles around vertices; and their rows."""
     n = len(table)
-    normals = np.column_stack([-table[:, TY], table[:, TX]])
-    grown = 1 - table[:, CURVATURE] * d
+    moved = parallels(table, d)
     # Arcs that the offset would turn inside out are nearer than d to themselves.
-    left = grown * table[:, LENGTH] > SAME_PLACE
-    moved = table.copy()
-    moved[:, :2] += d * normals
-    moved[left, CURVATURE] /= grown[left]
-    moved[:, LENGTH] *= grown
+    left = moved[:, LENGTH] > SAME_PLACE
     ends, leaving = points_at(table, table[:, LENGTH]), points_at(table, table[:, LENGTH], 1)
-    following = np.roll(table, -1, axis=0)
-    sine = leaving[:, 0] * following[:, TY] - leaving[:, 1] * following[:, TX]
-    cosine = leaving[:, 0] * following[:, TX] + leaving[:, 1] * following[:, TY]
-    turn = np.arctan2(sine, cosine)
+    turn = turns_between(leaving, np.roll(table, -1, axis=0)[:, TX : TY + 1])
     # A turn back has the contour on both sides.
     turn = np.where(turn > np.pi - SAME_PLACE, -np.pi, turn)
-    around = np.column_stack(
-        [
-            ends + d * np.column_stack([-leaving[:, 1], leaving[:, 0]]),
-            leaving,
-            np.full(n, -1 / d),
-            -turn * d,
-        ]
-    )
+    around = np.column_stack([ends + d * left_of(leaving), leaving, np.full(n, -1 / d), -turn * d])
     bent = around[:, LENGTH] > SAME_PLACE
     if not closed:
         bent[-1] = False

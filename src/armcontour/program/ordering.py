@@ -15,11 +15,8 @@ from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp, log, shortest
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import cut_path, join_paths
-from armcontour.geometry.near_points import nearest_points
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
-from armcontour.program.kerf import waste_sides
 from armcontour.program.moves import Contour, Event, Program, contour_called
-from armcontour.program.nesting import nest
 from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
 
 # What makes the contour of an option, and its first and last point [m], (2, dimension).
@@ -50,6 +47,9 @@ def direct_contours(program: Program, process: Process) -> Program:
     wanted = [process.of_layer(x.layer).direction if x.closed else DRAWN for x in contours]
     if all(x == DRAWN for x in wanted):
         return program
+    from armcontour.program.kerf import waste_sides
+    from armcontour.program.nesting import nest
+
     areas, sides = nest(contours, process.up).areas, waste_sides(contours, process)
     turned: dict[Contour, Contour] = {}
     for i, (x, how) in enumerate(zip(contours, wanted, strict=True)):
@@ -95,6 +95,8 @@ def order_contours(program: Program, process: Process) -> Program:
     contours = program.contours
     if len(contours) == 1:
         return program
+    from armcontour.program.nesting import nest
+
     inner_first = order == "inside_first" or process.cuts
     parents = nest(contours, process.up).parents if inner_first else np.full(len(contours), -1)
     if order == "inside_first":
@@ -113,6 +115,8 @@ def _with_warning(program: Program, process: Process) -> Program:
     contours = program.contours
     if not process.cuts or len(contours) == 1:
         return program
+    from armcontour.program.nesting import nest
+
     parents = nest(contours, process.up).parents
     late = [i for i, x in enumerate(parents.tolist()) if 0 <= x < i]
     if not late:
@@ -240,6 +244,8 @@ class _Choices:
 
     def _neighbours(self) -> IntArray:
         """The nearest contours of every contour, by their ends, (n, k)."""
+        from armcontour.geometry.near_points import nearest_points
+
         n = len(self.contours)
         k = min(NEIGHBOURS, n - 1)
         owners = np.repeat(np.arange(n), np.diff(self.first) * 2)

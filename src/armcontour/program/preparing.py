@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from armcontour.geometry import Demand, Path
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weaving import weave_seam
-from armcontour.program.kerf import LeadPlacement, apply_kerf
 from armcontour.program.moves import (
     Contour,
     Dwell,
@@ -35,6 +35,9 @@ from armcontour.program.moves import (
 )
 from armcontour.program.ordering import close_contour, direct_contours, order_contours
 from armcontour.program.process import MOST_TABS, Lead, Leads, Process, Switch, Tabs, Weave
+
+if TYPE_CHECKING:
+    from armcontour.program.kerf import LeadPlacement
 
 # Tag of the way from the height of a pierce.
 PIERCE = "pierce"
@@ -84,7 +87,11 @@ def prepare(
                 moves.append(Dwell(duration=process.tool_change))
         elif not (isinstance(x, Event) and switching.takes(x)):
             moves.append(x)
-    placement = LeadPlacement(drawn, process)
+    placement = None
+    if process.leads:
+        from armcontour.program.kerf import LeadPlacement
+
+        placement = LeadPlacement(drawn, process)
     program = dataclasses.replace(program, moves=tuple(moves))
     program, run_in = resume(program, process.from_s, keeps_lead=partial(_keeps_lead, process))
     given = 0 if lengths is None else len(lengths)
@@ -99,7 +106,7 @@ def prepare(
         leads = _lead_lengths(own, lengths, len(contours))
         contours.append(_add_leads(x, own, leads, run_in if not contours else None, placement, k))
     result = _link(program.moves, contours, process, rapids_away)
-    notes = (*program.notes, *placement.notes)
+    notes = (*program.notes, *(() if placement is None else placement.notes))
     if changes and process.tool_change is None:
         notes = (*notes, _untimed(changes))
     speed = process.rapid_speed
@@ -150,7 +157,12 @@ def arrange(program: Program, process: Process) -> Program:
         InvalidInput: A given order for a program with rapids, dwells or events, a direction for a
             contour with events, or a kerf that does not fit a contour.
     """
-    return order_contours(apply_kerf(direct_contours(program, process), process), process)
+    program = direct_contours(program, process)
+    if any(x.kerf for x in process.variants):
+        from armcontour.program.kerf import apply_kerf
+
+        program = apply_kerf(program, process)
+    return order_contours(program, process)
 
 
 def _pass_again(contour: Contour, passes: int) -> list[Contour]:
@@ -324,7 +336,7 @@ def _add_leads(
     process: Process,
     leads: Leads,
     run_in: Contour | None,
-    placement: LeadPlacement,
+    placement: LeadPlacement | None,
     number: int,
 ) -> Contour:
     """A contour with its leads.
@@ -334,7 +346,7 @@ def _add_leads(
         process: Requirements of the process.
         leads: Lengths of the leads.
         run_in: Part of the contour before `from_s`, which serves as lead-in if it is long enough.
-        placement: Where leads are laid.
+        placement: Where leads are laid; None without leads.
         number: Number of the contour there.
     """
     path, before = contour.path, 0.0
@@ -344,10 +356,11 @@ def _add_leads(
             end = run_in.path.length
             lead = cut_path(run_in.path, end - leads.before, end)
         else:
+            assert placement is not None
             lead = placement.lay(number, path, process.lead_in, leads.before, after=False)
         before = lead.length
         parts.insert(0, lead)
-    if process.lead_out is not None and leads.after > REPEATED_POINT:
+    if placement and process.lead_out is not None and leads.after > REPEATED_POINT:
         parts.append(placement.lay(number, path, process.lead_out, leads.after, after=True))
     if process.pierce is not None and process.pierce.height > REPEATED_POINT:
         # Rounding the corner at its end would cut the start of the contour off.

@@ -32,9 +32,12 @@ from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand
 from armcontour.geometry.weaving import SHAPES as WEAVES
-from armcontour.program.leads import SHAPES, SIDES, WASTE
 from armcontour.program.moves import Event, Value
 
+SHAPES = ("line", "arc")
+SIDES = ("left", "right")
+# The scrap side: the side on which the material is thrown away.
+WASTE = "waste"
 UP = _checks.lock_floats([0.0, 0.0, 1.0])
 NO_LAYERS: Mapping[str, Demand] = MappingProxyType({})
 # Values of a layer for null, where the process has no None.

@@ -9,11 +9,10 @@ from __future__ import annotations
 import dataclasses
 
 from armcontour.errors import InvalidInput
-from armcontour.execution import execute
 from armcontour.io.job_model import ExperimentModel, JobModel
 from armcontour.jobs import Experiment, Job, Run
 from armcontour.jobs.experiment import build_plant
-from armcontour.jobs.study import RESOLUTION, execute_run
+from armcontour.jobs.study import execute_run
 from armcontour.motion import Execution, TaughtData
 from armcontour.timing import Optimal, intervals_of
 
@@ -117,10 +116,8 @@ def execute_judged(job: Job, this: Run, taught: TaughtData, bodies: Experiment |
         taught: Its set-points.
         bodies: As `experiment_of` gives it.
     """
-    if bodies is None:
-        return execute_run(job, taught)
-    plant = build_plant(bodies, job.arm, job.plant_servo, this.limits)
-    return execute(taught, plant, resolution=max(RESOLUTION, plant.step))
+    plant = bodies and build_plant(bodies, job.arm, job.plant_servo, this.limits)
+    return execute_run(job, taught, plant)
 
 
 def with_fewer_samples(execution: Execution) -> Execution:

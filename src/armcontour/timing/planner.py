@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
-from typing import Any, NoReturn, cast
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, NoReturn
 
 import numpy as np
+import numpy.typing as npt
 
+from armcontour._checks import FloatArray
 from armcontour._describing import several
 from armcontour._progress import Progress
 from armcontour._text import capitalise
@@ -75,6 +78,8 @@ def plan(
     """
     arm = _arm_of(path, arm, limits)
     bounds = resolve_limits("plan", arm, limits)
+    if not isinstance(arm, Arm):
+        arm = _JointSpace(arm.dof, arm.limits)
     if not isinstance(path, Tracing) and (above := compare_limits(bounds, arm)):
         # Jobs plan tracings, and have warnings of their own.
         warnings.warn(capitalise(above), stacklevel=3)
@@ -112,7 +117,7 @@ def plan(
 
         found = slow_down(found, options.duration, traced, timing)
     _refuse_endless_motion(found)
-    found = found.limited(bounds, options.reserve, arm if isinstance(arm, Arm) else None)
+    found = found.limited(bounds, options.reserve, None if isinstance(arm, _JointSpace) else arm)
 
     if not isinstance(path, Tracing) and bounds.jerk_limits:
         _warn_of_stops(traced, found)
@@ -139,18 +144,24 @@ def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class _Joints:
-    """What planning asks of an arm along a joint path: how many joints there are."""
+class _JointSpace(Arm):
+    """Joints without kinematics and masses, to time a joint path without a tool path."""
 
-    dof: int
-    limits: Limits = Limits()
-    name: str = "without a name"
-    limits_hint: str = ""
+    name = "without a name"
+    dimension = 0
 
-    @property
+    def __init__(self, dof: int, limits: Limits) -> None:
+        self.joint_names = tuple(f"joint {k + 1}" for k in range(dof))
+        self.limits = limits
+
+    def _refuse(self, q: npt.ArrayLike, dq: npt.ArrayLike = 0.0) -> FloatArray:
+        raise InvalidInput("A joint path without a tool path has no tool: give plan the arm.")
+
+    tool_position = tool_jacobian = tool_jacobian_rate = links = _refuse
+
+    @cached_property
     def dynamics(self) -> NoReturn:
-        """Refused, as nothing is known of the masses.
+        """Refused, because the masses are not known.
 
         Raises:
             InvalidInput: Always.
@@ -166,9 +177,8 @@ def _arm_of(
     Raises:
         InvalidInput: The arm is missing, or is none.
     """
-    alone = isinstance(path, JointPath) and path.tool_path is None and limits is not None
-    if arm is None and alone:
-        return cast(Arm, _Joints(cast(JointPath, path).dof))
+    if arm is None and limits and isinstance(path, JointPath) and path.tool_path is None:
+        return _JointSpace(path.dof, Limits())
     if arm is None:
         raise InvalidInput(
             "plan needs an Arm, such as load_arm('ur5e'), not None; only a joint path without a "

@@ -336,7 +336,7 @@ def test_scaled_blocks_names_layers_and_attributes():
     assert [x.layer for x in program.contours] == ["cut", "own"] and program.notes == ()
     # Attributes of a block are text, and their patterns nothing.
     x.add_attrib("NAME", "gasket", (0, 0))
-    assert read(document).notes[0].endswith(": 1 ATTRIB.")
+    assert read(document).notes[0].endswith(": ATTRIB.")
 
 
 def test_drawings_tilted_in_space_or_at_one_height():
@@ -374,7 +374,7 @@ def test_pieces_are_chained_and_gaps_of_the_join_tolerance_closed():
     program = read(document, join_tolerance=1e-6)
     assert not program.contours[0].closed and len(program.contours) == 1
     # Entities of no length are left out and named.
-    assert program.notes[0].endswith(f": handle {y.dxf.handle}, handle {x.dxf.handle}.")
+    assert all(f"handle {e.dxf.handle}" in program.notes[0] for e in (x, y))
 
 
 def test_the_unit_of_the_drawing(refuses):
@@ -430,7 +430,7 @@ def test_entities_without_the_marks_of_their_classes():
     leader = (0, "LEADER"), (8, "0"), (76, 2), (10, 0), (20, 0), (10, 1), (20, 0)
     program = read(bare(*text, *leader, *polyline), units=MM)
     assert len(program.contours) == 1
-    assert "1 MTEXT" in program.notes[0]
+    assert "MTEXT" in program.notes[0]
 
 
 def test_what_is_no_contour_is_left_out_and_counted():
@@ -448,13 +448,14 @@ def test_what_is_no_contour_is_left_out_and_counted():
     space.add_xline((0, 0), (1, 0))
     program = read(document)
     assert len(program.contours) == 1
-    counts = "1 3DFACE, 1 DIMENSION, 1 HATCH, 1 MTEXT, 2 POINT, 1 SOLID, 1 TEXT, 1 XLINE, 1 mesh."
-    assert counts in program.notes[0]
+    letters, others = (x.rstrip(".").split(": ")[-1] for x in program.notes)
+    kinds = "3DFACE, DIMENSION, HATCH, MTEXT, 2 POINT, SOLID, XLINE, mesh".split(", ")
+    assert letters == "TEXT" and sorted(others.split(", ")) == sorted(kinds)
     document, space = drawing()
     refuses_nothing = [(document, "part.dxf has no contour")]
     refusals(read, refuses_nothing)
     space.add_text("x")
-    refusals(lambda x: read(x, unknown="skip"), refuses_nothing, "1 TEXT")
+    refusals(lambda x: read(x, unknown="skip"), refuses_nothing, "TEXT")
 
 
 def test_the_end_of_a_file_that_was_cut_off_is_missed(refuses):
@@ -492,7 +493,7 @@ def test_colors_choose_by_number_name_layer_and_block():
     assert lengths(1) == [10, 1]
     assert lengths("blue", 7) == [30, 40]
     assert lengths("black") == lengths("white") == [40]
-    refusals(lengths, [("green", "1 #000000, 1 #0000ff, 3 #ff0000")])
+    refusals(lengths, [("green", "#000000 ... #0000ff ... 3 #ff0000")])
 
 
 @pytest.mark.parametrize("inverted", [False, True])
@@ -537,7 +538,7 @@ def test_layers_that_are_off_or_frozen_are_left_out_and_counted():
     program = read(document)
     assert [x.layer for x in program.contours] == ["cut", "cut"]
     off, invisible = program.notes
-    assert off.endswith(": 1 Cold, 2 hidden.") and invisible.endswith("invisible: 1.")
+    assert off.endswith(": 2 hidden, Cold.") and invisible.endswith("invisible: LINE.")
 
 
 @pytest.mark.parametrize("version", ["R12", "R2000", "R2004", "R2007", "R2010", "R2013", "R2018"])
@@ -580,7 +581,7 @@ def test_a_file_of_entities_alone_is_read_and_wrong_ones_are_refused():
     table = f"""
 0|LINE|{AT}| => LINE handle A0 ... layer '0' ... no end
 0|LINE|{AT}|11|1e12|21|0| => 1e+09 m ... 1e+06 m ... unit
-0|LINE|{AT}|11|1e308|21|1e308| => further than
+0|LINE|{AT}|11|1e308|21|1e308| => 1e+06 m
 0|LINE|{AT}|11|nan|21|0| => not finite
 0|CIRCLE|{AT}| => CIRCLE ... no radius
 0|CIRCLE|{AT}|40|-1| => radius of -1
@@ -635,7 +636,7 @@ def test_letters_of_a_text_are_contours_if_asked():
     space.add_line((0, 0), (10, 0))
     space.add_text("OH", dxfattribs={"height": 10, "insert": (5, 5), "layer": "mark"})
     (note,) = read(document).notes
-    assert "1 TEXT" in note and "--texts" in note and len(read(document).contours) == 1
+    assert "TEXT" in note and "--texts" in note and len(read(document).contours) == 1
     found = read(document, texts="contours")
     letters = [x for x in found.contours if x.layer == "mark"]
     # Two outlines of O, one of H, all closed, as high as the text.

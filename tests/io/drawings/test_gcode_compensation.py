@@ -267,6 +267,6 @@ G1 X-3.126 Y7.364|G3 X7.364 Y3.126 I7.364 J3.126
 G1 X36.820 Y15.629
 G40 G0 X0 Y0
 """
-    printed, mended = (read(text, mend_vertices=x).contours[0].path for x in (0.0, None))
+    printed, mended = (read(text, mend_vertices=x).contours[0].path for x in (0.0, 2e-6))
     assert len(printed.stops) > 2
     assert len(mended.stops) == 0

@@ -104,7 +104,10 @@ def test_printed_curves_have_no_corners(read, shape):
     draw, ending = SHAPES[shape]
     for decimals in (2, 3, 4, 5, 6):
         printed = read(draw(decimals), ending, mend_vertices=0.0)
-        mended = read(draw(decimals), ending)
+        most = 0.5 * 10.0**-decimals * 1e-3 * np.sqrt(2) * (10 if "small" in shape else 1)
+        # The default suits three decimals of a millimetre.
+        coarse = {} if most <= 2e-6 else {"mend_vertices": 1e-5}
+        mended = read(draw(decimals), ending, **coarse)
         bent = kinks(printed)
         assert bent > 0 and not printed.notes
         assert kinks(mended) == 0, decimals
@@ -114,7 +117,6 @@ def test_printed_curves_have_no_corners(read, shape):
         (note,) = mended.notes
         assert note.startswith((f"Mended {bent}", f"Mended {bent + 1}"))
         s = np.linspace(0, mended.path.length, 999)
-        most = 0.5 * 10.0**-decimals * 1e-3 * np.sqrt(2) * (10 if "small" in shape else 1)
         assert printed.path.project(mended.path(s)).distance.max() <= min(most, 1e-5), decimals
 
 

@@ -12,7 +12,7 @@ from tests.io.tables import refusals, rows
 
 from armcontour.errors import InvalidInput
 from armcontour.geometry.segments import TANGENT_TOLERANCE
-from armcontour.io.drawings import _svg_walk, svg
+from armcontour.io.drawings import svg
 from armcontour.io.drawings.options import ReadOptions
 from armcontour.io.drawings.svg import read_svg
 
@@ -184,7 +184,7 @@ def test_ellipses_and_arcs_of_nearly_a_whole_circle_or_of_no_size():
     points = path(np.linspace(0, path.length, 500)) * 1e3
     assert np.ptp(np.linalg.norm(points - (50, 50.005), axis=1)) < 1e-5
     assert path.length == pytest.approx(2e-2 * np.pi, rel=1e-3) and (path.turns < 1e-6).all()
-    path = only('<path d="M60 30 A 10 10.00009 0 1 1 60 29.999"/>')
+    path = only('<path d="M60 30 A 10 10.00009 0 1 1 60 29.999"/>', mend_vertices=0.0)
     points = path(np.linspace(0, path.length, 500)) * 1e3
     assert len(path) == 2
     assert np.abs(np.linalg.norm(points - (50, 50), axis=1) - 10).max() < 2e-3
@@ -401,7 +401,7 @@ def test_large_drawings_are_read_or_refused(monkeypatch):
     assert only("<g>" * n + '<line x2="1"/>' + "</g>" * n).length == pytest.approx(1e-3)
     deep = '<g transform="scale(2)">' * 2000 + '<line x2="1"/>' + "</g>" * 2000
     refusals(read, [(deep, "too large")])
-    monkeypatch.setattr(_svg_walk, "MOST_REPEATED", 1000)
+    monkeypatch.setattr(svg, "MOST_REPEATED", 1000)
     groups = [f'<g id="u{i}">' + f'<use href="#u{i - 1}"/>' * 100 + "</g>" for i in range(1, 6)]
     body = f'<defs><g id="u0"/>{"".join(groups)}</defs><use href="#u5"/>'
     refusals(read, [(body, "use repeats more than 1000 elements")])

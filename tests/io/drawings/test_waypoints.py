@@ -42,6 +42,9 @@ def test_dialects_units_speeds_and_tolerances():
         path = read(text, **reading).path
         found = (path.length, path.speeds[0], path.tolerances[0])
         np.testing.assert_allclose(found, np.array([10, 5, 0.1]) * unit, rtol=1e-12)
+    found = read("x;y;event\n0;0;gas=2.5\n1,5;-0,25;a,b=on\n").contours[0]
+    np.testing.assert_array_equal(found.path.vertices, [[0, 0], [1.5, -0.25]])
+    assert [x.name for x in found.events] == ["gas", "a,b"]
     # They are of the line that ends at the row.
     text = "x,y,speed [mm/s],tolerance_mm\n0,0,,\n1,0,100,1\n1,1,,0.5\n2,1,50,\n"
     path = read(text).path
@@ -94,7 +97,7 @@ def test_quaternions_angles_and_axes_hold_the_tool():
 
 # A table, | between its rows => words of the message.
 WRONG = """
-x,y| => no waypoints
+x,y| => no rows
  => points.csv is empty
 0,0|1,1 => line 1: the first line must name the columns
 x|0|1 => column y is missing
@@ -105,7 +108,8 @@ x [mm],y|0,0|1,1 => 'x [mm]' has a unit and 'y' has none
 x,y,z,qx [mm],qy,qz,qw|0,0,0,0,0,0,1|1,0,0,0,0,0,1 => unit 'mm' of the column 'qx
 x,y|0,0|1 => line 3: 1 values, but 2 columns
 x,y|0,0|# note||1,a => line 5, column 'y': 'a' is not a finite number
-x;y|0;0|1,5;1 => line 3, column 'x': '1,5' is not a finite number: write a decimal
+x;y|0;0|1,5,;1 => line 3, column 'x': '1,5,' is not a finite number
+x,y,event|0,0,"gas|1,0, => line 2: ... quotes
 x,y|0,0|1,1e9 => line 3, column 'y': must be within 1e+06 m
 x,y|0,0|,1 => line 3, column 'x': must not be empty
 x,y|0,0|0,0 => line 2 has no two different points

@@ -24,9 +24,10 @@ from tests.io.tables import refusals
 import armcontour as ac
 from armcontour.errors import InvalidInput
 from armcontour.io import read_trajectory
-from armcontour.io.exports import csv_text, export, make_table, text
+from armcontour.io.exports import export, make_table
+from armcontour.io.exports import table as table_module
 from armcontour.io.exports.formats import FORMATS
-from armcontour.io.exports.text import event_data
+from armcontour.io.exports.table import csv_pieces, event_data
 from armcontour.motion import TimedEvent
 
 PERIOD = 0.004
@@ -213,6 +214,10 @@ def test_npz_comes_back_to_the_last_bit_and_without_pickles(table, tmp_path):
         assert float(found["period"]) == given.period and str(found["name"]) == "part 7"
 
 
+def csv_text(header, columns):
+    return "".join(csv_pieces(header, columns))
+
+
 def by_numpy(header, rows):
     file = io.StringIO()
     file.write(",".join(header) + "\n")
@@ -248,7 +253,7 @@ def test_numbers_on_and_beside_ties_are_rounded_as_numpy_does():
 
 
 def test_nothing_is_lost_between_pieces(monkeypatch):
-    monkeypatch.setattr(text, "CHUNK", 30)
+    monkeypatch.setattr(table_module, "CHUNK", 30)
     for count in (9, 10, 11, 30):
         rows = np.random.default_rng(0).normal(size=(count, 3))
         found = csv_text(["a", "b", "c"], [rows[:, 0], rows[:, 1:]])

@@ -10,7 +10,6 @@ from armcontour._checks import BoolArray, FloatArray
 from armcontour._progress import Progress, Step, under
 from armcontour.arms import Arm
 from armcontour.errors import ExecutionError, InvalidInput
-from armcontour.identification.bodies.checking import check_logs
 from armcontour.identification.bodies.describing import describe, refuse_misfit
 from armcontour.identification.bodies.fitting import BodyFit, Trial, fit
 from armcontour.identification.bodies.grid import Gridded, noise_of
@@ -24,6 +23,7 @@ from armcontour.identification.bodies.precision import (
 )
 from armcontour.identification.bodies.results import RobotIdentification
 from armcontour.motion import Log
+from armcontour.motion.log_checks import check_logs
 from armcontour.servo import ServoModel
 
 # Gains at which the search starts without a nominal servo [1/s].

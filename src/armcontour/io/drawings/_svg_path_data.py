@@ -49,7 +49,7 @@ def outlines_of(element: Element, spend: Callable[[int], None]) -> list[Outline]
     Raises:
         InvalidInput: The path data do not follow SVG's grammar.
     """
-    pen = _Pen(element)
+    pen = Pen(element)
     for letter, numbers in _commands(element, spend):
         pen.obey(letter, numbers)
     pen.lift(closed=False)
@@ -134,7 +134,7 @@ def _refuse(element: Element, chunk: str, at: int, end: int) -> None:
 
 
 @dataclass(slots=True, eq=False)
-class _Pen:
+class Pen:
     """Executes the commands of a path one after the other; points are complex numbers.
 
     Args:

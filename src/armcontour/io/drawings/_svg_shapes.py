@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.io.drawings._svg_path_data import outlines_of
+from armcontour.io.drawings._svg_path_data import Pen, outlines_of
 from armcontour.io.drawings._svg_tree import Element
 from armcontour.io.drawings._svg_units import length_of, number_of, numbers_of
 from armcontour.io.drawings.chain import Chain
@@ -74,33 +74,22 @@ def _rect(element: Element, spend: Spend) -> list[Outline]:
     if not (rx and ry):
         corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
         return [Outline([Chain.straight(corners)], closed=True)]
-    return [Outline([_rounded_rectangle(x, y, x + width, y + height, rx, ry)], closed=True)]
-
-
-def _rounded_rectangle(
-    left: float, top: float, right: float, bottom: float, rx: float, ry: float
-) -> Chain:
-    """The outline of a rectangle with round corners, in the direction that SVG defines."""
-    sides = [
-        ((left + rx, top), (right - rx, top)),
-        ((right, top + ry), (right, bottom - ry)),
-        ((right - rx, bottom), (left + rx, bottom)),
-        ((left, bottom - ry), (left, top + ry)),
-    ]
-    centers = [
-        (right - rx, top + ry),
-        (right - rx, bottom - ry),
-        (left + rx, bottom - ry),
-        (left + rx, top + ry),
-    ]
-    parts = []
-    for k in range(4):
-        ends = np.array([sides[k][1], sides[(k + 1) % 4][0]])
-        if sides[k][0] != sides[k][1]:
-            parts.append(Chain.straight(np.array(sides[k])))
-        cosine, sine = np.roll([[0.0, -ry], [rx, 0.0], [0.0, ry], [-rx, 0.0]], -k, axis=0)[:2]
-        parts.append(Chain.arc(np.array(centers[k]), cosine, sine, np.pi / 2, ends))
-    return Chain.join(parts)
+    pen = Pen(element)
+    right, bottom = x + width, y + height
+    for letter, numbers in (
+        ("M", (x + rx, y)),
+        ("H", (right - rx,)),
+        ("A", (rx, ry, 0, 0, 1, right, y + ry)),
+        ("V", (bottom - ry,)),
+        ("A", (rx, ry, 0, 0, 1, right - rx, bottom)),
+        ("H", (x + rx,)),
+        ("A", (rx, ry, 0, 0, 1, x, bottom - ry)),
+        ("V", (y + ry,)),
+        ("A", (rx, ry, 0, 0, 1, x + rx, y)),
+        ("Z", ()),
+    ):
+        pen.obey(letter, numbers)
+    return pen.outlines
 
 
 def _circle(element: Element, spend: Spend) -> list[Outline]:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray, positive
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour._sampling import number_parts
 from armcontour._text import list_some
-from armcontour.errors import InvalidInput
 from armcontour.geometry import Path, Segments
 from armcontour.geometry.near_points import group_points, nearest_points
 from armcontour.geometry.segments import REPEATED_POINT
@@ -68,15 +67,9 @@ def chain_pieces(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contou
 
     Returns:
         The contours, and sentences on the pieces that were left out.
-
-    Raises:
-        InvalidInput: The tolerance is not above zero, the pieces have different dimensions, or a
-            piece has an orientation.
     """
-    positive("join tolerance", tolerance, "m")
     if not pieces:
         return [], []
-    _refuse_pieces(pieces)
     table = Pieces.of([x.path for x in pieces])
     layers = _layer_numbers(pieces)
     repeated = _find_repeated(pieces, table, layers)
@@ -94,18 +87,6 @@ def chain_pieces(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contou
         path = first.path if alone else table.join(chain, closed, tolerance)
         contours.append(Contour(path=path, name=first.name, layer=first.layer))
     return contours, _notes(pieces, repeated, short, tolerance)
-
-
-def _refuse_pieces(pieces: Sequence[Piece]) -> None:
-    """Refuse pieces that cannot be chained.
-
-    Raises:
-        InvalidInput: The pieces have different dimensions, or a piece has an orientation.
-    """
-    if len({x.path.dimension for x in pieces}) > 1:
-        raise InvalidInput("Pieces to chain must all be in the plane or all in space.")
-    if any(x.path.orientation is not None for x in pieces):
-        raise InvalidInput("Pieces to chain must not have an orientation.")
 
 
 def _layer_numbers(pieces: Sequence[Piece]) -> IntArray:

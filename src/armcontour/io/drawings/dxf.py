@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import io
 import itertools
 import logging
 import re
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from armcontour._checks import refuse_if
+from armcontour._checks import FloatArray, refuse_if
 from armcontour._describing import several
 from armcontour._progress import Progress
 from armcontour._text import list_some
@@ -32,23 +31,11 @@ from armcontour.io.drawings._dxf_entities import (
     refuse_missing,
 )
 from armcontour.io.drawings.chain import WITHOUT_Z, Affine
-from armcontour.io.drawings.chaining import Piece, chain_pieces
-from armcontour.io.drawings.clipping import Clip, clip_path
-from armcontour.io.drawings.mending import mend, printed_in_dxf
-from armcontour.io.drawings.options import FARTHEST, ReadOptions
-from armcontour.io.drawings.reading import (
-    SKIP,
-    WALKED,
-    Labels,
-    Tell,
-    after_walk,
-    count_names,
-    hex_of,
-    tell_share,
-)
-from armcontour.io.drawings.shapes import Outline, Shape, paths_of
+from armcontour.io.drawings.options import ReadOptions
+from armcontour.io.drawings.reading import SKIP, hex_of
+from armcontour.io.drawings.shapes import Outline
+from armcontour.io.drawings.walk import NAMED, WALKED, Drawn, Place, Walk, place_outline
 from armcontour.program import Program
-from armcontour.program.moves import describe_not_run
 
 # Lengths of the units of $INSUNITS [m], by the DXF reference; 0 is a drawing without a unit.
 UNITS = {
@@ -76,11 +63,16 @@ UNITS = {
 # Largest depth of blocks in blocks, and largest number of copied entities: a document with more
 # is made to do harm.
 DEEPEST = 50
-# Largest number of broken entities that a note names.
-NAMED = 6
 EXPLODE = "explode it into lines and arcs in the CAD program"
 MOST_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
+# Reasons to leave entities out.
+HIDDEN = "Left out, on layers that are off or frozen"
+INVISIBLE = "Left out, because they are invisible"
+NOT_READ = "Left out, because it is no line, arc or curve"
+TEXT = "Left out, unless its letters are contours (path.texts or --texts: contours)"
+THROUGH_FONT = "Drawn through a font of this machine, which may differ from the drawing's"
+BROKEN = "Left out, because it cannot be read"
 # Numbers of AutoCAD's colours that mean the colour of the block, of the layer, and black or white.
 BY_BLOCK, BY_LAYER, ACI_WHITE = 0, 256, 7
 WHITE = frozenset({"7", "#ffffff", "#000000"})
@@ -126,50 +118,12 @@ def read_dxf(
             and unknown entities are refused, or there is no contour.
     """
     with silence_log(), np.errstate(all="ignore"):
-        skip = options.skips
-        document, notes = open_document(data, source, skip=skip)
-        walk = Walk(
-            document=document,
-            source=source,
-            skip=skip,
-            line_of=partial(line_of_handle, data),
-            wanted=options.layer_set,
-            colors=options.color_set,
-            texts=options.texts == "contours",
-        )
-        tell = tell_share(progress, source)
+        document, notes = open_document(data, source, skip=options.skips)
+        walk = DxfWalk(document, partial(line_of_handle, data), source, options, progress)
         # Without a header, ezdxf's own one says metres.
         stated = b"$INSUNITS" in data
         unit = _unit(document.header.get("$INSUNITS", 0) if stated else 0, source, options)
-        found = list(walk.shapes(unit, tell))
-        pieces = _pieces(found, walk, source, options, tell)
-    notes += walk.notes
-    if not pieces:
-        if walk.elsewhere:
-            wanted = ", ".join(repr(x) for x in sorted(options.layer_set or ()))
-            there = list_some([repr(x) for x in sorted(walk.elsewhere)], 12)
-            raise InvalidInput(
-                f"{source} has no contour on the layer {wanted}: it has entities on {there}."
-            )
-        if walk.others:
-            notes.append(f"Of other colours than chosen: {count_names(walk.others)}.")
-        left_out = f" ({' '.join(notes).rstrip('.')})" if notes else ""
-        raise InvalidInput(f"{source} has no contour to follow in its model space{left_out}.")
-    contours, chaining_notes = chain_pieces(pieces, options.join_tolerance)
-    if not contours:
-        raise InvalidInput(
-            f"{source} has no contour that is longer than the join tolerance of "
-            f"{options.join_tolerance:g} m."
-        )
-    notes = [*notes, *chaining_notes]
-    program = Program(
-        moves=tuple(contours),
-        source=source,
-        notes=tuple(notes),
-        remarks=describe_not_run(walk.elsewhere),
-    )
-    printed = printed_in_dxf(data, unit)
-    return mend(program, printed, options)
+        return walk.program(_flattened(list(walk.shapes(unit)), source), notes)
 
 
 def _unit(code: Any, source: str, options: ReadOptions) -> float:
@@ -186,129 +140,77 @@ def _unit(code: Any, source: str, options: ReadOptions) -> float:
     raise InvalidInput(f"{source} {why} ($INSUNITS): give it, such as `units: mm` or --units mm.")
 
 
-def _pieces(
-    found: list[Found], walk: Walk, source: str, options: ReadOptions, tell: Tell
-) -> list[Piece]:
-    """Paths of the shapes, in the plane if all z are 0, otherwise in space.
+def _flattened(found: list[Drawn], source: str) -> list[Drawn]:
+    """The entities in the plane if all z are 0, otherwise in space.
 
     Raises:
-        InvalidInput: A shape makes no path.
-    """
-    flat = all(np.abs(x.shape.reach[:, 2]).max() <= REPEATED_POINT for x in found)
-    outlines = [Outline([x.shape.place(WITHOUT_Z) if flat else x.shape]) for x in found]
-    try:
-        paths = paths_of(outlines, options.fit_tolerance, tell=after_walk(tell))
-    except InvalidInput as error:
-        assert error.index is not None
-        x, reason = found[error.index], str(error)
-        raise InvalidInput(
-            f"{source}: {x.kind} {x.name} on layer {x.layer!r} makes no contour: "
-            f"{reason[:1].lower()}{reason[1:]}"
-        ) from None
-    pieces: list[Piece] = []
-    for x, path in zip(found, paths, strict=True):
-        if path is None:
-            walk.empty.append(x.name)
-            continue
-        for clip in x.clips:
-            if not flat or np.abs(clip.corners[:, 2]).max() > REPEATED_POINT:
-                raise InvalidInput(
-                    f"{source}: {x.kind} {x.name} on layer {x.layer!r} is in a block that is "
-                    "clipped in space, which is not read: clip drawings at z = 0 only."
-                )
-        parts = clip_path(path, *(clip.place(WITHOUT_Z) for clip in x.clips))
-        for k, part in enumerate(parts):
-            name = f"{x.name}[{k + 1}]" if len(parts) > 1 else x.name
-            pieces.append(Piece(path=part, name=name, layer=x.layer))
-    return pieces
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Found:
-    """A shape with the type, the name and the layer of its entity.
-
-    Args:
-        clips: Clips of the blocks around it [m].
+        InvalidInput: A drawing in space is clipped.
     """
 
-    shape: Shape
-    kind: str
-    name: str
-    layer: str
-    clips: tuple[Clip, ...] = ()
+    def is_flat(points: FloatArray) -> bool:
+        return bool(np.abs(points[:, 2]).max() <= REPEATED_POINT)
+
+    flat = all(is_flat(y.reach) for x in found for y in x.outlines)
+    for x in found:
+        if x.clips and not (flat and all(is_flat(clip.corners) for clip in x.clips)):
+            raise InvalidInput(
+                f"{source}: {x.where} is in a block that is clipped in space, which is not read: "
+                "clip drawings at z = 0 only."
+            )
+    if not flat:
+        return found
+    return [
+        dataclasses.replace(
+            x,
+            outlines=[y.place(WITHOUT_Z) for y in x.outlines],
+            clips=tuple(clip.place(WITHOUT_Z) for clip in x.clips),
+        )
+        for x in found
+    ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Block:
-    """The drawing, or one copy of a block in it, with what its entities inherit.
-
-    Args:
-        name: Name of the INSERT, empty for the drawing.
-        affine: Map from the block's coordinates to world coordinates [m].
-        layer: Layer of the entities that are on layer 0 of the block.
-        inside: Keys of the block and of the blocks around it.
-        color: Names of the colour of the entities whose colour is that of the block.
-        clips: Clips of the block and of those around it [m].
-    """
-
-    name: str
-    affine: Affine
-    layer: str
-    inside: tuple[str, ...]
-    color: frozenset[str] = WHITE
-    clips: tuple[Clip, ...] = ()
-
-
-@dataclass(slots=True, kw_only=True, eq=False)
-class Walk:
-    """Traversal of a document's entities, which counts the entities that it leaves out.
+class DxfWalk(Walk):
+    """Traversal of a document's entities, which records the entities that it leaves out.
 
     Args:
         document: ezdxf's document.
-        source: Name of the file.
-        skip: Whether entities that cannot be read are left out instead of refused.
         line_of: Text that says in which line of the file a handle stands.
-        wanted: Layers whose entities matter; None means all layers.
-        colors: Colours of the entities that are read; None means all colours.
-        texts: Whether the letters of texts are contours.
-        empty: Names of entities without length.
-        unknown: Numbers of entities that are no contour by their types.
-        broken: Sentences on entities that cannot be read.
-        hidden: Numbers of entities on layers that are off or frozen, by their layers.
-        invisible: Number of entities that are marked invisible.
-        others: Numbers of entities of other colours than those of `colors`, by their colours.
-        elsewhere: Numbers of lines, arcs and curves on layers that are not wanted, by layer.
-        drawn_texts: Number of texts whose letters are contours.
-        labels: Names of entities and layers as the contours get them.
+        source: Name of the file.
+        options: Settings of the reader.
+        progress: Called from time to time with the share of the file that is read.
     """
 
-    document: Any
-    source: str
-    skip: bool
-    line_of: Callable[[str], str]
-    wanted: frozenset[str] | None = None
-    colors: frozenset[str] | None = None
-    texts: bool = False
-    empty: list[str] = field(default_factory=list)
-    unknown: Counter[str] = field(default_factory=Counter)
-    broken: list[str] = field(default_factory=list)
-    hidden: Counter[str] = field(default_factory=Counter)
-    invisible: int = 0
-    others: Counter[str] = field(default_factory=Counter)
-    elsewhere: Counter[str] = field(default_factory=Counter)
-    drawn_texts: int = 0
-    labels: Labels = field(default_factory=Labels)
-    _copies: int = 0
-    _sizes: dict[str, int] = field(default_factory=dict)
-    _layers: dict[str, tuple[str, str]] = field(default_factory=dict)
-    _layer_colors: dict[str, frozenset[str]] = field(default_factory=dict)
+    part = " in its model space"
 
-    def shapes(self, unit: float, tell: Tell) -> Iterator[Found]:
+    def __init__(
+        self,
+        document: Any,
+        line_of: Callable[[str], str],
+        source: str,
+        options: ReadOptions,
+        progress: Progress | None,
+    ) -> None:
+        super().__init__(source, options, progress)
+        self.document, self.line_of = document, line_of
+        self.texts = options.texts == "contours"
+        self._copies = 0
+        self._sizes: dict[str, int] = {}
+        self._layers: dict[str, tuple[str, str]] = {}
+        self._layer_colors: dict[str, frozenset[str]] = {}
+
+    def explain_empty(self) -> str:
+        """Why there is no contour: all entities are on other layers."""
+        if not self.elsewhere:
+            return ""
+        wanted = ", ".join(repr(x) for x in sorted(self.wanted or ()))
+        there = list_some([repr(x) for x in sorted(self.elsewhere)], 12)
+        return f"has no contour on the layer {wanted}: it has entities on {there}"
+
+    def shapes(self, unit: float) -> Iterator[Drawn]:
         """Yield the shapes of all entities of the model space, in the order of the document.
 
         Args:
             unit: Length of the drawing's unit [m].
-            tell: Called from time to time with the share of the drawing that is read.
 
         Raises:
             InvalidInput: An entity cannot be read, or is unknown and unknown entities are refused.
@@ -322,12 +224,12 @@ class Walk:
         except Exception as error:
             raise InvalidInput(f"{self.source} is damaged: {said(error)}.") from None
         world = Affine(unit * np.eye(3), np.zeros(3))
-        drawing = _Block(name="", affine=world, layer="0", inside=())
+        drawing = Place(to=world, layer="0", color=WHITE)
         for k, entity in enumerate(entities):
-            tell(WALKED * k / len(entities))
+            self.tell(WALKED * k / len(entities))
             yield from self._shapes_in([entity], drawing)
 
-    def _shapes_in(self, entities: Iterable[Any], block: _Block) -> Iterator[Found]:
+    def _shapes_in(self, entities: Iterable[Any], block: Place) -> Iterator[Drawn]:
         """Yield the shapes of the entities of a block or of the drawing."""
         for entity in entities:
             kind = entity.dxftype()
@@ -339,12 +241,12 @@ class Walk:
                     # A template of a text; the drawing shows the texts of the INSERT instead.
                     continue
                 if state == FROZEN or (state == OFF and kind != "INSERT"):
-                    self.hidden[layer] += 1
+                    self.leave_out(HIDDEN, layer)
                 elif _attribute(entity, "invisible", 0):
-                    self.invisible += 1
+                    self.leave_out(INVISIBLE, kind)
                 elif kind == "INSERT":
                     yield from self._insert(entity, block, name, layer)
-                elif self.wanted is not None and self.labels(layer) not in self.wanted:
+                elif not self.wants_layer(layer):
                     # Nothing on other layers matters, broken or not.
                     self.elsewhere[self.labels(layer)] += kind in SHAPES
                 else:
@@ -358,8 +260,8 @@ class Walk:
                 self._leave(kind, name, layer, f"is damaged: {said(error)}", handle)
 
     def _drawn(
-        self, entity: Any, kind: str, name: str, layer: str, block: _Block
-    ) -> Iterator[Found]:
+        self, entity: Any, kind: str, name: str, layer: str, block: Place
+    ) -> Iterator[Drawn]:
         """Yield the shapes of a visible entity, of which MLINE and TEXT have several.
 
         Raises:
@@ -371,38 +273,43 @@ class Walk:
         elif kind in SHAPES and not _is_mesh(entity):
             yield from self._shape(entity, kind, name, layer, block)
         elif kind == "TEXT" and self.texts:
-            self.drawn_texts += 1
+            self.leave_out(THROUGH_FONT, kind)
             for k, part in enumerate(letters_of(entity)):
                 yield from self._shape(part, part.dxftype(), f"{name}[{k + 1}]", layer, block)
         elif kind in NO_CONTOUR:
-            self.unknown["mesh" if kind == "POLYLINE" else kind] += 1
+            self.leave_out(
+                TEXT if kind == "TEXT" else NOT_READ, "mesh" if kind == "POLYLINE" else kind
+            )
         else:
             raise Unreadable(f"is not read: {EXPLODE}")
 
     def _shape(
-        self, entity: Any, kind: str, name: str, layer: str, block: _Block
-    ) -> Iterator[Found]:
+        self, entity: Any, kind: str, name: str, layer: str, block: Place
+    ) -> Iterator[Drawn]:
         """Yield the shape of an entity, if it has a length and one of the chosen colours.
 
         Raises:
             Unreadable: The entity does not define a shape.
         """
-        if self.colors is not None:
-            color = self._color(entity, layer, block)
-            if not color & self.colors:
-                self.others[min(color)] += 1
-                return
+        if not self.wants_color(self._color(entity, layer, block)):
+            return
         refuse_missing(entity)
         shape = SHAPES[entity.dxftype()](entity)
-        if shape is None:
-            self.empty.append(name)
-            return
-        placed = shape.place(block.affine)
-        _refuse_far(placed)
-        name, layer = self.labels(name), self.labels(layer)
-        yield Found(shape=placed, kind=kind, name=name, layer=layer, clips=block.clips)
+        outlines = []
+        if shape is not None:
+            placed, defect = place_outline(Outline([shape]), block.to)
+            if defect:
+                raise Unreadable(defect)
+            outlines = [placed]
+        yield Drawn(
+            outlines=outlines,
+            where=f"{kind} {name} on layer {layer!r}",
+            name=self.labels(name),
+            layer=self.labels(layer),
+            clips=block.clips,
+        )
 
-    def _color(self, entity: Any, layer: str, block: _Block) -> frozenset[str]:
+    def _color(self, entity: Any, layer: str, block: Place) -> frozenset[str]:
         """The names of the colour in which an entity is drawn."""
         number = _attribute(entity, "color", BY_LAYER)
         if _attribute(entity, "true_color", None) is None:
@@ -412,21 +319,22 @@ class Walk:
                 return self._layer_colors.get(_key(layer), WHITE)
         return _color_names(entity, number)
 
-    def _layer(self, entity: Any, block: _Block) -> tuple[str, str]:
+    def _layer(self, entity: Any, block: Place) -> tuple[str, str]:
         """Name of an entity's layer, and the layer's state: off, frozen or empty."""
         own = str(_attribute(entity, "layer", "") or _layer_tag(entity))
         # In a block, layer 0 means the layer of the INSERT.
         own = block.layer if own == "0" and block.inside else own
         return self._layers.get(_key(own), (own, ""))
 
-    def _insert(self, entity: Any, block: _Block, name: str, layer: str) -> Iterator[Found]:
+    def _insert(self, entity: Any, block: Place, name: str, layer: str) -> Iterator[Drawn]:
         """Yield the shapes of all copies of a block.
 
         Raises:
             Unreadable: The block is missing, contains itself, or has too many copies.
         """
-        if self.wanted is None or self.labels(layer) in self.wanted:
-            self.unknown["ATTRIB"] += len(getattr(entity, "attribs", ()))
+        if self.wants_layer(layer):
+            for _ in getattr(entity, "attribs", ()):
+                self.leave_out(NOT_READ, "ATTRIB")
         refuse_missing(entity)
         called = str(_attribute(entity, "name", ""))
         content = self.document.blocks.get(called)
@@ -444,11 +352,11 @@ class Walk:
         clip = clip_of(entity)
         color = self._color(entity, layer, block)
         for k, offset in enumerate(offsets):
-            copy = block.affine @ Affine(affine.linear, affine.offset + offset)
+            copy = block.to @ Affine(affine.linear, affine.offset + offset)
             row, column = k // columns + 1, k % columns + 1
-            inner = _Block(
+            inner = Place(
                 name=name if len(offsets) == 1 else f"{name}[{row},{column}]",
-                affine=copy,
+                to=copy,
                 layer=layer,
                 inside=(*block.inside, _key(called)),
                 color=color,
@@ -475,44 +383,17 @@ class Walk:
         Raises:
             InvalidInput: Such entities are refused.
         """
-        if kind != "INSERT" and self.wanted is not None and self.labels(layer) not in self.wanted:
+        if kind != "INSERT" and not self.wants_layer(layer):
             return
         # Looking for a line takes as long as the file; the notes name the first entities only.
-        line = self.line_of(handle) if len(self.broken) < NAMED else ""
+        line = self.line_of(handle) if len(self.left_out.get(BROKEN, ())) < NAMED else ""
         what = f"{kind} {name}{line} on layer {layer!r} {why}"
         if not self.skip:
             raise InvalidInput(
                 f"{self.source}: {what}. Mend it in the drawing, choose the layers to follow "
                 f"(layers, or --layer), or {SKIP}."
             )
-        self.broken.append(what)
-
-    @property
-    def notes(self) -> list[str]:
-        """Sentences on the entities that were left out."""
-        found = []
-        if +self.unknown:
-            found.append(
-                f"Left out, because it is no line, arc or curve: {count_names(+self.unknown)}."
-            )
-            if self.unknown["TEXT"]:
-                found[-1] += (
-                    " Letters of TEXT become contours with path.texts or --texts: contours."
-                )
-        if self.drawn_texts:
-            found.append(
-                f"Drawn through a font of this machine, which may differ from the drawing's: "
-                f"{self.drawn_texts} TEXT."
-            )
-        if self.broken:
-            found.append(f"Left out, because it cannot be read: {list_some(self.broken, NAMED)}.")
-        if self.hidden:
-            found.append(f"Left out, on layers that are off or frozen: {count_names(self.hidden)}.")
-        if self.invisible:
-            found.append(f"Left out, because they are invisible: {self.invisible}.")
-        if self.empty:
-            found.append(f"Left out, because of no length: {list_some(self.empty, 6)}.")
-        return found + self.labels.notes
+        self.leave_out(BROKEN, what)
 
 
 def letters_of(entity: Any) -> list[Any]:
@@ -560,20 +441,6 @@ def _color_names(entity: Any, number: int) -> frozenset[str]:
 def _is_mesh(entity: Any) -> bool:
     """Whether a POLYLINE is a mesh and not a curve."""
     return entity.dxftype() == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)
-
-
-def _refuse_far(shape: Shape) -> None:
-    """Refuse a shape with points beyond `FARTHEST`.
-
-    Raises:
-        Unreadable: A coordinate is too large.
-    """
-    far = float(np.abs(shape.reach).max())
-    if not far <= FARTHEST:
-        raise Unreadable(
-            f"reaches to {far:.3g} m, further than {FARTHEST:g} m: give the unit in which it is "
-            "drawn, such as units: mm"
-        )
 
 
 def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[str]]:
@@ -632,7 +499,7 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         raise InvalidInput(f"{source} is no DXF file that can be read: {said(error)}.") from None
     return document, [
         *notes,
-        f"Left out, because it cannot be read: {list_some(broken, 6)}.",
+        f"{BROKEN}: {list_some(broken, NAMED)}.",
     ]
 
 

@@ -48,9 +48,9 @@ class ReadOptions(Checked):
         flat: Whether to leave out z, and the tool orientation that the file gives.
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Distance below which two ends are one point [m].
-        mend_vertices: Distance by which printing can have moved a point [m]: vertices that it has
-            bent are made tangent again within it, with a note. None takes it from the file's
-            decimals, up to the chord tolerance; 0 leaves all vertices as they are.
+        mend_vertices: Distance by which rounded coordinates can be wrong [m]: vertices whose turn
+            this explains are made tangent within it, with a note. The default suits three decimals
+            of a millimetre and four of an inch; 0 leaves all vertices as they are.
         smooth_axes: For tables of waypoints with tool axes, the largest angle by which these are
             turned so that they turn smoothly [rad], as measured ones do not; 0 leaves them.
         columns: For waypoints in CSV, names of the columns in place of the first line, or of a line
@@ -78,7 +78,7 @@ class ReadOptions(Checked):
     flat: bool = False
     chord_tolerance: Tolerance = 1e-5
     join_tolerance: Tolerance = 1e-5
-    mend_vertices: Distance | None = None
+    mend_vertices: Distance = 2e-6
     smooth_axes: AngularDistance = 0.0
     columns: str | None = None
     unknown: Annotated[str, Choice(UNKNOWN)] | Mapping[Literal["skip"], Sequence[str]] = "refuse"

@@ -11,6 +11,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from armcontour import _checks
+from armcontour._files import read_bytes
 from armcontour._progress import Progress
 from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
@@ -18,7 +19,7 @@ from armcontour.frames import Frame
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings.endings import READERS, find_reader
 from armcontour.io.drawings.options import FARTHEST, ReadOptions
-from armcontour.io.drawings.reading import bytes_of
+from armcontour.io.drawings.reading import LARGEST
 from armcontour.program import Program, smooth_curvature
 
 # Modules whose readers report their progress.
@@ -70,7 +71,9 @@ def read_path(
     read = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), name)
     if module in WITH_PROGRESS:
         read = partial(read, progress=progress)
-    program: Program = read(bytes_of(location), source=location.name, options=options)
+    program: Program = read(
+        read_bytes(location, "file", most=LARGEST), source=location.name, options=options
+    )
     factor, unit = options.scale, options.unit
     program = _select(program, options)
     far = _farthest(program) * factor

@@ -6,10 +6,9 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path as FilePath
 
 from armcontour._checks import LONGEST_NAME
-from armcontour._files import SMALL, read_bytes
+from armcontour._files import SMALL
 from armcontour._progress import Progress, Step, under
 from armcontour._text import make_printable, show
 
@@ -45,17 +44,6 @@ _RGB = re.compile(r"rgb\(\s*([\d.]+)(%?)[\s,]+([\d.]+)%?[\s,]+([\d.]+)%?\s*\)")
 
 
 Tell = Callable[[float], None]
-# Share of the reading of a drawing after which its entities are known and their curves are fitted.
-WALKED = 0.4
-
-
-def after_walk(tell: Tell) -> Tell:
-    """A function that reports the share of curves that are done, once the drawing is walked.
-
-    Args:
-        tell: Takes the share of all work.
-    """
-    return lambda share: tell(WALKED + (1 - WALKED) * share)
 
 
 def tell_share(progress: Progress | None, source: str) -> Tell:
@@ -119,15 +107,6 @@ class Labels:
         ]
 
 
-def bytes_of(file: str | FilePath) -> bytes:
-    """Content of a file.
-
-    Raises:
-        InvalidInput: The file cannot be read, or is too large.
-    """
-    return read_bytes(file, "file", most=LARGEST)
-
-
 def color_of(text: str) -> str:
     """A colour as `#rrggbb`, from a name, #rgb, #rrggbb or rgb(r, g, b); other text in lower case.
 
@@ -146,8 +125,3 @@ def color_of(text: str) -> str:
 def hex_of(red: int, green: int, blue: int) -> str:
     """A colour as `#rrggbb`, from its parts from 0 to 255."""
     return f"#{red:02x}{green:02x}{blue:02x}"
-
-
-def count_names(counter: Counter[str]) -> str:
-    """The numbers and names of a counter, such as `2 TEXT, 1 HATCH`."""
-    return ", ".join(f"{n} {name}" for name, n in sorted(counter.items()))

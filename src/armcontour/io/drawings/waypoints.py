@@ -6,33 +6,35 @@ import dataclasses
 import math
 import re
 from collections.abc import Mapping, Sequence
-from itertools import chain
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._text import plain_number
+from armcontour._text import plain_number, show
 from armcontour.errors import InvalidInput
 from armcontour.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
 from armcontour.geometry import Path
-from armcontour.geometry.mending import Printed
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.smooth_axes import smooth_axes
-from armcontour.io.drawings.mending import half_a_place, mend
+from armcontour.io.csv_table import CsvTable, Title, read_table
+from armcontour.io.drawings.mending import mend
 from armcontour.io.drawings.options import FARTHEST, ReadOptions
-from armcontour.io.drawings.waypoint_table import (
-    ANGLES,
-    AXIS,
-    POINT,
-    QUATERNION,
-    TEXTS,
-    UNITS,
-    Table,
-    table_of,
-)
 from armcontour.program import Contour, Event, Program
 
+POINT = ("x", "y", "z")
+QUATERNION = ("qx", "qy", "qz", "qw")
+ANGLES = ("roll", "pitch", "yaw")
+AXIS = ("ax", "ay", "az")
+TEXTS = ("contour", "layer", "event")
+KNOWN = (*POINT, *QUATERNION, *ANGLES, *AXIS, "speed", "tolerance", *TEXTS)
+# SI units of the columns that have one.
+UNITS = {
+    **dict.fromkeys((*POINT, "tolerance"), "m"),
+    **dict.fromkeys(ANGLES, "rad"),
+    "speed": "m/s",
+}
+_NAME = re.compile(r"(?P<name>[A-Za-z]+)(?:_(?P<unit>[A-Za-zµ°]\S*))?")
 SWITCHED = {"on": True, "true": True, "yes": True, "off": False, "false": False, "no": False}
 
 
@@ -55,13 +57,13 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     Raises:
         InvalidInput: A table of another form; names the line or row and the column.
     """
-    table = table_of(data, source=source, options=options)
+    table, notes = _read(data, source, options)
     values = _quantities(table, options)
     orientation = _orientation(table, values)
     texts = {key: _fill_down(table, key) for key in ("contour", "layer")}
     events = _texts(table, "event")
-    bounds = [0, *_changes(texts), len(table.places)]
-    contours, notes, remarks = [], list(table.notes), list[str]()
+    bounds = [0, *_changes(texts), len(table.lines)]
+    contours, remarks = [], list[str]()
     for k, (first, last) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
         rows = slice(first, last)
         path = _path(table, values, rows)
@@ -70,7 +72,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
             path, done = _smooth(table, path, orientation, rows, options.smooth_axes)
             remarks += done
         for key in texts.keys() & table.columns.keys():
-            _checks.check_name(f"name in {table.where(first, key)}", texts[key][first])
+            _checks.check_name(f"name in {table.place(first, key)}", texts[key][first])
         name = texts["contour"][first] or f"contour {k + 1}"
         switched = _events(table, events, rows, path)
         contours.append(Contour(path=path, name=name, layer=texts["layer"][first], events=switched))
@@ -78,18 +80,52 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     program = Program(
         moves=tuple(contours), source=source, notes=tuple(notes), remarks=tuple(remarks)
     )
-    printed = _printed(table, options)
-    return mend(program, printed, options)
+    return mend(program, options)
 
 
-def _printed(table: Table, options: ReadOptions) -> Printed:
-    """What the coordinates of a table can hold."""
-    column, cells = table.columns["x"], [table.cells[x] for x in POINT if x in table.columns]
-    unit = (options.unit or 1.0) if column.unit is None else column.factor
-    return Printed(point=half_a_place(chain.from_iterable(cells)) * unit)
+def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str], list[str]]:
+    """The table in a file, and notes on unknown columns that are left out.
+
+    Raises:
+        InvalidInput: No table, or a column that is unknown, repeated or missing.
+    """
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InvalidInput(f"{source} is not UTF-8 text: save it as CSV in UTF-8.") from None
+    table = read_table(
+        text,
+        source,
+        _title,
+        example="x [mm],y [mm],z [mm]",
+        columns=options.columns,
+        option="path.columns (--waypoint-columns)",
+    )
+    if table.unknown and not options.skips:
+        raise InvalidInput(
+            f"{table.heading}: unknown column {show(table.unknown[0])}: the columns are "
+            f"{', '.join(KNOWN)}, with a unit in brackets; with unknown: skip others are left out."
+        )
+    for group in (POINT[:2], QUATERNION, ANGLES, AXIS):
+        if group[0] in POINT or not table.columns.keys().isdisjoint(group):
+            table.need(*group)
+    return table, [
+        f"The column {show(x)} of {source} is not known: left out." for x in table.unknown
+    ]
 
 
-def _quantities(table: Table, options: ReadOptions) -> dict[str, FloatArray]:
+def _title(name: str, has_unit: bool) -> Title[str] | None:
+    """The content of a column by its title; None if unknown."""
+    match = _NAME.fullmatch(name.strip())
+    key = match["name"].lower() if match else ""
+    key = "event" if key == "events" else key
+    if match is None or key not in KNOWN:
+        return None
+    unit = match["unit"]
+    return Title(key, UNITS.get(key), unit and unit.replace("_per_", "/").replace("_", "/"))
+
+
+def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatArray]:
     """All numbers in SI units, by their columns; NaN where a cell is empty.
 
     Raises:
@@ -102,13 +138,11 @@ def _quantities(table: Table, options: ReadOptions) -> dict[str, FloatArray]:
             f"{table.source}: the column {table.columns[has].title!r} has a unit and "
             f"{table.columns[lacks].title!r} has none: give both one."
         )
-    values = {}
-    for key, column in table.columns.items():
-        if key in TEXTS:
-            continue
-        numbers = _numbers(table, key) * column.factor
+    keys, values = [x for x in table.columns if x not in TEXTS], {}
+    for key, numbers in zip(keys, table.read(keys)[0].T, strict=True):
+        column = table.columns[key]
         if column.unit is None and UNITS.get(key) in ("m", "m/s"):
-            numbers *= options.unit or 1.0
+            numbers = numbers * (options.unit or 1.0)
         for bad, must in (
             (np.isnan(numbers) & (key in POINT), "must not be empty"),
             (np.abs(numbers) > FARTHEST, f"must be within {_told_limit(table, key)}"),
@@ -117,35 +151,21 @@ def _quantities(table: Table, options: ReadOptions) -> dict[str, FloatArray]:
         ):
             if bad.any():
                 i = int(np.argmax(bad))
-                given = table.cells[key][i]
-                but = "" if np.isnan(numbers[i]) else f", but is {given}"
-                raise InvalidInput(f"{table.where(i, key)}: {must.strip()}{but}.", index=i)
+                but = "" if np.isnan(numbers[i]) else f", but is {table.cell(i, key)}"
+                raise InvalidInput(f"{table.place(i, key)}: {must}{but}.", index=i)
         values[key] = numbers
     return values
 
 
-def _told_limit(table: Table, key: str) -> str:
+def _told_limit(table: CsvTable[str], key: str) -> str:
     """The largest number of a column, in its unit."""
     column = table.columns[key]
     unit = UNITS.get(key, "") if column.unit is None else column.unit
     return f"{FARTHEST / column.factor:g} {unit}"
 
 
-def _numbers(table: Table, key: str) -> FloatArray:
-    """The numbers of a column, (rows,); NaN where a cell is empty."""
-    cells = table.cells[key]
-    values = np.array([plain_number(x) for x in cells], dtype=np.float64)
-    written = np.isnan(values) & np.array([bool(x) for x in cells], dtype=bool)
-    if written.any():
-        i = int(np.argmax(written))
-        text = cells[i][:40]
-        hint = ": write a decimal point" if re.fullmatch(r"[-+]?\d+,\d+", text) else ""
-        raise InvalidInput(f"{table.where(i, key)}: {text!r} is not a finite number{hint}.")
-    return values
-
-
 def _orientation(
-    table: Table, values: Mapping[str, FloatArray]
+    table: CsvTable[str], values: Mapping[str, FloatArray]
 ) -> tuple[tuple[str, ...], FloatArray] | None:
     """The columns of the tool orientation, and their numbers, (rows, 3 or 4); None without."""
     given = [x for x in (QUATERNION, ANGLES, AXIS) if x[0] in values]
@@ -171,18 +191,18 @@ def _orientation(
         if wrong.any():
             i = int(np.argmax(wrong))
             length = f" {size[i]:.6g}" if text is must else ""
-            raise InvalidInput(f"{table.where(i, *keys)}: {text}{length}.", index=i)
+            raise InvalidInput(f"{table.place(i, *keys)}: {text}{length}.", index=i)
     return keys, numbers
 
 
-def _texts(table: Table, key: str) -> Sequence[str]:
+def _texts(table: CsvTable[str], key: str) -> list[str]:
     """A column as text; empty cells without it."""
     if key not in table.columns:
-        return [""] * len(table.places)
-    return table.cells[key]
+        return [""] * len(table.lines)
+    return [x for _, (texts,) in table.texts([key]) for x in texts]
 
 
-def _fill_down(table: Table, key: str) -> list[str]:
+def _fill_down(table: CsvTable[str], key: str) -> list[str]:
     """A column of text in which every empty cell repeats the cell above."""
     texts, last = [], ""
     for text in _texts(table, key):
@@ -197,14 +217,14 @@ def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:
     return [i for i in range(1, len(rows)) if rows[i] != rows[i - 1]]
 
 
-def _path(table: Table, values: Mapping[str, FloatArray], rows: slice) -> Path:
+def _path(table: CsvTable[str], values: Mapping[str, FloatArray], rows: slice) -> Path:
     """Lines through the points of some rows.
 
     Raises:
         InvalidInput: Fewer than two different points.
     """
     points = np.stack([values[key][rows] for key in POINT if key in values], axis=1)
-    first = int(table.places[rows][0])
+    first = int(table.numbers[rows][0])
     if (np.linalg.norm(points - points[0], axis=1) <= REPEATED_POINT).all():
         raise InvalidInput(
             f"{table.source}: the contour that starts in line {first} has no two different "
@@ -221,7 +241,7 @@ def _path(table: Table, values: Mapping[str, FloatArray], rows: slice) -> Path:
 
 
 def _orient(
-    table: Table,
+    table: CsvTable[str],
     path: Path,
     orientation: tuple[tuple[str, ...], FloatArray] | None,
     rows: slice,
@@ -241,7 +261,7 @@ def _orient(
     if empty.any():
         i = rows.start + int(np.argmax(empty))
         raise InvalidInput(
-            f"{table.where(i, *keys)}: empty, but other rows of the contour give the tool "
+            f"{table.place(i, *keys)}: empty, but other rows of the contour give the tool "
             "orientation: fill all or none.",
             index=i,
         )
@@ -253,11 +273,11 @@ def _orient(
         return path.oriented(from_rpy(numbers) if keys == ANGLES else Rotation.from_quat(numbers))
     except InvalidInput as error:
         i = rows.start + (error.index or 0)
-        raise InvalidInput(f"{table.where(i, *keys)}: {error}", index=i) from None
+        raise InvalidInput(f"{table.place(i, *keys)}: {error}", index=i) from None
 
 
 def _smooth(
-    table: Table,
+    table: CsvTable[str],
     path: Path,
     orientation: tuple[tuple[str, ...], FloatArray] | None,
     rows: slice,
@@ -283,7 +303,7 @@ def _smooth(
     # A repeated point has the axis of the one before it.
     every = np.searchsorted(kept, np.arange(rows.stop - rows.start), side="right") - 1
     turned = path.pointing(smooth[every])
-    place = int(table.places[rows][0])
+    place = int(table.numbers[rows][0])
     return turned, [
         f"Smoothed the tool axes of {len(kept)} waypoints from line {place} on: they are "
         f"turned by up to {np.degrees(most):.3g}°, and {np.degrees(tolerance):.3g}° are allowed "
@@ -291,7 +311,9 @@ def _smooth(
     ]
 
 
-def _events(table: Table, texts: Sequence[str], rows: slice, path: Path) -> tuple[Event, ...]:
+def _events(
+    table: CsvTable[str], texts: Sequence[str], rows: slice, path: Path
+) -> tuple[Event, ...]:
     """Events at the rows of a contour, from text such as `laser=on; gas=2.5`."""
     if "event" not in table.columns:
         return ()
@@ -305,7 +327,7 @@ def _events(table: Table, texts: Sequence[str], rows: slice, path: Path) -> tupl
             name, equals, value = (x.strip() for x in part.partition("="))
             if not name or (equals and not value):
                 raise InvalidInput(
-                    f"{table.where(i, 'event')}: {texts[i][:40]!r} is no event: write name=value, "
+                    f"{table.place(i, 'event')}: {texts[i][:40]!r} is no event: write name=value, "
                     "such as laser=on, with semicolons between several.",
                     index=i,
                 )
@@ -313,7 +335,7 @@ def _events(table: Table, texts: Sequence[str], rows: slice, path: Path) -> tupl
             try:
                 events.append(Event(name=name, value=_value(value) if equals else True, s=s))
             except InvalidInput as error:
-                raise InvalidInput(f"{table.where(i, 'event')}: {error}", index=i) from None
+                raise InvalidInput(f"{table.place(i, 'event')}: {error}", index=i) from None
     return tuple(events)
 
 
@@ -325,10 +347,10 @@ def _value(text: str) -> bool | float | str:
     return text if number is None else number
 
 
-def _note_unused(table: Table, values: Mapping[str, FloatArray], first: int) -> list[str]:
+def _note_unused(table: CsvTable[str], values: Mapping[str, FloatArray], first: int) -> list[str]:
     """Notes on speed and tolerance in the first row of a contour, where no line ends."""
     return [
-        f"{table.where(first, key)}: no line ends at the first waypoint of a contour, so its "
+        f"{table.place(first, key)}: no line ends at the first waypoint of a contour, so its "
         f"{key} is not used."
         for key in ("speed", "tolerance")
         if key in values

@@ -1,6 +1,5 @@
 """Writers of joint set-points and events in the formats of robot controllers and of tables."""
 
-from armcontour.io.exports.exporting import export
 from armcontour.io.exports.formats import (
     CsvFormat,
     McapFormat,
@@ -8,9 +7,9 @@ from armcontour.io.exports.formats import (
     RosYamlFormat,
     TemplateFormat,
     URScriptFormat,
+    export,
 )
 from armcontour.io.exports.table import Table, make_table
-from armcontour.io.exports.text import csv_text
 
 __all__ = [
     "CsvFormat",
@@ -20,7 +19,6 @@ __all__ = [
     "Table",
     "TemplateFormat",
     "URScriptFormat",
-    "csv_text",
     "export",
     "make_table",
 ]

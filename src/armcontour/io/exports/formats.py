@@ -1,23 +1,27 @@
-"""Formats of exports: a class for each, with the options that it has."""
+"""Formats of exports: a class for each, with its options, and `export`, which writes one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Annotated, ClassVar
 
-from armcontour import _checks
+from armcontour import _checks, _staging
 from armcontour._checks import FloatArray
 from armcontour._quantities import AtLeast
-from armcontour.core.fields import Checked
+from armcontour.arms import Arm
+from armcontour.core.fields import Checked, checked
 from armcontour.errors import InvalidInput
 from armcontour.io.exports.ros import write_mcap, write_ros_yaml
-from armcontour.io.exports.table import Table
-from armcontour.io.exports.tables import write_csv, write_npz
-from armcontour.io.exports.template import write_template
+from armcontour.io.exports.table import Table, make_table, write_csv, write_npz
+from armcontour.io.exports.template import describe_program, write_template
 from armcontour.io.exports.urscript import write_urscript
+from armcontour.motion import TaughtData, Trajectory
 
+# Extensions of the files in the folder of a bag; a folder with other files is not replaced.
+BAG = (".mcap", ".db3", ".yaml")
 Analog = Mapping[str, Callable[[FloatArray], FloatArray]]
 Derivatives = Annotated[int, AtLeast(0, 2)]
 
@@ -212,3 +216,131 @@ def format_of(file: FilePath) -> type[ExportFormat]:
 def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:
     """Outputs of events by their names; none of formats without outputs."""
     return (isinstance(format, WITH_OUTPUTS) and format.outputs) or {}
+
+
+@checked
+def export(
+    data: TaughtData | Trajectory,
+    file: str | FilePath,
+    format: ExportFormat | None = None,
+    *,
+    arm: Arm | None = None,
+    joint_names: Sequence[str] | None = None,
+    period: float | None = None,
+) -> None:
+    """Write taught data or a trajectory to a file.
+
+    Times, also those of events, count from the first set-point. An earlier file is replaced; if
+    writing fails, it stays.
+
+    Args:
+        data: Taught data, or a trajectory for a controller that needs no compensation.
+        file: The destination; for a bag a folder like those of `ros2 bag record`.
+        format: The format with its options, such as URScriptFormat(outputs={"tool": 0}); by default
+            that of the file's extension.
+        arm: The arm; gives joint names, and tool points if the format contains them.
+        joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
+        period: Sampling period of a trajectory [s], 4 ms by default; taught data have their own.
+
+    Warns:
+        UserWarning: A program of URScript or of the template kuka or abb does not switch an event,
+            or a program does not set an analog output, as no output is named.
+
+    Raises:
+        InvalidInput: No format has the extension, an output is of an unknown event, a library is
+            missing, the template has an error, the format cannot hold the data, or the file cannot
+            be written.
+    """
+    destination = _checks.read_place("export", file)
+    chosen = format_of(destination)() if format is None else format
+    table = make_table(
+        data,
+        name=destination.stem if chosen.name is None else chosen.name,
+        arm=arm,
+        joint_names=joint_names,
+        period=period,
+        # A format has these or not.
+        derivatives=getattr(chosen, "derivatives", 0),
+        tool_motion=getattr(chosen, "tool_motion", False),
+        analog=getattr(chosen, "analog", None),
+    )
+    outputs = outputs_of(chosen)
+    names = (*(x.name for x in table.events), *table.analog)
+    refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
+    # Where warnings are errors, nothing is written.
+    for said in describe_program(
+        table,
+        chosen.label,
+        outputs,
+        lambda event, output: f"outputs={{{event!r}: {output!r}}}",
+    ):
+        kind = "Template" if isinstance(chosen, TemplateFormat) else "Format"
+        warnings.warn(f"{kind} {chosen.label}: {said}", stacklevel=3)
+    put(
+        destination,
+        lambda path: chosen.write(table, path),
+        folder=isinstance(chosen, McapFormat),
+    )
+
+
+def refuse_unknown_outputs(
+    outputs: Mapping[str, int | str], events: Iterable[str], *, option: str, owner: str
+) -> None:
+    """Refuse outputs for events that do not exist.
+
+    Args:
+        outputs: Outputs by names of events.
+        events: Names of the existing events.
+        option: Name of the option in which the outputs were given, for the message.
+        owner: Name of the program with the events, for the message.
+
+    Raises:
+        InvalidInput: An output is for an unknown event.
+    """
+    known = sorted(set(events))
+    for name in outputs:
+        if name not in known:
+            has = f"it has {', '.join(known)}" if known else "it switches nothing"
+            raise InvalidInput(f"{option} names {name!r}, which {owner} does not switch: {has}.")
+
+
+def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = False) -> None:
+    """Write a file or folder to a temporary path, then move it to the destination.
+
+    If writing fails, an earlier file at the destination stays.
+
+    Args:
+        file: The destination.
+        write: Called with the temporary path, which has the same name; writes the file there.
+        folder: Whether `write` writes a folder.
+
+    Raises:
+        InvalidInput: The destination cannot be written.
+    """
+    try:
+        _refuse_destination(file, folder)
+        _staging.put_in_place(file, write)
+    except OSError as error:
+        raise _staging.unwritable(file, error) from None
+
+
+def _refuse_destination(file: FilePath, folder: bool) -> None:
+    """Refuse a destination where something else would be lost.
+
+    Raises:
+        InvalidInput: A folder is at the path of a file, a file at the path of a folder, or the
+            folder has files that are not of a bag.
+    """
+    if not file.name or "\0" in str(file):
+        raise InvalidInput(f"Cannot write {str(file)!r}: it is not the name of a file.")
+    if not folder and file.is_dir():
+        raise InvalidInput(f"Cannot write {file}: a folder of that name is in the way.")
+    if not folder or not file.exists():
+        return
+    if not file.is_dir():
+        raise InvalidInput(f"Cannot write the folder {file}: a file of that name is in the way.")
+    other = sorted(x.name for x in file.iterdir() if x.suffix not in BAG or x.is_dir())
+    if other:
+        raise InvalidInput(
+            f"Cannot write {file}: that folder holds other things than a bag, such as {other[0]}."
+        )

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from armcontour._checks import IntArray
 from armcontour.errors import InvalidInput
-from armcontour.io.exports.table import Table
-from armcontour.io.exports.text import FIXED, event_data, filled, write_pieces
+from armcontour.io.exports.table import FIXED, Table, event_data, filled, write_pieces
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 EVENTS_TOPIC = "/armcontour/events"
@@ -127,7 +127,7 @@ def _message(table: Table, types: Any) -> Any:
     )
 
 
-def _nanoseconds(table: Table) -> Any:
+def _nanoseconds(table: Table) -> IntArray:
     """Times of the points in whole nanoseconds, (n,).
 
     Raises:
@@ -140,4 +140,7 @@ def _nanoseconds(table: Table) -> Any:
             needed=table.duration,
             allowed=float(LONGEST),
         )
-    return table.nanoseconds
+    rounded = np.rint(table.t * 1e9).astype(np.intp)
+    if not (np.diff(rounded) > 0).all():
+        raise InvalidInput(f"Points of {table.name!r} are less than a nanosecond apart.")
+    return rounded

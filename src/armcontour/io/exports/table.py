@@ -1,18 +1,22 @@
-"""The table of times, joint positions and events that all export formats are written from."""
+"""The table of times, joint positions and events of all export formats; as CSV and as npz."""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path as FilePath
 from types import MappingProxyType
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
 from armcontour import _checks
 from armcontour._banded import solve_banded
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import FloatArray
 from armcontour._quantities import Axes, Interval, Quantity
 from armcontour.arms import Arm, Limits, SerialArm
 from armcontour.core.fields import Checked
@@ -27,6 +31,12 @@ ON_THE_POINT = 1e-9
 SAME_PLACE = 2e-12
 # Largest number of samples of a trajectory: more do not fit in memory together with the export.
 MOST_SAMPLES = 20_000_000
+# Decimals of a number; the rounding error is at most half of the last digit.
+DECIMALS = 12
+FIXED = f"%.{DECIMALS}f"
+# Number of values that are formatted at once: more take more memory and are not faster.
+CHUNK = 1 << 16
+UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
 # Rows of which the motion of the tool is computed at once.
 AT_ONCE = 1 << 14
 
@@ -139,18 +149,6 @@ class Table(Checked):
         return float(self.t[-1])
 
     @property
-    def nanoseconds(self) -> IntArray:
-        """Times of the points in whole nanoseconds, (n,).
-
-        Raises:
-            InvalidInput: Two points have the same nanosecond.
-        """
-        rounded = np.rint(self.t * 1e9).astype(np.intp)
-        if not (np.diff(rounded) > 0).all():
-            raise InvalidInput(f"Points of {self.name!r} are less than a nanosecond apart.")
-        return rounded
-
-    @property
     def point_of_events(self) -> list[int]:
         """Index of the last point at or before each event."""
         times = np.array([x.t for x in self.events]) + ON_THE_POINT * self.period
@@ -203,7 +201,7 @@ def make_table(
     else:
         step = _sampling_period(data, name, period)
         samples, start, plan = data.sample(step), 0.0, data
-    functions = {} if analog is None else analog
+    functions = analog or {}
     _checks.listed("analog", functions.values(), Callable, "functions")
     return tabulate(
         samples,
@@ -224,45 +222,37 @@ def make_table(
 def tabulate(
     samples: Samples,
     *,
-    name: str,
-    period: float,
-    events: tuple[TimedEvent, ...] = (),
-    start_time: float = 0.0,
     arm: Arm | None = None,
     joint_names: Sequence[str] | None = None,
     derivatives: int = 2,
     tool_motion: bool = False,
-    analog: Mapping[str, FloatArray] | None = None,
-    contours: tuple[tuple[float, str], ...] = (),
-    command_limits: Limits | None = None,
+    **about: Any,
 ) -> Table:
-    """The table of samples; the arguments are those of `Table` and of `make_table`.
+    """The table of samples; the arguments are those of `make_table`, and `about` of `Table`.
 
     Raises:
         InvalidInput: As in `make_table`.
     """
+    name, dof = about["name"], samples.q.shape[1]
     _checks.whole("derivatives", derivatives, 0, 2)
-    dof = samples.q.shape[1]
+    tool: dict[str, Any] = {}
     if arm is not None:
         _checks.refuse_other("export", arm, Arm)
-    if arm is not None and arm.dof != dof:
-        raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
-    if arm is None and tool_motion:
+        if arm.dof != dof:
+            raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
+        tool = _tool(arm, samples, tool_motion)
+    elif tool_motion:
         raise InvalidInput(f"The motion of the tool of {name!r} needs the arm: give arm.")
+    if joint_names is None:
+        joint_names = arm.joint_names if arm else [f"joint {i}" for i in range(1, dof + 1)]
     return Table(
-        name=name,
-        joint_names=_joint_names(joint_names, arm, dof),
-        period=period,
+        joint_names=joint_names,  # type: ignore[arg-type]  # converted by the field
         t=samples.t,
         q=samples.q,
         dq=samples.dq if derivatives > 0 else None,
         ddq=samples.ddq if derivatives > 1 else None,
-        events=events,
-        start_time=start_time,
-        analog=analog or {},
-        contours=contours,
-        command_limits=command_limits,
-        **({} if arm is None else _tool(arm, samples, tool_motion)),
+        **tool,
+        **about,
     )
 
 
@@ -328,17 +318,6 @@ def _sampling_period(trajectory: Trajectory, name: str, period: float | None) ->
             allowed=float(MOST_SAMPLES),
         )
     return step
-
-
-def _joint_names(given: Sequence[str] | None, arm: Arm | None, dof: int) -> tuple[str, ...]:
-    """The given joint names, else those of the arm, else numbered names.
-
-    Raises:
-        InvalidInput: The given names are not a list.
-    """
-    if given is not None:
-        return _checks.listed("joint_names", given, str, f"{dof} names")
-    return arm.joint_names if arm else tuple(f"joint {i}" for i in range(1, dof + 1))
 
 
 def _set_points(taught: TaughtData, period: float | None, derivatives: int) -> Samples:
@@ -421,3 +400,199 @@ def _clean(event: TimedEvent) -> TimedEvent:
         s=float(event.s),
         point=tuple(float(x) for x in event.point),
     )
+
+
+def joint_columns(
+    t: FloatArray, joint_names: Sequence[str], **quantities: FloatArray | None
+) -> tuple[list[str], list[FloatArray]]:
+    """Titles and columns of joints over time: `t [s]`, then `q 1 [rad]`, `q 2 [rad]`, ...
+
+    A joint has its name in the titles, or its number where its name is "joint" and a number. All
+    files of joints have these titles, and are read by them again.
+
+    Args:
+        t: Times [s], (n,).
+        joint_names: One per joint.
+        quantities: By their names in `UNITS`, (n, dof) each; None is left out.
+    """
+    called = [x.removeprefix("joint ") for x in joint_names]
+    if len(set(called)) < len(called):
+        called = list(joint_names)
+    header, columns = ["t [s]"], [t]
+    for quantity, values in quantities.items():
+        if values is not None:
+            header += [f"{quantity} {name} [{UNITS[quantity]}]" for name in called]
+            columns.append(values)
+    return header, columns
+
+
+def csv_pieces(
+    header: Sequence[str], columns: Sequence[FloatArray], cells: Mapping[int, str] | None = None
+) -> Iterator[str]:
+    """Yield numbers as CSV with 12 decimals, several thousand rows at a time.
+
+    Args:
+        header: Titles of all columns, with units.
+        columns: Arrays (n,) or (n, columns), which are put side by side.
+        cells: Texts of a last column by their rows; empty in the other rows. None without that
+            column.
+    """
+    yield _csv_line(header)
+    row = ",".join([FIXED] * sum(1 if x.ndim == 1 else x.shape[1] for x in columns))
+    lines = {k: row + _csv_line(["", x]).replace("%", "%%") for k, x in (cells or {}).items()}
+    yield from filled(row + ("\n" if cells is None else ",\n"), *columns, lines=lines)
+
+
+def _csv_line(cells: Sequence[str]) -> str:
+    """One line of CSV; texts with commas or quotes are in quotes."""
+    line = io.StringIO()
+    csv.writer(line, lineterminator="\n").writerow(cells)
+    return line.getvalue()
+
+
+def filled(row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None) -> Iterator[str]:
+    """Yield all rows as text, several thousand rows at a time.
+
+    Args:
+        row: Format of one row.
+        columns: Numbers, (n,) or (n, columns), which are put side by side.
+        lines: Other formats of some rows, by their rows.
+    """
+    at_once = max(1, CHUNK // max(1, row.count("%")))
+    for i in range(0, len(columns[0]), at_once):
+        values = np.column_stack([x[i : i + at_once] for x in columns])
+        rows = range(i, i + len(values))
+        form = "".join(lines.get(k, row) for k in rows) if lines else row * len(values)
+        yield form % tuple(values.ravel().tolist())
+
+
+def write_pieces(file: FilePath, pieces: Iterable[str]) -> None:
+    """Write pieces of text to a file, one after the other."""
+    with file.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.writelines(pieces)
+
+
+def format_event(event: TimedEvent) -> str:
+    """An event without its time, such as `tool=on`; a value that is text is in quotes."""
+    plain = all(x.isalnum() or x in "_-. " for x in event.name)
+    name = event.name if plain else json.dumps(event.name)
+    if isinstance(event.value, bool):
+        return f"{name}={'on' if event.value else 'off'}"
+    return f"{name}={json.dumps(event.value)}"
+
+
+def event_data(event: TimedEvent) -> dict[str, Any]:
+    """An event as a dictionary for JSON, in SI units."""
+    return {
+        "name": event.name,
+        "value": event.value,
+        "t": event.t,
+        "due": event.due,
+        "s": event.s,
+        "point": list(event.point),
+    }
+
+
+def write_csv(table: Table, file: FilePath) -> None:
+    """Write columns t, then q, dq and ddq of all joints, and `events` if there are any, as CSV.
+
+    If the table has the speed of the tool, its point, orientation and speed are columns too; so
+    are analog outputs, `analog power`.
+    An event is in the row of the last point at or before it and has its own time:
+    `tool=on@0.104000000000; gas=2.5@0.104500000000`.
+    """
+    header, columns = _columns(table)
+    cells = _event_cells(table) if table.events else None
+    if cells is not None:
+        header.append("events")
+    write_pieces(file, csv_pieces(header, columns, cells))
+
+
+def write_npz(table: Table, file: FilePath) -> None:
+    """Write the table to an npz file.
+
+    The arrays are name, joint_names, period, start_time, t, q, dq, ddq, tool,
+    tool_rotation and tool_speed; for analog outputs `analog_name`, (outputs,), and `analog`,
+    (n, outputs); and for the events `event_name`, `event_value` (JSON), `event_t`, `event_due` and
+    `event_s`, (events,).
+    Arrays that the table does not have are left out. Nothing is pickled.
+    """
+    events = table.events
+    arrays: dict[str, Any] = {
+        "name": np.array(table.name),
+        "joint_names": np.array(table.joint_names),
+        "period": np.array(table.period),
+        "start_time": np.array(table.start_time),
+        "event_name": np.array([x.name for x in events], dtype=np.str_),
+        "event_value": np.array([json.dumps(x.value) for x in events], dtype=np.str_),
+    }
+    for key in ("t", "due", "s"):
+        arrays[f"event_{key}"] = np.array([getattr(x, key) for x in events], dtype=np.float64)
+    for key in ("t", "q", "dq", "ddq", "tool", "tool_rotation", "tool_speed"):
+        if getattr(table, key) is not None:
+            arrays[key] = getattr(table, key)
+    if table.analog:
+        arrays["analog_name"] = np.array(list(table.analog), dtype=np.str_)
+        arrays["analog"] = np.column_stack(list(table.analog.values()))
+    # An open file keeps numpy from adding .npz to the name.
+    with file.open("wb") as stream:
+        np.savez(stream, **arrays)
+
+
+def _columns(table: Table) -> tuple[list[str], list[FloatArray]]:
+    """Titles and columns of joints, of analog outputs, and of the tool if its speed is there."""
+    header, columns = joint_columns(
+        table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
+    )
+    tool = table.tool_speed is not None
+    if tool and table.tool is not None:
+        header += [f"{axis} [m]" for axis in "xyz"[: table.tool.shape[1]]]
+        columns.append(table.tool)
+    if tool and table.tool_rotation is not None:
+        header += ["qx", "qy", "qz", "qw"]
+        columns.append(table.tool_rotation)
+    if tool and table.tool_speed is not None:
+        header.append("speed [m/s]")
+        columns.append(table.tool_speed)
+    for name, values in table.analog.items():
+        header.append(f"analog {name}")
+        columns.append(values)
+    return header, columns
+
+
+def _event_cells(table: Table) -> dict[int, str]:
+    """The events of each point as text, by the index of the point."""
+    cells: dict[int, str] = {}
+    for event, i in zip(table.events, table.point_of_events, strict=True):
+        text = f"{format_event(event)}@{FIXED % event.t}"
+        cells[i] = f"{cells[i]}; {text}" if i in cells else text
+    return cells
+
+
+def write_taught(file: FilePath, taught: TaughtData, joint_names: Sequence[str]) -> None:
+    """Write taught data as CSV: t, then q of every joint."""
+    write_pieces(file, csv_pieces(*joint_columns(taught.t, joint_names, q=taught.q)))
+
+
+def write_planned(file: FilePath, x: Samples, joint_names: Sequence[str] = ()) -> None:
+    """Write the realizable trajectory as CSV: t, then q, dq and ddq of every joint.
+
+    Args:
+        file: The file.
+        x: Samples of the trajectory; the last row is the end.
+        joint_names: Names of the joints; numbers by default.
+    """
+    names = joint_names or [f"joint {j + 1}" for j in range(x.q.shape[1])]
+    write_pieces(file, csv_pieces(*joint_columns(x.t, names, q=x.q, dq=x.dq, ddq=x.ddq)))
+
+
+def write_torque(file: FilePath, x: Samples, arm: Arm) -> None:
+    """Write torques of the realizable trajectory as CSV: t, then the torque of every drive.
+
+    Args:
+        file: The file.
+        x: Samples of the trajectory; the last row is the end.
+        arm: The arm, with bodies.
+    """
+    torque = arm.torque(x.q, x.dq, x.ddq)
+    write_pieces(file, csv_pieces(*joint_columns(x.t, arm.joint_names, torque=torque)))

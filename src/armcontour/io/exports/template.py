@@ -15,8 +15,7 @@ import numpy as np
 from armcontour._files import read_text
 from armcontour._text import list_some, show
 from armcontour.errors import InvalidInput
-from armcontour.io.exports.table import Table
-from armcontour.io.exports.text import DECIMALS, format_event
+from armcontour.io.exports.table import DECIMALS, Table, format_event
 from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import COMMAND_SLACK
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.errors import InvalidInput
-from armcontour.io.exports.table import Table
-from armcontour.io.exports.text import filled, format_event, write_pieces
+from armcontour.io.exports.table import Table, filled, format_event, write_pieces
 from armcontour.motion import TimedEvent
 
 JOINTS = 6

@@ -84,9 +84,13 @@ def export(x: Request) -> Frame:
     Options: `format`, a name of a format; for "template" its `template`; `of`,
     "taught" or "planned"; `period` of a plan [s]; `outputs`, `derivatives` and `tool_motion`.
     """
-    from armcontour.io.exports.destination import put
-    from armcontour.io.exports.exporting import refuse_unknown_outputs
-    from armcontour.io.exports.formats import TemplateFormat, format_named, outputs_of
+    from armcontour.io.exports.formats import (
+        TemplateFormat,
+        format_named,
+        outputs_of,
+        put,
+        refuse_unknown_outputs,
+    )
     from armcontour.io.exports.table import make_table
     from armcontour.io.exports.template import SHIPPED, describe_program
     from armcontour.jobs import analog_outputs

@@ -12,6 +12,7 @@ programmed centre over half the angle, and one that continues with the same tang
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from armcontour.geometry.segments import REPEATED_POINT
@@ -255,30 +256,32 @@ def helix_length(circle: Circle, turns: int, rise: float) -> float:
     return math.hypot((circle.radius + circle.end_radius) / 2 * total, rise)
 
 
-def chords_of(circle: Circle, turns: int, tolerance: float) -> int:
-    """Number of chords that stay within a tolerance of a helix.
+def helix_points(
+    circle: Circle, turns: int, tolerance: float, spend: Callable[[int], None]
+) -> list[Point]:
+    """Ends of chords that stay within a tolerance of a helix, in its plane [m].
+
+    The radius changes linearly from start to end.
 
     Args:
         circle: The last turn of the helix, in its plane.
         turns: Number of turns.
         tolerance: Largest distance between chord and helix [m].
+        spend: Called with the number of chords before they are made; may refuse them.
     """
-    largest = max(circle.radius, circle.end_radius)
+    x, largest = circle, max(circle.radius, circle.end_radius)
     step = 2 * math.asin(math.sqrt(min(tolerance / (2 * largest), 0.5))) * 2
     # A chord spans at most a quarter of a turn, also with a wide tolerance.
     step = min(step, math.pi / 2)
-    total = circle.sweep + 2 * math.pi * (turns - 1)
-    return max(1, math.ceil(total / step))
-
-
-def point_of(circle: Circle, turns: int, share: float) -> Point:
-    """The point of a helix at a fraction of its swept angle, in its plane [m].
-
-    The radius changes linearly from start to end.
-    """
-    x = circle
-    angle = x.turn * share * (x.sweep + 2 * math.pi * (turns - 1))
-    radius = x.radius + share * (x.end_radius - x.radius)
+    total = x.sweep + 2 * math.pi * (turns - 1)
+    n = max(1, math.ceil(total / step))
+    spend(n)
     px, py = (x.start[0] - x.center[0]) / x.radius, (x.start[1] - x.center[1]) / x.radius
-    c, s = math.cos(angle), math.sin(angle)
-    return (x.center[0] + radius * (c * px - s * py), x.center[1] + radius * (s * px + c * py))
+    points = []
+    for i in range(1, n):
+        angle, radius = x.turn * i / n * total, x.radius + i / n * (x.end_radius - x.radius)
+        c, s = math.cos(angle), math.sin(angle)
+        points.append(
+            (x.center[0] + radius * (c * px - s * py), x.center[1] + radius * (s * px + c * py))
+        )
+    return [*points, x.end]

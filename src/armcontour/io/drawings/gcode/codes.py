@@ -12,6 +12,10 @@ PLAIN_MOVES = "let the CAM system post-process it to plain moves (G0 to G3)"
 RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL = 0, 10, 20, 30, 40
 ARCS = (CLOCKWISE, COUNTER_CLOCKWISE)
 XY, ZX, YZ = 170, 180, 190
+# First and second axis of every plane, as seen from the positive end of the third.
+PLANES = {XY: (0, 1, 2), ZX: (2, 0, 1), YZ: (1, 2, 0)}
+# Letters of coordinates, and of centres of arcs.
+AXES, OFFSETS = "XYZ", "IJK"
 INCH, MILLIMETRE = 200, 210
 CANCEL_MOTION = 800
 # Drilling: at once, with a dwell, and in pecks.

@@ -1,38 +1,66 @@
-"""Cutter radius compensation (G41, G42): the tool's centre beside the programmed contour.
+"""Cutter radius compensation (G41, G42): offsets of the programmed moves for the tool's centre.
 
-The centre goes parallel to lines and around the same centres as arcs, by an arc around outside
-corners, and up to the point of intersection at inside corners. How a move ends depends on the next
-one, so that one move always waits for its successor.
+Moves are collected up to G40, then offset together as kerfs are: parallels of lines, arcs around
+the same centres, an arc around each outside corner. At an inside corner both moves end where they
+cross. Unlike a kerf, a move that is too short for its corners is refused, as in LinuxCNC.
 Source: LinuxCNC manual, "Cutter Radius Compensation", and G Codes, G40, G41, G42.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 
+import numpy as np
+
+from armcontour._checks import BoolArray, FloatArray
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.io.drawings.gcode import codes
-from armcontour.io.drawings.gcode.arcs import Circle, Piece, chords_of, point_of
+from armcontour.io.drawings.gcode.arcs import Circle, Piece, helix_points
 from armcontour.io.drawings.gcode.arcs import Point as InPlane
-from armcontour.io.drawings.gcode.draft import Draft, Point
+from armcontour.io.drawings.gcode.draft import Draft, Feed, Point
 from armcontour.io.drawings.gcode.faults import Fault
-from armcontour.io.drawings.gcode.parallels import (
-    Beside,
-    cross,
-    cut_corner,
-    dot,
-    minus,
-    shifted,
-    turn_between,
-    turned,
-    way_to,
+from armcontour.program._crossings import (
+    CURVATURE,
+    LENGTH,
+    TX,
+    TY,
+    corner_cuts,
+    left_of,
+    parallels,
+    points_at,
+    turns_between,
 )
 from armcontour.program.moves import Value
 
 # Ends of parallels that are this near are one point [m]: half of what a path takes for a gap.
 SAME_END = REPEATED_POINT / 2
+# A move turns straight back if its turn is this near to half a turn [rad].
+STRAIGHT_BACK = 1e-9
+
+
+@dataclass(slots=True)
+class _Move:
+    """A programmed move in the plane XY.
+
+    Args:
+        row: Its row in the table of pieces of `_crossings`.
+        end: End [m].
+        z: Height at the end [m].
+        line: Line of the program.
+        feed: Speed, tolerance and line; None for a rapid.
+        actions: What happens at its end, before the next move.
+    """
+
+    row: tuple[float, ...]
+    end: InPlane
+    z: float
+    line: int
+    feed: Feed | None = None
+    actions: list[Callable[[], None]] = field(default_factory=list)
 
 
 class Compensation:
@@ -50,9 +78,8 @@ class Compensation:
         self.left = 0.0
         # The programmed point; only while compensation is on.
         self.at: Point = draft.last
-        self.open: Beside | None = None
-        # What comes after the open move and before the next one in the plane.
-        self.waiting: list[Callable[[], None]] = []
+        # The moves since G41 or G42, which are not drafted yet.
+        self.moves: list[_Move] = []
         # Whether the next move leads away from the contour.
         self.leaves = False
 
@@ -85,9 +112,9 @@ class Compensation:
 
     def stop(self) -> None:
         """G40: the next move leads away from the contour."""
-        if self.open is not None:
+        if self.moves:
             self.leaves = True
-        self._close()
+            self._draft_moves()
         self.code, self.left = codes.NO_COMPENSATION, 0.0
 
     def refuse(self, what: str) -> None:
@@ -111,71 +138,47 @@ class Compensation:
             )
         return self.at if self.left else self.draft.last
 
-    def feed(self, x: float, y: float, z: float, speed: float, tolerance: float, line: int) -> None:
+    def feed(self, x: float, y: float, z: float, feed: Feed) -> None:
         """A straight feed move."""
         if not self.left:
             self.leaves = False
-            self.draft.feed(x, y, z, speed, tolerance, line)
+            self.draft.feed(x, y, z, feed)
         elif math.dist((x, y), self.at[:2]) > REPEATED_POINT:
-            found = self._parallel((x, y), z)
-            found.line, found.speed, found.tolerance = line, speed, tolerance
-            self._follow(found, (x, y, z))
+            self._follow_line((x, y), z, feed[2], feed)
         else:
-            self._wait(partial(self._plunge, z, speed, tolerance, line))
+            self._wait(lambda: self.draft.feed(*self.draft.last[:2], z, feed))
             self.at = (*self.at[:2], z)
 
-    def go(self, x: float, y: float, z: float) -> None:
+    def go(self, x: float, y: float, z: float, line: int) -> None:
         """A rapid move."""
         if not self.left:
             self.leaves = False
             self.draft.go(x, y, z)
         elif math.dist((x, y), self.at[:2]) > REPEATED_POINT:
-            self._follow(self._parallel((x, y), z), (x, y, z))
+            self._follow_line((x, y), z, line)
         else:
-            self._wait(partial(self._rise, z))
+            self._wait(lambda: self.draft.go(*self.draft.last[:2], z))
             self.at = (*self.at[:2], z)
 
     def bend(
-        self,
-        piece: Piece,
-        axes: tuple[int, int, int],
-        speed: float,
-        tolerance: float,
-        line: int,
-        *,
-        rise: float = 0.0,
+        self, piece: Piece, axes: tuple[int, int, int], feed: Feed, *, rise: float = 0.0
     ) -> None:
         """An arc; while compensation is on, in the plane XY, or a helix across it."""
         if not self.left:
-            self.draft.bend(piece, axes, speed, tolerance, line)
+            self.draft.bend(piece, axes, feed)
             return
-        x, y, z = self.at
-        z += rise
-        start, radius = (x, y), 1 / piece.curvature
-        turn = math.copysign(1.0, cross(piece.tangent, piece.normal))
-        inner = radius - turn * self.left
-        if inner <= REPEATED_POINT:
+        (tx, ty), (nx, ny) = piece.tangent, piece.normal
+        curvature = math.copysign(piece.curvature, tx * ny - ty * nx)
+        radius = 1 / piece.curvature
+        if radius * (1 - curvature * self.left) <= REPEATED_POINT:
             raise Fault(
                 "an inside arc of radius {} for a tool of {}: its diameter must be below {}",
                 radius, 2 * abs(self.left), 2 * radius,
             )  # fmt: skip
-        tangent = turned(piece.tangent, turn * piece.length / radius)
-        found = Beside(
-            start=shifted(start, piece.tangent, self.left),
-            end=shifted(piece.end, tangent, self.left),
-            tangents=(piece.tangent, tangent),
-            corner=start,
-            z=z,
-            length=inner * piece.length / radius,
-            bend=turn / radius,
-            curvature=turn / inner,
-            line=line,
-            speed=speed,
-            tolerance=tolerance,
-        )
-        if self.open is None:
-            self._enter_by_arc(found, piece.end)
-        self._follow(found, (*piece.end, z))
+        if not self.moves:
+            self._refuse_short_entry(math.dist(self.draft.last[:2], piece.end))
+        row = (*self.at[:2], tx, ty, curvature, piece.length)
+        self._follow(_Move(row, piece.end, self.at[2] + rise, feed[2], feed))
 
     def event(self, name: str, value: Value) -> None:
         """Something is switched."""
@@ -197,41 +200,28 @@ class Compensation:
         """Counts segments, as `Draft.room_for` does."""
         self.draft.room_for(segments)
 
-    def _wait(self, what: Callable[[], None]) -> None:
-        """Does something where the open move ends, or now where none is open."""
-        if self.open is None:
-            what()
+    def set_layer(self, number: str | None, kind: str | None) -> None:
+        """A layer begins, as in `Draft.set_layer`."""
+        self._wait(partial(self.draft.set_layer, number, kind))
+
+    def _wait(self, action: Callable[[], None]) -> None:
+        """Does something at the end of the last move, or now if none is collected."""
+        if self.moves:
+            self.moves[-1].actions.append(action)
         else:
-            self.waiting.append(what)
+            action()
 
-    def _plunge(self, z: float, speed: float, tolerance: float, line: int) -> None:
-        x, y, _ = self.draft.last
-        self.draft.feed(x, y, z, speed, tolerance, line)
-
-    def _rise(self, z: float) -> None:
-        x, y, _ = self.draft.last
-        self.draft.go(x, y, z)
-
-    def _parallel(self, end: InPlane, z: float) -> Beside:
-        """The way beside a straight move.
-
-        Raises:
-            Fault: The first move, if it is not longer than the radius.
-        """
-        start = self.at[:2]
-        length = math.dist(start, end)
-        if self.open is None:
+    def _follow_line(self, end: InPlane, z: float, line: int, feed: Feed | None = None) -> None:
+        """Collects a straight move."""
+        (x, y), length = self.at[:2], math.dist(self.at[:2], end)
+        if not self.moves:
             self._refuse_short_entry(length)
-        tangent = ((end[0] - start[0]) / length, (end[1] - start[1]) / length)
-        return Beside(
-            start=shifted(start, tangent, self.left),
-            end=shifted(end, tangent, self.left),
-            tangents=(tangent, tangent),
-            corner=start,
-            z=z,
-            length=length,
-            entry=self.open is None,
-        )
+        row = (x, y, (end[0] - x) / length, (end[1] - y) / length, 0.0, length)
+        self._follow(_Move(row, end, z, line, feed))
+
+    def _follow(self, move: _Move) -> None:
+        self.moves.append(move)
+        self.at, self.leaves = (*move.end, move.z), False
 
     def _refuse_short_entry(self, length: float) -> None:
         if length <= abs(self.left):
@@ -241,94 +231,120 @@ class Compensation:
                 length, abs(self.left),
             )  # fmt: skip
 
-    def _enter_by_arc(self, found: Beside, end: InPlane) -> None:
-        """Makes the first arc start where the tool is, tangent to its parallel at the end.
+    def _draft_moves(self) -> None:
+        """Drafts the collected moves with the tool beside them."""
+        moves, self.moves = self.moves, []
+        table = np.array([x.row for x in moves])
+        way, tangents = parallels(table, self.left), points_at(table, table[:, LENGTH], 1)
+        tips = np.array([x.end for x in moves]) + self.left * left_of(tangents)
+        if table[0, CURVATURE]:
+            way[0] = self._entry_arc(moves[0], complex(*tips[0]), complex(*tangents[0]))
+        turns = turns_between(tangents[:-1], table[1:, [TX, TY]])
+        # A move straight back turns around the outside of the tip, as in LinuxCNC, unless it bends
+        # away to the tool's side, where both make an inside corner.
+        side = math.copysign(math.pi, self.left)
+        inside = (table[:-1, CURVATURE] + table[1:, CURVATURE]) * self.left < 0
+        back = np.abs(turns) >= math.pi - STRAIGHT_BACK
+        turns = np.where(back, np.where(inside, side, -side), turns)
+        turns[np.linalg.norm(way[1:, :2] - tips[:-1], axis=1) <= SAME_END] = 0.0
+        first, last = self._cut_corners(moves, way, turns * self.left > 0)
+        ends = np.where((last < way[:, LENGTH])[:, None], points_at(way, last), tips)
+        for i, move in enumerate(moves):
+            if i and turns[i - 1] * self.left < 0:
+                self._turn_corner(move, way[i], tangents[i - 1], float(turns[i - 1]))
+            self._draft_move(move, way[i : i + 1], first[i], last[i], tuple(ends[i].tolist()))
+            for action in move.actions:
+                action()
+
+    def _entry_arc(self, move: _Move, tip: complex, tangent: complex) -> FloatArray:
+        """The row of an arc from where the tool is, tangent to the first parallel at its end.
 
         Raises:
-            Fault: It is too short, or starts on the wrong side.
+            Fault: It starts on the wrong side.
         """
-        start = self.draft.last[:2]
-        self._refuse_short_entry(math.dist(start, end))
-        back = minus(start, found.end)
-        curvature = 2 * cross(found.tangents[1], back) / dot(back, back)
-        if curvature * found.bend <= 0:
+        start = complex(*self.draft.last[:2])
+        half = cmath.phase(tangent / (tip - start))
+        curvature = 2 * math.sin(half) / abs(tip - start)
+        if curvature * move.row[CURVATURE] <= 0:
             raise Fault(
                 f"the first move under {codes.g_name(self.code)}, an arc that the tool cannot "
-                "enter from where it is: enter by a straight move"
+                "enter from where it is: enter by a straight move",
+                line=move.line,
             )
-        way = -way_to(found.tangents[1], curvature, back)
-        found.start, found.curvature = start, curvature
-        found.length = way if way > 0 else way + 2 * math.pi / abs(curvature)
-        first = turned(found.tangents[1], -curvature * found.length)
-        found.tangents = (first, found.tangents[1])
-
-    def _follow(self, found: Beside, end: Point) -> None:
-        """Ends the open move where the next one begins, which is open from now on."""
-        before = self.open
-        if before is not None:
-            self._turn_corner(before, found)
-        self.open, self.at, self.leaves = found, end, False
-
-    def _turn_corner(self, before: Beside, found: Beside) -> None:
-        gap = math.dist(before.end, found.start)
-        angle = turn_between(before, found, self.left)
-        if gap > SAME_END and angle * self.left > 0:
-            way = cut_corner(before, found, abs(self.left))
-            self._end_open(way)
-            return
-        self._end_open(before.length)
-        if gap <= SAME_END:
-            return
-        if not found.line:
-            self.draft.go(*found.start, self.draft.last[2])
-            return
-        tangent = before.tangents[1]
-        turn = -math.copysign(1.0, self.left)
-        piece = Piece(
-            tangent=tangent,
-            normal=(-turn * tangent[1], turn * tangent[0]),
-            curvature=1 / abs(self.left),
-            length=abs(angle * self.left),
-            end=found.start,
+        first = tangent * cmath.exp(-2j * half)
+        return np.array(
+            [start.real, start.imag, first.real, first.imag, curvature, 2 * half / curvature]
         )
-        self.draft.bend(piece, (0, 1, 2), found.speed, found.tolerance, found.line)
 
-    def _close(self) -> None:
-        if self.open is not None:
-            self._end_open(self.open.length)
+    def _cut_corners(
+        self, moves: Sequence[_Move], way: FloatArray, inside: BoolArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Lengths at which each parallel begins and ends, cut at inside corners [m], (n,) each.
 
-    def _end_open(self, way: float) -> None:
-        """Drafts the open move up to a length, and what waits for it."""
-        x = self.open
-        assert x is not None
-        end = x.end if way == x.length else x.at(way)[0]
-        if not x.line:
-            self.draft.go(*end, x.z)
-        elif not x.curvature:
-            self.draft.feed(*end, x.z, x.speed, x.tolerance, x.line)
-        elif way - x.first > REPEATED_POINT:
-            self._draft_arc(x, way, end)
-        self.open = None
-        waiting, self.waiting = self.waiting, []
-        for act in waiting:
-            act()
+        Raises:
+            Fault: A corner into which the tool does not fit.
+        """
+        cut, lengths = np.flatnonzero(inside), way[:, LENGTH]
+        first, last = np.zeros(len(way)), lengths.copy()
+        back, first[cut + 1] = corner_cuts(way[cut], way[cut + 1])
+        last[cut] -= back
+        for i, by in zip(cut.tolist(), back.tolist(), strict=True):
+            which, less, more = "before it by {}, of which {} are left", by, lengths[i] - first[i]
+            # A straight entry may end before its start.
+            fits = less <= more + REPEATED_POINT or not (i or way[0, CURVATURE])
+            if fits:
+                which, less, more = "after it by {}, which is {} long", first[i + 1], lengths[i + 1]
+            if fits and less <= more + REPEATED_POINT:
+                continue
+            why = (
+                f"which shortens the move {which}"
+                if not math.isnan(by)
+                else "into which it does not fit"
+            )
+            raise Fault(
+                f"an inside corner at ({{}}, {{}}) for a tool of {{}}, {why}: take a smaller tool, "
+                "or round the corner by more than the tool's radius",
+                *moves[i].end, 2 * abs(self.left), less, more, line=moves[i + 1].line,
+            )  # fmt: skip
+        return first, last
 
-    def _draft_arc(self, x: Beside, way: float, end: InPlane) -> None:
-        """An arc up to a length; chords of it where the height changes."""
-        start, tangent = x.at(x.first)
-        turn, radius = math.copysign(1.0, x.curvature), 1 / abs(x.curvature)
-        normal = (-turn * tangent[1], turn * tangent[0])
-        last = self.draft.last[2]
-        if abs(x.z - last) <= REPEATED_POINT:
-            piece = Piece(tangent, normal, 1 / radius, way - x.first, end)
-            self.draft.bend(piece, (0, 1, 2), x.speed, x.tolerance, x.line)
+    def _turn_corner(self, move: _Move, way: FloatArray, tangent: FloatArray, turn: float) -> None:
+        """Drafts the arc around the outside corner before a move; a rapid goes straight."""
+        x, y = way[:2].tolist()
+        if move.feed is None:
+            self.draft.go(x, y, self.draft.last[2])
             return
-        center = (start[0] + radius * normal[0], start[1] + radius * normal[1])
-        sweep = (way - x.first) / radius
-        circle = Circle(center, start, end, int(turn), sweep, radius, radius)
-        n = chords_of(circle, 1, self.chord_tolerance)
-        self.draft.room_for(n)
-        for i in range(1, n + 1):
-            point = point_of(circle, 1, i / n) if i < n else end
-            z = last + i / n * (x.z - last)
-            self.draft.feed(*point, z, x.speed, x.tolerance, x.line)
+        piece = _arc(tangent, -1 / self.left, abs(turn * self.left), (x, y))
+        self.draft.bend(piece, (0, 1, 2), move.feed)
+
+    def _draft_move(
+        self, move: _Move, way: FloatArray, first: float, last: float, end: InPlane
+    ) -> None:
+        """Drafts a move along a part of its parallel; chords of an arc where the height changes."""
+        if move.feed is None:
+            self.draft.go(*end, move.z)
+            return
+        curvature, length = float(way[0, CURVATURE]), last - first
+        if not curvature:
+            self.draft.feed(*end, move.z, move.feed)
+            return
+        if length <= REPEATED_POINT:
+            return
+        at = np.array([first])
+        piece = _arc(points_at(way, at, 1)[0], curvature, length, end)
+        z, radius = self.draft.last[2], abs(1 / curvature)
+        if abs(move.z - z) <= REPEATED_POINT:
+            self.draft.bend(piece, (0, 1, 2), move.feed)
+            return
+        start, turn = points_at(way, at)[0], int(math.copysign(1.0, curvature))
+        center = (start + radius * np.array(piece.normal)).tolist()
+        circle = Circle(center, start.tolist(), end, turn, length / radius, radius, radius)
+        points = helix_points(circle, 1, self.chord_tolerance, self.draft.room_for)
+        for i, point in enumerate(points, 1):
+            self.draft.feed(*point, z + i / len(points) * (move.z - z), move.feed)
+
+
+def _arc(tangent: FloatArray, curvature: float, length: float, end: InPlane) -> Piece:
+    """An arc whose curvature is positive to the left."""
+    (tx, ty), turn = tangent.tolist(), math.copysign(1.0, curvature)
+    return Piece((tx, ty), (-turn * ty, turn * tx), abs(curvature), length, end)

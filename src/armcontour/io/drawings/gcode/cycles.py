@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from armcontour.io.drawings.gcode import codes
-from armcontour.io.drawings.gcode.arc_words import AXES, PLANES
+from armcontour.io.drawings.gcode.codes import AXES, PLANES
 from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.modes import Modes
 from armcontour.io.drawings.gcode.motions import Tool

@@ -24,6 +24,8 @@ FLAT = 1e-12
 MOST_SEGMENTS = 1_000_000
 
 Point = tuple[float, float, float]
+# Speed [m/s], largest corner error [m] and line of a feed move; NaN where the file gives none.
+Feed = tuple[float, float, int]
 
 
 @dataclass(slots=True)
@@ -73,41 +75,24 @@ class Draft:
             self.rest()
         self.layer = name
 
-    def feed(self, x: float, y: float, z: float, speed: float, tolerance: float, line: int) -> None:
+    def feed(self, x: float, y: float, z: float, feed: Feed) -> None:
         """A straight feed move; none where the tool is there already."""
         px, py, pz = self.last
         if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
             return
-        chain = self.chain if self.chain is not None else self._begin(line)
-        chain.points.extend((x, y, z))
-        chain.speeds.append(speed)
-        chain.tolerances.append(tolerance)
-        chain.lines.append(line)
-        self.last = (x, y, z)
+        self._extend(feed, (x, y, z))
 
-    def bend(
-        self,
-        piece: Piece,
-        axes: tuple[int, int, int],
-        speed: float,
-        tolerance: float,
-        line: int,
-    ) -> None:
+    def bend(self, piece: Piece, axes: tuple[int, int, int], feed: Feed) -> None:
         """An arc in the plane of the first two of `axes`."""
-        chain = self.chain if self.chain is not None else self._begin(line)
         a, b, _ = axes
         end, tangent, normal = list(self.last), [0.0] * 3, [0.0] * 3
         end[a], end[b] = piece.end
         tangent[a], tangent[b] = piece.tangent
         normal[a], normal[b] = piece.normal
-        chain.arcs.append(
-            (len(chain.speeds), _point(tangent), _point(normal), piece.curvature, piece.length)
-        )
-        chain.points.extend(end)
-        chain.speeds.append(speed)
-        chain.tolerances.append(tolerance)
-        chain.lines.append(line)
-        self.last = _point(end)
+        chain = self._extend(feed, _point(end))
+        number = len(chain.speeds) - 1
+        arc = (number, _point(tangent), _point(normal), piece.curvature, piece.length)
+        chain.arcs.append(arc)
         self.across = self.across or 2 in (a, b)
 
     def room_for(self, segments: int) -> None:
@@ -188,11 +173,20 @@ class Draft:
                 moves.append(x)
         return Program(moves=tuple(moves), source=source, notes=notes)
 
-    def _begin(self, line: int) -> Chain:
-        self._flush()
-        self.begun = True
-        self.chain = Chain(points=array("d", self.last), line=line, layer=self.layer)
-        return self.chain
+    def _extend(self, feed: Feed, end: Point) -> Chain:
+        """Lead the open contour, or a new one, to a point."""
+        speed, tolerance, line = feed
+        chain = self.chain
+        if chain is None:
+            self._flush()
+            self.begun = True
+            chain = self.chain = Chain(points=array("d", self.last), line=line, layer=self.layer)
+        chain.points.extend(end)
+        chain.speeds.append(speed)
+        chain.tolerances.append(tolerance)
+        chain.lines.append(line)
+        self.last = end
+        return chain
 
     def _close(self) -> None:
         if self.chain is not None:

@@ -10,21 +10,17 @@ from __future__ import annotations
 import math
 
 from armcontour.io.drawings.gcode import codes
-from armcontour.io.drawings.gcode.arc_words import AXES, PLANES
+from armcontour.io.drawings.gcode.codes import AXES, PLANES
 from armcontour.io.drawings.gcode.compensation import Compensation
 from armcontour.io.drawings.gcode.cycles import Cycles
-from armcontour.io.drawings.gcode.dialect import Dialect
 from armcontour.io.drawings.gcode.draft import Draft
-from armcontour.io.drawings.gcode.faults import Fault
-from armcontour.io.drawings.gcode.feed import feed_per_minute, set_feed, unit_of
-from armcontour.io.drawings.gcode.modes import MILLIMETRE, Modes
+from armcontour.io.drawings.gcode.faults import MILLIMETRE, Fault, Notes
+from armcontour.io.drawings.gcode.modes import Modes, unit_of
 from armcontour.io.drawings.gcode.motions import Tool
 from armcontour.io.drawings.gcode.offsets import Offsets
-from armcontour.io.drawings.gcode.references import References
 from armcontour.io.drawings.gcode.switches import Extruder, Switches
-from armcontour.io.drawings.gcode.tool_table import diameter_for
 from armcontour.io.drawings.gcode.unknown import Unknown
-from armcontour.io.drawings.gcode.words import Block
+from armcontour.io.drawings.gcode.words import Block, Dialect, whole
 from armcontour.io.drawings.options import ReadOptions
 
 # Codes and words of lines that only move the tool.
@@ -49,22 +45,16 @@ class Machine:
         self.offsets = Offsets()
         self.compensation = Compensation(self.draft, options.fit_tolerance)
         self.tools = options.unscaled_tools
-        self.tool = Tool(self.compensation, self.modes, self.offsets, options.fit_tolerance)
-        self.unknown = Unknown(options.words, options.skips)
+        self.notes = Notes()
+        self.tool = Tool(
+            self.compensation, self.notes, self.modes, self.offsets, options.fit_tolerance
+        )
+        self.unknown = Unknown(self.notes, options.words, options.skips)
         self.switches = Switches(self.compensation, dialect)
         self.extruder = Extruder(self.switches)
-        self.references = References(self.tool)
         self.cycles = Cycles(self.tool, self.modes)
         self.shift = [0.0] * 3
-        self.first_compensated = 0
         self.dialect = dialect
-        self.first_milliseconds = self.first_any_tolerance = self.first_approach = 0
-        self.long_dwell: tuple[float, int] | None = None
-
-    @property
-    def line(self) -> int:
-        """The line that is carried out, counted from 1."""
-        return self.tool.line
 
     def ready(self) -> bool:
         """Whether a line of nothing but X, Y, Z and F is a straight feed move to that point."""
@@ -88,7 +78,7 @@ class Machine:
         """A line of nothing but those words, where the machine is `ready`."""
         modes, tool = self.modes, self.tool
         if f is not None:
-            feed_per_minute(float(f), modes)
+            modes.feed_per_minute(float(f))
         if x is None and y is None and z is None:
             return
         at, unit, shift = tool.at, modes.unit, self.shift
@@ -98,8 +88,8 @@ class Machine:
             at[1] = float(y) * unit + shift[1]
         if z is not None:
             at[2] = float(z) * unit + shift[2]
-        speed = modes.feed or tool.speed(0.0)
-        self.draft.feed(at[0], at[1], at[2], speed, modes.tolerance, tool.line)
+        feed = (modes.feed, modes.tolerance, self.notes.line) if modes.feed else tool.feed_of(0.0)
+        self.draft.feed(at[0], at[1], at[2], feed)
 
     def execute(self, block: Block) -> bool:
         """Carries out a line.
@@ -112,16 +102,16 @@ class Machine:
         """
         if not block.m and self._is_simple(block):
             if "F" in block.words:
-                set_feed(block, self.modes)
+                self.modes.set_feed(block)
             elif self.modes.inverse_time:
                 self.modes.feed = None
             self._move(block)
             if block.words:
-                self.unknown.leave_idle(block, self.line)
+                self.unknown.leave_idle(block)
             return False
-        self.unknown.screen(block, self.line)
+        self.unknown.screen(block)
         self._refuse_two_users(block)
-        set_feed(block, self.modes)
+        self.modes.set_feed(block)
         dwell = self._dwell(block) if codes.DWELL in block.g else None
         self.switches.apply(block)
         self.extruder.set_mode(block)
@@ -135,7 +125,7 @@ class Machine:
             self._set_motion(block)
         else:
             self._move(block)
-        self.unknown.leave_idle(block, self.line)
+        self.unknown.leave_idle(block)
         return self._stop(block)
 
     def _is_simple(self, block: Block) -> bool:
@@ -170,16 +160,22 @@ class Machine:
         letter = next((x for x in "PSXU" if x in words), None)
         if letter is None:
             # Marlin: wait until all moves are done.
-            self.unknown.count("G4 without a time, a stop of 0 s", self.line)
+            self.notes.count("G4 without a time, a stop of 0 s")
             return 0.0
         duration = words.pop(letter)
         if duration < 0:
             raise Fault(f"G4 needs a time of zero or above, but has {letter}{duration:g}")
         if letter == "P" and duration and self.dialect.printer:
-            self.first_milliseconds = self.first_milliseconds or self.line
+            self.notes.once(
+                "G4 P, first in line {}, is read in milliseconds, because the program is a "
+                "printer's (extrusion, temperatures)."
+            )
             return duration * 1e-3
-        if duration >= LONG_DWELL and self.long_dwell is None:
-            self.long_dwell = (duration, self.line)
+        if duration >= LONG_DWELL:
+            self.notes.once(
+                f"Dwells of {LONG_DWELL:g} s and above, first in line {{}}, are read in seconds, "
+                "as LinuxCNC and grbl read G4 P; some controllers mean milliseconds."
+            )
         return duration
 
     def _set_modes(self, block: Block) -> None:
@@ -218,20 +214,53 @@ class Machine:
             raise Fault(f"{name} in the plane {codes.g_name(self.modes.plane)}: it is read in G17")
         if self.tool.away:
             raise Fault(f"{name} at a position that the file does not give: go on by G0 before")
-        tool = self.switches.tool
-        diameter = diameter_for(block, code, self.modes.unit, tool, self.tools)
+        diameter = self._diameter(block, code)
         left = -diameter / 2 if code in codes.ON_THE_RIGHT else diameter / 2
         self.compensation.start(code, left)
+
+    def _diameter(self, block: Block, code: int) -> float:
+        """The tool's diameter for G41 or G42 of a line [m]; takes its words from the line.
+
+        Raises:
+            Fault: A diameter that nothing gives.
+        """
+        in_spindle = self.switches.tool
+        name, given = codes.g_name(code), block.words.pop("D", None)
+        if code in codes.BY_DIAMETER:
+            if block.words.pop("L", 0.0) != 0.0:
+                raise Fault(f"{name} with L, the orientation of a lathe's tool, which is not read")
+            if given is None:
+                raise Fault(f"{name} without D, the tool's diameter")
+            return given * self.modes.unit
+        if not given and not in_spindle and 0 not in self.tools:
+            raise Fault(
+                f"{name} without D, while no tool is in the spindle (T, M6): give D, the number of "
+                f"a tool, and {_explain_tool(1)}"
+            )
+        # D0 is the tool in the spindle, as in LinuxCNC.
+        number = whole(given or 0.0, f"{name} with a tool D") or in_spindle
+        if number not in self.tools:
+            raise Fault(
+                f"{name}, cutter radius compensation by the tool {number}, whose diameter is in "
+                f"the table of the controller and not in the file: give {_explain_tool(number)}, "
+                "or let the post-processor write the path of the tool's centre"
+            )
+        return self.tools[number]
 
     def _compensate_length(self, block: Block, code: int) -> None:
         """G43: the programmed point is the tip of the tool, as a calibrated tool has it anyway."""
         block.words.pop("H", None)
         if code != codes.TOOL_LENGTH[-1]:
-            self.first_compensated = self.first_compensated or self.line
+            self.notes.once(
+                "Tool length compensation, first in line {}, is read so that the programmed point "
+                "is the tip of the tool: calibrate the robot's tool to its tip."
+            )
 
     def _blend(self, largest: float | None) -> float:
         if largest == 0:
-            self.first_any_tolerance = self.first_any_tolerance or self.line
+            self.notes.once(
+                "G64 P0 in line {} sets no tolerance, as in LinuxCNC; G61 keeps to corners exactly."
+            )
         if not largest:
             return math.nan
         if largest < 0:
@@ -247,10 +276,10 @@ class Machine:
             self.compensation.refuse(codes.g_name(code))
         reference = next(iter(codes.REFERENCE_MOVES.intersection(g)), None)
         if reference is not None:
-            self.references.move(block, reference)
+            self.tool.go_to_reference(block, reference)
         elif codes.MACHINE in g:
             motion = self.modes.motion if block.motion is None else block.motion
-            self.references.move_in_machine(block, motion)
+            self.tool.go_in_machine(block, motion)
         elif 431 in g or 432 in g:
             # Lengths of tools, which move nothing here.
             block.drop(AXES)
@@ -274,7 +303,7 @@ class Machine:
                 "(unknown: {skip: [G10]}, or --skip G10)"
             )
         block.drop("PRS")
-        self.unknown.count("G10", self.line)
+        self.notes.count("G10")
 
     def _set_position(self, block: Block) -> None:
         """G92: the tool is at these coordinates, and E at this one."""
@@ -298,7 +327,7 @@ class Machine:
         arc = self._turns_on(block)
         self._set_motion(block)
         modes = self.modes
-        fed = self.extruder.advance(block, self.line) if modes.motion is not None else 0.0
+        fed = self.extruder.advance(block, self.notes) if modes.motion is not None else 0.0
         feeds = fed > 0
         if not arc and block.words.keys().isdisjoint(AXES):
             if fed:
@@ -323,10 +352,13 @@ class Machine:
         elif motion != codes.LINE:
             self.tool.arc(block, target)
         elif not feeds and self.tool.lost and self.dialect.printer:
-            self.references.pass_by(target)
+            self.tool.pass_by(target)
         elif not feeds and not self.draft.begun and self.dialect.extrudes:
             # Nothing is printed yet: the tool only goes to where the print begins.
-            self.first_approach = self.first_approach or self.line
+            self.notes.once(
+                "Feed moves before the first extrusion, first in line {}, are read as rapids: the "
+                "program begins where material flows."
+            )
             self.tool.go(target)
         else:
             self.tool.feed(target)
@@ -345,45 +377,9 @@ class Machine:
         """The end of the program, which ends compensation too."""
         self.compensation.stop()
 
-    def notes(self) -> list[str]:
-        """Sentences on what was left out, and on how something was read."""
-        found = self.unknown.notes() + self.references.notes()
-        if self.first_compensated:
-            found.append(
-                f"Tool length compensation, first in line {self.first_compensated}, is read so "
-                "that the programmed point is the tip of the tool: calibrate the robot's tool to "
-                "its tip."
-            )
-        if self.tool.first_open:
-            found.append(
-                f"The file gives no feed rate for moves, first in line {self.tool.first_open}: "
-                "they have no speed of their own, and the job's limits hold."
-            )
-        if self.first_approach:
-            found.append(
-                f"Feed moves before the first extrusion, first in line {self.first_approach}, "
-                "are read as rapids: the program begins where material flows."
-            )
-        if self.first_any_tolerance:
-            found.append(
-                f"G64 P0 in line {self.first_any_tolerance} sets no tolerance, as in LinuxCNC; "
-                "G61 keeps to corners exactly."
-            )
-        if self.first_milliseconds:
-            found.append(
-                f"G4 P, first in line {self.first_milliseconds}, is read in milliseconds, "
-                "because the program is a printer's (extrusion, temperatures)."
-            )
-        if self.extruder.first_kept:
-            found.append(
-                f"E in line {self.extruder.first_kept} is relative, because G90 does not end "
-                "M83, as in Klipper and RepRapFirmware; Marlin reads it as absolute. Write M83 "
-                "after G90."
-            )
-        if self.long_dwell is not None:
-            duration, line = self.long_dwell
-            found.append(
-                f"The dwell of {duration:g} s in line {line} is read in seconds, as LinuxCNC and "
-                "grbl read G4 P; some controllers mean milliseconds."
-            )
-        return found
+
+def _explain_tool(number: int) -> str:
+    return (
+        f"its diameter (tools: {{{number}: 3 mm}} under path, or --tool '{number}: 3 mm', with "
+        "the tool's own diameter)"
+    )

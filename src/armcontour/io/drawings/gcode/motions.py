@@ -5,35 +5,33 @@ from __future__ import annotations
 import math
 
 from armcontour.io.drawings.gcode import codes
-from armcontour.io.drawings.gcode.arc_words import (
-    AXES,
-    OFFSETS,
-    PLANES,
-    by_radius,
-    center_letters,
-    turns_of,
-)
 from armcontour.io.drawings.gcode.arcs import (
     Circle,
     around,
-    chords_of,
     helix_length,
+    helix_points,
     pieces_of,
-    point_of,
     with_radius,
 )
 from armcontour.io.drawings.gcode.arcs import Point as InPlane
+from armcontour.io.drawings.gcode.codes import AXES, OFFSETS, PLANES
 from armcontour.io.drawings.gcode.compensation import Compensation
-from armcontour.io.drawings.gcode.faults import Fault
-from armcontour.io.drawings.gcode.feed import speed_of
+from armcontour.io.drawings.gcode.draft import Feed
+from armcontour.io.drawings.gcode.faults import Fault, Notes
 from armcontour.io.drawings.gcode.modes import Modes
 from armcontour.io.drawings.gcode.offsets import Offsets
-from armcontour.io.drawings.gcode.words import Block
+from armcontour.io.drawings.gcode.words import WHOLE, Block
 
 # Largest coordinate [m]: beyond it a double does not resolve a nanometre.
 FARTHEST = 1e6
 # Heights this near are one [m].
 CLOSE = 1e-9
+
+UNKNOWN = (
+    "Moves to a reference position that the file does not give are only a stop: {}. The tool stays "
+    "where it is, and goes straight on to the next point that the file gives: make sure that "
+    "nothing stands between them."
+)
 
 
 class Tool:
@@ -41,24 +39,27 @@ class Tool:
 
     Args:
         draft: What takes the moves.
+        notes: Takes notes, and has the line.
         modes: What is in force.
         offsets: From the program to the drawing.
         chord_tolerance: Largest distance between a helix and its chords [m].
     """
 
     def __init__(
-        self, draft: Compensation, modes: Modes, offsets: Offsets, chord_tolerance: float
+        self,
+        draft: Compensation,
+        notes: Notes,
+        modes: Modes,
+        offsets: Offsets,
+        chord_tolerance: float,
     ) -> None:
-        self.draft, self.modes, self.offsets = draft, modes, offsets
+        self.draft, self.notes, self.modes, self.offsets = draft, notes, modes, offsets
         self.chord_tolerance = chord_tolerance
         self.at = [0.0, 0.0, 0.0]
         # Axes on which the tool went to a place that the file does not give.
         self.lost: set[int] = set()
         # Whether the last drafted move ends somewhere else than where the tool is now.
         self.away = False
-        self.line = 0
-        # The first line whose move has no feed rate.
-        self.first_open = 0
 
     def target(self, block: Block) -> list[float]:
         """Where the coordinates of a line lead, in the drawing.
@@ -94,7 +95,8 @@ class Tool:
     def go(self, target: list[float]) -> None:
         """A rapid move."""
         if not self.away:
-            self.draft.go(*target)
+            x, y, z = target
+            self.draft.go(x, y, z, self.notes.line)
         elif not self.lost:
             self.draft.resume_at(target)
             self.away = False
@@ -111,11 +113,13 @@ class Tool:
         if not self.draft.begun:
             self.draft.resume_at(self.at)
 
-    def lose(self, axes: set[int]) -> None:
+    def lose(self, name: str, axes: set[int]) -> None:
         """The tool goes where the file does not say, on some axes: it comes to rest before.
 
-        Before the first contour the tool is at zero of the program, as where nothing is given.
+        The program goes on from the next point that the file gives. Before the first contour the
+        tool is at zero of the program, as where nothing is given.
         """
+        self.notes.count(name, UNKNOWN)
         self.draft.rest()
         if self.draft.begun:
             self.lost |= axes
@@ -125,21 +129,55 @@ class Tool:
             self.at[i] = self.offsets.shift[i] or 0.0
         self.draft.resume_at(self.at)
 
+    def go_to_reference(self, block: Block, code: int) -> None:
+        """G28, G30: by the point of the line's coordinates to the reference position.
+
+        Without coordinates all axes go there, otherwise those that the line names.
+        """
+        words = block.words
+        words.pop("P", None)
+        named = {i for i, x in enumerate(AXES) if x in words} or {0, 1, 2}
+        for letter in AXES:
+            if math.isnan(words.get(letter, 0.0)):
+                del words[letter]
+        if not words.keys().isdisjoint(AXES):
+            self.go(self.target(block))
+            for letter in AXES:
+                words.pop(letter, None)
+        self.lose(codes.g_name(code), named)
+
+    def go_in_machine(self, block: Block, motion: int | None) -> None:
+        """G53: a move to coordinates of the machine."""
+        if motion != codes.RAPID:
+            raise Fault(
+                "a move in coordinates of the machine (G53) that is no rapid: their place is in "
+                "the controller and not in the file; write it in coordinates of the program"
+            )
+        given = {i for i, x in enumerate(AXES) if block.words.pop(x, None) is not None}
+        self.lose("G53", given)
+
+    def pass_by(self, target: list[float]) -> None:
+        """A feed move to a point of which the file does not give all axes; it draws nothing."""
+        self.at[:] = target
+        self.notes.count("G1 from there", UNKNOWN)
+
     def feed(self, target: list[float]) -> None:
         """A straight feed move."""
         self._refuse_lost()
         self.offsets.place()
-        speed = self.speed(math.dist(self.at, target))
         x, y, z = target
-        self.draft.feed(x, y, z, speed, self.modes.tolerance, self.line)
+        self.draft.feed(x, y, z, self.feed_of(math.dist(self.at, target)))
         self.at[:] = target
 
-    def speed(self, length: float) -> float:
-        """The speed of a feed move of a length [m/s]; NaN, and noted, where the file gives none."""
-        found = speed_of(self.modes, length)
-        if found != found and not self.first_open:
-            self.first_open = self.line
-        return found
+    def feed_of(self, length: float) -> Feed:
+        """Speed, tolerance and line of a feed move of a length [m]; notes a missing feed rate."""
+        found = self.modes.speed_of(length)
+        if found != found:
+            self.notes.once(
+                "The file gives no feed rate for moves, first in line {}: they have no speed of "
+                "their own, and the job's limits hold."
+            )
+        return found, self.modes.tolerance, self.notes.line
 
     def _refuse_lost(self) -> None:
         if self.away:
@@ -160,34 +198,20 @@ class Tool:
         circle = self._circle(block, (last[a], last[b]), (target[a], target[b]))
         rise = target[c] - last[c]
         if abs(rise) > CLOSE and not self.draft.left:
-            speed = self.speed(helix_length(circle, turns, rise))
-            self._helix(circle, turns, target, speed)
+            feed = self.feed_of(helix_length(circle, turns, rise))
+            points = helix_points(circle, turns, self.chord_tolerance, self.draft.room_for)
+            x = list(last)
+            for i, (u, v) in enumerate(points, 1):
+                x[a], x[b], x[c] = u, v, last[c] + i / len(points) * rise
+                self.draft.feed(x[0], x[1], x[2], feed)
         else:
             self.draft.room_for(turns - 1)
             pieces = pieces_of(circle, turns)
             length = sum(x.length for x in pieces)
-            speed = self.speed(math.hypot(length, rise))
-            for x in pieces:
-                share = rise * x.length / length
-                self.draft.bend(x, axes, speed, modes.tolerance, self.line, rise=share)
+            feed = self.feed_of(math.hypot(length, rise))
+            for piece in pieces:
+                self.draft.bend(piece, axes, feed, rise=rise * piece.length / length)
         self.at[:] = target
-
-    def _helix(self, circle: Circle, turns: int, target: list[float], speed: float) -> None:
-        """Chords of a helix."""
-        a, b, c = PLANES[self.modes.plane]
-        n = chords_of(circle, turns, self.chord_tolerance)
-        self.draft.room_for(n)
-        point = list(self.draft.start_of_arc())
-        first = point[c]
-        for i in range(1, n + 1):
-            share = i / n
-            if i < n:
-                point[a], point[b] = point_of(circle, turns, share)
-                point[c] = first + share * (target[c] - first)
-            else:
-                point = list(target)
-            x, y, z = point
-            self.draft.feed(x, y, z, speed, self.modes.tolerance, self.line)
 
     def _circle(self, block: Block, start: InPlane, end: InPlane) -> Circle:
         modes = self.modes
@@ -214,3 +238,59 @@ class Tool:
                 f"{letter}{value:g} leads to {length:g} m, beyond the {FARTHEST:g} m that are read"
             )
         return length
+
+
+def turns_of(block: Block) -> int:
+    """P, the number of turns begun; takes it from the line.
+
+    Raises:
+        Fault: Not a whole number from 1.
+    """
+    given = block.words.pop("P", 1.0)
+    turns = round(given)
+    if abs(given - turns) > WHOLE or turns < 1:
+        raise Fault(f"an arc of P{given:g} turns, which must be a whole number from 1")
+    return turns
+
+
+def by_radius(block: Block, plane: int) -> bool:
+    """Whether the arc is given by its radius.
+
+    Raises:
+        Fault: And by its centre too, or without an end.
+    """
+    words = block.words
+    if "R" not in words:
+        return False
+    a, b, _ = PLANES[plane]
+    given = [x for x in OFFSETS if x in words]
+    if given:
+        raise Fault(f"an arc with both R and {given[0]}, of which only one can be meant")
+    if AXES[a] not in words and AXES[b] not in words:
+        raise Fault(f"an arc by its radius R with neither {AXES[a]} nor {AXES[b]} to end at")
+    return True
+
+
+def center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
+    """The letters of the centre's coordinates, in the order of the plane's axes.
+
+    Raises:
+        Fault: No centre, half of an absolute one, or a coordinate across the plane.
+    """
+    words = block.words
+    a, b, c = PLANES[plane]
+    both = f"{OFFSETS[min(a, b)]} and {OFFSETS[max(a, b)]}"
+    # Posts for three axes write all three offsets: one of zero across the plane says nothing.
+    if words.get(OFFSETS[c], 0.0) != 0:
+        raise Fault(
+            f"the word {OFFSETS[c]} for an arc in the plane {codes.g_name(plane)}, whose centre is "
+            f"given by {both}"
+        )
+    given = [x for x in OFFSETS if x in words and x != OFFSETS[c]]
+    if not given:
+        raise Fault(f"an arc without its centre ({both}) or radius (R)")
+    if absolute and len(given) < 2:
+        raise Fault(
+            f"an arc by its absolute centre (G90.1) that gives only {given[0]}: it needs {both}"
+        )
+    return OFFSETS[a], OFFSETS[b]

@@ -6,7 +6,7 @@ The drawing lies in the one coordinate system that the program uses; G92 shifts 
 from __future__ import annotations
 
 from armcontour.io.drawings.gcode import codes
-from armcontour.io.drawings.gcode.arc_words import AXES
+from armcontour.io.drawings.gcode.codes import AXES
 from armcontour.io.drawings.gcode.faults import Fault
 
 

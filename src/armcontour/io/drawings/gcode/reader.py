@@ -5,14 +5,14 @@ from __future__ import annotations
 import io
 import re
 
-from armcontour._progress import Progress, Step, under
+from armcontour._progress import Progress
 from armcontour.errors import InvalidInput
-from armcontour.io.drawings.gcode.dialect import dialect_of
 from armcontour.io.drawings.gcode.faults import Fault
 from armcontour.io.drawings.gcode.machine import Machine
-from armcontour.io.drawings.gcode.words import LONGEST_LINE, parse
-from armcontour.io.drawings.mending import mend, printed_in_gcode
+from armcontour.io.drawings.gcode.words import LONGEST_LINE, dialect_of, parse
+from armcontour.io.drawings.mending import mend
 from armcontour.io.drawings.options import ReadOptions
+from armcontour.io.drawings.reading import Tell, tell_share
 from armcontour.program import Program
 
 # A line of nothing but coordinates and feed, as nearly all lines of long programs are. Whatever it
@@ -64,14 +64,11 @@ def read_gcode(
     """
     lines = _lines(data, source)
     machine = Machine(options, dialect_of(lines))
-    runner = _Runner(lines, source, machine)
-    tell = None if progress is None else under(progress, source)
-    runner.run(tell)
-    program = machine.draft.program(source, (*machine.notes(), *runner.notes()))
-    printed = printed_in_gcode(data, machine.modes.unit)
-    program = mend(program, printed, options)
-    if tell is not None:
-        tell(Step((), 1.0))
+    tell = tell_share(progress, source)
+    _Runner(lines, source, machine).run(tell)
+    program = machine.draft.program(source, tuple(machine.notes.sentences()))
+    program = mend(program, options)
+    tell(1.0)
     return program
 
 
@@ -108,10 +105,8 @@ class _Runner:
         self.lines, self.source, self.machine = lines, source, machine
         # Whether a percent sign opened the program, a word was read, and the program has ended.
         self.framed = self.seen = self.ended = False
-        # Lines that are left out because of a slash.
-        self.deleted: list[int] = []
 
-    def run(self, tell: Progress | None) -> None:
+    def run(self, tell: Tell) -> None:
         """Carries out all lines up to the end of the program.
 
         Args:
@@ -120,24 +115,26 @@ class _Runner:
         Raises:
             InvalidInput: What cannot be carried out, with its line.
         """
-        machine, tool, lines = self.machine, self.machine.tool, self.lines
+        machine, notes, lines = self.machine, self.machine.notes, self.lines
         plain = machine.ready()
         try:
             for i, line in enumerate(lines):
-                tool.line = i + 1
-                if tell is not None and i and not i % LINES_BETWEEN_REPORTS:
-                    tell(Step((), i / len(lines)))
+                notes.line = i + 1
+                if not i % LINES_BETWEEN_REPORTS:
+                    tell(i / len(lines))
                 found = PLAIN.fullmatch(line) if plain else None
                 if found is not None:
                     machine.feed_to(*found.groups())
                     continue
                 self._run_line(line)
                 if self.ended:
+                    if any(x.strip(WHITE + "%") for x in lines[i + 1 :]):
+                        notes.once("Lines after the end of the program, line {}, were not read.")
                     break
                 plain = machine.ready()
             machine.finish()
         except Fault as fault:
-            number = max(tool.line, 1)
+            number = fault.line or max(notes.line, 1)
             told = fault.told(inch=machine.modes.inch)
             raise InvalidInput(f"{self.source}, line {number}: {told}.", index=number - 1) from None
         if self.framed and not self.ended:
@@ -163,13 +160,13 @@ class _Runner:
         if text.startswith("%"):
             # The start or the end of the program; a name may follow the first.
             if text != "%" and (self.framed or self.seen):
-                machine.unknown.count("what follows % on its line", machine.line)
+                machine.notes.count("what follows % on its line")
             self.ended, self.framed = self.framed or self.seen, True
         elif text.startswith("/"):
-            self.deleted.append(machine.line)
+            machine.notes.count("lines with a slash (block delete)", "Left out: {}.")
         elif text and PROGRAM_NUMBER.fullmatch(text) is None and not self._is_text(line):
             if ";" in line and (found := SLICER.match(line)) is not None:
-                machine.draft.set_layer(found[1], found[2])
+                machine.compensation.set_layer(found[1], found[2])
             block = parse(line)
             self.seen |= bool(block.g or block.m or block.words)
             self.ended = machine.execute(block)
@@ -190,19 +187,5 @@ class _Runner:
                     "without it"
                 )
         if name is not None:
-            self.machine.unknown.count(name, self.machine.line)
+            self.machine.notes.count(name)
         return name is not None
-
-    def notes(self) -> list[str]:
-        """Sentences on lines that were left out."""
-        found = []
-        if self.deleted:
-            many = len(self.deleted) > 1
-            found.append(
-                f"{len(self.deleted)} line{'s' if many else ''} with a slash (block delete) "
-                f"{'were' if many else 'was'} left out, first line {self.deleted[0]}."
-            )
-        number = self.machine.line
-        if self.ended and any(x.strip(WHITE + "%") for x in self.lines[number:]):
-            found.append(f"Lines after the end of the program, line {number}, were not read.")
-        return found

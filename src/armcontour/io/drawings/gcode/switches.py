@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from armcontour.io.drawings.gcode import codes
 from armcontour.io.drawings.gcode.compensation import Compensation
-from armcontour.io.drawings.gcode.dialect import Dialect
-from armcontour.io.drawings.gcode.faults import Fault
-from armcontour.io.drawings.gcode.words import Block, whole
+from armcontour.io.drawings.gcode.faults import Fault, Notes
+from armcontour.io.drawings.gcode.words import Block, Dialect, whole
 from armcontour.program.moves import Value
 
 SPINDLE: dict[float, Value] = {3: True, 4: "reverse", 5: False}
@@ -102,8 +101,6 @@ class Extruder:
         self.at = 0.0
         # Whether M83 is in force, and since then G90.
         self.stated = self.kept = False
-        # The first line with E between G90 and M82 or M83.
-        self.first_kept = 0
 
     @property
     def on(self) -> bool:
@@ -120,13 +117,16 @@ class Extruder:
             self.stated, self.kept = 83 in block.m, False
             self.absolute = not self.stated
 
-    def advance(self, block: Block, line: int) -> float:
+    def advance(self, block: Block, notes: Notes) -> float:
         """Takes E from a line; returns how much material it feeds, in the program's unit."""
         value = block.words.pop("E", None)
         if value is None:
             return 0.0
         if self.kept:
-            self.first_kept = self.first_kept or line
+            notes.once(
+                "E in line {} is relative, because G90 does not end M83, as in Klipper and "
+                "RepRapFirmware; Marlin reads it as absolute. Write M83 after G90."
+            )
         fed = value - self.at if self.absolute else value
         self.at += fed
         return fed

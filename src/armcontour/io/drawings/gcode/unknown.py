@@ -6,15 +6,13 @@ import math
 from collections.abc import Collection
 
 from armcontour.io.drawings.gcode import codes
-from armcontour.io.drawings.gcode.faults import Fault
+from armcontour.io.drawings.gcode.faults import Fault, Notes
 from armcontour.io.drawings.gcode.words import LASER, Block
 
 # Rotary axes, which turn the part or the tool, and axes beside X, Y and Z.
 OTHER_AXES = "ABCUVW"
 # Words that move nothing alone: offsets of tools, pockets, values of codes that are left out.
 IDLE = "DEHLOT"
-# So many kinds are named in a note.
-MOST_KINDS = 12
 # Positions of such an axis up to this are zero [degrees or units].
 TURNED = 1e-9
 # Words of an M code that is not known, where it shares its line with a motion.
@@ -22,20 +20,19 @@ OF_M = "DEHLOPQST"
 
 
 class Unknown:
-    """What was left out, by its kind, with count and first line.
+    """What is left out, with notes, or refused.
 
     Args:
+        notes: Takes the notes.
         skip: Words and codes that a user wants left out, such as "M6" or "T"; `read_path` refuses
             words of coordinates.
         lenient: Whether codes that nobody knows are left out if they have no coordinates.
     """
 
-    def __init__(self, skip: Collection[str], lenient: bool) -> None:
-        self.wanted = frozenset(skip)
-        self.lenient = lenient
-        self.counts: dict[str, list[int]] = {}
+    def __init__(self, notes: Notes, skip: Collection[str], lenient: bool) -> None:
+        self.notes, self.wanted, self.lenient = notes, frozenset(skip), lenient
 
-    def screen(self, block: Block, line: int) -> None:
+    def screen(self, block: Block) -> None:
         """Takes from a line what is not carried out.
 
         Raises:
@@ -44,7 +41,7 @@ class Unknown:
         words = block.words.keys()
         if "I" in words and math.isnan(block.words["I"]) and not LASER.isdisjoint(block.m):
             block.drop("I")
-            self.count("I of M3, M4 or M5 (power of a laser that changes with moves)", line)
+            self.notes.count("I of M3, M4 or M5 (power of a laser that changes with moves)")
         if (
             codes.SHIFT in block.g
             and words.isdisjoint("XYZES")
@@ -52,23 +49,23 @@ class Unknown:
         ):
             block.g.remove(codes.SHIFT)
             block.drop(OTHER_AXES)
-            self.count("G92 of other axes", line)
+            self.notes.count("G92 of other axes")
         if self.wanted:
-            self._skip_wanted(block, line)
+            self._skip_wanted(block)
         strange_m = [x for x in block.m if x not in codes.UNDERSTOOD_M]
         if strange_m:
-            self._leave_m(block, strange_m, line)
+            self._leave_m(block, strange_m)
         if codes.SHIFT in block.g and "S" in words and words.isdisjoint("XYZE"):
             # The largest spindle speed of lathes.
             block.g.remove(codes.SHIFT)
             block.drop("S")
-            self.count("G92 S", line)
+            self.notes.count("G92 S")
         for code in [x for x in block.g if x not in codes.UNDERSTOOD_G]:
-            self._leave_g(block, code, line)
+            self._leave_g(block, code)
         if not block.words.keys().isdisjoint(OTHER_AXES):
-            self._check_axes(block, line)
+            self._check_axes(block)
 
-    def _leave_m(self, block: Block, strange: list[float], line: int) -> None:
+    def _leave_m(self, block: Block, strange: list[float]) -> None:
         """M codes of other machines. RepRap's M201, M203 and so on have X, Y and Z of their own."""
         for code in strange:
             if code in codes.CALLS:
@@ -76,12 +73,12 @@ class Unknown:
             if code == codes.RESTORE and block.words.keys().isdisjoint("PRS"):
                 raise Fault(f"M72, which restores saved modes, is not read; {codes.PLAIN_MOVES}")
             block.m.remove(code)
-            self.count(f"M{code:g}", line)
+            self.notes.count(f"M{code:g}")
         alone = block.motion is None and not any(x in codes.OWN_THE_LINE for x in block.g)
         own = list(block.words)[block.before_m :]
         block.drop(x for x in own if alone or x in OF_M)
 
-    def _leave_g(self, block: Block, code: int, line: int) -> None:
+    def _leave_g(self, block: Block, code: int) -> None:
         name, moves = codes.g_name(code), not block.words.keys().isdisjoint("XYZ")
         if code in codes.REFUSED_G:
             raise Fault(f"{name}, {codes.REFUSED_G[code]}")
@@ -104,27 +101,27 @@ class Unknown:
         block.g.remove(code)
         if block.motion == code:
             block.motion = None
-        self.count(name, line)
+        self.notes.count(name)
         block.drop([x for x, y in block.words.items() if x in "IJKR" + OF_M or math.isnan(y)])
 
-    def _skip_wanted(self, block: Block, line: int) -> None:
+    def _skip_wanted(self, block: Block) -> None:
         """What a user wants left out, with the words that belong to it."""
         for code in [x for x in block.g if codes.g_name(x) in self.wanted]:
             name = codes.g_name(code)
             if code in codes.NEVER_SKIPPED_G or codes.G_GROUP.get(code) == codes.MOTION:
                 raise Fault(f"{name}, a motion, which cannot be left out: write it otherwise")
             block.g.remove(code)
-            self.count(name, line)
+            self.notes.count(name)
             strange = code not in codes.UNDERSTOOD_G and block.motion is None
             own = strange or code in codes.OWN_THE_LINE
             block.drop(OTHER_AXES + "XYZIJKR" + OF_M if own else "DHL")
         for found in [x for x in block.m if f"M{x:g}" in self.wanted]:
-            self._leave_m(block, [found], line)
+            self._leave_m(block, [found])
         for letter in [x for x in block.words if x in self.wanted]:
             del block.words[letter]
-            self.count(f"the word {letter}", line)
+            self.notes.count(f"the word {letter}")
 
-    def _check_axes(self, block: Block, line: int) -> None:
+    def _check_axes(self, block: Block) -> None:
         """Axes beside X, Y and Z: at zero they may be left out."""
         for letter in [x for x in OTHER_AXES if x in block.words]:
             value = block.words.pop(letter)
@@ -135,9 +132,9 @@ class Unknown:
                     f"{{skip: [{letter}]}}, or --skip {letter})"
                 )
             if not math.isnan(value):
-                self.count(f"the word {letter} of zero", line)
+                self.notes.count(f"the word {letter} of zero")
 
-    def leave_idle(self, block: Block, line: int) -> None:
+    def leave_idle(self, block: Block) -> None:
         """Takes words from a line that move nothing and that nothing on the line has taken.
 
         Raises:
@@ -156,25 +153,9 @@ class Unknown:
             if letter not in IDLE + "PQ":
                 raise Fault(f"the word {letter}, which belongs to nothing here: remove it")
             del block.words[letter]
-            self.count(f"the word {letter}", line)
+            self.notes.count(f"the word {letter}")
 
     @staticmethod
     def _has_modes(block: Block) -> bool:
         """Whether P and Q may belong to a mode of another controller, such as G8 P1 or M0 P500."""
         return bool(block.m) or 80 in block.g
-
-    def count(self, kind: str, line: int) -> None:
-        """Notes that something was left out."""
-        self.counts.setdefault(kind, [0, line])[0] += 1
-
-    def notes(self) -> list[str]:
-        """One sentence on all that was left out."""
-        if not self.counts:
-            return []
-        kinds = [
-            f"{kind} ({count} time{'s' if count > 1 else ''}, first in line {line})"
-            for kind, (count, line) in self.counts.items()
-        ]
-        more = len(kinds) - MOST_KINDS
-        tail = f", and {more} other kinds" if more > 0 else ""
-        return [f"Left out, because it moves nothing: {', '.join(kinds[:MOST_KINDS])}{tail}."]
