@@ -15,7 +15,6 @@ from armcontour.certification._derating import Derating, plan_derated
 from armcontour.certification._proving import KEPT, bound_uses
 from armcontour.certification._uses import (
     OUTSIDE,
-    Robots,
     Uses,
     peak_demand,
     response_time,
@@ -25,7 +24,8 @@ from armcontour.certification._uses import (
 from armcontour.compensation import NoCompensation
 from armcontour.errors import NotRealizable
 from armcontour.evaluation import check
-from armcontour.motion import JointPath, TaughtData, Trajectory
+from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+from armcontour.program import Dwell
 from armcontour.robustness.monte_carlo import Spread
 from armcontour.timing import intervals_of
 from armcontour.timing.program_timing import time_rapid
@@ -159,19 +159,23 @@ def moves_of(case: Case) -> list[Move]:
         NotRealizable: A contour has no plan, or no rapid is within its limits when executed.
     """
     moves: list[Move] = []
-    count = 0
+    count, stood = 0, 0.0
     for step in case.traced.steps:
         if step.joint_path is None:
+            move = None if step.move is None else case.program.moves[step.move]
+            stood += move.duration if isinstance(move, Dwell) else 0.0
             continue
         with step.named():
             if case.traced.is_contour(step):
                 derating = Derating.nothing(step.joint_path, intervals_of(case.program))
                 plan = plan_contour(case, step.joint_path, derating, {})
-                pause = _settling_time(case, moves) if moves and not case.bodies else 0.0
+                settling = _settling_time(case, moves) if moves and not case.bodies else 0.0
+                pause = max(settling - stood, 0.0)
                 moves.append(Move(step, count, derating, plan, pause=pause))
                 count += 1
             else:
                 moves.append(_fastest_rapid(case, step))
+            stood = 0.0
     return moves
 
 
@@ -215,8 +219,7 @@ def _fastest_rapid(case: Case, step: TracedMove) -> Move:
         for _ in range(MOST_RAPIDS):
             plan = plan_rapid(case, path, factors, rise)
             taught = case.teach(plan)
-            robots = [Robots([case.servo], [run(ideal, taught)]), *run_on_box(ideal, taught)]
-            over = lower_rapid(case, factors, plan, taught, robots, None)
+            over = lower_rapid(case, factors, plan, taught, _runs(ideal, taught), None)
             if over is None:
                 found = Move(step, None, Derating.nothing(path, 1), plan, factors, rise)
                 candidates.append(found)
@@ -237,7 +240,7 @@ def lower_rapid(
     factors: dict[str, float],
     plan: Trajectory,
     taught: TaughtData,
-    groups: Sequence[Robots],
+    runs: Sequence[Execution],
     span: tuple[float, float] | None,
 ) -> dict[str, float] | None:
     """Smaller shares of the limits that a rapid exceeds; None if it keeps all of them.
@@ -247,7 +250,7 @@ def lower_rapid(
         factors: Shares that are left so far.
         plan: The plan of the rapid.
         taught: Set-points with those of the rapid.
-        groups: Their executions, without saturation.
+        runs: Their executions, without saturation.
         span: Start and end time of the rapid among them [s]; None is all of them.
     """
     free, dof = case.limits.of_joints, case.arm.dof
@@ -257,12 +260,8 @@ def lower_rapid(
     # Steps at breaks, and the path's own speeds, are no limits of a rapid.
     uses = {name: x for name, x in uses.items() if getattr(free, name, None) is not None}
     if "joint_acceleration" in uses:
-        demands = (
-            peak_demand(case, x, servo, span).max()
-            for servos, runs, _ in groups
-            for servo, x in zip(servos, runs, strict=True)
-        )
-        uses["joint_acceleration"] = max(uses["joint_acceleration"], *map(float, demands))
+        demands = (float(peak_demand(case, x, span).max()) for x in runs)
+        uses["joint_acceleration"] = max(uses["joint_acceleration"], *demands)
     if "joint_velocity" in uses:
         now = taught.q[slice(*np.searchsorted(taught.t, span))] if span else taught.q
         rate = np.diff(now, axis=0) / taught.period
@@ -293,10 +292,15 @@ def _settling_time(case: Case, moves: Sequence[Move]) -> float:
     laws = tuple(law for x in moves[last:] for law in x.plan.laws)
     plan = Trajectory(laws=laws, method="approach")
     taught = case.teach(plan)
-    runs = [run(case, taught), *(x for group in run_on_box(case, taught) for x in group.runs)]
+    runs = _runs(case, taught)
     goal = case.arm.tool_position(plan(plan.duration, side="left"))
     far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > ENTRY * case.budget] for x in runs]
     return max([0.0, *(float(x[-1]) - plan.duration for x in far if len(x))])
+
+
+def _runs(case: Case, taught: TaughtData) -> list[Execution]:
+    """Executions on the robot and on corners of the box."""
+    return [run(case, taught), *(x for _, runs in run_on_box(case, taught) for x in runs)]
 
 
 def exceeded(case: Case, x: Move) -> bool:

@@ -26,7 +26,7 @@ def refuse(case: Case, x: Move) -> NoReturn:
     Raises:
         NotRealizable: Always.
     """
-    text, limit, allowed, needed = REASONS[x.binds[0]](case, x)
+    text, limit, allowed, needed = REASONS.get(x.binds[0], _acceleration)(case, x)
     slow = f"within {case.goal.slowest:g} times the {x.fastest.duration:.4g} s of the"
     raise NotRealizable(
         f"No plan {slow} uncertified optimum is certified: {text}.",

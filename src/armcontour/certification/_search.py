@@ -32,7 +32,6 @@ from armcontour.certification._moves import (
 from armcontour.certification._proving import KEPT
 from armcontour.certification._refusal import refuse
 from armcontour.certification._uses import (
-    Robots,
     Trial,
     Uses,
     run,
@@ -61,7 +60,7 @@ COARSE_SHARE = 0.85
 SHARE_PRECISION = 1.005
 # A proof looks at more times and more robots than trials, and at all moves together. Moves that are
 # outside are derated further, with goals closer by CLOSER, so many times at most.
-MOST_PROOFS = 12
+MOST_PROOFS = 30
 CLOSER = 0.998
 # After a drive saturated, torque limits are lowered by this ratio at least.
 SPARE = 1.01
@@ -99,12 +98,10 @@ def search(case: Case) -> tuple[Trial, list[Move]]:
         for x in active:
             with x.step.named():
                 _judge(case, x, trial)
-        for x in contours:
-            if x.done and x.best is None or not x.done and proofs == MOST_PROOFS:
-                with x.step.named():
-                    refuse(case, x)
-            if not x.done:
-                break
+        left = [x for x in contours if not x.done or x.best is None]
+        if left and left[0].done or proofs == MOST_PROOFS:
+            with (left or moves)[0].step.named():
+                refuse(case, (left or moves)[0])
 
 
 def execute_program(
@@ -311,11 +308,10 @@ def _lower_rapids(case: Case, moves: Sequence[Move], trial: Trial) -> bool:
     if case.saturated or case.bodies:
         return False
     spans = [x for x in trial.trajectory.spans if x.kind != "dwell"]
-    groups = [Robots([case.servo], [trial.executed]), *trial.groups]
     outside = False
     for x, span in zip(moves, spans, strict=True) if len(moves) > 1 else ():
         if x.number is None:
-            less = lower_rapid(case, x.factors, x.plan, trial.taught, groups, span.t)
+            less = lower_rapid(case, x.factors, x.plan, trial.taught, trial.all_runs, span.t)
             if less is not None:
                 x.factors, outside = less, True
                 x.plan = plan_rapid(case, x.joint_path, x.factors, x.rise)

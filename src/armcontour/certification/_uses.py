@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from armcontour._checks import FloatArray
 from armcontour.certification._case import Case
 from armcontour.evaluation import Check
 from armcontour.evaluation.pieces import Piece, pieces_of
-from armcontour.execution import execute
+from armcontour.execution import ServoPlant, execute
 from armcontour.execution.plant import count_intervals
 from armcontour.geometry import Path
 from armcontour.motion import Execution, PathLaw, Span, TaughtData, Trajectory
@@ -77,18 +77,9 @@ class Uses:
         }
 
 
-class Robots(NamedTuple):
-    """Executions of the whole program on robots that differ from each other.
-
-    Attributes:
-        servos: Their servos.
-        runs: Their executions.
-        late: Error of the dead time that they share [s].
-    """
-
-    servos: Sequence[ServoModel]
-    runs: Sequence[Execution]
-    late: float = 0.0
+# Executions of the whole program in corners of the box, and the error of the dead time that they
+# share [s].
+Group = tuple[float, list[Execution]]
 
 
 def run(case: Case, taught: TaughtData, resolution: float | None = None) -> Execution:
@@ -99,7 +90,7 @@ def run(case: Case, taught: TaughtData, resolution: float | None = None) -> Exec
     return execute(taught, case.plant(ideal=not case.saturated), resolution=resolution or every)
 
 
-def run_on_box(case: Case, taught: TaughtData) -> list[Robots]:
+def run_on_box(case: Case, taught: TaughtData) -> list[Group]:
     """Execute in corners of the box, all joints in the same one.
 
     One group for either end of a shared dead time. Where saturation is refused the robots do not
@@ -118,7 +109,7 @@ def run_on_box(case: Case, taught: TaughtData) -> list[Robots]:
         servos = _variants(servo, moved, box, apart)
         plants = [case.plant(x, ideal=not case.saturated) for x in servos]
         runs = [execute(taught, x, resolution=resolution) for x in plants]
-        groups.append(Robots(servos, runs, float((moved - servo.dead_time)[0]) if shared else 0.0))
+        groups.append((float((moved - servo.dead_time)[0]) if shared else 0.0, runs))
     return groups
 
 
@@ -158,9 +149,14 @@ class Trial:
     taught: TaughtData
     executed: Execution
     pieces: Sequence[Piece]
-    groups: Sequence[Robots] = ()
+    groups: Sequence[Group] = ()
     box: FloatArray | None = None
     check: Check | None = None
+
+    @property
+    def all_runs(self) -> list[Execution]:
+        """The execution on the robot, and those on corners of the box."""
+        return [self.executed, *(x for _, runs in self.groups for x in runs)]
 
 
 def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> Uses:
@@ -187,12 +183,11 @@ def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> Uses:
     peak = np.zeros(case.arm.dof)
     if not case.saturated and not case.bodies:
         low, high = case.demand_bounds
-        for servos, runs, _ in [Robots([case.servo], [executed]), *trial.groups]:
-            for servo, x in zip(servos, runs, strict=True):
-                part = slice(*np.searchsorted(x.t, since)) if since else slice(None)
-                share = np.maximum(x.demand[part] / high, x.demand[part] / low)
-                joints = np.maximum(joints, _at(t + span.t[0], x.t[part], share))
-                peak = np.maximum(peak, peak_demand(case, x, servo, since))
+        for x in trial.all_runs:
+            part = slice(*np.searchsorted(x.t, since)) if since else slice(None)
+            share = np.maximum(x.demand[part] / high, x.demand[part] / low)
+            joints = np.maximum(joints, _at(t + span.t[0], x.t[part], share))
+            peak = np.maximum(peak, peak_demand(case, x, since))
     tool, speed = np.zeros(len(t)), case.limits.speed
     if speed is not None:
         moved = case.arm.tool_velocity(executed.q[now], executed.dq[now])
@@ -226,17 +221,18 @@ def response_time(case: Case) -> float:
 
 
 def peak_demand(
-    case: Case, executed: Execution, servo: ServoModel, span: tuple[float, float] | None = None
+    case: Case, executed: Execution, span: tuple[float, float] | None = None
 ) -> FloatArray:
     """Largest demand of every joint over its limit, also between results, (dof,).
 
     Args:
         case: The case.
         executed: An execution on a plant that never saturates.
-        servo: Its servo.
         span: The demand counts from the first set-point in this time on, until its end [s]; by
             default always.
     """
+    assert isinstance(executed.plant, ServoPlant)
+    servo = executed.plant.servo
     low, high = case.demand_bounds
     least, most = executed.demand_range
     every = np.asarray(np.maximum(least / low, most / high))
@@ -354,9 +350,9 @@ def _worst(case: Case, trial: Trial, number: int) -> FloatArray:
     """
     t, span = trial.executed.t, trial.trajectory.contour_spans[number]
     largest = np.zeros(len(t))
-    for group in trial.groups:
-        pieces = [pieces_of(x, case.program, None, None)[number] for x in group.runs]
-        largest = np.maximum(largest, np.interp(t, *_across(case, group, pieces, span)))
+    for late, runs in trial.groups:
+        pieces = [pieces_of(x, case.program, None, None)[number] for x in runs]
+        largest = np.maximum(largest, np.interp(t, *_across(case, late, pieces, span)))
         for x in pieces:
             rows = np.clip(np.searchsorted(t, x.t), 0, len(t) - 1)
             np.maximum.at(largest, rows, x.found.missed)
@@ -383,7 +379,7 @@ def _variants(
 
 
 def _across(
-    case: Case, group: Robots, pieces: Sequence[Piece], span: Span
+    case: Case, late: float, pieces: Sequence[Piece], span: Span
 ) -> tuple[FloatArray, FloatArray]:
     """Times, and the largest sum over the joints of what any of the runs moves them across."""
     arm, path, plan = case.arm, pieces[0].path, span.trajectory
@@ -391,7 +387,7 @@ def _across(
     n = min(len(x.t) for x in pieces)
     t = pieces[0].t[:n]
     # All joints late by the same leave the path as it is.
-    base = plan(np.clip(t - span.t[0] - group.late, 0.0, plan.duration))
+    base = plan(np.clip(t - span.t[0] - late, 0.0, plan.duration))
     if len(pieces) > 1:
         base = np.mean([x.q[:n] for x in pieces], axis=0)
     jacobian, point = arm.tool_jacobian(base), arm.tool_position(base)

@@ -26,12 +26,11 @@ from armcontour.certification.certificate import (
 )
 from armcontour.certification.lowering import find_lowered
 from armcontour.core.fields import checked
-from armcontour.errors import ExecutionError, InvalidInput, NotRealizable, Unreachable
+from armcontour.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import pieces_of
 from armcontour.execution import execute
 from armcontour.geometry import Path, RoundedPath, ShapedPath
-from armcontour.jobs import reachability
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.goal import Goal
@@ -109,12 +108,11 @@ def certify(
         # So is what does not fit the box.
         spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, this.period)
     # A certified plan derates what it has to, so it leaves no reserve.
-    timing = (
-        Optimal(intervals=this.timing.intervals) if isinstance(this.timing, Optimal) else Optimal()
-    )
-    this = replace(this, timing=timing)
+    free = this.rounding is not None and this.rounding.free
+    intervals = this.timing.intervals if free and isinstance(this.timing, Optimal) else None
+    this = replace(this, timing=Optimal(intervals=intervals))
     tell, shapes = under(progress), [this]
-    if this.rounding is not None and this.rounding.free:
+    if free and this.rounding is not None:
         shapes.append(replace(this, rounding=this.rounding.with_arcs))
     best: tuple[Case, Proven] | None = None
     refusal: NotRealizable | None = None
@@ -123,8 +121,6 @@ def certify(
         deadline = min(durations.values(), default=np.inf)
         try:
             case, proven, least = _fastest(job, each, goal, executor, tell, deadline)
-        except Unreachable as error:
-            raise reachability.explain(error, job) from None
         except NotRealizable as error:
             refusal = error
             continue
@@ -208,7 +204,7 @@ def _fastest(
     tightest = _tightest(this, goal)
     budgets = [x * tightest for x in SERVO_SHARES] if goal.servo is None else [goal.servo]
     if np.isfinite(deadline):
-        least = min(least, *(case_of(x).fastest.duration for x in budgets))
+        least = min(least, *(case_of(x).planned.trajectory.duration for x in budgets))
         if least >= deadline:
             return base, None, least
     best: Proven | None = None
