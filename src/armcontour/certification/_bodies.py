@@ -38,6 +38,8 @@ def worst_corners(case: Case, taught: TaughtData) -> tuple[FloatArray, dict[str,
     runs = _runs(case, taught)
     unknowns = runs.unknowns
     k = len(unknowns)
+    if not k:
+        return np.zeros((1, 0)), {}
     low, high = unknowns.low, unknowns.high
     single = np.where(high >= -low, high, low)
     traces = _trace(case, runs, np.concatenate([np.zeros((1, k)), np.diag(single)]))
