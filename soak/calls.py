@@ -100,6 +100,7 @@ def right() -> dict[str, Any]:
     t = np.arange(400) * 4e-3
     wave = 0.01 * np.sin(np.outer(t, [5.0, 7.0])) * np.clip(t, 0, 1)[:, None]
     log = ac.Log(t=t, command=wave, measured=np.roll(wave, 5, axis=0))
+    rest = ac.Log(t=2 * t, command=0 * wave + taught.q[0], measured=0 * wave + taught.q[0])
     return locals()
 
 
@@ -125,7 +126,8 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.explain, {"trajectory": x["trajectory"], **on}),
         (ac.export, {"data": x["taught"], "file": "a.csv"}),
         (ac.fastest_poles, {"trajectory": x["slow"], "servo": x["servo"], "limits": x["limits"]}),
-        (ac.identify, {"log": x["log"]}),
+        (ac.identify, {"logs": x["log"]}),
+        (ac.identify_bodies, {"logs": x["rest"], "arm": x["arm"]}),
         (ac.learn, learned | {"servo": x["servo"]}),
         (ac.load_arm, {"name": "pmk3s"}),
         (ac.place, {"job": x["job"]}),
@@ -196,6 +198,7 @@ def instances() -> Iterator[Any]:
     yield from (ac.URScriptFormat(), ac.TemplateFormat(template="krl"))
     yield from (ac.Optimal(), ac.Shaped(tolerance=1e-3), ac.Paper(), ac.Conventional())
     yield from (ac.Inverse(), ac.PolePlacement(), ac.InverseDynamics(), ac.NoCompensation())
+    yield from (ac.ServoFit(), ac.BodyFit())
     yield from (
         ac.ReadOptions(units="mm"),
         ac.ArmOptions(tip="t"),

@@ -13,7 +13,6 @@ import numpy as np
 from numba import njit
 
 import armcontour as ac
-from armcontour import identification
 from armcontour.motion import Log, TaughtData
 from soak import Outcome
 
@@ -162,12 +161,12 @@ def examine(seed: int, every: int) -> dict[str, bool]:
     kp, delay = 25.0 * rng.uniform(0.9, 1.1, 6), rng.uniform(0, 10e-3)
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     log = record(true, servo.replace(kp=kp, dead_time=delay), nominal, seed, every)
-    found = identification.identify(log, arm=nominal, servo=servo, gravity="nominal")
+    found = ac.identify_bodies(log, nominal, servo, ac.BodyFit(gravity="nominal"))
     return _inside(found, kp, viscous, coulomb, mass, center, scale, delay)
 
 
 def _inside(
-    found: identification.RobotIdentification,
+    found: ac.BodyIdentification,
     kp: np.ndarray,
     viscous: np.ndarray,
     coulomb: np.ndarray,
@@ -179,7 +178,7 @@ def _inside(
     """Whether true values lie in the intervals of the parameters that are determined."""
     true = {"payload_mass": mass, "armature": scale, "dead_time": delay}
     true |= {f"payload_center_{x}": c for x, c in zip("xyz", center, strict=True)}
-    pairs = [(x.name, x, true[x.name]) for x in found.common]
+    pairs = [(x.name, x, true[x.name]) for x in found.estimates]
     for j, joint in enumerate(found.joints):
         own = {"kp": kp[j], "viscous": viscous[j], "coulomb": coulomb[j]}
         pairs += [(f"{n} {j + 1}", getattr(joint, n), value) for n, value in own.items()]
@@ -221,7 +220,7 @@ def run(seed: int) -> Outcome:
         names = {f"robot, every {every} ms, {x.split()[0]}": y for x, y in covered.items()}
         return Outcome(kind="robot", result="identified", covered=names)
     (one, other), truth = draw(number)
-    found = identification.identify(one)
+    found = ac.identify(one)
     joint, notes = found.joints[0], []
     if not joint.written:
         return Outcome(kind="joint", result="no model", notes=[joint.note], covered={})

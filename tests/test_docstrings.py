@@ -13,7 +13,7 @@ from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
 from armcontour._describing import MOST_LINES, line_up
-from armcontour.identification.identification import DRIVE_CYCLE, LONGEST_DELAY
+from armcontour.identification.options import DRIVE_CYCLE, LONGEST_DELAY
 from armcontour.io import parse_job
 from armcontour.jobs import PlaceSearch
 from armcontour.placement.judging import Verdict

@@ -7,7 +7,9 @@ public function, an entry of the arguments in a docstring, the keyword of a call
 "units", "path.units" or "--units"; in the page's JavaScript as a text. A place of a quantity is a
 line that reads it from a result (`.duration`) within an f-string, a dictionary with texts as keys,
 a tuple or a call that begins with a text, or a call of a function that formats numbers (`FORMAT`);
-of JavaScript, any line that reads it. Messages of errors do not count. `OPTIONS` and `QUANTITIES`
+of JavaScript, any line that reads it. Messages of errors do not count, nor texts of JavaScript such
+as "contour_error.rms", which take a row by its name, nor arguments of functions that make a row
+(`duration_row`). `OPTIONS` and `QUANTITIES`
 list the names, and files in which the same name means something else or is used by an algorithm.
 Modules are those of the package in a fresh process.
 """
@@ -33,36 +35,56 @@ SOURCE = Path(ac.__file__).parent
 ROOT = SOURCE.parent.parent
 # Names of each option, and files that do not count.
 OPTIONS = {
-    "path.units": ("units", "gcode|io/(certificate|learning|summary)"),
+    # Words of G-code, and the units of figures in JSON, have the same name.
+    "path.units": ("units", ".*gcode|io/(certificate|learning|summary)|jobs/results|placement"),
     "path.join_tolerance": ("join_tolerance", ""),
+    # The fit of a spline; the distance that a contour was shaped with, a figure; `Shaped`, the
+    # arguments of the function `shape`, as those of `round_corners` in geometry.
     "corners.tolerance": (
         "tolerance",
         "geometry|(io|files)/(drawings|certificate)|evaluation|verification|certification|studies"
         "|tracing|.*/tracing|program|.*/jerk|.*shaping/(curves|nodes|search|starts)|control"
-        "|jobs/(goal|single_corners|programs)|cli/(certifying|checking)|io/job_path"
+        "|jobs/(goal|single_corners|programs)|cli/(certifying|checking)|io/job_(path|model)"
+        "|report/sections/shaping|.*shaping/shaper|timing/options"
         "|studio/(converting|tasks|static/taskforms)",
     ),
+    # Tool speeds as figures; how much of a limit is used; the corner speed of `Rounding`.
     "limits.speed": (
         "speed",
         "geometry|io/(drawings|summary)|.*(evaluation|certification|identification)|motion|program"
         "|drives|robot/drives|report|batches|.*constraints|.*/(jerk|topp)|_text|verification"
-        "|(timing|planning)/(common|mac|_laps|end_sp|expl|conv|program)|studio/(line|picture)"
-        "|jobs/(analog|programs|warnings)|studio/(converting|static)",
+        "|(timing|planning)/(common|mac|_laps|end_sp|expl|conv|program|limit_use|planner)"
+        "|studio/(line|picture)"
+        "|jobs/(analog|programs|warnings|results|run_data|job)|studio/(converting|static)",
     ),
+    # Exports have an interval of their own, and so has `Paper`, the arguments of a function; a
+    # preview chooses a longer one.
     "command_interval": (
         "command_interval|period",
-        "(io|files)/(exports|stored_run)|cli/exporting|(control/)?(compensation|learning)"
+        "(io|files)/(exports|stored_run)|cli/(exporting|options)|timing/options"
+        "|studio/preview_run|(control/)?(compensation|learning)"
         "|certification|simulation|robustness|servo|robot|report|motion|jobs/study|studio/tasks",
     ),
-    "timing.reserve": ("reserve", "certification|motion|jobs/planning"),
+    # `with_reserve` subtracts it.
+    "timing.reserve": ("reserve", "certification|motion|jobs/planning|timing/common"),
 }
 # Attributes that hold each quantity, and files that do not count.
 SCRIPTS = "|studio/static/(arm3d|layers|motion|notes|playback|trail|view2d)"
 QUANTITIES = {
-    "RMS of the contour error": (r"\.(contour_)?rms\b", "-"),
-    "duration": (r"\.duration\b", "timing|planning|jobs/job|program/moves"),
-    "limit use": (r"\.(limit_ratios|\w+_ratio|certain|used?|limits_used)\b", "timing|planning"),
-    "clearance": (r"\.(low|high|clearance|least)\b", ".*identification|io/(robot|servo)_file"),
+    # Other figures are those of a fit, a recorded run, drawn robots; and a search compares them.
+    "RMS of the contour error": (
+        r"\.(contour_)?rms\b",
+        "identification|learning|robustness|certification/_",
+    ),
+    # Programs for controllers have it as data.
+    "duration": (r"\.duration\b", "timing|planning|jobs/job|program/moves|io/exports"),
+    # Shares of the assigned speed, of jerk and of a contour error are other figures.
+    "limit use": (r"\.(limit_ratios|certain|used?|limits_used)\b", "timing|planning"),
+    # `least` is a pair of bodies; estimates and ranges of limits have ends, too.
+    "clearance": (
+        r"\.(low|high|clearance)\b",
+        ".*identification|io/(robot|servo)_file|timing|planning",
+    ),
 }
 FORMAT = re.compile(r"^(mm|digits|\w*seconds|clock|percent|degrees|number|signed|format|str)$")
 MECHANISMS = {
@@ -119,11 +141,19 @@ def option_lines(tree: ast.Module, text: str, names: str) -> Iterator[int]:
 def quantity_lines(tree: ast.Module, attribute: str) -> Iterator[int]:
     """Lines of a Python module that are places of a quantity."""
     pattern = re.compile(attribute)
-    errors = {y for x in ast.walk(tree) if isinstance(x, ast.Raise) for y in ast.walk(x)}
+    left_out = {y for x in ast.walk(tree) if is_left_out(x) for y in ast.walk(x)}
     for x in ast.walk(tree):
-        if x not in errors and is_presented(x):
+        if x not in left_out and is_presented(x):
             attributes = (y for y in ast.walk(x) if isinstance(y, ast.Attribute))
-            yield from (y.end_lineno for y in attributes if pattern.search(f".{y.attr}"))
+            read = (y for y in attributes if y not in left_out and pattern.search(f".{y.attr}"))
+            yield from (y.end_lineno for y in read)
+
+
+def is_left_out(x: ast.AST) -> bool:
+    """Whether what is read there is of a message of an error, or makes the row of a figure."""
+    return isinstance(x, ast.Raise) or (
+        isinstance(x, ast.Call) and ast.unparse(x.func).endswith("_row")
+    )
 
 
 def is_presented(x: ast.AST) -> bool:
@@ -154,7 +184,8 @@ def places() -> dict[str, list[str]]:
                 continue
             if tree is None:
                 script = rf"[\"'.]({pattern})[\"']" if name in OPTIONS else pattern
-                lines = [i for i, x in enumerate(text.splitlines(), 1) if re.search(script, x)]
+                rows = text if name in OPTIONS else re.sub(r"\"[^\"\n]*\"", "", text)
+                lines = [i for i, x in enumerate(rows.splitlines(), 1) if re.search(script, x)]
             elif name in OPTIONS:
                 lines = option_lines(tree, text, pattern)
             else:

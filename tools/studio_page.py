@@ -256,6 +256,10 @@ class Studio:
                 dialog.locator("select").select_option(cell)
             if cell is not None or self.told("body", "dirty") == "true":
                 dialog.get_by_role("button", name="Open").click()
+        # The file is wanted as it is.
+        if self.told("body", "draft"):
+            dialog.get_by_role("button", name="Throw them away").click()
+            self.wait("body", draft="")
 
     def tab(self, name: str) -> None:
         """Open a tab below the drawing."""

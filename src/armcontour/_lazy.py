@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
 
-def load_lazily(package: str, home: Mapping[str, Sequence[str]]) -> Callable[[str], Any]:
-    """A function `__getattr__` for a package: it loads a public name from its module, and keeps it.
+def lazy_names(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], list[str]]:
+    """`__getattr__` and `__all__` of a package whose names are loaded at first use, and kept.
 
     Args:
         package: Name of the package.
-        home: The public names, by the modules that have them, as the package names these.
+        home: The public names, separated by spaces, by the modules that have them; modules of
+            other packages have their whole name.
     """
-    module_of = {name: module for module, names in home.items() for name in names}
+    module_of = {name: module for module, names in home.items() for name in names.split()}
 
     def load(name: str) -> Any:
         """Load a public name from its module at first use."""
@@ -27,16 +28,4 @@ def load_lazily(package: str, home: Mapping[str, Sequence[str]]) -> Callable[[st
         setattr(sys.modules[package], name, value)
         return value
 
-    return load
-
-
-def lazy_names(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], list[str]]:
-    """`__getattr__` and `__all__` of a package whose names are loaded at first use.
-
-    Args:
-        package: Name of the package.
-        home: The public names, separated by spaces, by the modules that have them; modules of
-            other packages have their whole name.
-    """
-    names = {module: x.split() for module, x in home.items()}
-    return load_lazily(package, names), sorted(name for x in names.values() for name in x)
+    return load, sorted(module_of)

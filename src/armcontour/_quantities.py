@@ -7,6 +7,7 @@ keys of files.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from types import EllipsisType
 from typing import Annotated, Literal
 
@@ -115,6 +116,38 @@ class Named:
 
     most: int = LONGEST_NAME
     needed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """Options and sliders that set a field of a job: annotates the field, once per option.
+
+    `io/job_options.py` makes the short options of the command line from it, and
+    `studio/sliders.py` the sliders; both have labels and texts of the field by default.
+
+    Args:
+        option: The option of the command line, such as "--units"; "" for none.
+        topic: Its section in the help of commands; by default that of the keys around it.
+        help: Its help.
+        read: The function of `cli/quantities.py` that reads it, if it is no single value.
+        key: The key that it sets in the mapping of the field; "*" for the keys that it names.
+        panel: Group of the slider on the page of the Studio; "" for none.
+        usual: Range of the slider, in SI units; from 0 it is linear, otherwise logarithmic.
+        label: Name of the slider.
+    """
+
+    option: str = ""
+    topic: str = ""
+    help: str = ""
+    read: str = ""
+    key: str = ""
+    panel: str = ""
+    usual: tuple[float, float] = (0.0, 0.0)
+    label: str = ""
+
+
+# Of fields with a slider in the Studio's group of the path.
+AboutPath = partial(About, panel="path")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,9 @@
 """What a person does in the Studio, in a real browser; the page is held to the library."""
 
 from collections import Counter
+from pathlib import Path
 
+import numpy as np
 import pytest
 from playwright.sync_api import expect
 
@@ -9,6 +11,18 @@ import armcontour as ac
 
 pytestmark = pytest.mark.browser
 EXACT = 1e-9
+DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
+# The largest share of pixels with one colour in a picture.
+PLAIN = """async (png) => {
+  const image = await createImageBitmap(new Blob([new Uint8Array(png)]));
+  const context = new OffscreenCanvas(image.width, image.height).getContext("2d");
+  context.drawImage(image, 0, 0);
+  const { data } = context.getImageData(0, 0, image.width, image.height);
+  const counts = new Map();
+  for (const x of new Uint32Array(data.buffer)) counts.set(x, (counts.get(x) ?? 0) + 1);
+  return Math.max(...counts.values()) / (data.length / 4);
+}"""
+DRAWN = "() => new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))"
 
 
 def agree(studio, found):
@@ -146,3 +160,207 @@ def test_j9_results_are_saved_as_files(studio, judge, tmp_path):
     name, content = studio.save_file(done.locator("button, a").first)
     assert name.endswith(".html")
     assert b"5.326" in content
+
+
+def press(studio, within, name):
+    """Press a button of a region."""
+    studio.find(within).get_by_role("button", name=name, exact=True).click()
+
+
+def test_j26_the_skip_link_moves_the_focus_and_keeps_the_session(studio):
+    for _ in range(2):
+        studio.page.reload()
+        studio.begin()
+        studio.page.keyboard.press("Tab")
+        expect(studio.find(".skip")).to_be_focused()
+        studio.page.keyboard.press("Enter")
+        expect(studio.find("#view2d")).to_be_focused()
+        studio.wait("body", link="open")
+    studio.page.keyboard.press("Tab")
+    expect(studio.find("#view2d g.handle").first).to_be_visible()
+    assert studio.page.evaluate("() => document.activeElement.matches('g.handle')")
+
+
+def test_j27_drawing_arm_slider_and_charts_show_one_time(studio):
+    press(studio, "#viewbar", "Both")
+    studio.wait("#view3d", exact="true", time="0")
+    dot = studio.find("circle.cursor:not(.tool)")
+    studio.page.mouse.move(*studio.middle(studio.handle("middle", 2)))
+    studio.wait_for("#playback:not([data-time='0'])")
+
+    def agreed():
+        time = studio.told("#playback", "time")
+        studio.wait("#view3d", exact="true", time=time)
+        studio.wait("[data-chart=acceleration]", cursor=time)
+        assert float(studio.find("#playback .scrub").input_value()) == pytest.approx(float(time))
+        # The arm's tool is where the dot on the path is: within two pixels.
+        scale = float(studio.told("#view2d", "scale"))
+        tool = np.array(studio.told("#view3d", "tool").split(","), dtype=float)[:2]
+        origin = np.array(studio.middle(studio.handle("waypoint", 0)))
+        shown = origin + scale * (tool - [0.35, 0.1]) * [1, -1]
+        assert np.abs(shown - studio.middle(dot)).max() < 2
+        return time, studio.middle(dot)
+
+    before = agreed()
+    # The pointer leaves the path, and nothing goes back.
+    studio.page.mouse.move(5, 5)
+    studio.page.evaluate(DRAWN)
+    assert agreed() == before
+    studio.find("#playback .scrub").press("ArrowRight")
+    studio.wait_for(f"#playback:not([data-time='{before[0]}'])")
+    assert agreed()[0] > before[0]
+
+
+def test_j28_a_document_of_the_same_name_is_fitted(studio):
+    drawing = DRAWINGS / "gasket.dxf"
+    studio.open(drawing, "ur5e")
+    studio.rest()
+    corner = studio.handle("corner", 0)
+    expect(corner).to_be_in_viewport()
+    fitted = float(studio.told("#view2d", "scale"))
+    studio.page.mouse.move(*studio.middle(studio.find("#view2d")))
+    for _ in range(6):
+        studio.page.mouse.wheel(0, -500)
+    expect(studio.find("#view2d")).not_to_have_attribute("data-scale", str(fitted))
+    assert float(studio.told("#view2d", "scale")) > 4 * fitted
+    studio.open(drawing, "ur10e")
+    studio.rest()
+    assert float(studio.told("#view2d", "scale")) == pytest.approx(fitted, rel=1e-2)
+    expect(corner).to_be_in_viewport()
+
+
+def test_j29_the_camera_stays_above_the_floor_and_sees_the_scene(studio):
+    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
+    press(studio, "#viewbar", "3D")
+    studio.wait("#view3d", exact="true")
+    canvas, mouse = studio.find("#view3d canvas"), studio.page.mouse
+    box = canvas.bounding_box()
+    x, y = studio.middle(canvas)
+    # Below the buttons over the picture.
+    clip = {"x": box["x"], "y": box["y"] + 60, "width": box["width"], "height": box["height"] - 60}
+
+    def drag(dx, dy, button="left"):
+        mouse.move(x, y)
+        mouse.down(button=button)
+        mouse.move(x + dx, y + dy, steps=4)
+        mouse.up(button=button)
+
+    def wheel(by, times, place=(0, 0)):
+        mouse.move(x + place[0], y + place[1])
+        for _ in range(times):
+            mouse.wheel(0, by)
+
+    for act in (
+        lambda: wheel(-200, 8),
+        lambda: wheel(-400, 40),
+        lambda: wheel(400, 60),
+        lambda: wheel(-400, 40, (box["width"] / 2 - 20, box["height"] / 2 - 20)),
+        lambda: drag(0, -500),
+        lambda: drag(400, 500),
+        *[lambda: drag(500, 150, "right")] * 6,
+        *[lambda: drag(-500, -150, "right")] * 12,
+    ):
+        act()
+        studio.page.evaluate(DRAWN)
+        assert 0 <= float(studio.told("#view3d", "elevation")) <= np.pi / 2
+        picture = studio.page.screenshot(clip=clip)
+        assert studio.page.evaluate(PLAIN, list(picture)) < 1 - 2e-4
+
+
+def test_j30_a_new_waypoint_has_the_focus(studio):
+    original, count = studio.text, 4
+    waypoints = studio.find("g.handle.waypoint")
+    plus = studio.handle("middle", 2)
+    for insert in (lambda: plus.click(), lambda: studio.drag(plus, (20, 15))):
+        with studio.renewing():
+            insert()
+        expect(studio.handle("waypoint", 2)).to_be_focused()
+        expect(waypoints).to_have_count(count + 1)
+        with studio.renewing():
+            studio.page.keyboard.press("Delete")
+        expect(waypoints).to_have_count(count)
+        assert studio.text == original
+    studio.tab("waypoints")
+    with studio.renewing():
+        studio.find("#tab-waypoints tr").get_by_role("button", name="Insert").last.click()
+    rows = studio.find("#tab-waypoints tbody tr")
+    expect(rows).to_have_count(count + 1)
+    expect(rows.last.locator("input").first).to_be_focused()
+
+
+def test_j31_what_cannot_be_done_is_not_offered(studio, tmp_path):
+    studio.tab("waypoints")
+    expect(studio.find("#tab-waypoints table")).to_be_visible()
+    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
+    expect(studio.find("#tab-waypoints")).to_contain_text("gasket.dxf")
+    # Ten contours are no waypoints of one path; a table without rows has no headers.
+    expect(studio.find("#tab-waypoints button:visible")).to_have_count(0)
+    expect(studio.find("#tab-waypoints table")).to_be_hidden()
+    studio.tab("runs")
+    expect(studio.find("#tab-runs tbody tr")).to_have_count(1)
+    expect(studio.find("#tab-runs").get_by_role("button", name="Remove")).to_have_count(0)
+    # Two points are the least.
+    one = tmp_path / "one.svg"
+    size = 'width="50mm" height="50mm" viewBox="0 0 50 50"'
+    line = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><path d="M 5 5 L 40 5"/></svg>'
+    one.write_text(line)
+    studio.open(one, "ur5e")
+    studio.tab("waypoints")
+    with studio.renewing():
+        studio.find("#tab-waypoints").get_by_role("button", name="Make waypoints").click()
+    rows = studio.find("#tab-waypoints tbody tr")
+    expect(rows).to_have_count(2)
+    expect(rows.get_by_role("button", name="Remove")).to_have_count(0)
+    expect(rows.get_by_role("button", name="Insert")).to_have_count(2)
+
+
+def test_j32_an_unreadable_drawing_names_what_the_page_has(studio, tmp_path):
+    drawing = tmp_path / "sheet.svg"
+    size = 'width="50mm" height="50mm" viewBox="0 0 50 50"'
+    drawing.write_text(
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size}>'
+        '<style>path { transform: rotate(3deg) }</style><path d="M 5 5 L 40 5"/></svg>'
+    )
+    dialog = studio.find("#question")
+    # The console says that the file was refused.
+    studio.is_cut_off = True
+    studio.find("#picker").set_input_files(drawing)
+    dialog.locator("select").select_option("ur5e")
+    dialog.get_by_role("button", name="Open").click()
+    told = studio.find("#messages .message.alarm:not(.refusal)")
+    expect(told).to_contain_text("unknown: skip")
+    expect(told).not_to_contain_text("--")
+    studio.is_cut_off = False
+    studio.find("#picker").set_input_files(drawing)
+    dialog.get_by_role("checkbox", name="unknown: skip").check()
+    dialog.locator("select").select_option("ur5e")
+    with studio.changing():
+        dialog.get_by_role("button", name="Open").click()
+    assert "unknown: skip" in studio.text
+
+
+def test_j33_numbers_are_readable(studio):
+    studio.tab("notes")
+    slow = studio.find("#tab-notes li").first
+    expect(slow).to_contain_text("mm/s")
+    sentences = studio.find("#tab-notes li").all_inner_texts()
+    assert sentences and not any(" m:" in x or " m/s" in x for x in sentences), sentences
+
+
+def test_j34_typed_text_survives_a_reload(studio):
+    before = studio.text
+    typed = before.replace("speed: 0.15 m/s", "speed: 0.11 m/s")
+    studio.tab("text")
+    studio.find("#tab-text textarea").fill(typed)
+    studio.page.reload()
+    studio.begin()
+    expect(studio.find("#tab-text textarea")).to_have_value(typed)
+    expect(studio.find("#tab-text textarea")).to_be_visible()
+    with studio.changing():
+        press(studio, "#tab-text", "Apply (Ctrl+Enter)")
+    assert studio.text == typed
+    with studio.changing():
+        studio.find("#undo").click()
+    studio.page.reload()
+    studio.begin()
+    assert studio.text == before

@@ -188,7 +188,7 @@ def test_the_servo_file_is_the_servo_that_was_judged(found, tmp_path):
 
 
 def test_the_json_and_the_report(found):
-    data = json.loads(data_json(found.to_data(files=["summary.json"])))
+    data = json.loads(data_json(found.to_data()))
     first, second = data["joints"]
     assert [x["name"] for x in first["parameters"]] == ["kp", "kv", "dead_time"]
     assert second["parameters"][-1]["value"] == pytest.approx(20, rel=0.05)

@@ -16,6 +16,7 @@ from armcontour.io.servo_file import servo_yaml
 from armcontour.servo.simulation import JointServo, LoggedCommand, follow
 
 KR300 = Path(__file__).parent / "kuka_kr300"
+FIRST, SECOND = (ac.ServoFit(model=x) for x in ("first", "second"))
 TRUTH = {"kp": 25.0, "kv": 150.0, "delay": 12.3e-3}
 FED = {"kp": 12.0, "kv": 90.0, "delay": 6e-3, "feed": 0.95}
 
@@ -113,12 +114,12 @@ def test_a_cycle_of_the_drive_is_part_of_the_model():
         q, w = q + cycle * w + cycle**2 / 2 * a, w + cycle * a
     y += np.random.default_rng(0).normal(0, 1e-5, len(y))
     log = Log(t=np.arange(2500) * cycle, command=u, measured=y)
-    found = identify(log, drive_cycle=cycle)
+    found = identify(log, ac.ServoFit(drive_cycle=cycle))
     assert_near(found.joints[0], {"kp": 25.0, "kv": 150.0, "delay": 8e-3})
     assert math.isnan(found.joints[0].velocity_feedforward.value)
     assert found.servo_model().cycle == cycle
-    with pytest.raises(InvalidInput, match="cycle of the drives"):
-        identify(log, drive_cycle=0.1)
+    with pytest.raises(InvalidInput, match="drive_cycle"):
+        ac.ServoFit(drive_cycle=0.1)
 
 
 @pytest.mark.parametrize("interval", [1e-3, 4e-3])
@@ -127,7 +128,9 @@ def test_the_true_cycle_of_the_drive_makes_the_fit_better(interval):
     t, u = shaken(4.0, interval, 4)
     y = follow(LoggedCommand(t, u), truth, 0.0, 0.0, cycle)
     log = Log(t=t, command=u, measured=y + np.random.default_rng(0).normal(0, 1e-6, len(t)))
-    with_cycle, without = (identify(log, drive_cycle=x).joints[0] for x in (cycle, None))
+    with_cycle, without = (
+        identify(log, ac.ServoFit(drive_cycle=x)).joints[0] for x in (cycle, None)
+    )
     for name in ("kp", "kv", "velocity_feedforward", "dead_time"):
         value = getattr(truth, name)
         off = abs(getattr(with_cycle, name).value / value - 1)
@@ -152,10 +155,10 @@ def test_held_set_points_and_the_option_model():
     assert found.interpolation == "step" and found.joints[0].kv.value == pytest.approx(
         150, rel=0.02
     )
-    first = identify(log, model="first").joints[0]
+    first = identify(log, FIRST).joints[0]
     assert math.isnan(first.kv.value) and first.unseen_rms > 10 * found.joints[0].unseen_rms
     with pytest.raises(InvalidInput, match="linear"):
-        identify(log, interpolation="linear")
+        identify(log, ac.ServoFit(interpolation="linear"))
 
 
 def test_dry_friction_is_found_where_data_show_it():
@@ -265,7 +268,7 @@ def test_misread_logs_are_refused(refuses):
 def test_a_saturating_step_shows_the_limit():
     t, u = commands("large step", 25.0, 150.0, 12.3e-3, 1)
     log = log_of(1, NOISE, t=t[:1500], u=u[:1500], limit=LIMIT, **TRUTH)
-    joint = identify(log, model="second").joints[0]
+    joint = identify(log, SECOND).joints[0]
     assert joint.acceleration_limit.value == pytest.approx(LIMIT, rel=0.01)
 
 
@@ -277,7 +280,9 @@ def test_velocity_gains_do_not_need_a_sample_in_their_time_constant(kv, interval
     """A loop with a cycle is stable if its gains are below two over the cycle."""
     t, u = shaken(6.0, interval, 1)
     y = follow(LoggedCommand(t, u), JointServo(25.0, kv), 0.0, 0.0, cycle)
-    joint = identify(Log(t=t, command=u, measured=y), drive_cycle=cycle or None).joints[0]
+    joint = identify(
+        Log(t=t, command=u, measured=y), ac.ServoFit(drive_cycle=cycle or None)
+    ).joints[0]
     assert joint.order == "second" and joint.written
     assert joint.kp.value == pytest.approx(25.0, rel=0.01)
     assert joint.kv.value == pytest.approx(kv, rel=0.01)
@@ -292,7 +297,7 @@ def test_a_second_order_is_found_at_jittering_times():
         u = np.interp(times, t, u)
         y = follow(LoggedCommand(times, u), truth, 0.0, 0.0)
         logs.append(Log(t=times, command=u, measured=y + random.normal(0, 1e-5, len(t))))
-    joint = identify(logs, model="second").joints[0]
+    joint = identify(logs, SECOND).joints[0]
     assert joint.written and joint.share < 0.01
     assert joint.kv.value == pytest.approx(129.5, rel=0.02)
     assert joint.dead_time.value == pytest.approx(4.95e-3, abs=1e-4)
@@ -302,7 +307,7 @@ def test_a_position_gain_at_its_bound_is_no_model():
     """The time constant of 50 s is longer than the log: only the feed-forward is visible."""
     t, u = shaken(6.0, 4e-3, 1)
     y = follow(LoggedCommand(t, u), JointServo(0.02, velocity_feedforward=0.9), 0.0, 0.0)
-    joint = identify(Log(t=t, command=u, measured=y), model="first").joints[0]
+    joint = identify(Log(t=t, command=u, measured=y), FIRST).joints[0]
     assert not joint.written and "bounds" in joint.note
 
 
@@ -327,7 +332,7 @@ def test_a_cascade_is_found_and_predicts_other_programs(truth, interval, cycle):
         y = follow(LoggedCommand(t, u), truth, float(u[0]), 0.0, cycle)
         y += np.random.default_rng(seed + 100).normal(0, 1e-5, len(t))
         logs.append(Log(t=t, command=u, measured=y, source=f"{seed}.csv"))
-    found = identify(logs[:2], drive_cycle=cycle or None)
+    found = identify(logs[:2], ac.ServoFit(drive_cycle=cycle or None))
     joint = found.joints[0]
     for name in joint.parameters:
         x = getattr(joint, name)

@@ -52,7 +52,7 @@ def good():
 def test_compensation_of_known_joints_is_judged_on_the_other_program(good):
     judged = good.judgement
     assert judged.programs == 2 and judged.ratio < 0.02 and judged.trusted
-    assert (judged.joints < 0.02).all() and judged.errors.shape == (2, 2)
+    assert all(x.contour_ratio < 0.02 for x in good.joints) and judged.errors.shape == (2, 2)
     servo = good.servo_model()
     assert servo.programs == 2 and servo.contour_ratio == pytest.approx(judged.ratio, rel=0.01)
     assert not servo.doubt
@@ -60,7 +60,7 @@ def test_compensation_of_known_joints_is_judged_on_the_other_program(good):
 
 def test_errors_at_the_tool_of_an_arm(good):
     arm = ac.load_arm("pmk3s")
-    found = ac.identify([robot_log(1), robot_log(2)], kinematics=arm)
+    found = ac.identify([robot_log(1), robot_log(2)], ac.ServoFit(kinematics=arm))
     assert found.judgement.ratio < 0.02
     # Without compensation, by another way: distance to the nearest point of a dense path.
     log = found.logs[0]
@@ -75,7 +75,7 @@ def test_errors_at_the_tool_of_an_arm(good):
     ]
     assert found.judgement.errors[0, 0] == pytest.approx(np.sqrt(np.mean(np.square(away))), rel=0.2)
     with pytest.raises(ac.InvalidInput, match="give the arm of the log"):
-        ac.identify(robot_log(1), kinematics=ac.load_arm("ur5e"))
+        ac.identify(robot_log(1), ac.ServoFit(kinematics=ac.load_arm("ur5e")))
 
 
 def test_the_delay_that_joints_share_is_compensated_for_a_joint_without_a_model():

@@ -39,7 +39,7 @@ def test_a_pattern_is_named_with_what_to_record(disturbance, words, record):
     off = disturbance(u, q)
     lag = np.std((q - u)[:, 1])
     q[:, 1] += off * 0.6 * lag / np.std(off)
-    found = ac.identify(ac.Log(t=T, command=u, measured=q), model="second")
+    found = ac.identify(ac.Log(t=T, command=u, measured=q), ac.ServoFit(model="second"))
     one, two = found.joints
     assert not one.note
     assert words in two.note and record in two.note

@@ -97,7 +97,7 @@ def hal():
 def test_a_log_of_a_first_run_that_saturates_compensates_the_next_one(hal):
     path, plan, robot, log = hal
     for cycle, most in ((None, 5e-7), (CYCLE, 1e-7)):
-        found = identify(log, drive_cycle=cycle)
+        found = identify(log, ac.ServoFit(drive_cycle=cycle))
         assert all("0.72 rad/s²" in x.saturation for x in found.joints)
         with pytest.warns(UserWarning, match="one program"):
             taught = ac.compensate(plan, found.servo_model(), period=4e-3)
@@ -110,6 +110,13 @@ def test_a_joint_that_saturates_most_of_the_time_can_be_judged():
     joint = identify(log_of(t, u, run_loop(u, 25.0, 150.0, 0.6, np.inf))).joints[0]
     assert "0.6 rad/s²" in joint.saturation
     assert joint.kp.value == pytest.approx(25.0, rel=0.01)
+
+
+@pytest.mark.parametrize("limit", [0.3, 0.6])
+def test_a_short_log_that_saturates_nearly_all_the_time_determines_no_servo(limit):
+    t, u = moves(2.0, 1.5)
+    joint = identify(log_of(t, u, run_loop(u, 25.0, 150.0, limit, np.inf))).joints[0]
+    assert not joint.written and f"{limit:g} rad/s²" in joint.note
 
 
 def shaken(seed):
@@ -164,7 +171,7 @@ def test_parameters_are_effective_where_an_effect_is_missing():
     assert "joint 1" in remark
     assert "effective" in str(found)
     integrated = JointServo(9.0, 90.0, 0.5, 0.0, 4e-3, ki=8.0)
-    assert identify(logs_of(integrated, 2), model="first").joints[0].effective
+    assert identify(logs_of(integrated, 2), ac.ServoFit(model="first")).joints[0].effective
 
 
 @pytest.mark.parametrize("cycle", [1e-3, 2e-3, 4e-3])

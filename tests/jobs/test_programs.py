@@ -255,14 +255,14 @@ def test_the_ends_of_an_arc_are_said_once_and_counted_by_contours():
         assert plan.full_stops == {"curvature jumps": 2} and plan.stops_note is None
     (said,) = stops_said(warnings_of(found))
     assert said.startswith(
-        "Runs run0, run1, run2: 2 full stops, the first at s = 0.06 m (360 mm, 200"
+        "Runs run0, run1, run2: 2 full stops, the first at s = 60 mm (360 mm, 200"
     )
     straight = ac.Path.polyline([(0.3, 0.3), (0.34, 0.3)])
     program = Program(moves=(Contour(path=straight, name="A"), Contour(path=BENT, name="B")))
     (plan,) = plans(program, {"rounding": None})
     assert [x.contour for x in plan.jerk_stops] == ["contour B"] * 2
     (said,) = stops_said(plan.warnings)
-    assert "2 full stops, the first at s = 0.06 m (360 mm, 200 mm) of contour B" in said
+    assert "2 full stops, the first at s = 60 mm (360 mm, 200 mm) of contour B" in said
 
 
 def test_transitions_spare_the_stops_within_their_tolerance():

@@ -9,7 +9,7 @@ from armcontour.timing.constraints import SecondOrder
 
 # Base classes, errors, and what is identified from logs of a whole arm.
 NOT_MADE = {
-    "Arm", "CompensationOptions", "PlanOptions", "Plant", "RobotIdentification", "__version__",
+    "Arm", "BodyIdentification", "CompensationOptions", "PlanOptions", "Plant", "__version__",
 }  # fmt: skip
 
 

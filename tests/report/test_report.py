@@ -61,7 +61,7 @@ def test_the_page(study, page, in_order):
         e = result.judged
         rms, largest = (number(x, "m") for x in (e.contour_error.rms, e.contour_error.max))
         assert number(e.duration, "s") in page and rms in page and largest in page
-    binds = "centripetal acceleration at s = 0.075 m: 0.0324 of 0.15 m/s"
+    binds = "centripetal acceleration at s = 75.48 mm: 32.42 mm/s of 150 mm/s"
     words = ("P9", "line 2: AVC", binds, "&lt;b&gt;T &amp; J&lt;/b&gt;")
     assert [x for x in words if x not in page] == []
     assert "<b>T & J</b>" not in page

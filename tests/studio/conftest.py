@@ -27,6 +27,14 @@ class Flat:
     y = np.array([0.0, 1.0, 0.0])
 
 
+@pytest.fixture(autouse=True)
+def home(tmp_path_factory, monkeypatch):
+    """The user's folder of drafts and uploads, which is empty."""
+    found = tmp_path_factory.mktemp("state")
+    monkeypatch.setenv("XDG_STATE_HOME", str(found))
+    return found
+
+
 @pytest.fixture
 def no_hurry(monkeypatch):
     """Plans are quick however busy the machine is."""

@@ -15,6 +15,7 @@ from armcontour.io.job_edits import Change, change_data
 from armcontour.studio.document import Document
 from armcontour.studio.edits import EditState, changes_of
 from armcontour.studio.handles import handles_of
+from armcontour.studio.uploads import Uploads
 
 TEXT = """\
 # Not to be lost.
@@ -192,68 +193,93 @@ def faster(file):
     return document
 
 
-def test_a_draft_survives_until_the_job_is_saved(file):
-    document, folder = Document.open(file), file.parent / ".armcontour"
-    assert document.earlier_draft() is None
-    document.apply(FASTER, "speed")
-    assert document.earlier_draft() == document.text
+def drafts(home):
+    return list((home / "armcontour" / "studio" / "drafts").glob("*.json"))
+
+
+def test_a_draft_survives_until_the_job_is_saved(file, home):
+    document = faster(file)
+    assert Document.open(file).earlier == document.text != TEXT
     document.undo()
-    assert document.earlier_draft() is None and not folder.exists()
+    assert Document.open(file).earlier is None and not drafts(home)
     document.redo()
     # A draft that is older than the file is not offered.
-    os.utime(folder / "job.draft.yaml", (1, 1))
-    assert document.earlier_draft() is None
+    (draft,) = drafts(home)
+    os.utime(draft, (1, 1))
+    assert Document.open(file).earlier is None
     document.undo()
     document.redo()
     again = Document.open(file)
-    again.replace(again.earlier_draft() or "", "draft")
+    again.replace(again.earlier or "", "draft")
     assert again.text == document.text
+    again.earlier = None
     again.save()
-    assert document.earlier_draft() is None and not folder.exists()
+    assert Document.open(file).earlier is None and not drafts(home)
+    assert not (file.parent / ".armcontour").exists()
 
 
-def test_a_drawing_that_was_only_looked_at_leaves_no_draft(tmp_path):
-    drawing, folder = tmp_path / "part.dxf", tmp_path / ".armcontour"
+def test_a_draft_that_was_not_decided_on_is_offered_again(file, tmp_path):
+    drawing = tmp_path / "part.dxf"
     shutil.copy(DRAWINGS / "gasket.dxf", drawing)
-    document = Document.of_drawing(drawing, "ur5e")
-    assert document.dirty and not document.write_draft() and not folder.exists()
-    document.apply(FASTER, "speed")
-    assert Document.of_drawing(drawing, "ur5e").earlier_draft() == document.text
+    for opening in (lambda: Document.open(file), lambda: Document.of_drawing(drawing, "ur5e")):
+        document = opening()
+        document.apply(FASTER, "speed")
+        # Sessions that have only looked at the document end like this.
+        assert opening().write_draft() and opening().write_draft()
+        assert opening().earlier == document.text
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"key": 1}', "\x00"])
+def test_a_draft_that_cannot_be_read_is_none(file, home, text):
+    faster(file)
+    (draft,) = drafts(home)
+    draft.write_text(text)
+    assert Document.open(file).earlier is None
+
+
+def test_every_document_has_a_draft_of_its_own(tmp_path, home):
+    drawing = tmp_path / "part.dxf"
+    shutil.copy(DRAWINGS / "gasket.dxf", drawing)
+    uploads, beside = Uploads(), Document.of_text(TEXT, tmp_path, "job.yaml")
+    job, dxf = TEXT.encode(), (DRAWINGS / "gasket.dxf").read_bytes()
+    openings = [
+        lambda: Document.of_drawing(drawing, "ur5e"),
+        lambda: Document.of_drawing(drawing, "ur10e"),
+        lambda: Document.of_text(TEXT, tmp_path, "paper.yaml", key="built-in"),
+        lambda: uploads.open("job.yaml", job, None, beside),
+        lambda: uploads.open("other.yaml", job + b"# more\n", None, beside),
+        lambda: uploads.open("plate.dxf", dxf, "ur5e", beside),
+        lambda: uploads.open("plate.dxf", dxf, "ur10e", beside),
+    ]
+    texts = []
+    for k, opening in enumerate(openings):
+        document = opening()
+        assert document.earlier is None, k
+        # A drawing that was only looked at leaves no draft.
+        assert not document.write_draft() and len(drafts(home)) == k
+        document.apply([Change(("limits", "speed"), f"{k + 1} mm/s")], "speed")
+        texts.append(document.text)
+    assert [opening().earlier for opening in openings] == texts
+    # The drawings that drafts name outlive the session.
+    uploads.close()
+    for text in texts[-2:]:
+        assert (tmp_path / load(text, "draft")["path"]["file"]).read_bytes() == dxf
+    document = openings[-1]()
+    document.apply([Change(("limits", "speed"), "1 mm/s")], "speed")
     document.undo()
-    assert not folder.exists()
+    document.earlier = None
+    document.write_draft()
+    assert openings[-1]().earlier is None and openings[-2]().earlier == texts[-2]
 
 
-def test_a_folder_that_cannot_be_written_to_has_no_draft(file):
+def test_a_folder_that_cannot_be_written_to_has_no_draft(file, home):
     document = Document.open(file)
-    (file.parent / ".armcontour").write_text("no folder")
+    (home / "armcontour").write_text("no folder")
     document.apply(FASTER, "speed")
     assert document.can_undo and not document.write_draft()
     shutil.rmtree(file.parent)
     with pytest.raises(InvalidInput):
         document.save()
-
-
-@pytest.mark.parametrize("linked", ["draft", "dangling draft", "folder"])
-def test_a_draft_is_never_written_read_or_removed_through_a_link(file, tmp_path_factory, linked):
-    home, folder = tmp_path_factory.mktemp("home"), file.parent / ".armcontour"
-    target, kept = home / "job.draft.yaml", "name: kept\n"
-    if linked != "dangling draft":
-        target.write_text(kept)
-    if linked == "folder":
-        folder.symlink_to(home)
-    else:
-        folder.mkdir()
-        (folder / "job.draft.yaml").symlink_to(target)
-    document = Document.open(file)
-    assert document.earlier_draft() is None
-    document.apply(FASTER, "speed")
-    assert list(home.iterdir()) == ([] if linked == "dangling draft" else [target])
-    assert linked == "dangling draft" or target.read_text() == kept
-    # In a real folder the link is replaced by the draft.
-    assert document.write_draft() == (linked != "folder")
-    assert (document.earlier_draft() == document.text) == (linked != "folder")
-    document.undo()
-    assert linked == "dangling draft" or target.read_text() == kept
 
 
 def test_a_job_is_saved_through_a_link_only_where_it_may_be_read(file, tmp_path_factory):

@@ -12,6 +12,7 @@ from armcontour._yaml import load
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
 from armcontour.io.job_edits import change_text
+from armcontour.studio.converting import is_convertible
 from armcontour.studio.edits import EditState, changes_of
 from armcontour.studio.handles import handles_of, obstacles_of
 
@@ -207,3 +208,43 @@ def test_what_waypoints_do_not_have_is_refused(tmp_path):
     state = EditState(data=data, run="own", handles=handles_of(job, data))
     with pytest.raises(InvalidInput, match="a.csv gives the orientation of the tool"):
         changes_of({"do": "to_waypoints"}, state)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "{points: [[0.3, 0.2], [0.36, 0.25]]}",
+        "{points: [[0.3, 0.2], [0.36, 0.25], [0.3, 0.3]]}",
+        "{start: [0.3, 0.2], segments: [{to: [0.35, 0.2]}, {via: [0.37, 0.22], to: [0.35, 0.24]}]}",
+        "{start: [0.3, 0.2], segments: [{center: [0.3, 0.25], angle: 90 deg}, {to: [0.2, 0.3]}]}",
+    ],
+)
+def test_points_are_offered_for_removal_and_insertion_where_that_works(path):
+    found = handles(path, "pmk3s")
+    data = load(f"name: a\narm: pmk3s\npath: {path}{TAIL}", "")
+    state = EditState(data=data, run="own", handles=found)
+
+    def works(edit):
+        try:
+            return bool(changes_of(edit, state))
+        except InvalidInput:
+            return False
+
+    for point in found.waypoints:
+        remove = {"do": "remove_waypoint", "index": point.index}
+        assert found.is_removable(point) == works(remove), point
+        if point in found.ends[1:]:
+            insert = {"do": "insert_waypoint", "index": point.index, "at": [0.33, 0.22]}
+            assert found.is_divisible(point.index) == works(insert), point
+
+
+@pytest.mark.parametrize(
+    ("paths", "one"), [("M 5 5 L 40 5", True), ("M 5 5 L 40 5 M 5 9 L 9 9", False)]
+)
+def test_a_drawing_is_convertible_if_it_has_one_contour(tmp_path, paths, one):
+    size = 'width="50mm" height="50mm" viewBox="0 0 50 50"'
+    text = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><path d="{paths}"/></svg>'
+    (tmp_path / "part.svg").write_text(text)
+    found = handles("{file: part.svg, frame: {position: [0.3, 0.2, 0]}}", "pmk3s", tmp_path)
+    assert is_convertible(found) == one
+    assert not is_convertible(handles("{points: [[0.3, 0.2], [0.36, 0.25]]}", "pmk3s"))

@@ -93,3 +93,75 @@ def test_obstacles_are_drawn_where_their_corners_are():
     sides = np.roll(hull, -1, axis=0) - hull
     away = seen[:, None] - hull
     assert (sides[:, 0] * away[..., 1] - sides[:, 1] * away[..., 0]).min() > -1e-12
+
+
+def test_zero_has_no_sign():
+    found = compute(
+        """
+        const { number } = await import("./chart.js");
+        const { fixed, difference } = await import("./format.js");
+        const of = (text) => ({ text, unit: "mm" });
+        tell([number(-1e-9), number(0), number(-2e-6), number(-12.345), fixed(-4e-4, 3),
+          fixed(-4e-2, 3), difference(of("0.1"), of("0.1004"))]);
+        """
+    )
+    assert found == ["0", "0", "−0.000002", "−12.35", "0.000", "−0.040", "0.0 mm"]
+
+
+def test_colours_tell_errors_of_several_magnitudes_apart():
+    errors = np.geomspace(1e-7, 1e-3, 200).astype(np.float32)
+    points = np.stack([np.arange(200), np.zeros(200)], axis=1)
+    found = compute(
+        """
+        globalThis.Path2D = class { moveTo() {} lineTo() {} };
+        const { Layers } = await import("./layers.js");
+        const store = { theme: "light", options: { colour: "error" } };
+        const arrays = { base: given[0].flat(), error: given[1], breaks: [] };
+        tell(new Layers(store).strokes({}, { arrays }).map((x) => x.colour));
+        """,
+        [points, errors],
+    )
+    # A linear scale has two colours for all but the last tenth of these errors.
+    assert len(set(found)) >= 12
+
+
+CAMERA = """
+const { Camera } = await import("./camera.js");
+const camera = new Camera();
+const [path, moves] = given;
+Object.assign(camera, { path: path.flat(), joints: [0, 0, 0, 0, 0, 1], size: 1.5, aspect: 1.5 });
+camera.fit([...path, [0, 0, 0], [0, 0, 1]]);
+const seen = (points) => {
+  const { across, over } = camera.axes(), dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  return points.some((p) => {
+    const from = p.map((x, k) => x - camera.target[k]);
+    const [x, y] = [dot(from, across), dot(from, over)];
+    return Math.abs(x) <= 1.5 * camera.reach && Math.abs(y) <= camera.reach;
+  });
+};
+"""
+
+
+def test_the_camera_sees_the_path_or_a_joint_wherever_it_is_moved():
+    random = np.random.default_rng(5)
+    path = random.normal([0.5, 0.1, 0.2], [0.05, 0.05, 0.0], (60, 3))
+    moves = [[kind, *random.normal(size=2)] for kind in random.integers(0, 3, 400).tolist()]
+    found = compute(
+        CAMERA
+        + """
+        const told = [];
+        for (const [kind, x, y] of moves) {
+          if (kind === 0) camera.shift(3 * x, 3 * y);
+          else if (kind === 1) camera.turn(x, y);
+          else camera.zoom(Math.exp(2 * x), y, -y);
+          told.push([seen([...path, [0, 0, 0], [0, 0, 1]]), camera.reach, camera.elevation,
+            seen(path)]);
+        }
+        tell(told);
+        """,
+        [path, moves],
+    )
+    seen, reach, elevation, path_seen = np.array(found, dtype=float).T
+    assert seen.all() and elevation.min() >= 0
+    # Nearer than the parts of an arm there is always the path.
+    assert reach.min() < 0.1 and path_seen[reach < 0.12 * 1.5].all()

@@ -7,7 +7,7 @@ from tests.studio.talking import JOB, MOVE, NoLane, Tab, figure, kinds, session_
 from armcontour.studio import tabs as module
 from armcontour.studio.gestures import MOST_EDITS
 from armcontour.studio.opening import open_session
-from armcontour.studio.tabs import MOST_FILES, Tabs
+from armcontour.studio.tabs import MOST_FILES, Tabs, without_options
 from armcontour.studio.wire import Frame
 
 CSV = b"x [mm],y [mm]\n300,100\n350,120\n300,150\n"
@@ -279,3 +279,15 @@ def test_the_newest_files_are_kept_as_far_as_there_is_room(monkeypatch):
     assert list(tabs.files) == [second] and first != second
     third = tabs.keep_file("x.csv", "text/csv", bytes(200))
     assert list(tabs.files) == [third] and len(tabs.files[third].data) == 200
+
+
+def test_sentences_for_pages_have_no_options_of_the_command_line():
+    pairs = {
+        "a text (unknown: skip, or --skip-unknown).": "a text (unknown: skip).",
+        "such as `units: mm` or --units mm.": "such as `units: mm`.",
+        "the part (path.frame, --at), with which": "the part (path.frame), with which",
+        "leave z out (on the command line --flat), or": "leave z out, or",
+        "with path.texts or --texts: contours.": "with path.texts: contours.",
+        "from -3 -- or less -- to 4": "from -3 -- or less -- to 4",
+    }
+    assert {x: without_options(x) for x in pairs} == pairs

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
+from armcontour.arms.limit_use import STILL, States
 from armcontour.arms.serial import SerialArm
-from armcontour.timing.limit_use import STILL, States, allowed, quantity, ratio
 
 
 def test_the_tool_moves_uniformly_and_velocity_jumps_at_corners(arm, objective, conventional):
@@ -207,7 +207,7 @@ def about_joint(arm, joint):
     """Only one joint moves; of the arm in the plane the elbow is straight."""
     rates = np.zeros((3, 3, arm.dof))
     rates[:, :, joint] = DQ, DDQ, DDDQ
-    return States(arm, np.zeros((3, arm.dof)), *rates)
+    return States(arm, (np.zeros((3, arm.dof)), *rates))
 
 
 def test_a_tool_on_a_circle(arm):
@@ -218,34 +218,34 @@ def test_a_tool_on_a_circle(arm):
         ("tool_acceleration", REACH * np.hypot(DDQ, DQ**2)),
         ("tool_jerk", REACH * np.hypot(DDDQ - DQ**3, 3 * DQ * DDQ)),
     ):
-        found = quantity(name, about_joint(arm, 0))
+        found = about_joint(arm, 0).bound(name)[0]
         np.testing.assert_allclose(found, expected, rtol=1e-12, err_msg=name)
     states = about_joint(ac.load_arm("ur5e"), 5)
     for name, expected in (("angular_speed", DQ), ("angular_acceleration", DDQ)):
-        np.testing.assert_allclose(quantity(name, states), np.abs(expected), rtol=1e-12)
+        np.testing.assert_allclose(states.bound(name)[0], np.abs(expected), rtol=1e-12)
 
 
 def test_refusals(arm, refuses):
     states = about_joint(arm, 1)
-    found = ratio("joint_jerk", ac.Limits.only(joint_jerk=[np.inf, 10.0]), states)
+    found = states.use("joint_jerk", ac.Limits.only(joint_jerk=[np.inf, 10.0])).ratio
     np.testing.assert_allclose(found, [[0, 0.7], [0, 0], [0, 0.3]], rtol=1e-12)
-    without = States(arm, states.q, states.dq, states.ddq)
+    without = States(arm, states.columns[:3])
     for name in ("joint_jerk", "tool_jerk"):
-        refuses(lambda x=name: quantity(x, without), ac.InvalidInput, "states with dddq")
+        refuses(lambda x=name: without.bound(x), ac.InvalidInput, "states with dddq")
     for name in ("sped", "path_jerk", "joint_lower"):
-        refuses(lambda x=name: quantity(x, states), ac.InvalidInput, repr(name))
-    refuses(lambda: quantity("angular_speed", states), ac.InvalidInput, "a point without")
+        refuses(lambda x=name: states.bound(x), ac.InvalidInput, repr(name))
+    refuses(lambda: states.bound("angular_speed"), ac.InvalidInput, "a point without")
 
 
 def test_each_direction_is_compared_to_its_own_acceleration_if_it_is_limited(arm):
     limits = ac.Limits.only(joint_acceleration=[[-2.0, 5.0]]).for_joints(2)
     states = about_joint(arm, 1)
-    found = ratio("joint_acceleration", limits, states)
-    np.testing.assert_allclose(found, [[0, 0.06], [0, 2.0], [0, 1.0]], rtol=1e-12)
-    np.testing.assert_array_equal(allowed("joint_acceleration", limits, states)[1], [5.0, -2.0])
+    found = states.use("joint_acceleration", limits)
+    np.testing.assert_allclose(found.ratio, [[0, 0.06], [0, 2.0], [0, 1.0]], rtol=1e-12)
+    np.testing.assert_array_equal(found.limit[1], [5.0, 2.0])
     states = about_joint(arm, 0)
     for name in ("joint_velocity", "joint_acceleration", "speed"):
-        assert not ratio(name, ac.Limits.only(), states).any()
+        assert not states.use(name, ac.Limits.only()).ratio.any()
 
 
 def test_dry_friction_at_rest_is_the_one_that_helps(arm):
@@ -255,7 +255,7 @@ def test_dry_friction_at_rest_is_the_one_that_helps(arm):
     without = np.abs(arm.torque(q, still, ddq))
     helped = np.maximum(without - [3.0, 0.5], 0.0)
     for dq in (still, STILL * np.ones((1, 2)), -STILL * np.ones((1, 2))):
-        found = quantity("joint_torque", States(rough, q, dq, ddq))
+        found = States(rough, (q, dq, ddq)).bound("joint_torque")[0]
         np.testing.assert_allclose(found, helped, atol=1e-6)
-    found = quantity("joint_torque", States(rough, q, slow, ddq))
+    found = States(rough, (q, slow, ddq)).bound("joint_torque")[0]
     np.testing.assert_allclose(found, np.abs(rough.torque(q, slow, ddq)), rtol=1e-12)

@@ -9,7 +9,6 @@ import armcontour as ac
 from armcontour.motion import Method, PathLaw, Rates
 from armcontour.timing import explain
 from armcontour.timing.constraints import IntervalEnds, SecondOrder
-from armcontour.timing.constraints.jerk import jerks_of
 from armcontour.timing.grid import grid_through
 
 SPEED, ACCELERATION = 0.1, 0.2  # m/s, m/s²
@@ -117,9 +116,8 @@ def test_jerk_is_named_where_it_binds():
 def test_the_tools_jerk_is_the_largest_along_an_interval(arm):
     law = smooth_law([(0.0, 0.0), (1.0, 0.0)])
     ends = IntervalEnds(arm, law, grid_through(law.joint_path, law.s))
-    tool, along = (
-        x.usage(ends)[:, 0] for x in jerks_of(ac.Limits.only(tool_jerk=1, path_jerk=1), 2)
-    )
+    limits = ac.Limits.only(tool_jerk=1, path_jerk=1)
+    tool, along = (ends.largest_use(x, limits)[:, 0] for x in ("tool_jerk", "path_jerk"))
     np.testing.assert_allclose(along[[0, 2]], JERK, rtol=1e-6)
     planned = ac.Trajectory(laws=(law,), method=Method.OPTIMAL)
     for k in range(3):
@@ -175,7 +173,7 @@ def test_a_line_in_closed_form_and_one_too_short_for_its_speed(arm):
     assert (short.kind, short.reason, short.assigned) == ("fastest", "tool acceleration", SPEED)
     assert short.s == pytest.approx(0.015, abs=1e-4)
     assert short.speed == pytest.approx(np.sqrt(ACCELERATION * 0.03), rel=1e-3)
-    assert short.sentence == "tool acceleration at s = 0.015 m: 0.0775 of 0.1 m/s"
+    assert short.sentence == "tool acceleration at s = 15 mm: 77.46 mm/s of 100 mm/s"
     # Without an assigned velocity; the arm's limits are the default.
     planned = ac.plan(line(0.1), arm)
     found = explain(planned, arm)

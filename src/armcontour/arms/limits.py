@@ -6,7 +6,8 @@ import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,8 @@ from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, digits, line_up, to_html
 from armcontour._quantities import (
+    About,
+    AboutPath,
     AccelerationLimit,
     AngularAccelerationLimit,
     AngularSpeedLimit,
@@ -26,32 +29,16 @@ from armcontour._quantities import (
     JointVelocities,
     SpeedLimit,
 )
-from armcontour.core.fields import Checked, checked
+from armcontour.core.fields import Checked, checked, quantities
 from armcontour.errors import InvalidInput
 
-JOINT_LIMITS = {
-    "joint_acceleration": "rad/s²",
-    "joint_velocity": "rad/s",
-    "joint_torque": "N m",
-    "joint_jerk": "rad/s³",
-}
 JOINT_RANGE = ("joint_lower", "joint_upper")
 # Limits of joints that may differ between the two directions.
 DIRECTED = ("joint_velocity", "joint_acceleration")
-TOOL_LIMITS = {
-    "speed": "m/s",
-    "tool_acceleration": "m/s²",
-    "centripetal_acceleration": "m/s²",
-    "angular_speed": "rad/s",
-    "angular_acceleration": "rad/s²",
-    "tool_jerk": "m/s³",
-    "path_jerk": "m/s³",
-}
 # Limits of jerk, which only the method optimal keeps.
 JERK_LIMITS = ("joint_jerk", "tool_jerk", "path_jerk")
-# The unit of every limit with one value for all joints or one per joint, and of every limit.
-JOINT_VALUES = JOINT_LIMITS | dict.fromkeys(JOINT_RANGE, "rad")
-UNITS = JOINT_VALUES | TOOL_LIMITS
+# Sliders of limits.
+_joint = partial(About, panel="joints")
 
 
 @_checks.explain_calls
@@ -86,15 +73,17 @@ class Limits(Checked):
             that is empty.
     """
 
-    joint_acceleration: JointAccelerations | None = None
-    joint_velocity: JointVelocities | None = None
+    joint_acceleration: Annotated[JointAccelerations | None, _joint(usual=(1e-2, 100.0))] = None
+    joint_velocity: Annotated[JointVelocities | None, _joint(usual=(1e-2, 10.0))] = None
     joint_torque: JointTorques | None = None
-    joint_jerk: JointJerks | None = None
+    joint_jerk: Annotated[JointJerks | None, _joint(usual=(1.0, 1e4))] = None
     joint_lower: JointRanges | None = None
     joint_upper: JointRanges | None = None
-    speed: SpeedLimit | None = None
-    tool_acceleration: AccelerationLimit | None = None
-    centripetal_acceleration: AccelerationLimit | None = None
+    speed: Annotated[SpeedLimit | None, AboutPath("--speed", usual=(1e-3, 2.0))] = None
+    tool_acceleration: Annotated[AccelerationLimit | None, AboutPath(usual=(1e-2, 50.0))] = None
+    centripetal_acceleration: Annotated[AccelerationLimit | None, AboutPath(usual=(1e-2, 20.0))] = (
+        None
+    )
     angular_speed: AngularSpeedLimit | None = None
     angular_acceleration: AngularAccelerationLimit | None = None
     tool_jerk: JerkLimit | None = None
@@ -272,7 +261,7 @@ class Limits(Checked):
         Args:
             dof: Number of joints.
         """
-        return _bounds(self, "joint_acceleration", dof)
+        return self.bounds("joint_acceleration", dof)
 
     def velocity_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower (negative) and upper bound of every joint's velocity, infinite without one.
@@ -280,7 +269,25 @@ class Limits(Checked):
         Args:
             dof: Number of joints.
         """
-        return _bounds(self, "joint_velocity", dof)
+        return self.bounds("joint_velocity", dof)
+
+    def bounds(self, name: str, dof: int) -> tuple[FloatArray, FloatArray]:
+        """Lower (negative) and upper bounds of a limit of joints, infinite without one.
+
+        Args:
+            name: "joint_velocity", "joint_acceleration", "joint_torque" or "joint_jerk".
+            dof: Number of joints.
+        """
+        values = getattr(self, name)
+        try:
+            if values is not None and values.ndim == 2:
+                low, high = np.array(np.broadcast_to(values, (dof, 2)).T, order="C")
+                return low, high
+            upper = np.full(dof, np.inf if values is None else values)
+        except (TypeError, ValueError):
+            self.for_joints(dof)
+            raise
+        return -upper, upper
 
     def joint_range(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower and upper end of every joint's range [rad], infinite without one.
@@ -314,6 +321,14 @@ class Limits(Checked):
         return values is None or values.ndim < 2 or bool((values.sum(axis=1) == 0).all())
 
 
+# The unit of every limit; limits with one value for all joints or one per joint, all others, and
+# those of joints that are no range.
+UNITS = {name: x.words for name, x in quantities(Limits).items()}
+JOINT_VALUES = {name: unit for name, unit in UNITS.items() if name.startswith("joint_")}
+TOOL_LIMITS = tuple(x for x in UNITS if x not in JOINT_VALUES)
+JOINT_LIMITS = tuple(x for x in JOINT_VALUES if x not in JOINT_RANGE)
+
+
 def _is_endless(name: str, values: Any) -> bool:
     """Whether a limit is infinite for every joint, in both directions."""
     if values is None or isinstance(values, str):
@@ -340,34 +355,3 @@ def _list_values(values: npt.ArrayLike) -> str:
 def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:
     """The given joint limits, or infinity for every joint."""
     return np.full(dof, np.inf) if values is None else np.array(values, dtype=np.float64)
-
-
-def _bounds(limits: Limits, name: str, dof: int) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper bound of every joint, (dof,) each, of a limit that may have directions."""
-    values = getattr(limits, name)
-    try:
-        if values is not None and values.ndim == 2:
-            low, high = np.array(np.broadcast_to(values, (dof, 2)).T, order="C")
-            return low, high
-        upper = np.full(dof, np.inf if values is None else values)
-    except (TypeError, ValueError):
-        limits.for_joints(dof)
-        raise
-    return -upper, upper
-
-
-def by_direction(
-    values: FloatArray, bounds: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Amounts of velocities or accelerations, and what limits them in their directions.
-
-    Args:
-        values: The values, (..., dof).
-        bounds: Lower and upper bounds, (dof,) each.
-
-    Returns:
-        The amounts, (..., dof), and the largest ones, (dof,) or (..., dof).
-    """
-    low, high = bounds
-    both = np.array_equal(-low, high)
-    return np.abs(values), high if both else np.where(values < 0, -low, high)

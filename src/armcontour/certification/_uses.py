@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.arms.limit_use import States
 from armcontour.certification._case import Case
 from armcontour.evaluation import Check
 from armcontour.evaluation.pieces import Piece, pieces_of
@@ -21,7 +22,6 @@ from armcontour.motion.laws import join_path
 from armcontour.robustness.box import Box
 from armcontour.servo import ServoModel
 from armcontour.servo.simulation import Simulation
-from armcontour.timing.limit_use import States, quantity, ratio
 
 # Trials are executed with this many results per command interval, but not finer than this [s].
 PER_INTERVAL = 16
@@ -292,15 +292,15 @@ def _states(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     limits = case.limits
     s, joints = _motion(plan, t, side)
-    states = States(case.arm, *joints)
+    states = States(case.arm, tuple(joints))
     # Of ds² a velocity takes the square of its share, an acceleration its share.
-    pace = (ratio("joint_velocity", limits, states) ** 2).max(axis=1)
+    pace = (states.use("joint_velocity", limits).ratio ** 2).max(axis=1)
     here = _assigned_speeds(case, path, s, side)
     if np.isfinite(here).any():
-        pace = np.maximum(pace, (quantity("speed", states) / here) ** 2)
+        pace = np.maximum(pace, (states.bound("speed")[0] / here) ** 2)
     if limits.centripetal_acceleration is not None:
-        pace = np.maximum(pace, ratio("centripetal_acceleration", limits, states))
-    return s, ratio("joint_acceleration", limits, states), pace
+        pace = np.maximum(pace, states.use("centripetal_acceleration", limits).ratio)
+    return s, states.use("joint_acceleration", limits).ratio, pace
 
 
 def _assigned_speeds(case: Case, path: Path, s: FloatArray, side: Side) -> FloatArray:
@@ -325,8 +325,8 @@ def _command_use(case: Case, taught: TaughtData, t: FloatArray) -> FloatArray:
     """The share of what bounds ds² that set-points take, at the times `t`, (n,)."""
     dof = case.arm.dof
     rate = np.append(np.diff(taught.q, axis=0), np.zeros((1, dof)), axis=0) / taught.period
-    states = States(case.arm, taught.q, rate, np.zeros_like(rate))
-    pace = (ratio("joint_velocity", case.limits, states) ** 2).max(axis=1)
+    states = States(case.arm, (taught.q, rate))
+    pace = (states.use("joint_velocity", case.limits).ratio ** 2).max(axis=1)
     lower, upper = case.limits.joint_range(dof)
     outside = ((taught.q < lower) | (taught.q > upper)).any(axis=1)
     pace = np.maximum(pace, np.where(outside, OUTSIDE, 0.0))

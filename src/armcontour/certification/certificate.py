@@ -19,6 +19,7 @@ from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.evaluation import Check, Evaluation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed, error_rows
+from armcontour.evaluation.evaluation import duration_row
 from armcontour.execution.rigid_body_plant import can_simulate
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
@@ -127,7 +128,7 @@ class Uncertified(Result, Checked):
         return Data(
             "Uncertified optimum",
             (
-                Row("duration", self.duration, "s", "motion", level=FIRST),
+                duration_row(self.duration),
                 Row("contour_error.max", most, "m", "contour error, largest", level=FIRST),
                 Row("contour_error.rms", rms, "m", "contour error, RMS"),
                 Row("saturated", self.saturated, "1", "saturated"),
@@ -193,7 +194,7 @@ class ContourCertificate(Result):
             (
                 Row("name", self.name, "", "contour", level=FIRST),
                 *self.budget.to_data().under("budget"),
-                Row("duration", self.duration, "s", "motion", level=FIRST),
+                duration_row(self.duration),
                 Row("cost", self.cost, "s", "cost", f"uncertified {optimum}", FIRST),
                 Row("optimum", self.optimum, "s"),
                 Row("t", self.t, "s"),
@@ -331,7 +332,7 @@ class Certificate(Result):
         yield replace(row, note=row.note + self._on(off))
         note = f"limits {self.check.verdict}, between samples too"
         yield Row("kept", self.kept, "", "kept", note, VERDICT)
-        yield Row("duration", self.duration, "s", "motion", level=VERDICT)
+        yield duration_row(self.duration, VERDICT)
         optimum = self.uncertified.duration
         note = f"{number(self.cost / optimum, '1')} of the uncertified {number(optimum, 's')}"
         yield Row("cost", self.cost, "s", "cost", note, VERDICT)

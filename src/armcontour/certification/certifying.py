@@ -256,8 +256,10 @@ def _with_shape(this: Run, goal: Goal, servo: float) -> Run:
     rounding = this.rounding
     if rounding is None or goal.tolerance is None:
         return this
+    most = goal.tolerance - servo
+    single = {k: min(x, most) for k, x in (rounding.at or {}).items()} or None
     line = None if rounding.line_tolerance is None else _tightest(this, goal) - servo
-    shape = replace(rounding.within(goal.tolerance - servo), line_tolerance=line)
+    shape = replace(rounding, tolerance=most, at=single, line_tolerance=line)
     return replace(this, rounding=shape)
 
 

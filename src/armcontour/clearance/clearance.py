@@ -18,7 +18,7 @@ from armcontour.arms import Arm
 from armcontour.clearance.distances import UNCERTAINTY, Distances
 from armcontour.clearance.pairs import Pair, mounting_pairs, pairs_of
 from armcontour.core.fields import checked
-from armcontour.core.render import Result, number
+from armcontour.core.render import Result, figure, number
 from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 from armcontour.errors import Collision
 from armcontour.motion import Execution, JointPath, Trajectory
@@ -233,7 +233,7 @@ class Clearance(Result):
             f"{x.second} and {x.first} {number(self._lowest(x.kind), 'm')}" for x in others
         )
         found = (
-            f"{clear}: nothing comes nearer than {number(self.low, 'm')} at any time; "
+            f"{clear}: nothing comes nearer than {figure(self.to_data()['low'])} at any time; "
             f"{first.second} and {first.first} are nearest, {first.place}."
         )
         return f"{found} Bounds of other kinds: {more}." if more else found

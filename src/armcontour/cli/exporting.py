@@ -377,10 +377,11 @@ def _warn_of_jumps(target: Target, table: Table, limits: Limits, name: str) -> l
     """Warn of a curve through set-points that needs far more than the limits of acceleration."""
     import numpy as np
 
+    from armcontour.arms.limit_use import use_of
+
     if table.ddq is None or limits.joint_acceleration is None:
         return []
-    low, high = limits.acceleration_bounds(table.ddq.shape[1])
-    ratio = np.maximum(table.ddq / low, table.ddq / high).max(axis=0)
+    ratio = use_of("joint_acceleration", limits, table.ddq).largest
     joint = int(np.argmax(ratio))
     if ratio[joint] < FAR_ABOVE:
         return []
@@ -415,7 +416,9 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     from armcontour._quantities import Interval
     from armcontour._text import capitalise
     from armcontour.cli.console import Console
+    from armcontour.core.render import figure
     from armcontour.errors import InvalidInput
+    from armcontour.evaluation.evaluation import duration_row
     from armcontour.io.cell import read_cell_arm
     from armcontour.io.exports.formats import put
     from armcontour.io.stored_run import read_run
@@ -451,9 +454,8 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
             f"Not exported: the analog outputs {', '.join(run.analog)}. A result does not have "
             "their values: export them with armcontour run."
         )
-    Console().say(
-        f"Exported {what} of run {run.name}: {_size(table, file)}, {table.duration:.4f} s: {file}"
-    )
+    motion = figure(duration_row(table.duration))
+    Console().say(f"Exported {what} of run {run.name}: {_size(table, file)}, {motion}: {file}")
 
 
 def _format(file: FilePath, options: StoredExportOptions) -> ExportFormat:

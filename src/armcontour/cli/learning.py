@@ -187,7 +187,7 @@ def _print(found: LearningStudy, out: FilePath | None) -> None:
     """Print a table of the runs, whether to go on, and what was written."""
     console = Console()
     console.say(f"{found.job.title}, run {found.plan.run.name}: error of the tool")
-    console.show(found.to_data().parts["learning"])
+    console.show(found.result)
     for note in found.job.arm.notes:
         console.say(f"Note: {note}")
     if out is None:
@@ -209,7 +209,7 @@ def _print_judged(study: JudgedStudy, out: FilePath | None) -> None:
     """Print what the tool and the joints did by a log, and what was written."""
     console = Console()
     console.say(f"{study.job.title}, run {study.plan.run.name}: the robot by its log")
-    console.show(study.to_data().parts["judged"])
+    console.show(study.result)
     for note in study.job.arm.notes:
         console.say(f"Note: {note}")
     if out is not None:

@@ -7,9 +7,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any
 
-from armcontour.cli.options import Key
+from armcontour.cli import quantities
+from armcontour.cli.options import SHORT
 
 if TYPE_CHECKING:
     from armcontour._progress import Progress
@@ -40,19 +41,18 @@ def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
     patch: dict[tuple[str | int, ...], Any] = {}
     options: dict[str, str] = {}
     for group in groups:
-        for name, hint in get_type_hints(type(group), include_extras=True).items():
-            value, option = getattr(group, name), f"--{name.replace('_', '-')}"
-            for mark in get_args(hint):
-                if not isinstance(mark, Key) or value in (None, []):
-                    continue
-                try:
-                    value = mark.read(value)
-                except ValueError as error:
-                    raise InvalidInput(f"{option} {error}.") from None
-                *outer, last = mark.key.split(".")
-                each = value.items() if last == "*" else [(last, value)]
-                patch |= {(*outer, key): item for key, item in each}
-                options[mark.key.removesuffix(".*")] = option
+        for name, value in group.keys.items():
+            if value in (None, []):
+                continue
+            row, option = SHORT[name], f"--{name.replace('_', '-')}"
+            try:
+                value = getattr(quantities, row["read"])(value) if row["read"] else value
+            except ValueError as error:
+                raise InvalidInput(f"{option} {error}.") from None
+            *outer, last = row["key"].split(".")
+            each = value.items() if last == "*" else [(last, value)]
+            patch |= {(*outer, key): item for key, item in each}
+            options[row["key"].removesuffix(".*")] = option
         for text in getattr(group, "sets", None) or ():
             # Loads the checks of jobs.
             from armcontour.io import parse_set

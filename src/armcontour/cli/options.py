@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, is_dataclass
 from functools import wraps
 from pathlib import Path as FilePath
 from typing import Annotated, Any, TypeAlias, get_args, get_origin, get_type_hints
@@ -16,35 +17,31 @@ from typer.core import TyperCommand, TyperGroup
 from typer.models import OptionInfo
 
 from armcontour._text import describe_fields
-from armcontour.cli.quantities import (
-    to_anchor,
-    to_axes,
-    to_offsets,
-    to_point,
-    to_quantities,
-    to_quantity,
-    to_tools,
-    to_words,
-)
 
+# The short options, from the keys of a job; `tests/cli/test_options.py` writes the file.
+SHORT: dict[str, dict[str, str]] = {
+    x["option"].split("/")[0].strip("-").replace("-", "_"): x
+    for x in json.loads(FilePath(__file__).with_name("job_options.json").read_text("utf-8"))
+}
+KINDS = {"text": str, "texts": list[str], "flag": bool, "number": float, "whole": int}
+POSITION = "Cell and position of the drawing"
 # Topics in the help of a command, with the names of their options; others stand under "Options".
-TOPICS = {
-    "Drawing": ("units", "scale", "layer", "contour", "color", "flat", "texts", "skip_unknown",
-                "waypoint_columns"),
-    "G-code": ("skip", "tool", "only_tool"),
-    "Cell and position of the drawing": ("cell", "at", "turn", "ignore_collisions"),
-    "Speed, corners and start": ("speed", "tolerance", "corner_shape", "line_tolerance", "zone",
-                                 "iterations", "continuity", "from_s", "sets"),
+TOPICS: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("Drawing", "G-code"), ()),
+    POSITION: ("cell",),
+    "Speed, corners and start": ("sets",),
+    "Certificate": (),
+    "Places": (),
     "Log and files of numbers": ("log", "taught", "tool_positions", "start", "end", "columns",
                                  "topic", "unwrap", "interpolation"),
-    "Places": ("over", "objective", "uncertainty", "move", "absolute", "about",
-               "every", "refine"),
     "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
     "Files for robot controllers": ("export", "template", "output", "period", "derivatives",
                                     "tool_motion", "call"),
     "Processes": ("workers", "cluster"),
     "Results": ("out", "force", "open_report", "open_page", "as_json"),
 }  # fmt: skip
+for _name, _row in SHORT.items():
+    TOPICS[_row["topic"]] += (_name,)
 # Words for types that typer names as Python does.
 WORDS = {"str": "text", "int": "number", "float": "number", "path": "file"}
 _TYPE = re.compile(r"<(?:list\[)?(str|int|float|path)\]?(?: range)?>", re.IGNORECASE)
@@ -100,16 +97,15 @@ def _write_sections(sections: dict[str, list[tuple[str, str]]], formatter: Any) 
 
 
 @dataclass(frozen=True, slots=True)
-class Key:
-    """Annotation of an option that sets a key of the job.
+class Keys:
+    """Annotation of a mapping that takes the short options of some topics, by their names."""
 
-    Args:
-        key: The key; with a star at its end the value is a mapping of keys there.
-        read: The value of the key, from that of the option.
-    """
+    topics: tuple[str, ...]
 
-    key: str
-    read: Callable[[Any], Any] = lambda value: value
+    @property
+    def options(self) -> list[str]:
+        """The names of the options."""
+        return [name for name, x in SHORT.items() if x["topic"] in self.topics]
 
 
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -125,39 +121,61 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(command)
     def call(**options: Any) -> Any:
         for name, of in groups.items():
-            options[name] = of(**{x.name: options.pop(x.name) for x in fields(of)})
+            options[name] = of(
+                **{
+                    x: {y: options.pop(y) for y in keys.options} if keys else options.pop(x)
+                    for x, (_, _, keys) in _fields_of(of).items()
+                }
+            )
         return command(**options)
 
     found: list[inspect.Parameter] = []
     for x in inspect.signature(command).parameters.values():
         of = groups.get(x.name)
-        known = hints if of is None else options_of(of)
+        known = {x.name: (hints[x.name], x.default)} if of is None else options_of(of)
         found += [
-            y.replace(annotation=known[y.name], kind=inspect.Parameter.KEYWORD_ONLY)
-            for y in ([x] if of is None else inspect.signature(of).parameters.values())
+            inspect.Parameter(
+                name, inspect.Parameter.KEYWORD_ONLY, annotation=hint, default=default
+            )
+            for name, (hint, default) in known.items()
         ]
     call.__annotations__ = {x.name: x.annotation for x in found}
     call.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
     return call
 
 
-def options_of(group: type) -> dict[str, Any]:
-    """The annotations of typer of the options of a dataclass, by the names of its fields.
+def options_of(group: type) -> dict[str, tuple[Any, Any]]:
+    """The annotations of typer and the defaults of the options of a dataclass, by their names.
 
     Args:
         group: The dataclass.
     """
-    texts, hints = describe_fields(group), get_type_hints(group, include_extras=True)
-    options: dict[str, Any] = {}
-    for name, hint in hints.items():
-        kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-        named = [mark for mark in marks if isinstance(mark, OptionInfo)]
-        option = copy(named[0] if named else typer.Option(f"--{name.replace('_', '-')}"))
-        option.help = option.help or texts[name]
-        options[name] = Annotated[kind, option]
+    texts, defaults = describe_fields(group), inspect.signature(group).parameters
+    options: dict[str, tuple[Any, Any]] = {}
+    for name, (kind, named, keys) in _fields_of(group).items():
+        if keys is None:
+            option = copy(named or typer.Option(f"--{name.replace('_', '-')}"))
+            option.help = option.help or texts[name]
+            options[name] = (Annotated[kind, option], defaults[name].default)
+            continue
+        for x in keys.options:
+            row = SHORT[x]
+            option = typer.Option(row["option"], help=row["help"])
+            options[x] = (Annotated[KINDS[row["kind"]] | None, option], None)
     return options
 
 
+def _fields_of(group: type) -> dict[str, tuple[Any, OptionInfo | None, Keys | None]]:
+    """The type of each field of a dataclass, its option of typer, and its short options."""
+    found: dict[str, Any] = {}
+    for name, hint in get_type_hints(group, include_extras=True).items():
+        kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        one = [next((x for x in marks if isinstance(x, y)), None) for y in (OptionInfo, Keys)]
+        found[name] = (kind, *one)
+    return found
+
+
+Set: TypeAlias = dict[str, Any]
 Text: TypeAlias = str | None
 Texts: TypeAlias = list[str] | None
 File: TypeAlias = FilePath | None
@@ -215,76 +233,22 @@ class RunOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class DrawingOptions:
-    """Options for reading a drawing.
+    """Options for reading a drawing."""
 
-    Args:
-        units: Unit of the drawing, such as mm.
-        scale: Factor of all lengths of the drawing.
-        layer: Only this layer; may be repeated.
-        contour: Only this contour; may be repeated.
-        color: Only this colour of DXF or of strokes in SVG: a name, '#rrggbb', or a number
-            of AutoCAD; may be repeated.
-        flat: Leave z out.
-        texts: TEXT of DXF: leave_out, or contours of its letters.
-        skip_unknown: Skip unknown elements.
-        waypoint_columns: Names of the columns of a CSV of waypoints without a line for
-            them: 'x [mm],y [mm],-'.
-        skip: Leave out these words of G-code, such as 'T,M6'.
-        tool: Number and diameter of a tool, for G41 and G42: '1: 3 mm'.
-    """
-
-    units: Annotated[Text, Key("path.units")] = None
-    scale: Annotated[float | None, Key("path.scale")] = None
-    layer: Annotated[Texts, Key("path.layers")] = None
-    contour: Annotated[Texts, Key("path.names")] = None
-    color: Annotated[Texts, Key("path.colors")] = None
-    flat: Annotated[Flag, Key("path.flat")] = None
-    texts: Annotated[Text, Key("path.texts")] = None
-    skip_unknown: Annotated[Flag, Key("path.unknown", lambda _: "skip")] = None
-    waypoint_columns: Annotated[Text, Key("path.columns")] = None
-    skip: Annotated[Texts, Key("path.unknown", to_words)] = None
-    tool: Annotated[Texts, Key("path.tools", to_tools)] = None
+    keys: Annotated[Set, Keys(("Drawing", "G-code"))]
 
 
 @dataclass(frozen=True, kw_only=True)
-class JobOptions(DrawingOptions):
+class JobOptions:
     """Options that replace values of a job, and that place a drawing.
 
     Args:
-        at: Origin of the drawing, such as '300 mm, 0 mm, 100 mm'.
-        turn: Roll, pitch, yaw of the drawing: '0, 0, 90 deg'.
-        speed: Assigned velocity, such as '50 mm/s'.
-        tolerance: Corner error, such as '0.2 mm'.
-        corner_shape: Shape of corners: arc, or free for the fastest path within the
-            tolerance; for runs with the timing optimal.
-        line_tolerance: For the shape free: tolerance outside --zone, '0.1 mm'.
-        zone: For the shape free: distance around corners, '20 mm'.
-        iterations: For the shape free: most steps of the search, such as 10.
-        continuity: Of rounded corners: tangent, as arcs have it, or curvature, with which
-            the tool goes on where jerk is limited (the default there).
-        only_tool: Only the contours of this tool of a job's tools: T2.
-        from_s: Resume at this arc length of all contours: '1.25 m'.
-        ignore_collisions: Go on where the arm comes too near to itself or to its cell;
-            results say so.
         sets: Any key of the job with its value, as in limits.speed='0.2 m/s' or
             runs.fast.timing.reserve=2%; may be repeated.
     """
 
+    keys: Annotated[Set, Keys(("Drawing", "G-code", POSITION, "Speed, corners and start"))]
     cell: CellOfDrawing = None
-    at: Annotated[Text, Key("path.frame.position", to_point)] = None
-    turn: Annotated[Text, Key("path.frame.rpy", to_quantities)] = None
-    speed: Annotated[Text, Key("limits.speed", to_quantity)] = None
-    tolerance: Annotated[Text, Key("corners.tolerance", to_quantity)] = None
-    corner_shape: Annotated[Text, Key("corners.shape")] = None
-    line_tolerance: Annotated[Text, Key("corners.line_tolerance", to_quantity)] = None
-    zone: Annotated[Text, Key("corners.zone", to_quantity)] = None
-    iterations: Annotated[
-        int | None, typer.Option("--iterations", min=0), Key("corners.iterations")
-    ] = None
-    continuity: Annotated[Text, Key("corners.continuity")] = None
-    only_tool: Annotated[Text, Key("path.tool")] = None
-    from_s: Annotated[Text, Key("process.from_s", to_quantity)] = None
-    ignore_collisions: Annotated[Flag, Key("ignore_collisions")] = None
     sets: Annotated[Texts, typer.Option("--set")] = None
     trust_xacro: TrustXacro = False
 
@@ -473,19 +437,13 @@ class CertifyOptions:
     """Options of the command `certify`.
 
     Args:
-        total_tolerance: Tolerance of rounding and execution together, such as '1 mm'; else
-            the job's.
-        servo: Contour error of the execution, such as '2 um'; else the job's.
-        plant: Robots to certify for: servo, rigid_body; else the job's.
         workers: Processes on this machine that execute robots of a box as rigid bodies; by
             default one a processor. 0 works in this one.
         out: Folder for the certificate; else none.
     """
 
+    keys: Annotated[Set, Keys(("Certificate",))]
     run_name: Name = None
-    total_tolerance: Annotated[Text, Key("certificate.tolerance", to_quantity)] = None
-    servo: Annotated[Text, Key("certificate.servo", to_quantity)] = None
-    plant: Annotated[Text, Key("certificate.plant")] = None
     workers: Annotated[int | None, typer.Option("--workers", min=0, max=1000)] = None
     cluster: Cluster = None
     out: Annotated[File, typer.Option("--out", "-o")] = None
@@ -499,34 +457,11 @@ class PlaceOptions:
     """Options of the command `place`.
 
     Args:
-        over: Axis, range and number of places: 'x: -300 mm .. 300 mm, 25'; also y, z, yaw
-            and tilt, in the coordinates of the path; may be repeated. The job's key
-            placement may hold this and the other choices; options replace its keys, one by
-            one.
-        objective: What is best: cycle (default), manipulability, clearance or torque (the
-            margin).
-        uncertainty: Position error of the part: 'x: 2 mm'; the worst corner counts; may be
-            repeated; 0 takes an axis out that the job has.
-        move: What is moved: the part (default), or the base of the arm.
-        absolute: Values of x, y and z are coordinates, or distances from here (default).
-        about: Point that is placed and turned about: middle of the path (default), origin
-            of its coordinates, or '400 mm, 0 mm, 0 mm'.
-        every: Plan every place, for a map without bounds; slow.
-        refine: Look for a better place between those of the grid, too (default).
         workers: Processes on this machine; by default one a processor for 100 places or
             more. 0 works in this one.
     """
 
-    over: Annotated[Texts, Key("placement.over.*", to_axes)] = None
-    objective: Annotated[Text, Key("placement.objective")] = None
-    uncertainty: Annotated[Texts, Key("placement.uncertainty.*", to_offsets)] = None
-    move: Annotated[Text, Key("placement.move")] = None
-    absolute: Annotated[Flag, typer.Option("--absolute/--relative"), Key("placement.absolute")] = (
-        None
-    )
-    about: Annotated[Text, Key("placement.about", to_anchor)] = None
-    every: Annotated[Flag, typer.Option("--every/--no-every"), Key("placement.every")] = None
-    refine: Annotated[Flag, typer.Option("--refine/--no-refine"), Key("placement.refine")] = None
+    keys: Annotated[Set, Keys(("Places",))]
     workers: Annotated[int | None, typer.Option("--workers", min=0, max=1000)] = None
     cluster: Cluster = None
     run_name: Name = None

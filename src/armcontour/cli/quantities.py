@@ -54,6 +54,11 @@ def to_point(text: str) -> list[str | int]:
     return [*coordinates, 0] if len(coordinates) == 2 else coordinates
 
 
+def to_skip(_: bool) -> str:
+    """What the reader does with unknown elements."""
+    return "skip"
+
+
 def to_words(texts: list[str]) -> dict[str, list[str]]:
     """Words to skip, separated by commas, in one option or several."""
     return {"skip": [word.strip() for text in texts for word in text.split(",") if word.strip()]}

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
+from armcontour._quantities import About
 from armcontour.arms import Arm, Limits
 from armcontour.compensation.set_points import SETTLING, set_point_times
 from armcontour.core.fields import Options, checked
@@ -77,7 +78,7 @@ class PolePlacement(CompensationOptions):
     """
 
     method = "pole_placement"
-    poles: npt.ArrayLike | None = None
+    poles: Annotated[npt.ArrayLike | None, About()] = None
 
 
 @_checks.explain_calls
@@ -99,7 +100,7 @@ class InverseDynamics(CompensationOptions):
     """
 
     method = "inverse_dynamics"
-    gravity_feedforward: bool | None = None
+    gravity_feedforward: Annotated[bool | None, About()] = None
     known: Arm | None = None
 
 

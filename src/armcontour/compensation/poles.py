@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Limits
+from armcontour.arms.limit_use import use_of
 from armcontour.compensation.pole_placement import (
     check_poles,
     pole_family,
@@ -120,8 +121,8 @@ def fastest_poles(
     def use(p: float) -> FloatArray:
         """Largest share of each joint's acceleration limit that set-points ask for, (dof,)."""
         _, q = pole_placement(trajectory, model, interval, pole_family(kv, p))
-        least, most = extreme_demands(model, q, interval)
-        return np.maximum(least / lower, most / upper)
+        demands = np.stack(extreme_demands(model, q, interval))
+        return use_of("joint_acceleration", limits, demands).largest
 
     low = 2 * float(model.kp.min())
     high = max(FASTEST / interval, low)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, fields
 from functools import cache, wraps
 from types import UnionType
@@ -102,6 +102,21 @@ def check(value: Any) -> None:
         if not isinstance(where, str) or not where or name in ("source", "name"):
             raise
         raise error.at(shorten(where, _checks.LONGEST_NAME)) from None
+
+
+@cache
+def quantities(kind: type) -> dict[str, Quantity]:
+    """The quantities of the fields of a dataclass that are quantities, by their names."""
+    hints = get_type_hints(kind, include_extras=True).items()
+    known = ((name, _find(Quantity, tuple(parts_of(hint)))) for name, hint in hints)
+    return {name: x for name, x in known if x is not None}
+
+
+def parts_of(hint: Any) -> Iterator[Any]:
+    """An annotation and all that it consists of: classes, and metadata."""
+    yield get_origin(hint) or hint
+    for x in get_args(hint):
+        yield from parts_of(x)
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:

@@ -88,22 +88,6 @@ def number_range(values: Iterable[float], unit: str = "") -> str:
     return " ".join(filter(None, high if low == high else (start, "to", *high)))
 
 
-def spread(value: float, low: float, high: float, unit: str = "") -> str:
-    """The ends of an interval around a value, as in "(24.2 to 25.0)"; empty if one is infinite.
-
-    Args:
-        value: The value, in SI units, whose unit is left out at the ends.
-        low: The lower end.
-        high: The upper end.
-        unit: Its SI unit.
-    """
-    if not (math.isfinite(low) and math.isfinite(high)):
-        return ""
-    shown = split(value, unit)[1]
-    ends = ((split(x, unit), number(x, unit)) for x in (low, high))
-    return f"({' to '.join(x if y == shown else z for (x, y), z in ends)})"
-
-
 def figure(row: Row) -> str:
     """The figure of a row, with its unit."""
     return number(row.figure, row.unit)

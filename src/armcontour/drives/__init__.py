@@ -4,20 +4,11 @@ Compensation, learning, identification and certification use it. Plants, which j
 do not.
 """
 
-from typing import TYPE_CHECKING
-
 from armcontour._lazy import lazy_names
 
-if TYPE_CHECKING:
-    from armcontour.drives.drives import Drives
-    from armcontour.drives.response import Response, regular_times, respond_along
-    from armcontour.drives.simulation import Simulation, simulate
-else:
-    __getattr__, __all__ = lazy_names(
-        __name__,
-        {
-            "drives": "Drives",
-            "response": "Response regular_times respond_along",
-            "simulation": "Simulation simulate",
-        },
-    )
+_HOME = {
+    "drives": "Drives",
+    "response": "Response regular_times respond_along",
+    "simulation": "Simulation simulate",
+}
+__getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -6,9 +6,9 @@ The check shares only geometry and arms with the planners.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Annotated, Any, Protocol, cast
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from armcontour._checks import FloatArray
 from armcontour._quantities import AngularRate, AtLeast, NotNegative, Quantity, Seed, Tolerance
 from armcontour._sampling import refuse_samples
 from armcontour.arms import Arm, Limits, SerialArm, resolve_limits
+from armcontour.arms.limit_use import Use
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.arms.limits import UNITS as LIMIT_UNITS
 from armcontour.core.fields import checked
@@ -34,7 +35,6 @@ from armcontour.evaluation.tally import (
     VIOLATED,
     Law,
     LimitUse,
-    Occurrence,
     Tally,
     judge_law,
     merge_uses,
@@ -242,64 +242,81 @@ def check(
         InvalidInput: Samples that are not a trajectory of this arm; names the row, counted from 1.
     """
     program = None if path is None else Program.of(path, "check compares with a Path or a Program")
-    between = any(x.kind != "contour" for x in getattr(samples, "spans", ()))
-    if (between and program is None) or (program is not None and len(program.moves) > 1):
-        allowed = {
-            "deviation": deviation,
-            "missed": missed,
-            "orientation_deviation": orientation_deviation,
-        }
-        options: dict[str, Any] = {"tolerance": tolerance, "velocity_step": velocity_step}
-        options |= {"points": points, "seed": seed, "resolution": resolution}
-        return _check_parts(samples, arm, limits, program, allowed=allowed, **options)
-    on = None if program is None else program.path
-    _refuse_path(arm, on, deviation, missed, orientation_deviation)
-    bounds = resolve_limits("check", arm, limits, _limits_of_plan(samples))
-    tally = Tally(arm, bounds, on, deviation, orientation_deviation)
-    if callable(samples) and hasattr(samples, "breaks"):
-        motion: Any = samples
-        judged = _judge_law(samples, tally, points, seed, velocity_step)
-    else:
-        motion = _check_samples(samples, arm.dof, resolution)
-        judged = _judge_log(motion, tally)
-    if missed is not None:
-        judge_missed(motion, tally, missed)
-    uses = tally.uses(tolerance)
+    for on in [None] if program is None else [x.path for x in program.contours]:
+        _refuse_path(arm, on, deviation, missed, orientation_deviation)
+    uses: dict[str, LimitUse] = {}
+    left: dict[str, None] = {}
+    farthest: PathDeviation | None = None
+    whole: dict[str, Any] | None = None
+    for part in _split(samples, arm, program, limits):
+        tally = Tally(arm, part.limits, part.path, deviation, orientation_deviation)
+        motion = part.motion
+        if _is_law(motion):
+            judged = _judge_law(motion, tally, points, seed, velocity_step)
+        else:
+            motion = _check_samples(motion, arm.dof, resolution)
+            judged = _judge_log(motion, tally)
+        whole = whole or judged
+        if missed is not None and part.path is not None:
+            judge_missed(motion, tally, missed)
+        found = {x.name: x.moved(part.t, part.s) for x in tally.uses(tolerance)}
+        left |= dict.fromkeys(_not_judged(part.limits, part.path, set(found)))
+        uses |= {x: merge_uses(uses[x], y) if x in uses else y for x, y in found.items()}
+        far = tally.farthest
+        if part.path is not None and (farthest is None or far["distance"] > farthest.distance):
+            farthest = PathDeviation(
+                distance=far["distance"], t=part.t + far["t"], s=part.s + far["s"]
+            )
+    assert whole is not None
     return Check(
-        uses=uses,
-        not_judged=_not_judged(bounds, on, {use.name for use in uses}),
+        uses=tuple(uses.values()),
+        not_judged=tuple(left),
         tolerance=tolerance,
-        path_deviation=None if on is None else PathDeviation(**tally.farthest),
-        **judged,
+        path_deviation=farthest,
+        **whole,
     )
+
+
+def _is_law(motion: Any) -> bool:
+    return callable(motion) and hasattr(motion, "breaks")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Part:
-    """A part of a motion on one contour.
+    """A part of a motion.
 
     Args:
         motion: A law or samples.
+        limits: The limits that hold in all of it.
         path: The path that the tool was to follow, or None.
         t: Start time of the motion in the whole, added to its times [s].
         s: Length of the contours before it, added to its arc lengths [m].
     """
 
     motion: Any
-    path: Path | None
-    t: float
-    s: float
+    limits: Limits
+    path: Path | None = None
+    t: float = 0.0
+    s: float = 0.0
 
 
-def _split_contours(samples: Any, arm: Arm, program: Program | None) -> list[_Part]:
-    """Split a motion into its contours.
+def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | None) -> list[_Part]:
+    """Split a motion: joint limits hold in all of it, tool limits and paths on its contours.
 
     Raises:
         InvalidInput: The law has another number of contours, or samples do not follow a contour.
     """
+    planned = samples.limits if isinstance(samples, Trajectory) else None
+    bounds = resolve_limits("check", arm, limits, planned)
+    spans, several = getattr(samples, "spans", ()), program is not None and len(program.moves) > 1
+    if not several and (program is not None or all(x.kind == "contour" for x in spans)):
+        return [_Part(motion=samples, limits=bounds, path=program and program.path)]
+    tool = bounds.of_tool
+    parts = [_Part(motion=samples, limits=bounds.of_joints)]
+    if program is None and all(getattr(tool, x) is None for x in TOOL_LIMITS):
+        return parts
     paths: list[Path | None] = [] if program is None else [x.path for x in program.contours]
-    starts = [0.0] if program is None else program.breaks.tolist()
-    if callable(samples) and hasattr(samples, "breaks"):
+    if _is_law(samples):
         spans = getattr(samples, "contour_spans", ())
         paths = paths or [None] * len(spans)
         if len(spans) != len(paths):
@@ -307,78 +324,20 @@ def _split_contours(samples: Any, arm: Arm, program: Program | None) -> list[_Pa
                 f"The trajectory has {len(spans)} contours, and the program {len(paths)}: check it "
                 "with the program that was planned."
             )
-        return [
-            _Part(motion=x.trajectory, path=path, t=x.t[0], s=x.s[0])
+        return parts + [
+            _Part(motion=x.trajectory, limits=tool, path=path, t=x.t[0], s=x.s[0])
             for x, path in zip(spans, paths, strict=True)
         ]
     assert program is not None
     log = _check_samples(samples, arm.dof, None)
     windows = find_windows(arm.tool_position(log.q), program)
-    found = []
-    for (first, last), path, start in zip(windows, paths, starts[:-1], strict=True):
+    starts = program.breaks[:-1].tolist()
+    for (first, last), path, start in zip(windows, paths, starts, strict=True):
         rows = {x: getattr(log, x) for x in ("t", "q", "dq", "ddq")}
         part = {x: None if y is None else y[first : last + 1] for x, y in rows.items()}
         motion = SimpleNamespace(**part, resolution=getattr(samples, "resolution", None))
-        found.append(_Part(motion=motion, path=path, t=0.0, s=start))
-    return found
-
-
-def _limits_of_plan(motion: Any) -> Limits | None:
-    """The limits with which a motion was planned; None if it was not, or they are not known."""
-    return motion.limits if isinstance(motion, Trajectory) else None
-
-
-def _check_parts(
-    motion: Any,
-    arm: Arm,
-    limits: Limits | None,
-    program: Program | None,
-    *,
-    allowed: Mapping[str, Any],
-    **options: Any,
-) -> Check:
-    """Check joint limits on the whole motion, and tool limits contour by contour.
-
-    Args:
-        motion: A law with spans, or samples.
-        arm: The arm.
-        limits: As in `check`.
-        program: The program that the tool was to follow; None for no distance.
-        allowed: Largest deviations, as in `check`.
-        options: Further arguments of `check`.
-    """
-    for contour in () if program is None else program.contours:
-        _refuse_path(arm, contour.path, **allowed)
-    parts = _split_contours(motion, arm, program)
-    if callable(motion):
-        # Without spans, `check` judges the law as a whole.
-        motion = replace(cast("Any", motion), spans=())
-    bounds = resolve_limits("check", arm, limits, _limits_of_plan(motion))
-    tool = bounds.of_tool
-    whole = check(motion, arm, bounds.of_joints, **options)
-    uses = {x.name: x for x in whole.uses}
-    left = dict.fromkeys(whole.not_judged)
-    farthest = None
-    limited = any(getattr(tool, name) is not None for name in TOOL_LIMITS)
-    for part in parts if limited or program is not None else ():
-        found = check(part.motion, arm, tool, part.path, **allowed, **options)
-        left |= dict.fromkeys(found.not_judged)
-        for use in found.uses:
-            highest = replace(use.highest, **_shift(use.highest, part))
-            placed = replace(use, highest=highest, **_shift(use, part))
-            known = uses.get(use.name)
-            uses[use.name] = placed if known is None else merge_uses(known, placed)
-        far = found.path_deviation
-        if far is not None and (farthest is None or far.distance > farthest.distance):
-            farthest = replace(far, t=part.t + far.t, s=part.s + far.s)
-    return replace(
-        whole, uses=tuple(uses.values()), not_judged=tuple(left), path_deviation=farthest
-    )
-
-
-def _shift(x: Occurrence, part: _Part) -> dict[str, Any]:
-    """Time and arc length of an occurrence in the whole motion."""
-    return {"t": part.t + x.t, "s": None if x.s is None else part.s + x.s}
+        parts.append(_Part(motion=motion, limits=tool, path=path, s=start))
+    return parts
 
 
 def _judge_law(
@@ -605,7 +564,7 @@ def judge_missed(motion: Any, tally: Tally, allowed: float) -> None:
     middle = (points[2:] + points[:-2]) / 2
     bent[1:-1] = np.linalg.norm(points[1:-1] - middle, axis=1)
     around = np.maximum(bent, np.maximum(np.append(bent[1:], 0.0), np.append(0.0, bent[:-1])))
-    tally.offer("path_missed", t, found.missed, allowed, q, around + off)
+    tally.offer(Use("path_missed", found.missed, allowed, around + off), t, q)
     if tally.deviation is not None:
         # From its own place, where the nearest one may be on another line.
-        tally.offer("path_deviation", t, found.distance, tally.deviation, q, off)
+        tally.offer(Use("path_deviation", found.distance, tally.deviation, off), t, q)

@@ -20,8 +20,9 @@ from typing import TypeAlias
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.arms import SerialArm
-from armcontour.evaluation.tally import SLOWEST, States, Tally, angular
+from armcontour.arms import Limits, SerialArm
+from armcontour.arms.limit_use import SLOWEST, States, across, angular
+from armcontour.evaluation.tally import Tally
 
 # Windows are not widened further once rounding is at most this share of every limit.
 NEGLIGIBLE = 1e-7
@@ -58,12 +59,6 @@ class Log:
     t_error: FloatArray
     clock: float
 
-    @property
-    def states(self) -> States:
-        """The samples as states; of samples without velocities only positions are of use."""
-        dq = np.zeros_like(self.q) if self.dq is None else self.dq
-        return States(t=self.t, q=self.q, dq=dq, ddq=self.ddq, errors=self.errors)
-
     def spans(self, k: int) -> Column:
         """Length of every window of `k` samples, and a bound on its error, (windows, 1) each."""
         span = (self.t[k:] - self.t[:-k])[:, None]
@@ -92,13 +87,12 @@ class Log:
 
 def judge_samples(log: Log, tally: Tally) -> None:
     """Offer to the tally the values at the samples, and lower bounds of the peaks between them."""
-    if log.dq is not None:
-        tally.states(log.states)
-    else:
-        tally.joint_range(log.t, log.q, log.errors[0])
-        if log.ddq is not None:
-            tally.rates("joint_acceleration", log.t, log.ddq, log.q, log.errors[2])
-    rows, tool = _mean_rows(log, tally)
+    rates = () if log.dq is None else (log.dq,) if log.ddq is None else (log.dq, log.ddq)
+    states = States(tally.arm, (log.q, *rates), log.errors)
+    tally.states(log.t, states)
+    if log.dq is None and log.ddq is not None:
+        tally.rates("joint_acceleration", log.t, log.ddq, log.q, log.errors[2])
+    rows, tool = _mean_rows(log, states, tally.limits)
     frames = None
     if tally.limits.angular_speed is not None and isinstance(tally.arm, SerialArm):
         frames = tally.arm.pose(log.q)[1]
@@ -134,7 +128,9 @@ def judge_samples(log: Log, tally: Tally) -> None:
             tally.pose(between, CubicHermiteSpline(log.t, log.q, log.dq)(between), off)
 
 
-def _mean_rows(log: Log, tally: Tally) -> tuple[list[tuple[str, Column, int]], list[Column]]:
+def _mean_rows(
+    log: Log, states: States, limits: Limits
+) -> tuple[list[tuple[str, Column, int]], list[Column]]:
     """Limits of mean rates, with the columns and the orders of the differences that give them.
 
     Velocities follow from positions, accelerations from velocities if there are any, and jerks from
@@ -143,17 +139,17 @@ def _mean_rows(log: Log, tally: Tally) -> tuple[list[tuple[str, Column, int]], l
     Returns:
         The rows; and positions of the tool, with its velocities if joints have them.
     """
-    arm, limits, states = tally.arm, tally.limits, log.states
+    arm = states.arm
     joints = {
         order: (x, np.tile(log.errors[order], (len(log.t), 1)))
         for order, x in enumerate((log.q, log.dq, log.ddq))
         if x is not None
     }
-    found = [tally.bounded(states, arm.tool_position, 0)]
+    found = [states.bounded(arm.tool_position, 0)]
     if log.dq is not None:
-        found.append(tally.bounded(states, arm.tool_velocity, 1))
+        found.append(states.bounded(arm.tool_velocity, 1))
         if log.ddq is not None and limits.tool_jerk is not None:
-            found.append(tally.bounded(states, arm.tool_acceleration, 2))
+            found.append(states.bounded(arm.tool_acceleration, 2))
     tool = [(values, off[:, None]) for values, off in found]
     own, last = 0 if log.dq is None else 1, max(joints)
     rows = [
@@ -165,7 +161,7 @@ def _mean_rows(log: Log, tally: Tally) -> tuple[list[tuple[str, Column, int]], l
         ("tool_jerk", tool[-1], 4 - len(tool)),
     ]
     if own and limits.angular_acceleration is not None and isinstance(arm, SerialArm):
-        rate, off = tally.bounded(states, angular(arm.tool_twist), 1)
+        rate, off = states.bounded(angular(arm.tool_twist), 1)
         rows.append(("angular_acceleration", (rate, off[:, None]), 1))
     return [x for x in rows if getattr(limits, x[0]) is not None], tool
 
@@ -220,10 +216,13 @@ def _offer_centripetal(log: Log, tally: Tally, tool: list[Column], k: int) -> fl
     middle = np.maximum(np.linalg.norm(before + after, axis=1), SLOWEST)
     along = np.abs(np.einsum("ij,ij->i", mean, before + after)) / middle
     along = maximum_filter1d(along + error, 2 * k + 1, mode="nearest")
-    tally.centripetal(t, before + after, mean, q, error + turned * along, moving)
+    value, bound = across(before + after, mean), error + turned * along
     # Where the direction turns by more, any part of the acceleration may be normal to the motion.
     sharp = ~moving & (slowest > SLOWEST + off)
-    tally.offer("centripetal_acceleration", t[sharp], size[sharp], limit, q[sharp], size[sharp])
+    value[sharp] = bound[sharp] = size[sharp]
+    counts = moving | sharp
+    name = "centripetal_acceleration"
+    tally.rates(name, t[counts], value[counts], q[counts], bound[counts])
     return float(error.max()) / limit
 
 

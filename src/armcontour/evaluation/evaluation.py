@@ -15,7 +15,7 @@ from armcontour._checks import FloatArray, Value
 from armcontour._describing import brief, draw
 from armcontour._quantities import Interval
 from armcontour.arms import Limits, resolve_limits
-from armcontour.arms.limits import or_unlimited
+from armcontour.arms.limit_use import use_of
 from armcontour.core.fields import Checked, checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, FIRST, Data, Row, Table
@@ -200,9 +200,9 @@ class Evaluation(Result, Checked):
         }
 
 
-def duration_row(duration: float) -> Row:
+def duration_row(duration: float, level: int = FIRST) -> Row:
     """The duration of a plan [s]."""
-    return Row("duration", duration, "s", "motion", level=FIRST)
+    return Row("duration", duration, "s", "motion", level=level)
 
 
 def settled_row(settled: float) -> Row:
@@ -336,7 +336,7 @@ def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[st
         "demand": executed.peak_demand,
         "demand_ratio": demand_ratio(executed, limits),
         "jerk": jerk,
-        "jerk_ratio": jerk / or_unlimited(limits.joint_jerk, executed.arm.dof),
+        "jerk_ratio": use_of("joint_jerk", limits, jerk).ratio,
         "command_jerk": commanded_jerk(executed.taught),
         "saturated": saturated_shares(executed, end),
     }
@@ -344,9 +344,7 @@ def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[st
 
 def demand_ratio(executed: Execution, limits: Limits) -> FloatArray:
     """Largest share of its acceleration limit that each joint would have needed, (dof,)."""
-    low, high = limits.acceleration_bounds(executed.arm.dof)
-    lowest, highest = executed.demand_range
-    return np.asarray(np.maximum(lowest / low, highest / high))
+    return use_of("joint_acceleration", limits, executed.demand_range).largest
 
 
 def saturated_shares(executed: Execution, end: float) -> FloatArray:
@@ -375,28 +373,14 @@ def _number_corners(pieces: Sequence[Piece]) -> tuple[CornerDeviation, ...]:
 
 def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:
     """Share of the planned time [s] in which some joint was within 1 % of a limit."""
-    dof = executed.arm.dof
     moved = (executed.t >= 0) & (executed.t <= duration)
-    ddq, dq = executed.ddq[moved], executed.dq[moved]
-    near = np.zeros(ddq.shape, dtype=bool)
-    for x, (low, high) in (
-        (ddq, limits.acceleration_bounds(dof)),
-        (dq, limits.velocity_bounds(dof)),
-    ):
-        near |= (x >= NEAR * high) | (x <= NEAR * low)
-    torque = _torque(executed) if limits.joint_torque is not None else None
-    if torque is not None:
-        near |= np.abs(torque[moved]) >= NEAR * or_unlimited(limits.joint_torque, dof)
-    return float(near.any(axis=1).mean())
-
-
-def _torque(executed: Execution) -> FloatArray | None:
-    """Torques of the drives [N m]: from the plant, else from the motion; None if not known."""
+    values = {"joint_acceleration": executed.ddq, "joint_velocity": executed.dq}
     if executed.torque is not None:
-        return executed.torque
-    if not executed.arm.has_bodies:
-        return None
-    return executed.arm.torque(executed.q, executed.dq, executed.ddq)
+        values["joint_torque"] = executed.torque
+    elif limits.joint_torque is not None and executed.arm.has_bodies:
+        values["joint_torque"] = executed.arm.torque(executed.q, executed.dq, executed.ddq)
+    ratios = [use_of(name, limits, x[moved]).ratio for name, x in values.items()]
+    return float((np.max(ratios, axis=0) >= NEAR).any(axis=1).mean())
 
 
 def executed_jerk(executed: Execution) -> FloatArray:

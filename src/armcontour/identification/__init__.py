@@ -1,28 +1,32 @@
-"""Identification from logs: of the servo alone, or of a robot with masses (`bodies`)."""
+"""Identification from logs: of independent servos, or of an arm with masses (`bodies`)."""
 
-from armcontour.identification.bodies import GRAVITIES, RobotIdentification, RobotJoint
-from armcontour.identification.identification import MODELS, identify
+from armcontour.identification.bodies.body_identification import BodyIdentification, BodyJoint
+from armcontour.identification.bodies.identifying import identify_bodies
+from armcontour.identification.estimates import Estimate
+from armcontour.identification.options import BodyFit, FitOptions, ServoFit
 from armcontour.identification.results import (
-    Estimate,
     Identification,
     JointIdentification,
     Judgement,
     Prediction,
 )
+from armcontour.identification.servos import identify
 from armcontour.motion.log import INTERPOLATIONS, Log, cut
 
 __all__ = [
-    "GRAVITIES",
     "INTERPOLATIONS",
-    "MODELS",
+    "BodyFit",
+    "BodyIdentification",
+    "BodyJoint",
     "Estimate",
+    "FitOptions",
     "Identification",
     "JointIdentification",
     "Judgement",
-    "Prediction",
     "Log",
-    "RobotIdentification",
-    "RobotJoint",
+    "Prediction",
+    "ServoFit",
     "cut",
     "identify",
+    "identify_bodies",
 ]

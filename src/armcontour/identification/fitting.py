@@ -1,16 +1,20 @@
-"""Bounded least-squares fits of one joint's servo to parts of logs, by simulation."""
+"""Bounded least-squares fits of one joint's servo to parts of logs, and its parameters."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour._sampling import white_noise
+from armcontour.identification.estimates import LOGARITHMIC, Estimate
+from armcontour.identification.fit import Precision, invert, normalize, solve
+from armcontour.identification.residuals import correlation_length
 from armcontour.motion.log import FEWEST, Log
 from armcontour.servo.simulation import JointServo, LoggedCommand, follow
 
@@ -26,18 +30,17 @@ STARTING = 20
 STANDS, USUAL = 0.02, 95
 # Contiguous parts of equal motion of a single log.
 PARTS = 5
-# Typical sizes of changes in a fit: of logarithms for gains and limits, others in SI units.
+# Typical sizes of changes in a fit: of logarithms for LOGARITHMIC, others in SI units.
 SCALES = JointServo(0.5, 0.5, 0.2, 0.05, 3e-3, 0.5, 1e-3, 0.5)
-LOGARITHMIC = ("kp", "kv", "ki", "acceleration_limit")
 # Parameters in which the motion is linear, as in its begin, if nothing saturates.
 LINEAR = ("velocity_feedforward", "acceleration_feedforward", "friction")
 # Offset of the measurement [rad]; position, velocity and, with an integrator, acceleration at the
 # begin [rad, rad/s, rad/s²].
 BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
+# A servo that follows its command, and evaluations of the begin of a stretch.
+PERFECT, MOST_BEGINS = JointServo(np.inf), 40
 # Step of numerical derivatives, in these sizes.
 STEP = 1e-5
-# Standard deviation of normal values over the median of their sizes.
-OF_MEDIAN = 1.4826
 # Smaller values, at a bound of zero, are rounding.
 ROUNDING = 1e-9
 # Residuals are in mrad, and cut off where a trial diverges.
@@ -46,6 +49,12 @@ MRAD, MOST = 1e3, 1e4
 SLOWEST, FASTEST = 0.1, 1000.0
 # Unknowns whose typical change moves all samples by less have no effect [mrad].
 INVISIBLE = 1e-4
+# Standard deviations in half a 95 % interval.
+REACH = 1.96
+# Standard deviations that are small enough for any value.
+ALSO = {"dead_time": 0.5e-3, "velocity_feedforward": 0.05, "acceleration_feedforward": 0.05}
+# Effects of a cycle are larger than those of first order by up to this factor.
+HIGHER = 1.2
 # Numbers of the begin of a log that are fitted: offset, position, velocity.
 BEGINS = {"unknown": 1, "delay": 1, "first": 2, "second": 3}
 
@@ -58,10 +67,11 @@ class Model(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Longest dead time and cycle of the drives [s], 0 for none."""
+    """Longest dead time, cycle of the drives [s], 0 for none, and orders that may be selected."""
 
     longest: float
     cycle: float
+    orders: tuple[str, ...] = ()
 
     @property
     def fastest(self) -> float:
@@ -76,8 +86,8 @@ class Search(NamedTuple):
             (SLOWEST, most), (0.5, most), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
             (0.01, 1e5), (0.0, 0.1), (SLOWEST, FASTEST / 10),
         )  # fmt: skip
-        found = np.array([getattr(ranges, x) for x in model.free]).T
-        logarithmic = [x in LOGARITHMIC for x in model.free]
+        found = np.array([getattr(ranges, x) for x in model.free]).reshape(-1, 2).T
+        logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
         found[:, logarithmic] = np.log(found[:, logarithmic])
         return found[0], found[1]
 
@@ -104,6 +114,11 @@ class Stretch:
     weight: FloatArray
     part: IntArray
 
+    def after(self, lag: float) -> Stretch:
+        """The stretch in which samples count after SKIPPED and a lag of the joint [s]."""
+        t = self.command.t
+        return replace(self, use=t >= min(max(SKIPPED, lag, t[5]), t[-1] / 4))
+
     @property
     def velocity(self) -> float:
         """Measured velocity at the begin [rad/s]."""
@@ -124,7 +139,7 @@ class Stretch:
         )
 
 
-def split_logs(logs: Sequence[Log], j: int, interpolation: str, lag: float) -> list[Stretch]:
+def split_logs(logs: Sequence[Log], j: int, interpolation: str, lag: float = 0.0) -> list[Stretch]:
     """Split logs at long gaps, weigh the samples of joint j by motion, and divide them into parts.
 
     Args:
@@ -160,10 +175,10 @@ def split_logs(logs: Sequence[Log], j: int, interpolation: str, lag: float) -> l
                 start=a,
                 command=LoggedCommand(t, logs[i].command[a:b, j], interpolation),
                 y=logs[i].measured[a:b, j].copy(),
-                use=t >= min(max(SKIPPED, lag, t[5]), t[-1] / 4),
+                use=np.full(b - a, True),
                 weight=weight,
                 part=part if len(moving) == 1 else np.full(b - a, i),
-            )
+            ).after(lag)
         )
     return found
 
@@ -176,16 +191,23 @@ class Problem:
     the motion is linear are solved for in every step; only the others are searched.
     """
 
-    def __init__(self, model: Model, stretches: Sequence[Stretch], search: Search) -> None:
-        self.model, self.stretches, self.cycle = model, stretches, search.cycle
-        self.m, self.b = len(model.free), BEGINS[model.order] + ("ki" in model.free)
-        self.logarithmic = np.array([x in LOGARITHMIC for x in model.free])
+    def __init__(
+        self,
+        model: Model,
+        stretches: Sequence[Stretch],
+        search: Search,
+        known: JointServo = PERFECT,
+    ) -> None:
+        self.model, self.stretches, self.search, self.known = model, stretches, search, known
+        integrates = "ki" in model.free or known.ki > 0
+        self.m, self.b = len(model.free), BEGINS[model.order] + integrates
+        self.logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
         own, count = [getattr(SCALES, x) for x in model.free], len(stretches)
         self.scale = np.concatenate([own, np.tile(BEGIN_SCALES[: self.b], count)])
         self.used = [np.flatnonzero(s.use) for s in stretches]
         free, (low, high) = np.full(self.b * count, np.inf), search.bounds(model)
         self.low, self.high = np.concatenate([low, -free]), np.concatenate([high, free])
-        limited = "acceleration_limit" in model.free
+        limited = "acceleration_limit" in model.free or np.isfinite(known.acceleration_limit)
         begin = [not limited or k == 0 for k in range(self.b)]
         parameters = [not limited and x in LINEAR for x in model.free]
         self.linear: BoolArray = np.concatenate([parameters, np.tile(begin, count)]).astype(bool)
@@ -195,7 +217,7 @@ class Problem:
         """The servo of parameters (..., m)."""
         values = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x)
         given = {name: values[..., k] for k, name in enumerate(self.model.free)}
-        return JointServo(**{"kp": np.inf, **given})
+        return self.known._replace(**given)
 
     def guess(self, values: dict[str, float], lag: float) -> FloatArray:
         """Unknowns from parameters, with begins as of a pure delay."""
@@ -234,7 +256,7 @@ class Problem:
             begin[:, :b] = x[at : at + b]
             begin[np.arange(after, rows), later] += self.steps[m + later]
             _, q0, dq0, ddq0 = begin.T
-            q = follow(s.command, servo, q0, dq0, self.cycle, ddq0).take(used, axis=1)
+            q = follow(s.command, servo, q0, dq0, self.search.cycle, ddq0).take(used, axis=1)
             block, end = every[:, end : end + len(used)], end + len(used)
             block[place[own]] = (q[1:after] - q[0]) / self.steps[own, None]
             block[place[at + later]] = (q[after:] - q[0]) / self.steps[m + later, None]
@@ -266,7 +288,7 @@ class Problem:
         low, high = ((y[own] - x[own]) * size for y in (self.low, self.high))
         within, step = np.full(len(own), True), np.zeros(len(own))
         for _ in range(len(LINEAR) + 1):
-            inverse = invert(square[np.ix_(within, within)])
+            inverse = invert(square[np.ix_(within, within)])[0]
             # The second solution removes rounding errors of the first one.
             for _ in range(2):
                 off = start + np.einsum("ki,i->k", slopes, step)
@@ -284,62 +306,33 @@ class Problem:
         return float(np.sum(self.project(np.clip(x, self.low, self.high))[1] ** 2)) / 2
 
     def solve(self, start: FloatArray, most: int) -> Any:
-        """Solve the problem from a start, with at most so many evaluations.
-
-        An orthogonal transformation makes the residuals one number and zeros: the solver then needs
-        no decompositions of long matrices, in which threads of a library wait for each other.
-        """
-        from scipy.optimize import least_squares
-
+        """Solve the problem from a start, with at most so many evaluations."""
         searched = np.flatnonzero(~self.linear)
         begin = np.clip(start, self.low, self.high)
         x, linear = begin, np.empty((0, 0))
 
-        def size(z: FloatArray) -> FloatArray:
+        def residuals(z: FloatArray) -> FloatArray:
             nonlocal x, linear
             trial = begin.copy()
             trial[searched] = z
-            x, residuals, linear = self.project(trial)
-            found = np.zeros(len(z) + 1)
-            found[0] = np.sqrt(np.sum(residuals**2))
+            x, found, linear = self.project(trial)
             return found
 
-        def slopes(z: FloatArray) -> FloatArray:
+        def slopes(z: FloatArray) -> tuple[FloatArray, FloatArray]:
             if (x[searched] != z).any():
-                size(z)
-            residuals, jacobian = self.linearize(x, ~self.linear)
-            every = np.concatenate([residuals[:, None], jacobian], axis=1)
-            inverse = invert(np.einsum("ki,kj->ij", linear, linear))
+                residuals(z)
+            every = np.column_stack(self.linearize(x, ~self.linear))
+            inverse = invert(np.einsum("ki,kj->ij", linear, linear))[0]
             for _ in range(2):
                 shares = inverse @ np.einsum("ki,kj->ij", linear, every)
                 every -= np.einsum("ki,ij->kj", linear, shares)
-            every, norms = normalize(every)
-            values, vectors = np.linalg.eigh(np.einsum("ki,kj->ij", every, every))
-            upper = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)[1]
-            return np.asarray(upper[:, 1:] * norms[1:] * np.copysign(1.0, upper[0, 0]))
+            return every[:, 0], every[:, 1:]
 
-        # Loops without any effect overflow in the solver's search for a step.
-        with np.errstate(over="ignore"):
-            found = least_squares(
-                size, begin[searched], slopes, bounds=(self.low[searched], self.high[searched]),
-                x_scale="jac", max_nfev=most, ftol=1e-9, xtol=1e-10, gtol=1e-12,
-            )  # fmt: skip
-        size(found.x)
+        bounds = self.low[searched], self.high[searched]
+        found = solve(residuals, slopes, begin[searched], bounds, most)
+        residuals(found.x)
         found.x = x
         return found
-
-
-def normalize(columns: FloatArray, least: float = 1e-150) -> tuple[FloatArray, FloatArray]:
-    """Columns of length 1, and their lengths before; columns that are too short become 0."""
-    norms = np.maximum(np.sqrt(np.einsum("ki,ki->i", columns, columns)), least)
-    return columns / norms * (norms > least), norms
-
-
-def invert(square: FloatArray) -> FloatArray:
-    """Inverse of a symmetric matrix of normalized columns, of which some may be dependent."""
-    values, vectors = np.linalg.eigh(square)
-    some = values > 1e-14 * values.max(initial=0.0)
-    return np.asarray(vectors[:, some] / values[some] @ vectors[:, some].T)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -359,7 +352,7 @@ class Fit:
     @property
     def noise(self) -> float:
         """Noise of the residuals [rad]: what changes from sample to sample."""
-        return noise_of(self.problem.residuals(self.x)) / MRAD
+        return float(white_noise(self.problem.residuals(self.x))) / MRAD
 
     def at_bounds(self) -> tuple[set[str], set[str]]:
         """Parameters at their lower bounds, and at their upper ones."""
@@ -387,41 +380,71 @@ def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> Fl
 
     Offset, position and velocity at the begin are fitted: they are no parameters of the servo.
     """
-    s, b = stretch, BEGINS[order] + int(servo.ki > 0)
-    free = np.isinf(servo.acceleration_limit)
-    scale = BEGIN_SCALES[:b]
-    steps = np.diag(BEGIN_SCALES)[:b] * (1.0 if free else STEP)
-    steps[0] = 0.0
-
-    def simulate(begins: FloatArray) -> FloatArray:
-        offset, q0, dq0, ddq0 = begins.T
-        return np.asarray(follow(s.command, servo, q0, dq0, cycle, ddq0) + offset[:, None])
-
-    x = np.array([0.0, s.y[0], s.velocity, 0.0])
-    q = simulate(x + steps)
-    # Without saturation the motion depends linearly on its begin, and one step is enough.
-    for _ in range(1 if free else 8):
-        slopes = (q - q[0]) / np.maximum(steps.sum(axis=1), 1e-300)[:, None]
-        slopes[0] = 1.0
-        both = np.concatenate([slopes[:, s.use] * scale[:, None], (s.y - q[0])[None, s.use]])
-        square = np.einsum("ik,jk->ij", both, both)
-        step = np.zeros(len(x))
-        step[:b] = np.linalg.pinv(square[:b, :b], 1e-14, hermitian=True) @ square[:b, b] * scale
-        for share in (1.0, 0.3, 0.1, 0.01):
-            trial = simulate(x + share * step + steps)
-            if np.sum((s.y - trial[0])[s.use] ** 2) <= square[b, b]:
-                x, q = x + share * step, trial
-                break
-        else:
-            break
-    return np.asarray(q[0])
+    p = Problem(Model(order, ()), [stretch], Search(0.0, cycle), servo)
+    x = p.guess({}, float(servo.dead_time))
+    x = p.project(x)[0] if p.linear.all() else p.solve(x, MOST_BEGINS).x
+    offset, q0, dq0, ddq0 = (np.array([y]) for y in np.pad(x, (0, len(BEGIN_SCALES) - p.b)))
+    return np.asarray(follow(stretch.command, servo, q0, dq0, cycle, ddq0)[0] + offset)
 
 
-def noise_of(y: npt.ArrayLike) -> float:
-    """Standard deviation of white noise on a smooth motion, from its third differences.
+def estimate_parameters(
+    found: Fit,
+    without: Sequence[JointServo] = (),
+    longest_cycle: float = 0.0,
+    rivals: Sequence[JointServo] = (),
+) -> dict[str, Estimate]:
+    """Estimates of the parameters of a fit, by name; no interval for those at a bound.
 
-    Outliers do not count, unless most differences are 0, as with a coarse encoder.
+    Args:
+        found: The fit.
+        without: Servos that are fitted without one part of the logs each. Their scatter shows
+            what a model does not have, such as other joints.
+        longest_cycle: Longest cycle of the drive, if it is unknown [s].
+        rivals: Servos of other models that are as good, where none is complete.
     """
-    third = np.abs(np.diff(np.asarray(y, dtype=np.float64), n=3))
-    usual = OF_MEDIAN * float(np.median(third))
-    return float((usual or np.sqrt(np.mean(third**2))) / np.sqrt(20))
+    p, names, bounds = found.problem, found.problem.model.free, set().union(*found.at_bounds())
+    free = np.full(len(found.x), True)
+    free[: p.m] = [x not in bounds for x in names]
+    residuals, jacobian = p.linearize(found.x)
+    freedom = max(len(residuals) - int(np.sum(free)), 1)
+    variance = float(np.sum(residuals**2)) / freedom * correlation_length(residuals)
+    deviations = np.where(free, Precision.of(jacobian, variance).sd(free), math.nan)
+    servo, estimates = found.servo, {}
+    cycled = cycled_servo(servo, longest_cycle)
+    for name, sd in zip(names, deviations.tolist(), strict=False):
+        value, other = getattr(servo, name), getattr(cycled, name)
+        every, others = (np.array([getattr(y, name) for y in x]) for x in (without, rivals))
+        others = np.append(others[np.isfinite(others)], value)
+        shift = other - value
+        if name in LOGARITHMIC:
+            every, others = (np.log(np.maximum(y, 1e-9)) for y in (every, others))
+            shift = math.log(other / value)
+        if math.isfinite(sd):
+            jackknife = float(np.std(every) * math.sqrt(len(every) - 1)) if len(every) else 0.0
+            sd = max(sd, jackknife, float(np.std(others)))
+        low, high = min(shift, 0.0) - REACH * sd, max(shift, 0.0) + REACH * sd
+        if name not in LOGARITHMIC:
+            low = max(low, -value)
+        more: dict[str, Any] = {"also": ALSO.get(name, 0.0)}
+        if name == "acceleration_feedforward" and p.model.order == "first":
+            more = {"unit": "s"}
+        estimates[name] = Estimate.from_interval(name, value, sd, (low, high), **more)
+    return estimates
+
+
+def cycled_servo(servo: JointServo, cycle: float) -> JointServo:
+    """The servo with a cycle [s] that moves as a continuous one, to first order in the cycle.
+
+    What a drive holds for a cycle, and differences of commands over a cycle, are late by half of
+    it.
+    """
+    half = HIGHER * cycle / 2
+    kp, ki = servo.kp / (1 + servo.kp * half), servo.ki / (1 + servo.ki * half)
+    slow = 1 - (kp + ki) * half
+    return servo._replace(
+        kp=kp,
+        ki=ki,
+        kv=servo.kv / (slow + servo.kv * half) if math.isfinite(servo.kv) else servo.kv,
+        velocity_feedforward=servo.velocity_feedforward * slow / (1 + kp * half),
+        dead_time=max(servo.dead_time - half * (1 + servo.velocity_feedforward), 0.0),
+    )

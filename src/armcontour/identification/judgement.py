@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._sampling import interpolate
 from armcontour.arms import Arm
-from armcontour.identification.fitting import predict, split_logs
-from armcontour.identification.results import DIGITS, JointIdentification, Judgement
+from armcontour.identification.fitting import split_logs
+from armcontour.identification.results import JointIdentification, Judgement, rounded, write_servo
 from armcontour.motion.log import Log
 from armcontour.servo.simulation import JointServo
 
@@ -55,7 +55,7 @@ class _Motion:
         elif len(weight) > 1:
             both = self.command * weight, moved * weight
             late = late - find_delay([(late, *both)], -BEYOND, longest + BEYOND)
-        off = moved - _interpolate(late, self.t, self.command)
+        off = moved - interpolate(late, self.t, self.command)
         if arm is None:
             squares = np.sum((off * weight) ** 2, axis=1)
         each = np.sqrt(np.mean(off[self.use] ** 2, axis=0))
@@ -115,12 +115,14 @@ def judge(
         programs=count_programs(logs),
         ratio=float(np.max(np.where(left > NOISES * noise, left / np.maximum(before, TINY), 0.0))),
         errors=errors,
-        joints=np.max(shares, axis=0),
     )
-    written = [
-        x if c == "model" else _write_delay(x, logs, j, delays[j] * (c == "delay"), interpolation)
-        for j, (x, c) in enumerate(zip(joints, choice, strict=True))
-    ]
+    written = []
+    for j, (x, c) in enumerate(zip(joints, choice, strict=True)):
+        if c != "model":
+            delay = rounded(delays[j] * (c == "delay"))
+            servo = JointServo(np.inf, dead_time=delay)
+            x = write_servo(x, split_logs(logs, j, interpolation, delay), servo)
+        written.append(replace(x, contour_ratio=float(max(y[j] for y in shares))))
     return tuple(written), judgement
 
 
@@ -135,7 +137,7 @@ def _prepare(
     known = np.isfinite(model)
     use = (known | ~known.any(axis=0)).all(axis=1)
     use = use if use.any() else np.full(len(use), True)
-    late = [_interpolate(log.t - x, log.t, log.command[:, [j]]) for j, x in enumerate(delays)]
+    late = [interpolate(log.t - x, log.t, log.command[:, [j]]) for j, x in enumerate(delays)]
     rest = {
         "none": log.measured - log.command,
         "delay": log.measured - np.concatenate(late, axis=1),
@@ -144,11 +146,6 @@ def _prepare(
     some = slice(None, None, every)
     centred = {name: (x - x[use].mean(axis=0))[some] for name, x in rest.items()}
     return _Motion(log.t[some] - log.t[0], log.command[some], use[some], centred)
-
-
-def _interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
-    """Linear interpolation of columns, (n, dof)."""
-    return np.stack([np.interp(at, t, x) for x in values.T], axis=1)
 
 
 def _joint_delays(logs: Sequence[Log], longest: float) -> FloatArray:
@@ -174,34 +171,19 @@ def find_delay(
     for _ in range(STEPS):
         above = below = 0.0
         for t, command, q in motions:
-            off = q - _interpolate(t - delay, t, command)
-            rate = _interpolate(t - delay, t, np.gradient(command, t, axis=0))
+            off = q - interpolate(t - delay, t, command)
+            rate = interpolate(t - delay, t, np.gradient(command, t, axis=0))
             above -= float(np.sum((off - off.mean(axis=0)) * rate))
             below += float(np.sum(rate**2))
         delay = float(np.clip(delay + above / max(below, TINY), low, high))
     return delay
 
 
-def _write_delay(
-    joint: JointIdentification, logs: Sequence[Log], j: int, delay: float, interpolation: str
-) -> JointIdentification:
-    """A joint without a model, of which only its delay [s] is written."""
-    servo = JointServo(np.inf, dead_time=float(f"{delay:.{DIGITS}g}"))
-    stretches = split_logs(logs, j, interpolation, servo.dead_time)
-    left = [(s.y - predict(s, servo, "unknown", 0.0))[s.use] for s in stretches]
-    changes: dict[str, Any] = {"order": "unknown", "servo": servo}
-    if left:
-        off = np.concatenate(left)
-        most = float(np.abs(off).max())
-        changes |= {"rms": float(np.sqrt(np.mean(off**2))), "largest": most, "unexplained": most}
-    return replace(joint, **changes)
-
-
 def count_programs(logs: Sequence[Log]) -> int:
     """Number of logs whose commands differ from those of all earlier logs."""
 
     def is_same(one: Log, other: Log) -> bool:
-        off = one.command - _interpolate(one.t - one.t[0], other.t - other.t[0], other.command)
+        off = one.command - interpolate(one.t - one.t[0], other.t - other.t[0], other.command)
         most = np.maximum(np.ptp(one.command, axis=0), np.ptp(other.command, axis=0))
         return bool((np.ptp(off, axis=0) <= SAME * most).all())
 

@@ -1,4 +1,4 @@
-"""Patterns in the residuals of a joint, and what to record next."""
+"""Residuals of a joint: whether they are white, their patterns, and what to record next."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour._sampling import white_noise
 from armcontour.motion.log import Log
 
 # A pattern is named if it explains this share of the squared residuals.
@@ -34,6 +35,13 @@ PATTERNS = {
         "the same program at half its speed, and one about the positions of the work",
     ),
 }
+# Correlations of residuals below this are chance.
+UNCORRELATED = 0.05
+# Residuals with this chance are not white; the fewest lines of a spectrum that are compared.
+CHANCE, FEWEST_LINES = 0.01, 8
+# Rounding of positions as a share of their range, and of multiples of an encoder's step; variance
+# of an encoder's resolution may be larger by this share.
+ROUNDED, STEP_ROUNDING, SLACK = 1e-9, 0.01, 0.2
 
 
 def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) -> str:
@@ -155,3 +163,51 @@ def _middle_frequency(x: FloatArray, interval: float) -> float:
     power = np.cumsum(np.abs(np.fft.rfft(x - x.mean())) ** 2)
     k = int(np.searchsorted(power, power[-1] / 2))
     return float(np.fft.rfftfreq(len(x), interval)[k])
+
+
+def is_white(residuals: FloatArray, step: float) -> bool:
+    """Whether residuals are white noise, apart from what an encoder's resolution explains.
+
+    The power of the lowest frequencies is compared with that of the others, for 8, 16, ... lines of
+    the spectrum.
+
+    Args:
+        residuals: Residuals [rad], (n,).
+        step: Resolution of the encoder [rad], 0 if it is not seen.
+    """
+    from scipy.stats import f
+
+    # More variance than that of the noise from sample to sample.
+    if np.var(residuals) - white_noise(residuals) ** 2 <= (1 + SLACK) * step**2 / 12:
+        return True
+    power = np.abs(np.fft.rfft(residuals - np.mean(residuals))[1:]) ** 2
+    n = len(power)
+    chances: list[float] = []
+    while (m := FEWEST_LINES << len(chances)) <= n / 2:
+        ratio = np.mean(power[:m]) / max(float(np.mean(power[m:])), 1e-300)
+        chances.append(float(f.sf(ratio, 2 * m, 2 * (n - m))))
+    return not chances or min(chances) * len(chances) > CHANCE
+
+
+def resolution(y: FloatArray) -> float:
+    """Resolution of an encoder [rad]: the step of which all differences are multiples, else 0."""
+    steps = np.diff(np.unique(y))
+    steps = steps[steps > ROUNDED * max(float(np.ptp(y)), 1e-12)]
+    if len(steps) < 2:
+        return 0.0
+    step = float(np.min(steps))
+    off = np.abs(steps / step - np.rint(steps / step))
+    return step if np.all(off < STEP_ROUNDING * np.maximum(steps / step, 1.0)) else 0.0
+
+
+def correlation_length(residuals: FloatArray) -> float:
+    """Number of residuals that are worth one independent one, at least 1."""
+    n = len(residuals)
+    power = np.abs(np.fft.rfft(residuals, 2 * n)) ** 2
+    correlations = np.fft.irfft(power)[: max(n // 5, 1)]
+    if correlations[0] <= 0:
+        return 1.0
+    correlations = correlations / correlations[0]
+    below = np.flatnonzero(correlations < UNCORRELATED)
+    end = int(below[0]) if len(below) else len(correlations)
+    return float(max(1.0, 1 + 2 * np.sum(correlations[1:end])))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,104 +14,35 @@ from armcontour._checks import BoolArray, FloatArray
 from armcontour._describing import brief, several
 from armcontour._version import __version__
 from armcontour.arms import Arm
-from armcontour.core.fields import Checked, checked
-from armcontour.core.render import Result, number, plain, spread
-from armcontour.core.result import VERDICT, Data, Row, Table
+from armcontour.core.fields import checked
+from armcontour.core.render import Result, number
+from armcontour.core.result import VERDICT, Data, Row
 from armcontour.errors import InvalidInput
-from armcontour.identification.fitting import predict, split_logs
+from armcontour.identification.estimates import IdentifiedJoints, JointEstimates
+from armcontour.identification.fitting import Stretch, predict, split_logs
 from armcontour.identification.residuals import fastest_motion
 from armcontour.motion.log import Log
 from armcontour.servo import ServoModel
 from armcontour.servo.model import TRUSTED
 from armcontour.servo.simulation import JointServo
 
-UNITS = {
-    "kp": "1/s",
-    "kv": "1/s",
-    "ki": "1/s",
-    "velocity_feedforward": "",
-    "acceleration_feedforward": "",
-    "dead_time": "s",
-    "friction": "rad",
-    "acceleration_limit": "rad/s²",
-}
 # Condition of the errors by which a servo is judged, and the largest trusted one.
 UNFITTED = f"where the servo was not fitted, trusted up to {number(TRUSTED, '1')}"
-# Digits of the numbers in a servo file.
+# Digits of the numbers in a servo file, and a factor that rounds up bounds.
 DIGITS = 6
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate(Result):
-    """The estimate of one parameter.
-
-    Args:
-        name: Name of the parameter, as in `ServoModel`.
-        unit: Unit of the value.
-        value: The value; nan if there is none.
-        sd: Standard deviation; nan if there is none, as for a parameter at the bound of its range.
-        low, high: Ends of the 95 % interval.
-        determined: Whether the logs determine it: `sd` is at most 10 % of the value; for a dead
-            time 0.5 ms and for feed-forward 0.05 are enough, too.
-    """
-
-    name: str
-    unit: str
-    value: float
-    sd: float = math.nan
-    low: float = -math.inf
-    high: float = math.inf
-    determined: bool = False
-
-    @property
-    def label(self) -> str:
-        """Name of the parameter for people."""
-        return self.name.replace("_", " ")
-
-    def to_data(self) -> Data:
-        """Value, standard deviation and interval."""
-        ends = (("value", "value"), ("sd", "sd"), ("low", "from"), ("high", "to"))
-        return Data(
-            f"Estimate of {self.label}",
-            (
-                Row("name", self.name, "", "parameter"),
-                Row("unit", self.unit),
-                *(Row(x, getattr(self, x), self.unit, label) for x, label in ends),
-                Row("determined", self.determined, "", "determined"),
-            ),
-        )
-
-    @property
-    def row(self) -> Row:
-        """The value with its 95 % interval, as one figure."""
-        note = spread(self.value, self.low, self.high, self.unit)
-        if not (self.determined or math.isnan(self.value)):
-            note = f"{note} open".strip()
-        return Row(self.name, self.value, self.unit, self.label, note)
-
-
-def estimate_table(name: str, estimates: Sequence[Estimate]) -> Table:
-    """A table with a row for every estimate.
-
-    Args:
-        name: Name of the table.
-        estimates: The estimates.
-    """
-    return Table.of_rows(name, [x.to_data().rows for x in estimates])
+UP = 1 + 10.0 ** (1 - DIGITS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointIdentification(Result, Checked):
+class JointIdentification(JointEstimates):
     """The identified servo of one joint.
 
     Args:
-        name: Name of the joint.
-        order: Order of the servo that is written: "second", "first", "delay"; or "unknown".
-        parameters: Estimates of the parameters by name, also of a model that is not written.
+        order: Order of the servo that is written: "second", "first", "delay"; or "unknown". The
+            parameters are also those of a model that is not written.
         servo: Values that are written.
         tracking_rms: RMS of command less measured position, about its mean [rad].
-        rms: RMS error of the values that are written, on the logs that were fitted [rad].
-        largest: Their largest error [rad].
+        largest: Largest error of the values that are written, on the logs that were fitted [rad].
         unseen_rms: RMS error on parts that were not fitted [rad]: with several logs that of the
             worst log, with one log weighted by motion.
         share: `unseen_rms`, divided by the tracking error of the same kind.
@@ -123,16 +54,15 @@ class JointIdentification(Result, Checked):
         effective: Whether the residuals are not white: the model lacks an effect, and its
             parameters make up for it, so that they differ from those that are set in the drive.
         saturation: A sentence about samples at a limit of the drive, or empty.
-        rests: For each log, measured positions less those predicted from the other parts [rad]; nan
-            where they do not count, (n,). Empty if no model was fitted.
+        contour_ratio: RMS deviation from the contour with compensation over that without it, in
+            the worst log.
+
+    Positions in `rests` are predicted from the other parts of the logs.
     """
 
-    name: str
-    order: str
-    parameters: dict[str, Estimate] = field(default_factory=dict)
+    order: str = "unknown"
     servo: JointServo = field(default_factory=lambda: JointServo(math.inf))
     tracking_rms: float = math.nan
-    rms: float = math.nan
     largest: float = math.nan
     unseen_rms: float = math.nan
     share: float = math.nan
@@ -142,7 +72,7 @@ class JointIdentification(Result, Checked):
     note: str = ""
     effective: bool = False
     saturation: str = ""
-    rests: tuple[FloatArray, ...] = ()
+    contour_ratio: float = math.nan
 
     def to_data(self) -> Data:
         """The errors on parts that were not fitted, and the estimates."""
@@ -154,6 +84,7 @@ class JointIdentification(Result, Checked):
             (
                 Row("name", self.name, "", "joint"),
                 Row("share", self.share, "1", "of tracking"),
+                Row("contour_ratio", self.contour_ratio, "1", "of contour"),
                 Row("unseen_rms", self.unseen_rms, "rad", "error, RMS"),
                 Row("unexplained", self.unexplained, "rad", "largest"),
                 Row("order", self.order, "", "model", ", ".join(filter(None, words))),
@@ -161,7 +92,7 @@ class JointIdentification(Result, Checked):
                 *(Row(x, getattr(self, x)) for x in ("determined", "effective", "written")),
                 *(Row(x, getattr(self, x)) for x in ("scaling", "noise", "note", "saturation")),
             ),
-            (estimate_table("parameters", self.estimates),),
+            (self.table("parameters"),),
             notes=tuple(filter(None, notes)),
         )
 
@@ -169,20 +100,6 @@ class JointIdentification(Result, Checked):
     def _replacement(self) -> str:
         """What is written of a joint without a model."""
         return "delay only" if self.servo.dead_time else ""
-
-    __repr__ = brief
-
-    @property
-    def estimates(self) -> tuple[Estimate, ...]:
-        """The estimates of all parameters of the model."""
-        return tuple(self.parameters.values())
-
-    def __getattr__(self, name: str) -> Estimate:
-        """The estimate of a parameter, such as `kp`; its value is nan if the model has none."""
-        if name not in UNITS:
-            raise AttributeError(f"A joint has no {name}.")
-        none = Estimate(name=name, unit=UNITS[name], value=math.nan, low=math.nan, high=math.nan)
-        return self.parameters.get(name, none)
 
     @property
     def growth(self) -> str:
@@ -221,14 +138,11 @@ class Judgement:
             the noise of the encoders remains.
         errors: RMS contour errors of each log without and with compensation, (logs, 2): in m with
             an arm, else in tracking errors.
-        joints: RMS deviation of each joint with compensation over that without it, in the worst
-            log, (dof,).
     """
 
     programs: int
     ratio: float
     errors: FloatArray
-    joints: FloatArray
 
     @property
     def trusted(self) -> bool:
@@ -237,61 +151,33 @@ class Judgement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Identification(Result):
+class Identification(IdentifiedJoints):
     """The identified servos of all joints.
 
     Args:
-        logs: The logs.
-        interpolation: Interpolation of set-points that was assumed.
         cycle: Cycle of the drives [s], 0 for continuous loops.
-        joints: The result of each joint.
         judgement: Contour errors with and without compensation where the servo was not fitted.
     """
 
-    logs: tuple[Log, ...]
-    interpolation: str
-    cycle: float
     joints: tuple[JointIdentification, ...] = field(repr=False)
+    cycle: float
     judgement: Judgement
 
-    @checked
-    def to_data(self, predictions: Sequence[Prediction] = (), files: Sequence[str] = ()) -> Data:
-        """Whether the servo can be trusted, then every joint and its parameters.
-
-        Args:
-            predictions: Predictions of other logs.
-            files: The files of the result, relative to its folder.
-        """
-        said, shown = (
-            self.judgement,
-            [x for x in UNITS if any(x in y.parameters for y in self.joints)],
-        )
-        joints = [x.to_data() for x in self.joints]
-        rows = [
-            (
-                *x.rows[:2],
-                Row("contour_ratio", ratio, "1", "of contour"),
-                *x.rows[2:],
-                Row("parameters", x.tables[0].as_dicts()),
-            )
-            for x, ratio in zip(joints, said.joints, strict=True)
-        ]
-        parameters = [
-            (Row("joint", x.name, "", "joint"), *(getattr(x, name).row for name in shown))
-            for x in self.joints
-            if x.parameters
-        ]
+    def to_data(self) -> Data:
+        """Whether the servo can be trusted, then every joint and its parameters."""
+        said = self.judgement
         count = f"{sum(x.written for x in self.joints)} of {several(len(self.joints), 'joint')}"
         doubt = "" if said.trusted else "compensation may be worse than none"
-        single = said.programs == 1
-        sole = "judged on one program only, provisional: record a different one" * single
-        results = (("predictions", [plain(x.to_data()) for x in predictions]), ("files", files))
+        sole = "judged on one program only, provisional: record a different one"
         return Data(
             f"Servo of {count} identified from {self.source}",
             (
                 Row("judgement.trusted", said.trusted, "", "trusted", doubt, VERDICT),
                 Row("judgement.ratio", said.ratio, "1", "contour error left", UNFITTED, VERDICT),
-                Row("judgement.programs", said.programs, "", "programs", sole, VERDICT),
+                Row(
+                    "judgement.programs", said.programs, "", "programs",
+                    sole * (said.programs == 1), VERDICT,
+                ),
                 Row("judgement.errors", said.errors),
                 Row("version", __version__),
                 Row("logs", [x.source for x in self.logs]),
@@ -299,31 +185,10 @@ class Identification(Result):
                 Row("interpolation", self.interpolation),
                 Row("cycle", self.cycle, "s"),
                 Row("determined", self.determined),
-                *(Row(name, list(x)) for name, x in results if x),
             ),
-            (Table.of_rows("joints", rows), Table.of_rows("parameters", parameters)),
-            notes=tuple(self._notes()),
-        )
-
-    def _notes(self) -> Iterator[str]:
-        """Sentences on joints and on parameters."""
-        yield from dict.fromkeys(x.note for x in self.joints if x.note)
-        yield from self.remarks
-
-    __repr__ = brief
-
-    def __getitem__(self, name: str | int) -> JointIdentification:
-        """A joint by its name, or by its number from 1."""
-        for j, joint in enumerate(self.joints):
-            if name in (joint.name, j + 1):
-                return joint
-        names = ", ".join(x.name for x in self.joints)
-        raise InvalidInput(f"{self.source} has no joint {name!r}: its joints are {names}.")
-
-    @property
-    def source(self) -> str:
-        """Sources of the logs."""
-        return ", ".join(dict.fromkeys(x.source for x in self.logs))
+            self._tables(),
+            notes=(*dict.fromkeys(x.note for x in self.joints if x.note), *self.remarks),
+        )  # fmt: skip
 
     @property
     def determined(self) -> bool:
@@ -360,9 +225,9 @@ class Identification(Result):
             interpolation=self.interpolation,
             order=tuple(x.order for x in self.joints),
             cycle=self.cycle,
-            unexplained=[round_up(x.unexplained) for x in self.joints],
-            logged_velocity=[float(f"{x:.{DIGITS}g}") for x in fastest[0]],
-            logged_acceleration=[float(f"{x:.{DIGITS}g}") for x in fastest[1]],
+            unexplained=[rounded(min(x.unexplained * UP, math.pi)) for x in self.joints],
+            logged_velocity=[rounded(x) for x in fastest[0]],
+            logged_acceleration=[rounded(x) for x in fastest[1]],
             contour_ratio=float(f"{self.judgement.ratio:.3g}"),
             programs=self.judgement.programs,
             **given,
@@ -396,9 +261,37 @@ class Identification(Result):
         return Prediction(log=log, positions=positions, used=used)
 
 
-def round_up(value: float) -> float:
-    """A bound with the digits of a servo file [rad]."""
-    return float(f"{min(value * (1 + 10.0 ** (1 - DIGITS)), math.pi):.{DIGITS}g}")
+def write_servo(
+    joint: JointIdentification,
+    stretches: Sequence[Stretch],
+    servo: JointServo,
+    order: str = "unknown",
+    cycle: float = 0.0,
+    unseen: float = 0.0,
+) -> JointIdentification:
+    """The joint with a servo that is written, and the errors of this servo on the logs.
+
+    Args:
+        joint: The joint.
+        stretches: The joint in the logs.
+        servo: The servo that is written.
+        order: Its order.
+        cycle: Cycle of the drives [s].
+        unseen: Largest error on parts that were not fitted [rad].
+    """
+    rms, largest = math.nan, math.pi
+    if stretches:
+        off = np.concatenate([(s.y - predict(s, servo, order, cycle))[s.use] for s in stretches])
+        rms, largest = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
+    unexplained = max(unseen, largest)
+    return replace(
+        joint, order=order, servo=servo, rms=rms, largest=largest, unexplained=unexplained
+    )
+
+
+def rounded(value: float) -> float:
+    """A number with the digits of a servo file."""
+    return float(f"{value:.{DIGITS}g}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -8,17 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
+from armcontour._sampling import white_noise
+from armcontour.identification.estimates import UNITS, Estimate
+from armcontour.identification.fit import allowed_deviation
 from armcontour.identification.fitting import (
+    REACH,
     Model,
     Problem,
     Search,
     Stretch,
+    estimate_parameters,
     fit,
-    noise_of,
     predict,
 )
-from armcontour.identification.intervals import DETERMINED, REACH, estimate_parameters
-from armcontour.identification.results import UNITS, Estimate
 from armcontour.identification.selection import (
     GAIN,
     KP,
@@ -52,6 +54,8 @@ REFINED = (0.98, 1.06, 9)
 FEWEST_BETWEEN = 20
 # With more times between, their free beginnings would explain most of the motion.
 MOST_BETWEEN = 40
+# Share of the time at a limit above which gains that are not determined are no model.
+HIDDEN = 0.5
 # Margin about clipped samples [s]: drives with a cycle react up to one cycle later.
 MARGIN = 1e-3
 
@@ -63,7 +67,7 @@ class Saturation:
     Args:
         kind: "acceleration" or "velocity".
         limit, sd: The limit and its standard deviation [rad/s² or rad/s].
-        time: Time at the limit [s].
+        time, duration: Time at the limit and of the logs [s].
         clipped: Samples of each stretch that the limit affects.
     """
 
@@ -71,14 +75,18 @@ class Saturation:
     limit: float
     sd: float
     time: float
+    duration: float
     clipped: tuple[BoolArray, ...]
 
-    def describe(self, name: str, stretches: Sequence[Stretch]) -> str:
-        """A sentence about the joint of that name."""
-        time = sum(float(s.command.t[-1] - s.command.t[0]) for s in stretches)
+    @property
+    def hides(self) -> bool:
+        """Whether the joint is at a limit of acceleration most of the time."""
+        return self.kind == "acceleration" and self.time > HIDDEN * self.duration
+
+    def describe(self, name: str) -> str:
+        """What the joint of that name does, as a clause."""
         limit = f"{self.limit:.3g} {'rad/s²' if self.kind == 'acceleration' else 'rad/s'}"
-        share = f"{self.time:.2g} s of {time:.3g} s, which the fit allows for."
-        return f"{name} saturates at {limit} for {share}"
+        return f"{name} saturates at {limit} for {self.time:.2g} s of {self.duration:.3g} s"
 
 
 def find_saturation(stretches: Sequence[Stretch]) -> Saturation | None:
@@ -116,12 +124,15 @@ def find_saturation(stretches: Sequence[Stretch]) -> Saturation | None:
             clipped |= np.abs(demanded) > limit + slack
         margin = k + max(round(MARGIN / motion.interval), 1)
         every = motion.at_samples(_widen(clipped, margin), k)
-        return Saturation(kind=kind, limit=limit, sd=sd, time=time, clipped=every)
+        duration = sum(float(t[-1] - t[0]) for t in motion.times)
+        return Saturation(
+            kind=kind, limit=limit, sd=sd, time=time, duration=duration, clipped=every
+        )
     return None
 
 
 def select_between(
-    stretches: Sequence[Stretch], saturation: Saturation, search: Search, orders: tuple[str, ...]
+    stretches: Sequence[Stretch], saturation: Saturation, search: Search
 ) -> Selected | None:
     """Select the model of a joint from the samples that its limit does not affect.
 
@@ -137,11 +148,11 @@ def select_between(
     ]
     if not between or len(between) > MOST_BETWEEN:
         return None
-    free = select(between, search, orders, limited=False)
+    free = select(between, search, limited=False)
     if free is None:
         return None
     if saturation.kind == "velocity" or free.fit.problem.model.order != "second":
-        return replace(predict_parts(free.fit, search, stretches), rivals=free.rivals)
+        return replace(predict_parts(free.fit, stretches), rivals=free.rivals)
     order, names = free.fit.problem.model
     problem = Problem(Model(order, (*names, LIMIT)), stretches, search)
     start = {**free.fit.servo._asdict(), LIMIT: saturation.limit}
@@ -150,7 +161,7 @@ def select_between(
     rms = (squares / sum(float(np.sum(s.weight)) for s in between)) ** 0.5
     certain = [estimate_parameters(x)[KP].sd for x in (whole, free.fit)]
     if not is_implausible(whole) and rms * GAIN < free.rms and certain[0] < certain[1]:
-        return replace(predict_parts(whole, search), rivals=free.rivals)
+        return replace(predict_parts(whole), rivals=free.rivals)
     # The plateaus that are measured are too low where they are short, as those of smoothed motion.
     measured, servo = saturation.limit, free.fit.servo
     value = min(
@@ -160,9 +171,9 @@ def select_between(
     sd = max(saturation.sd, abs(value - measured) / 2)
     limit = Estimate(
         name=LIMIT, unit=UNITS[LIMIT], value=float(value), sd=sd, low=value - REACH * sd,
-        high=value + REACH * sd, determined=sd <= DETERMINED * value,
+        high=value + REACH * sd, determined=bool(sd <= allowed_deviation(value)),
     )  # fmt: skip
-    return replace(predict_parts(free.fit, search, stretches, limit), rivals=free.rivals)
+    return replace(predict_parts(free.fit, stretches, limit), rivals=free.rivals)
 
 
 def _error(stretches: Sequence[Stretch], servo: JointServo, cycle: float) -> float:
@@ -177,7 +188,7 @@ class _Motion:
     def __init__(self, stretches: Sequence[Stretch]) -> None:
         self.stretches = stretches
         self.interval = float(np.median(np.diff(stretches[0].command.t)))
-        self.sigma = max(noise_of(s.y) for s in stretches)
+        self.sigma = max(float(white_noise(s.y)) for s in stretches)
         self.times = []
         for s in stretches:
             first, last = s.command.t[[0, -1]]

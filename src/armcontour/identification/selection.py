@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour.identification.estimates import Estimate
 from armcontour.identification.fitting import (
     ROUNDING,
     Fit,
@@ -18,7 +19,6 @@ from armcontour.identification.fitting import (
     fit,
     predict,
 )
-from armcontour.identification.results import Estimate
 from armcontour.motion.log import FEWEST
 from armcontour.servo.simulation import JointServo
 
@@ -133,102 +133,120 @@ def find_lag(stretches: Sequence[Stretch], longest: float) -> float:
 
 
 def select(
-    stretches: Sequence[Stretch], search: Search, orders: tuple[str, ...], *, limited: bool = True
+    stretches: Sequence[Stretch], search: Search, *, limited: bool = True
 ) -> Selected | None:
     """Select the model of a joint; None if none can be judged or all are at their bounds.
 
     Args:
         stretches: The joint in the logs.
         search: Ranges of the search.
-        orders: Orders that may be selected.
         limited: Whether models with an acceleration limit may be selected.
     """
-    some, taken = _thin(stretches), None
+    some = _thin(stretches)
     # A model is judged by the parts without which it was fitted.
     if len(_moving_parts(some)) < 2:
         return None
-    lag = find_lag(some, search.longest)
-    fits: dict[Model, Fit] = {}
-    tried: list[Selected] = []
+    trials = _Trials(some, search)
     for model in CANDIDATES:
         bent = ACCELERATION in model.free and not some[0].command.linear
-        excluded = bent or (LIMIT in model.free and not limited)
-        if excluded or model.order not in orders:
+        excluded = bent or (LIMIT in model.free and not limited) or model.order not in search.orders
+        if excluded or (KI in model.free and not trials.may_be_cascade(model)):
             continue
-        if KI in model.free and not _may_be_cascade(model, taken):
-            continue
-        taken = _try(model, some, search, lag, fits, tried, taken)
-        if taken and taken.explains_all:
+        trials.add(model)
+        if trials.best and trials.best.explains_all:
             break
-    if taken is None:
+    if trials.best is None:
         return None
-    own = taken.fit.problem.model
-    if KI in own.free:
-        taken = _prune(taken, search)
-    elif own.order != "delay" and not taken.explains_all:
-        taken = _try(Model(own.order, (*own.free, FRICTION)), some, search, lag, fits, tried, taken)
-        assert taken is not None
-    rivals = [x.fit.servo for x in tried if x.rms * GAIN < taken.rms and x is not taken]
-    taken = replace(taken, rivals=rivals)
+    order, free = trials.best.fit.problem.model
+    if KI in free:
+        trials.prune()
+    elif order != "delay" and not trials.best.explains_all:
+        trials.add(Model(order, (*free, FRICTION)))
+    best = trials.best
+    rivals = [x.fit.servo for x in trials.tried if x.rms * GAIN < best.rms and x is not best]
     if some is stretches:
-        return taken
-    whole = Problem(taken.fit.problem.model, stretches, search)
-    return replace(taken, fit=fit(whole, [taken.fit.x], REFITTED))
+        return replace(best, rivals=rivals)
+    whole = Problem(best.fit.problem.model, stretches, search)
+    return replace(best, rivals=rivals, fit=fit(whole, [best.fit.x], REFITTED))
 
 
-def _try(
-    model: Model,
-    stretches: Sequence[Stretch],
-    search: Search,
-    lag: float,
-    fits: dict[Model, Fit],
-    tried: list[Selected],
-    taken: Selected | None,
-) -> Selected | None:
-    """Fit one more model; returns the better one of it and the one that is taken."""
-    problem = Problem(model, stretches, search)
-    starts = [problem.guess(x, lag) for x in _starts(problem, search, lag, fits)]
-    found = fit(problem, starts, 30 if KI in model.free else 60)
-    hopeless = taken and found.cost > SAME**2 * taken.fit.cost
-    if KI in model.free and not hopeless:
-        # Loops that differ in both gains by an exchange have the same poles.
-        servo = found.servo
-        other = servo._replace(kp=servo.ki, ki=servo.kp)._asdict()
-        exchanged = fit(problem, [problem.guess(other, servo.dead_time)], 30)
-        found = min(found, exchanged, key=lambda x: x.cost)
-    fits[model] = found
-    if hopeless or is_implausible(found):
-        return taken
-    unseen = predict_parts(found, search)
-    tried.append(unseen)
-    return unseen if taken is None or unseen.is_better(taken) else taken
+class _Trials:
+    """The models that were fitted to a joint, and the best one so far."""
 
+    def __init__(self, stretches: Sequence[Stretch], search: Search) -> None:
+        self.stretches, self.search = stretches, search
+        self.lag = find_lag(stretches, search.longest)
+        self.fits: dict[Model, Fit] = {}
+        self.tried: list[Selected] = []
+        self.best: Selected | None = None
 
-def _may_be_cascade(model: Model, taken: Selected | None) -> bool:
-    """Whether the selected model explains so much that an integrator is worth its fit."""
-    if taken is None:
-        return False
-    lag = np.concatenate([(s.y - s.command.u)[s.use] for s in taken.stretches])
-    known = {KI, ACCELERATION} & set(taken.fit.problem.model.free)
-    return taken.rms < EXPLAINED * np.std(lag) and (ACCELERATION not in model.free or bool(known))
+    def add(self, model: Model) -> None:
+        """Fit one more model; it becomes the best one if it is better."""
+        problem, best = Problem(model, self.stretches, self.search), self.best
+        starts = [problem.guess(x, self.lag) for x in self._starts(model)]
+        found = fit(problem, starts, 30 if KI in model.free else 60)
+        hopeless = best and found.cost > SAME**2 * best.fit.cost
+        if KI in model.free and not hopeless:
+            # Loops that differ in both gains by an exchange have the same poles.
+            servo = found.servo
+            other = servo._replace(kp=servo.ki, ki=servo.kp)._asdict()
+            exchanged = fit(problem, [problem.guess(other, servo.dead_time)], 30)
+            found = min(found, exchanged, key=lambda x: x.cost)
+        self.fits[model] = found
+        if hopeless or is_implausible(found):
+            return
+        self.tried.append(predict_parts(found))
+        if best is None or self.tried[-1].is_better(best):
+            self.best = self.tried[-1]
 
+    def may_be_cascade(self, model: Model) -> bool:
+        """Whether the best model explains so much that an integrator is worth its fit."""
+        if self.best is None:
+            return False
+        lag = np.concatenate([(s.y - s.command.u)[s.use] for s in self.best.stretches])
+        known = {KI, ACCELERATION} & set(self.best.fit.problem.model.free)
+        explains = self.best.rms < EXPLAINED * np.std(lag)
+        return bool(explains and (ACCELERATION not in model.free or known))
 
-def _prune(taken: Selected, search: Search) -> Selected:
-    """Leave out the optional parameters without which the model is as good."""
-    for x in OPTIONAL:
-        order, free = taken.fit.problem.model
-        rest = tuple(y for y in free if y != x)
-        # Acceleration feed-forward needs velocity feed-forward.
-        if rest == free or (x == FEED and ACCELERATION in free):
-            continue
-        problem = Problem(Model(order, rest), taken.stretches, search)
-        found = fit(problem, [problem.guess(taken.fit.servo._asdict(), taken.fit.servo.dead_time)])
-        if is_implausible(found) or found.cost > WORSE * taken.fit.cost:
-            continue
-        poorer = predict_parts(found, search)
-        if not taken.is_better(poorer):
-            taken = poorer
-    return taken
+    def prune(self) -> None:
+        """Leave out the optional parameters without which the best model is as good."""
+        for x in OPTIONAL:
+            assert self.best is not None
+            best = self.best.fit
+            order, free = best.problem.model
+            rest = tuple(y for y in free if y != x)
+            # Acceleration feed-forward needs velocity feed-forward.
+            if rest == free or (x == FEED and ACCELERATION in free):
+                continue
+            problem = Problem(Model(order, rest), self.stretches, self.search)
+            found = fit(problem, [problem.guess(best.servo._asdict(), best.servo.dead_time)])
+            if is_implausible(found) or found.cost > WORSE * best.cost:
+                continue
+            poorer = predict_parts(found)
+            if not self.best.is_better(poorer):
+                self.best = poorer
+
+    def _starts(self, model: Model) -> list[dict[str, float]]:
+        """Parameters from which a model is fitted: generic loops, or the poorer model's."""
+        (order, free), lag = model, self.lag
+        if order == "delay":
+            return [{DELAY: x} for x in (lag, max(lag - 4e-3, 0.0))]
+        gain = max(1 / (lag + 1e-4), 0.5)
+        loops: list[dict[str, float]] = [
+            {KP: a + b * gain, KV: kv, KI: ki, FEED: f, DELAY: d * lag}
+            for a, b, kv, ki, f, d in STARTS
+        ]
+        new = {FRICTION} if FRICTION in free else {ACCELERATION, LIMIT} & set(free)
+        if KI in free or not new:
+            return loops
+        poorer = self.fits[Model(order, tuple(x for x in free if x not in new))]
+        known = poorer.servo._asdict()
+        if LIMIT not in new:
+            return [known]
+        # If a joint saturates much, the fit without a limit and its lag are of no use.
+        tops = [max(_acceleration(s, x) for s in self.stretches) for x in ACCELERATING]
+        loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
+        return [{**x, LIMIT: a} for x in (known, *loops) for a in (*tops, 3 * max(tops))]
 
 
 def is_implausible(found: Fit) -> bool:
@@ -256,29 +274,6 @@ def _thin(stretches: Sequence[Stretch]) -> Sequence[Stretch]:
     return found
 
 
-def _starts(
-    problem: Problem, search: Search, lag: float, fits: dict[Model, Fit]
-) -> list[dict[str, float]]:
-    """Parameters from which a problem is solved: generic loops, or the fit of the poorer model."""
-    order, free = problem.model
-    if order == "delay":
-        return [{DELAY: x} for x in (lag, max(lag - 4e-3, 0.0))]
-    gain = max(1 / (lag + 1e-4), 0.5)
-    loops: list[dict[str, float]] = [
-        {KP: a + b * gain, KV: kv, KI: ki, FEED: f, DELAY: d * lag} for a, b, kv, ki, f, d in STARTS
-    ]
-    new = {FRICTION} if FRICTION in free else {ACCELERATION, LIMIT} & set(free)
-    if KI in free or not new:
-        return loops
-    known = fits[Model(order, tuple(x for x in free if x not in new))].servo._asdict()
-    if LIMIT not in new:
-        return [known]
-    # If a joint saturates much, the fit without a limit and its lag are of no use.
-    tops = [max(_acceleration(s, x) for s in problem.stretches) for x in ACCELERATING]
-    loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
-    return [{**x, LIMIT: a} for x in (known, *loops) for a in (*tops, 3 * max(tops))]
-
-
 def _moving_parts(stretches: Sequence[Stretch]) -> IntArray:
     """The parts in which the command moves."""
     every = [s.part[s.use & (s.weight > 0)] for s in stretches]
@@ -300,23 +295,19 @@ def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
 
 
 def predict_parts(
-    found: Fit,
-    search: Search,
-    judged: Sequence[Stretch] | None = None,
-    limit: Estimate | None = None,
+    found: Fit, judged: Sequence[Stretch] | None = None, limit: Estimate | None = None
 ) -> Selected:
     """Predict each part by a fit of the others.
 
     Args:
         found: The fit of all parts.
-        search: Ranges of the search.
         judged: Stretches that are predicted, by default those of the fit.
         limit: Acceleration limit in addition to the fit.
     """
     p, stretches = found.problem, judged or found.problem.stretches
 
     def predict_by(servo: JointServo, s: Stretch) -> FloatArray:
-        return predict(s, limited_servo(servo, limit), p.model.order, search.cycle)
+        return predict(s, limited_servo(servo, limit), p.model.order, p.search.cycle)
 
     # Parts without motion are predicted by the fit of all.
     unseen = [predict_by(found.servo, s) for s in stretches]
@@ -324,7 +315,7 @@ def predict_parts(
     for k in _moving_parts(stretches):
         others = [replace(s, use=s.use & (s.part != k)) for s in p.stretches]
         kept = [i for i, s in enumerate(others) if s.use.any()]
-        other = Problem(p.model, [others[i] for i in kept], search)
+        other = Problem(p.model, [others[i] for i in kept], p.search)
         servo = fit(other, [p.select(found.x, kept)], REFITTED).servo
         without.append(servo)
         squares = motion = 0.0

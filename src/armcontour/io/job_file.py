@@ -33,7 +33,7 @@ from armcontour.io.keys import Keys, read_keys, schema_of
 from armcontour.io.problems import Patch
 from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, Rounding, Run
-from armcontour.motion import check_interval
+from armcontour.motion import PERIOD
 from armcontour.program import Event, Process, Program
 from armcontour.scene import Scene
 from armcontour.servo import ServoModel
@@ -278,12 +278,13 @@ def _plant(given: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
 
 def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     """A run of the job, with the job's values for keys that the run does not give."""
-    corners = job.corners if model.corners is None else model.corners
+    chosen = model.corners or job.corners
+    corners = chosen if isinstance(chosen, Rounding) else None
     with locate_errors("limits"):
         limits = resolve_limits("A job", arm, Limits(**job.limits))
     with locate_errors(f"runs.{name}.limits"):
         limits = resolve_limits("A run", arm, Limits(**model.limits), limits)
-    if not isinstance(corners, str) and limits.centripetal_acceleration is None:
+    if corners is not None and limits.centripetal_acceleration is None:
         # In case I this acceleration sets the corner radius; it limits the corner speed, too.
         limits = limits.replace(centripetal_acceleration=corners.acceleration)
     commands = {**job.command_limits, **model.command_limits}
@@ -295,17 +296,13 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
 
             command_limits = check_command_limits(Limits(**commands), arm.dof)
     experiment = _experiment(name, job.experiment, arm)
-    if not isinstance(corners, str):
+    if corners is not None:
         key = "corners" if model.corners is None else f"runs.{name}.corners"
         with locate_errors(f"Run {name}") if model.corners is None else nullcontext():
             corners.check(model.timing.method, key)
         if corners.tolerance is None:
             _refuse_no_speed(key, corners, limits)
-    period, key = job.command_interval, "command_interval"
-    if model.command_interval is not None:
-        period, key = model.command_interval, f"runs.{name}.command_interval"
-    with locate_errors(key):
-        check_interval(period)
+    period = model.command_interval or job.command_interval or PERIOD
     compensation = dataclasses.replace(model.compensation, command_limits=command_limits)
     if isinstance(compensation, InverseDynamics) and compensation.gravity_feedforward is None:
         # Gravity is fed forward as on the simulated rigid bodies.
@@ -317,7 +314,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
             timing=_timing(model, period),
             compensation=compensation,
             limits=limits,
-            rounding=None if isinstance(corners, str) else corners,
+            rounding=corners,
             period=period,
             until=model.until,
             experiment=experiment,

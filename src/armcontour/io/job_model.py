@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from armcontour._quantities import (
+    About,
     Angle,
     AtLeast,
     Distance,
@@ -32,12 +33,13 @@ from armcontour.io.robots.options import ArmOptions
 from armcontour.io.scene import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.io.units import parse
 from armcontour.jobs import Experiment, Goal, PlaceSearch, Rounding
-from armcontour.motion import PERIOD
 from armcontour.program import Process
 from armcontour.servo import ServoModel
 from armcontour.timing import METHODS, PlanOptions, Shaped
 from armcontour.timing.options import FASTEST
 
+# Topic of options in the help of commands.
+POSITION = "Cell and position of the drawing"
 RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 
 
@@ -69,7 +71,6 @@ Timing = Annotated[
         "How the path is timed.",
         "The fastest timing (optimal), the paper's (mac), or uniform speed (conventional).",
         tuple(METHODS.values()),
-        ("knots", "intervals", "reserve"),
         (BeforeValidator(_method),),
     ),
 ]
@@ -80,7 +81,6 @@ Compensation = Annotated[
         "The servo's exact inverse, pole placement (servo of order second only), the inverse of "
         "drives that move the arm's bodies (arm with masses, servo of order second), or none.",
         tuple(compensator.METHODS.values()),
-        ("poles", "gravity_feedforward"),
     ),
 ]
 
@@ -281,9 +281,13 @@ class PathModel(ReadOptions):
     segments: list[SegmentModel] | None = None
     spline: SplineModel | None = None
     file: str | None = None
-    frame: FrameModel | None = None
+    frame: Annotated[
+        FrameModel | None,
+        About("--at", POSITION, "Origin of the drawing: '300 mm, 0 mm'.", "to_point", "position"),
+        About("--turn", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
+    ] = None
     repeat: RepeatModel | None = None
-    tool: str | None = None
+    tool: Annotated[str | None, About("--only-tool", POSITION)] = None
     orientation: Annotated[
         OrientationModel | list[OrientationModel] | None, BeforeValidator(_orientation)
     ] = None
@@ -331,32 +335,43 @@ class CommandLimitsModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunModel:
+class SharedModel:
+    """Keys of a job that a run may have in their place.
+
+    Args:
+        limits: Limits in place of the arm's own; inf lifts one.
+        command_limits: Limits of the set-points themselves, as the controller checks them.
+        corners: How corners are rounded; `sharp`, the default, keeps sharp corners.
+        command_interval: Time between set-points [s]; by default 4 ms.
+    """
+
+    limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
+    command_limits: Annotated[dict[str, Any], Given(CommandLimitsModel)] = field(
+        default_factory=dict
+    )
+    corners: Rounding | Literal["sharp"] | None = None
+    command_interval: Annotated[Interval | None, About(panel="servo", usual=(1e-4, 2e-2))] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunModel(SharedModel):
     """A run; keys that are left out have the values of the job.
 
     Args:
         timing: How the path is timed.
         compensation: How the servo's delay is compensated.
-        limits, command_limits, corners, command_interval: As the keys of the job, for this run
-            only.
         until: End of the time over which errors are evaluated [s]; by default when all joints rest.
         duration: Time of the motion from start to end [s]; by default the shortest.
     """
 
     timing: Timing = FASTEST
     compensation: Compensation = INVERSE
-    limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
-    command_limits: Annotated[dict[str, Any], Given(CommandLimitsModel)] = field(
-        default_factory=dict
-    )
-    corners: Rounding | Literal["sharp"] | None = None
-    command_interval: Interval | None = None
     until: Interval | None = None
     duration: Interval | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JobModel:
+class JobModel(SharedModel):
     """A job file.
 
     Args:
@@ -373,15 +388,11 @@ class JobModel:
             G-code, in place of `arm.tool`. A run has one tool frame: choose it with `path.tool`.
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
-        limits: Limits in place of the arm's own; inf lifts one.
-        command_limits: Limits of the set-points themselves, as the controller checks them.
-        corners: How corners are rounded; `sharp` keeps sharp corners.
         accuracy: Largest contour error with which a run counts as kept [m]; by default a tenth of
             the smallest tolerance of its corners.
         servo: The nominal servo.
         plant: Parameters of the real servo that differ from the nominal servo.
         experiment: Runs that are simulated on the arm's rigid bodies, too.
-        command_interval: Time between set-points [s].
         runs: The runs to compare, by name.
         certificate: Requirements for `armcontour certify`.
         placement: The question for `armcontour place`.
@@ -397,21 +408,15 @@ class JobModel:
     tools: Annotated[dict[str, TableToolModel | Place], Field(min_length=1)] | None = None
     path: PathModel
     process: Process | None = None
-    limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
-    command_limits: Annotated[dict[str, Any], Given(CommandLimitsModel)] = field(
-        default_factory=dict
-    )
-    corners: Rounding | Literal["sharp"] = "sharp"
     accuracy: Distance | None = None
     servo: ServoModel
     plant: Annotated[dict[str, Any], Given(ServoModel, null=True)] | None = None
     experiment: ExperimentModel | None = None
-    command_interval: Interval = PERIOD
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     certificate: Goal | None = None
     placement: PlaceSearch | None = None
     scene: SceneModel | None = None
-    ignore_collisions: bool = False
+    ignore_collisions: Annotated[bool, About("--ignore-collisions", POSITION)] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,9 +33,9 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from armcontour._quantities import WHOLE_TURN, AtLeast, Axes, Choice, Named, Quantity, Some
+from armcontour._quantities import WHOLE_TURN, About, AtLeast, Axes, Choice, Named, Quantity, Some
 from armcontour._text import describe_fields
-from armcontour.core.fields import Options
+from armcontour.core.fields import Options, parts_of
 from armcontour.errors import InvalidInput
 from armcontour.io.forms import FORMS, Form
 from armcontour.io.problems import first_problem
@@ -138,15 +138,21 @@ class Methods(Mark):
         text: Description of the keys.
         method: Description of the key `method`.
         kinds: The dataclasses, each with the name of its method; the first one is the default.
-        keys: Fields of the dataclasses that are keys.
         more: Further annotations of the key `method`.
     """
 
     text: str
     method: str
     kinds: tuple[Any, ...]
-    keys: tuple[str, ...]
     more: tuple[Any, ...] = ()
+
+    @property
+    def keys(self) -> list[str]:
+        """Fields of the dataclasses that are keys: they have an `About`."""
+        hints = [
+            x for kind in self.kinds for x in get_type_hints(kind, include_extras=True).items()
+        ]
+        return sorted({name for name, x in hints if any(isinstance(y, About) for y in parts_of(x))})
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
         """What checks the keys and makes the dataclass of the method."""
@@ -159,9 +165,9 @@ class Methods(Mark):
         Raises:
             ValueError: A key of another method.
         """
-        values = {x: getattr(model, x) for x in self.keys if x in model.model_fields_set}
-        given = {key: x for key, x in values.items() if x is not None}
+        values = {x: getattr(model, x) for x in model.model_fields_set}
         method: str = getattr(model, "method")  # noqa: B009
+        given = {key: x for key, x in values.items() if x is not None and key != "method"}
         kind = next(x for x in self.kinds if x.method == method)
         for key in given.keys() - _parameters(kind).keys():
             raise ValueError(f"{key} goes with the method {self.methods(key)}, not {kind.method}")

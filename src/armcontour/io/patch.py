@@ -34,8 +34,6 @@ CHOICES: dict[Keys, dict[str, str]] = {
     ("compensation", "method"): COMPENSATION_OPTIONS,
     ("corners", "shape"): SHAPE_OPTIONS,
 }
-# Keys that decide which runs round corners, and how: they are set before others.
-FIRST: tuple[Keys, ...] = (("timing", "method"), ("corners", "tolerance"), ("corners", "shape"))
 
 
 def parse_set(text: str) -> Patch:
@@ -161,9 +159,11 @@ def _resolved(data: Any, patch: Patch, run: str | None) -> tuple[Any, list[Chang
     return data, changes
 
 
-def _rank(keys: Keys) -> tuple[bool, int]:
-    """The order in which keys are set: those that others depend on first."""
-    return len(keys) > 1, FIRST.index(keys[-2:]) if keys[-2:] in FIRST else len(FIRST)
+def _rank(keys: Keys) -> tuple[bool, bool, int]:
+    """The order in which keys are set: those that others depend on first, such as methods."""
+    *_, outer, key = ("", *keys)
+    depends = any(key in names for (x, _), names in CHOICES.items() if x == outer)
+    return len(keys) > 1, outer == "corners", 2 * depends + (keys[-2:] in CHOICES)
 
 
 def _changes(keys: Keys, value: Any, data: Any, run: str | None) -> Iterator[Change]:

@@ -15,12 +15,12 @@ from armcontour._version import __version__
 from armcontour._yaml import load
 from armcontour.core.render import jsonable
 from armcontour.errors import InvalidInput
-from armcontour.identification import Estimate, RobotIdentification
+from armcontour.identification import BodyIdentification, Estimate
 from armcontour.io.keys import Keys, read_keys
 from armcontour.servo import ServoModel
 
 
-def robot_yaml(found: RobotIdentification, arm: str | Mapping[str, str], folder: FilePath) -> str:
+def robot_yaml(found: BodyIdentification, arm: str | Mapping[str, str], folder: FilePath) -> str:
     """The identified arm as an arm file: another arm, with payload, friction and drive inertias.
 
     Args:
@@ -44,25 +44,23 @@ def robot_yaml(found: RobotIdentification, arm: str | Mapping[str, str], folder:
         if load_of.inertia.any():
             six = load_of.inertia[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
             page["payload_inertia"] = _quantity(six, "kg m^2", [])
-    inertias = [x.armature for x in found.joints if x.armature is not None]
-    if found.armature is not None:
-        factor = found.armature
-        page["armature"] = _quantity(chain.armature, "kg m^2", [factor])
+    factor = found.parameters.get("armature")
+    inertias = [x.armature for x in found.joints] if factor is None else [factor]
+    page["armature"] = _quantity(chain.armature, "kg m^2", inertias)
+    if factor is not None:
         page["armature"]["source"] += " times those of the nominal arm" * factor.determined
-    else:
-        page["armature"] = _quantity(chain.armature, "kg m^2", inertias)
     page["viscous"] = _quantity(chain.viscous, "N m s/rad", [x.viscous for x in found.joints])
     page["coulomb"] = _quantity(chain.coulomb, "N m", [x.coulomb for x in found.joints])
     return yaml.safe_dump(page, sort_keys=False, width=96, allow_unicode=True)
 
 
-def robot_servo_yaml(found: RobotIdentification) -> str:
+def robot_servo_yaml(found: BodyIdentification) -> str:
     """The key `servo` of a job file, with identified values.
 
     Raises:
         InvalidInput: A gain is neither told nor known.
     """
-    servo = found.servo
+    servo = found.servo_model()
     lines = [
         f"# Identified from {found.source} by armcontour {__version__}: goes into a job file, with "
         "robot.yaml as its arm.",

@@ -72,9 +72,9 @@ def _inside(kinds: Iterable[Kind], key: Any) -> tuple[Kind, ...]:
         if origin in (dict, Mapping):
             numbered = get_args(kind)[0] is int
             if isinstance(key, int if numbered else str):
-                found += _alternatives(get_args(kind)[1])
+                found += alternatives(get_args(kind)[1])
         elif origin in (list, tuple) and isinstance(key, int):
-            found += _alternatives(get_args(kind)[0])
+            found += alternatives(get_args(kind)[0])
     return tuple(found)
 
 
@@ -84,12 +84,12 @@ def _fields(of: type) -> dict[str, tuple[Kind, ...]]:
     form = FORMS.get(of, Form())
     hints = {**get_type_hints(of, include_extras=True), **form.types}
     return {
-        form.names.get(x.name, x.name): tuple(_alternatives(hints[x.name]))
+        form.names.get(x.name, x.name): tuple(alternatives(hints[x.name]))
         for x in dataclasses.fields(of)
     }
 
 
-def _alternatives(hint: Any) -> Iterator[Kind]:
+def alternatives(hint: Any) -> Iterator[Kind]:
     """All that an annotation allows, as far as it holds quantities."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
@@ -101,9 +101,9 @@ def _alternatives(hint: Any) -> Iterator[Kind]:
         elif isinstance(mark, Methods):
             yield from mark.kinds
         else:
-            yield from _alternatives(parts[0])
+            yield from alternatives(parts[0])
     elif origin in (Union, types.UnionType):
         for x in parts:
-            yield from _alternatives(x)
+            yield from alternatives(x)
     elif origin is not None or dataclasses.is_dataclass(hint):
         yield hint

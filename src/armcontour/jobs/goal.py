@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from armcontour import _checks
-from armcontour._quantities import AtLeast, Choice, PlainNumber, Tolerance
+from armcontour._quantities import About, AtLeast, Choice, PlainNumber, Tolerance
 from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.robustness.box import Box
@@ -45,10 +45,12 @@ class Goal(Checked):
             saturation that is not for this plant.
     """
 
-    tolerance: Tolerance | None = field(default=None, kw_only=False)
-    servo: Tolerance | None = None
+    tolerance: Annotated[Tolerance | None, About("--total-tolerance")] = field(
+        default=None, kw_only=False
+    )
+    servo: Annotated[Tolerance | None, About("--servo")] = None
     rms: Tolerance | None = None
-    plant: Annotated[str, Choice(PLANTS)] = "servo"
+    plant: Annotated[str, Choice(PLANTS), About("--plant")] = "servo"
     saturation: Annotated[str, Choice(SATURATION)] = "refuse"
     box: Box | None = None
     samples: Annotated[int, AtLeast(1, 10**7)] = 10_000

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Annotated
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, Any, cast
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, digits, line_up, several
 from armcontour._quantities import (
+    About,
+    AboutPath,
     Acceleration,
     AngularDistance,
     AtLeast,
@@ -43,7 +45,7 @@ from armcontour.program.preparing import refuse_unfit
 from armcontour.scene import Scene
 from armcontour.servo import ServoModel
 from armcontour.timing import Optimal, PlanOptions, Shaped, refuse_endless
-from armcontour.timing.options import DEFAULT_ITERATIONS, FASTEST
+from armcontour.timing.options import FASTEST
 
 # A title is a line of a report.
 LONGEST_TITLE = 200
@@ -61,9 +63,9 @@ class Rounding(Checked):
     """How corners are rounded: by `tolerance`, or by `speed` and `acceleration`.
 
     Args:
-        shape: "arc" rounds corners with arcs. "free" finds, for the limits of the run, the fastest
+        shape: "arc" rounds corners with arcs; "free" finds, for the limits of the run, the fastest
             path whose points are all within the tolerance of the objective, corners and lines
-            alike; it needs `tolerance` and the timing optimal.
+            alike, and needs `tolerance` and the timing optimal.
         tolerance: Largest corner error [m] (case II).
         at: For the shape arc, the largest errors of single corners in the place of `tolerance` [m],
             by the numbers of their waypoints from 1, such as `{2: 1 mm}`: points of a polyline or
@@ -84,17 +86,19 @@ class Rounding(Checked):
             than `tolerance`.
     """
 
-    shape: Annotated[str, Choice(SHAPES)] = ARC
-    tolerance: Distance | None = None
+    shape: Annotated[str, Choice(SHAPES), About("--corner-shape")] = ARC
+    tolerance: Annotated[Distance | None, AboutPath("--tolerance", usual=(1e-5, 2e-2))] = None
     # Not part of the hash: mappings have none.
     at: Mapping[int, Distance] | None = field(default=None, hash=False)
-    line_tolerance: Distance | None = None
-    zone: Tolerance | None = None
-    iterations: Annotated[int, AtLeast(0)] | None = None
+    line_tolerance: Annotated[Distance | None, About("--line-tolerance")] = None
+    zone: Annotated[Tolerance | None, About("--zone")] = None
+    iterations: Annotated[Annotated[int, AtLeast(0)] | None, About("--iterations")] = None
     speed: Speed | None = None
     acceleration: Acceleration | None = None
     angular_tolerance: AngularDistance | None = None
-    continuity: Annotated[Continuity, Choice(CONTINUITIES)] | None = None
+    continuity: Annotated[
+        Annotated[Continuity, Choice(CONTINUITIES)] | None, About("--continuity")
+    ] = None
     transition_tolerance: Distance | None = None
 
     @property
@@ -113,15 +117,6 @@ class Rounding(Checked):
         single = (self.at or {}).values()
         return None if self.tolerance is None else min([self.tolerance, *single])
 
-    def within(self, tolerance: float) -> Rounding:
-        """The same with another tolerance, which those of single corners do not exceed.
-
-        Args:
-            tolerance: Largest corner error [m].
-        """
-        single = {k: min(x, tolerance) for k, x in (self.at or {}).items()}
-        return replace(self, tolerance=tolerance, at=single or None)
-
     @property
     def without_continuity(self) -> Rounding:
         """The same without what only arcs have."""
@@ -130,21 +125,15 @@ class Rounding(Checked):
     @property
     def wanted(self) -> dict[str, float | None]:
         """The given tolerances and iterations of the shape free, by their names."""
-        values = {name: getattr(self, name) for name in ("tolerance", *OF_FREE)}
+        names = {x.name for x in fields(self)} & {x.name for x in fields(Shaped)}
+        values = {name: getattr(self, name) for name in names}
         given = {name: x for name, x in values.items() if x is not None}
         return {**given, "angular_tolerance": self.angular_tolerance}
 
     @property
     def options(self) -> Shaped:
         """Options of `shape` for the shape free."""
-        assert self.tolerance is not None
-        return Shaped(
-            tolerance=self.tolerance,
-            line_tolerance=self.line_tolerance,
-            zone=self.zone,
-            angular_tolerance=self.angular_tolerance,
-            iterations=DEFAULT_ITERATIONS if self.iterations is None else self.iterations,
-        )
+        return Shaped(**cast(Any, self.wanted))
 
     def check(self, timing: str, key: str = "corners") -> None:
         """Refuse values that do not go together.
@@ -182,14 +171,6 @@ class Rounding(Checked):
             raise InvalidInput(
                 f"{key}.tolerance is missing: the shape free needs it, the largest distance from "
                 "the objective, such as tolerance: 1 mm."
-            )
-        if self.line_tolerance is not None and self.line_tolerance > self.tolerance:
-            raise InvalidInput(
-                f"{key}.line_tolerance of {number(self.line_tolerance, 'm')} is above "
-                f"{key}.tolerance of {number(self.tolerance, 'm')}: lines may not be less exact "
-                f"than corners, so give at most {number(self.tolerance, 'm')}.",
-                needed=self.line_tolerance,
-                allowed=self.tolerance,
             )
         with locate_errors(key):
             _ = self.options

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -58,10 +59,15 @@ class LearningStudy:
         Args:
             files: The files of the result, relative to its folder.
         """
+        study = Study(job=self.job, runs={self.plan.run.name: self.plan})
+        return study.to_data(files, {"learning": self.result})
+
+    @property
+    def result(self) -> Data:
+        """What was learned."""
         name, data = self.plan.run.name, self.lesson.to_data()
         rows = (Row("run", name), *data.rows, Row("notes", self.notes))
-        learned = replace(data, title=f"Run {name}", rows=rows, notes=tuple(self.notes))
-        return Study(job=self.job, runs={name: self.plan}).to_data(files, {"learning": learned})
+        return replace(data, title=f"Run {name}", rows=rows, notes=tuple(self.notes))
 
     def errors(self, k: int) -> tuple[float, float]:
         """RMS and largest error of the tool in a run [m].
@@ -138,7 +144,7 @@ class LearningStudy:
         return self.plan.trajectory.with_rests(t)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class JudgedStudy:
     """A job's run, and what a log says that the robot did.
 
@@ -159,9 +165,13 @@ class JudgedStudy:
         Args:
             files: The files of the result, relative to its folder.
         """
-        name, run, contours = self.plan.run.name, self.judged.runs[0], self.contours
-        profile = ErrorProfile.join([x for _, x, _ in contours])
-        data = run.to_data()
+        study = Study(job=self.job, runs={self.plan.run.name: self.plan})
+        return study.to_data(files, {"judged": self.result})
+
+    @property
+    def result(self) -> Data:
+        """What the log shows."""
+        name, run = self.plan.run.name, self.judged.runs[0]
         errors = [
             Data(
                 name,
@@ -171,7 +181,7 @@ class JudgedStudy:
                     *error_rows("missed", "path missed", missed, most=FIRST),
                 ),
             )
-            for name, error, missed in contours
+            for name, error, missed in self.contours
         ]
         columns = ("joint", "", "joint"), ("rms", "rad", "RMS"), ("max", "rad", "largest")
         joints = Table(
@@ -185,26 +195,25 @@ class JudgedStudy:
             ),
             TABLE,
         )
-        judged = Data(
+        return Data(
             f"Run {name}",
             (
                 Row("run", name),
-                *data.rows,
+                *run.to_data().rows,
                 Row("delay", self.judged.delay, "s", "further dead time"),
-                *error_rows("contour_error", "", profile, FILE, FILE),
+                *error_rows("contour_error", "", self.profile, FILE, FILE),
                 Row("notes", self.notes),
             ),
             (Table.of("contours", errors), joints),
             notes=tuple(self.notes),
         )
-        return Study(job=self.job, runs={name: self.plan}).to_data(files, {"judged": judged})
 
     @property
     def profile(self) -> ErrorProfile:
         """Contour error over time without noise, until the end of the plan."""
         return ErrorProfile.join([x for _, x, _ in self.contours])
 
-    @property
+    @cached_property
     def contours(self) -> list[tuple[str, ErrorProfile, Missed]]:
         """Names of the contours, their errors without noise, and what the tool left out of them."""
         names = [contour_called(x, k) for k, x in enumerate(self.plan.path.contours)]

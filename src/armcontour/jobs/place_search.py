@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from armcontour import _checks
-from armcontour._quantities import Choice
+from armcontour._quantities import About, Choice
 from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 from armcontour.jobs.axes import FARTHEST, read_axes, read_uncertainty
@@ -20,6 +20,9 @@ WHAT = (PART, BASE)
 # Points that x, y, z and angles are of: the middle of the path, or the origin of its coordinates.
 MIDDLE, ORIGIN = POINTS = ("middle", "origin")
 SPACE = 3
+# Help of options.
+OVER = "Axis (x, y, z, yaw or tilt), range and number of places: 'x: -300 mm .. 300 mm, 25'."
+OFF = "Position error of the part, whose worst corner counts: 'x: 2 mm'; 0 takes an axis out."
 
 
 @_checks.explain_calls
@@ -51,14 +54,21 @@ class PlaceSearch(Checked):
         InvalidInput: No such axis, objective or point, an empty range, or too many places.
     """
 
-    over: Mapping[str, Sequence[Any]] = field(default_factory=dict)
-    objective: Annotated[str, Choice(OBJECTIVES)] = CYCLE
-    uncertainty: Mapping[str, float] = field(default_factory=dict)
-    what: Annotated[str, Choice(WHAT)] = PART
-    absolute: bool = False
-    about: Annotated[str, Choice(POINTS)] | Sequence[float] = MIDDLE
-    every: bool = False
-    refined: bool = True
+    over: Annotated[
+        Mapping[str, Sequence[Any]],
+        About("--over", help=OVER, read="to_axes", key="*"),
+    ] = field(default_factory=dict)
+    objective: Annotated[str, Choice(OBJECTIVES), About("--objective")] = CYCLE
+    uncertainty: Annotated[
+        Mapping[str, float], About("--uncertainty", help=OFF, read="to_offsets", key="*")
+    ] = field(default_factory=dict)
+    what: Annotated[str, Choice(WHAT), About("--move")] = PART
+    absolute: Annotated[bool, About("--absolute/--relative")] = False
+    about: Annotated[
+        Annotated[str, Choice(POINTS)] | Sequence[float], About("--about", read="to_anchor")
+    ] = MIDDLE
+    every: Annotated[bool, About("--every/--no-every")] = False
+    refined: Annotated[bool, About("--refine/--no-refine")] = True
     run: str | None = None
 
     def _check_together(self) -> None:

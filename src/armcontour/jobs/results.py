@@ -395,7 +395,17 @@ class RunResult(Planned, Result):
         return self.evaluation if bodies is None else bodies.evaluation
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+# Columns of `Study.to_dict`, and the figures of a run that they have.
+COLUMNS = {
+    "motion": "duration",
+    "settled": "settled",
+    "rms": "contour_error.rms",
+    "largest": "contour_error.max",
+    "demand": "demand_ratio",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
     """A job and the results of its runs.
 
@@ -425,15 +435,16 @@ class Study:
             `run`; `motion`, `settled` [s]; `rms`, `largest` contour error [m]; `demand`, the
             largest share of a limit of acceleration. None where nothing was simulated.
         """
-        judged = [x.judged for x in self.runs.values()]
-        return {
-            "run": list(self.runs),
-            "motion": [x.trajectory.duration for x in self.runs.values()],
-            "settled": [e and e.settled for e in judged],
-            "rms": [e and e.contour_error.rms for e in judged],
-            "largest": [e and e.contour_error.max for e in judged],
-            "demand": [e and float(e.demand_ratio.max()) for e in judged],
+        rows = [dict(data.walk()) for data in self.figures.values()]
+        return {"run": list(self.runs)} | {
+            column: [x[name].figure if name in x else None for x in rows]
+            for column, name in COLUMNS.items()
         }
+
+    @cached_property
+    def figures(self) -> dict[str, Data]:
+        """What each run says, which print, summary and report have alike."""
+        return {name: run_data(x, self.job) for name, x in self.runs.items()}
 
     @checked
     def to_data(
@@ -448,7 +459,7 @@ class Study:
         job, arm = self.job, self.job.arm
         found = warnings_of(self.runs.values())
         more = f", {several(len(found), 'warning')}" if found else ""
-        runs = {name: run_data(x, job) for name, x in self.runs.items()}
+        runs = self.figures
         return Data(
             f"Study of {job.title}{more}",
             (

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any, get_args, get_type_hints
+from typing import Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._describing import several
-from armcontour._quantities import Quantity
 from armcontour._text import list_some
 from armcontour.arms import Arm
 from armcontour.arms.chain import Chain
+from armcontour.core.fields import quantities
 from armcontour.core.render import number, plain
 from armcontour.core.result import VERDICT, Row, Table
 from armcontour.evaluation import ErrorProfile
@@ -60,15 +60,13 @@ def field_rows(name: str, value: Any) -> Iterator[Row]:
     if value is None:
         yield Row(name, None)
         return
-    hints = get_type_hints(type(value), include_extras=True)
+    known = quantities(type(value))
     for x in fields(value):
         inner, key = getattr(value, x.name), f"{name}.{x.name}"
         if is_dataclass(inner):
             yield from field_rows(key, inner)
             continue
-        parts = (hints[x.name], *get_args(hints[x.name]))
-        about = (y for part in parts for y in getattr(part, "__metadata__", ()))
-        yield Row(key, inner, next((y.unit for y in about if isinstance(y, Quantity)), ""))
+        yield Row(key, inner, known[x.name].unit if x.name in known else "")
 
 
 def torque_rows(

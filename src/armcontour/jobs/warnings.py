@@ -11,8 +11,9 @@ from armcontour._describing import several
 from armcontour._text import list_some
 from armcontour.clearance import Clearance
 from armcontour.compensation import InverseDynamics
-from armcontour.core.render import number
+from armcontour.core.render import figure, number
 from armcontour.evaluation import Evaluation
+from armcontour.evaluation.evaluation import duration_row
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.jobs.jerk_stops import JerkStop
@@ -163,7 +164,7 @@ def stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
         point = ", ".join(number(x, "m") for x in first.point)
         contour = f" of {first.contour}" if first.contour else ""
         yield (
-            f"{several(count, 'full stop')}, the first at s = {first.s:.4g} m ({point})"
+            f"{several(count, 'full stop')}, the first at s = {number(first.s, 'm')} ({point})"
             f"{contour}, where the curvature of the path jumps and limits of jerk allow no speed: "
             "corners: {continuity: curvature} with a larger tolerance or transition_tolerance, "
             "longer lines and arcs, or a tool orientation that does not turn leaves fewer."
@@ -194,9 +195,10 @@ def collisions(
 def coarse(trajectory: Trajectory, run: Run) -> Iterator[str]:
     """A warning for set-points that hardly represent the plan."""
     if run.period > COARSE * trajectory.duration:
+        motion = figure(duration_row(trajectory.duration))
         yield (
             f"the command interval of {number(run.period, 's')} is more than a tenth of the motion "
-            f"of {number(trajectory.duration, 's')} (a number without a unit is in seconds: for "
+            f"of {motion} (a number without a unit is in seconds: for "
             "milliseconds write command_interval: 4 ms)."
         )
 
@@ -279,10 +281,10 @@ def worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> 
         )
     if run.experiment is not None and run.experiment.unknown:
         why += f"; nor does it know what the robot has: {run.experiment.unknown}"
+    rms, most, *others = (figure(x) for error in (found, without) for x in error.to_data().shown())
     yield (
-        f"on rigid bodies the contour error is {number(found.rms, 'm')} RMS, "
-        f"{number(found.max, 'm')} at most; without compensation {number(without.rms, 'm')} and "
-        f"{number(without.max, 'm')}. The compensation {run.compensation.method} makes it worse, "
+        f"on rigid bodies the contour error is {rms} RMS, {most} at most; without compensation "
+        f"{' and '.join(others)}. The compensation {run.compensation.method} makes it worse, "
         f"as {why}."
     )
 

@@ -12,7 +12,7 @@ from scipy.ndimage import maximum_filter1d
 
 from armcontour import _checks
 from armcontour._checks import FloatArray
-from armcontour._sampling import interpolate
+from armcontour._sampling import OF_MEDIAN, interpolate, white_noise
 from armcontour.errors import InvalidInput
 from armcontour.learning.lesson import LearnedRun, Recording
 from armcontour.learning.lifted import Lifted, rms
@@ -38,33 +38,12 @@ OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
 # A tracker is in another frame, or tracks another point, if the tool is this far away [m]: no
 # elastic joint gives way by so much.
 FAR = 0.05
-# The median of absolute values of a normal distribution with standard deviation 1.
-MEDIAN = 0.6745
 # Size of outliers relative to the noise and to the range of samples between these quantiles, number
 # of passes that find them, and the largest share of all samples.
 OUTLIER, SPIKE, RANGE, PASSES, MOST_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
 # An encoder has a new offset if all deviations from the run before have one of so many times their
 # standard deviation, and of at least this [rad].
 SHIFTED, LEAST_SHIFT = 6.0, 1e-4
-# Differences that hardly see smooth motion.
-FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
-
-
-def white_noise(values: FloatArray, smoothed: bool = False) -> FloatArray:
-    """Standard deviation of the white noise in columns of regular samples, (dof,).
-
-    By fourth differences, which hardly see smooth motion; their median ignores what is not smooth
-    for a short time, as friction at a reversal.
-
-    Args:
-        values: Samples, (n, dof).
-        smoothed: Whether the mean over neighbours was taken, with the weights 1/4, 1/2 and 1/4.
-    """
-    if len(values) < len(FOURTH):
-        return np.zeros(values.shape[1])
-    fourth = np.abs(np.diff(values, 4, axis=0))
-    size = np.linalg.norm(np.convolve(FOURTH, [0.25, 0.5, 0.25] if smoothed else [1.0]))
-    return np.asarray(np.median(fourth, axis=0) / (MEDIAN * size))
 
 
 def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray, int]:
@@ -203,7 +182,7 @@ def align(
         apart, outliers = replace_outliers(apart, noise)
     if has_forerunner:
         middle = np.median(apart, axis=0)
-        spread = np.median(np.abs(apart - middle), axis=0) / MEDIAN
+        spread = OF_MEDIAN * np.median(np.abs(apart - middle), axis=0)
         sure = np.maximum(SHIFTED * np.maximum(spread, noise), LEAST_SHIFT)
         shift = np.where(np.abs(middle) > sure, middle, 0.0)
     measured = expected + lifted.bridge(t, apart - shift, noise)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from armcontour import _checks
 from armcontour._bounded_differences import differences
 from armcontour._checks import FloatArray
+from armcontour._sampling import white_noise
 from armcontour.arms import Arm, Limits
 from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput
@@ -231,7 +232,7 @@ def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: T
     in_loop = noise * np.sqrt(min(CYCLE, recording.interval) / lifted.step)
     if recording.exact:
         command = lifted.equivalent_command(measured - expected)
-        in_loop = aligning.white_noise(command, smoothed=True)
+        in_loop = white_noise(command, smoothed=True)
     # Noise of samples that are further apart than the model's times counts for all of these.
     noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
     if tool is not None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Limits
-from armcontour.arms.limits import by_direction
+from armcontour.arms.limit_use import use_of
 from armcontour.errors import CompensationError
 from armcontour.motion.execution import TaughtData
 from armcontour.motion.trajectory import COMMAND_SLACK
@@ -31,7 +31,8 @@ def refuse_commands(taught: TaughtData, limits: Limits | None = None) -> None:
     _refuse_beyond(taught, "joint_upper", taught.q, upper)
     _refuse_beyond(taught, "joint_lower", -taught.q, -lower)
     rate = np.diff(taught.q, axis=0) / taught.period
-    amounts, most = by_direction(rate, limits.velocity_bounds(dof))
+    found = use_of("joint_velocity", limits, rate)
+    amounts, most = found.value, np.asarray(found.limit)
     at = _worst(amounts, most)
     if at is None:
         return

@@ -279,6 +279,12 @@ class PathLaw(LawAlongPath):
         last = np.array([len(self.breaks) - 2])
         return np.append(self.rates.ds, self.path_position(last, self.breaks[-1:], 1))
 
+    @property
+    def passages(self) -> FloatArray:
+        """Times at which the law passes breaks of the joint path, without its own breaks [s]."""
+        passed = np.setdiff1d(self.joint_path.breaks, self.s)
+        return self.reach(passed[(passed > self.s[0]) & (passed < self.s[-1])])[1]
+
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
         """S or a derivative at times `t` by the formula of interval `i`."""
         return np.asarray(self.path_motion(i, t)[order])

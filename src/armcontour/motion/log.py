@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 from typing import Annotated
 
@@ -177,43 +177,6 @@ class Log(Checked):
                 t=float(self.t[i]),
                 joint=j,
             )
-
-
-def join(logs: Sequence[Log]) -> Log:
-    """One log of several, one after the other with a gap between them.
-
-    Args:
-        logs: Logs of the same joints, in the same order.
-
-    Raises:
-        InvalidInput: No log, or logs of other joints or of another interpolation.
-    """
-    if not logs:
-        raise InvalidInput("There is no log to identify from: give at least one.")
-    first = logs[0]
-    if len(logs) == 1:
-        return first
-    for x in logs[1:]:
-        for what in ("joint_names", "interpolation"):
-            one, other = getattr(first, what), getattr(x, what)
-            if one != other:
-                raise InvalidInput(
-                    f"{first.source} and {x.source} do not go together: {what} is "
-                    f"{show(str(one))} in one and {show(str(other))} in the other."
-                )
-    apart = 10 * GAP * max(x.interval for x in logs)
-    times, end = [], 0.0
-    for x in logs:
-        times.append(x.t - x.t[0] + end)
-        end = float(times[-1][-1]) + apart
-    return replace(
-        first,
-        t=np.concatenate(times),
-        command=np.concatenate([x.command for x in logs]),
-        measured=np.concatenate([x.measured for x in logs]),
-        source=", ".join(dict.fromkeys(x.source for x in logs)),
-        notes=tuple(dict.fromkeys(note for x in logs for note in x.notes)),
-    )
 
 
 def cut(

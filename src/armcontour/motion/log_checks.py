@@ -11,6 +11,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._describing import clock, several
+from armcontour._sampling import white_noise
 from armcontour._text import list_some, show
 from armcontour.arms import Arm
 from armcontour.errors import InvalidInput
@@ -222,18 +223,15 @@ def refuse_beyond(
         )
 
 
-def refuse_fast(log: Log, noise: Sequence[float]) -> None:
+def refuse_fast(log: Log) -> None:
     """Refuse a log in which a joint moves faster than any does.
-
-    Args:
-        log: The log.
-        noise: Standard deviation of the noise of each joint [rad].
 
     Raises:
         InvalidInput: It does: its times are too short.
     """
+    noise = white_noise(log.measured)
     for j, y in enumerate(log.measured.T):
-        window = math.ceil(2 * noise[j] / (NOISY * FASTEST * log.interval))
+        window = math.ceil(2 * float(noise[j]) / (NOISY * FASTEST * log.interval))
         k = min(max(window, FEWEST), len(y) - 1)
         speeds = np.abs(y[k:] - y[:-k]) / (log.t[k:] - log.t[:-k])
         i = int(np.argmax(speeds))

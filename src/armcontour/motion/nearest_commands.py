@@ -7,6 +7,7 @@ import numpy as np
 from armcontour._bounded_differences import differences, nearest_within
 from armcontour._checks import FloatArray
 from armcontour.arms import Limits
+from armcontour.arms.limit_use import use_of
 from armcontour.arms.limits import JOINT_RANGE, UNITS
 from armcontour.errors import InvalidInput
 from armcontour.motion.trajectory import COMMAND_SLACK
@@ -44,15 +45,7 @@ def command_bounds(limits: Limits, dof: int) -> FloatArray:
         limits: The limits.
         dof: Number of joints.
     """
-    jerk = np.full(dof, np.inf if limits.joint_jerk is None else limits.joint_jerk)
-    return np.array(
-        [
-            limits.joint_range(dof),
-            limits.velocity_bounds(dof),
-            limits.acceleration_bounds(dof),
-            (-jerk, jerk),
-        ]
-    )
+    return np.array([limits.joint_range(dof), *(limits.bounds(x, dof) for x in BY_ORDER[1:])])
 
 
 def command_use(q: FloatArray, period: float, limits: Limits) -> dict[str, FloatArray]:
@@ -63,12 +56,11 @@ def command_use(q: FloatArray, period: float, limits: Limits) -> dict[str, Float
         period: Command interval [s].
         limits: Limits of commands.
     """
-    found = {}
-    for order, bounds in enumerate(command_bounds(limits, q.shape[1])):
-        if order and np.isfinite(bounds).any():
-            shares = differences(q, order)[:, None] / (bounds * period**order)
-            found[BY_ORDER[order]] = np.asarray(shares.max(axis=(0, 1)))
-    return found
+    return {
+        name: use_of(name, limits, differences(q, order) / period**order).largest
+        for order, name in enumerate(BY_ORDER)
+        if name and getattr(limits, name) is not None
+    }
 
 
 def excess(q: FloatArray, period: float, bounds: FloatArray) -> tuple[int, int, int, float] | None:

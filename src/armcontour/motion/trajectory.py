@@ -196,13 +196,18 @@ class Trajectory(Checked):
 
     def __repr__(self) -> str:
         """Method, duration and number of joints, without arrays."""
-        return f"Trajectory({str(self.method)!r}, {self.duration:.6g} s, {self.dof} joints)"
+        return f"Trajectory({str(self.method)!r}, {self._size})"
+
+    @property
+    def _size(self) -> str:
+        """Duration and number of joints."""
+        return f"{number(self.duration, 's')}, {several(self.dof, 'joint')}"
 
     def __str__(self) -> str:
         """Method, duration, length, and what the motion consists of."""
         path, moves = self.path, Counter(x.kind for x in self.spans)
         return line_up(
-            f"Trajectory: {number(self.duration, 's')}, {several(self.dof, 'joint')}",
+            f"Trajectory: {self._size}",
             [
                 ("method", str(self.method)),
                 ("path", "" if path is None else number(path.length, "m")),
@@ -322,6 +327,13 @@ class Trajectory(Checked):
             for law, start, end in zip(self.laws, self.starts[:-1], self.starts[1:], strict=True)
         ]
         return np.unique(np.concatenate(inner))
+
+    @property
+    def smooth_breaks(self) -> FloatArray:
+        """Times between which the motion and its joint paths are smooth [s]."""
+        laws = zip(self.laws, self.starts[:-1], strict=True)
+        passed = (t + x.passages for x, t in laws if isinstance(x, PathLaw))
+        return np.unique(np.concatenate([self.breaks, *passed]))
 
     @property
     def switching_points(self) -> FloatArray:

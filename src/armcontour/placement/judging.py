@@ -10,10 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from armcontour.arms import Arm, SerialArm
+from armcontour.arms.limit_use import use_of
 from armcontour.clearance import Clearance
 from armcontour.core.render import Result
-from armcontour.core.result import Data, Row
+from armcontour.core.result import TABLE, Data, Row
 from armcontour.errors import ArmContourError, NotRealizable
+from armcontour.evaluation.evaluation import duration_row
 from armcontour.jobs.axes import corners_of
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.place_search import CLEARANCE, CYCLE, MANIPULABILITY, TORQUE
@@ -89,7 +91,7 @@ class Verdict(Result):
         """The figures that are known."""
         rows = (
             Row("bound", self.bound, "s"),
-            Row("duration", self.duration, "s", "motion"),
+            duration_row(self.duration, TABLE),
             Row("singular", self.singular, "m/rad", "least singular value"),
             Row("clearance", self.clearance, "m", "clearance"),
             Row("torque_margin", self.torque_margin, "1", "torque margin"),
@@ -349,12 +351,9 @@ def _singular(arm: Arm, traced: Tracing) -> float:
 
 def _torque_margin(arm: Arm, run: Run, found: Trajectory) -> float:
     """The share of the limits of torque that a plan leaves free at its breaks; nan without any."""
-    limit = run.limits.joint_torque
-    if limit is None or not arm.has_bodies:
+    if run.limits.joint_torque is None or not arm.has_bodies:
         return np.nan
     t = found.breaks
-    used = [
-        np.abs(torques_at(arm, found, x, side=y)) / limit
-        for x, y in ((t[1:], "left"), (t[:-1], "right"))
-    ]
-    return float(1 - max(x.max() for x in used))
+    sides = ((t[1:], "left"), (t[:-1], "right"))
+    torques = np.concatenate([torques_at(arm, found, x, side=y) for x, y in sides])
+    return float(1 - use_of("joint_torque", run.limits, torques).ratio.max())

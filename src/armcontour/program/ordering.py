@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
+from armcontour.core.render import number
 from armcontour.errors import InvalidInput
 from armcontour.frames import angle_between, exp, log, shortest
 from armcontour.geometry import Path
@@ -266,8 +267,8 @@ class _Choices:
 
         length, drawn = length_of(option[tour]), length_of(self.first[:-1])
         return (
-            f"In the order shortest, the straight ways between contours have {length:.4g} m in all "
-            f"({drawn:.4g} m in the order of the file)."
+            "In the order shortest, the straight ways between contours have "
+            f"{number(length, 'm')} in all ({number(drawn, 'm')} in the order of the file)."
         )
 
     def taken(self, tour: IntArray, option: IntArray) -> tuple[Contour, ...]:

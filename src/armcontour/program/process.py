@@ -12,6 +12,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._quantities import (
+    About,
     AtLeast,
     Choice,
     Direction,
@@ -312,7 +313,7 @@ class Process(Checked):
     rapid_speed: Speed | None = None
     approach_speed: Speed | None = None
     tool_change: Interval | None = None
-    from_s: Distance = 0.0
+    from_s: Annotated[Distance, About("--from-s")] = 0.0
     _of_layers: Mapping[str, Process] = field(init=False, repr=False)
 
     def _check_together(self) -> None:

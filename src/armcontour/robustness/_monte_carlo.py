@@ -251,22 +251,23 @@ def _advance_joints(
                 k = min(begin + first // steps, setting.inertia.shape[1] - 1)
                 share = 1 / (1 + sample.load * setting.inertia[j, k])
             servo = Servo(kp, kv * share, setting.lower[j] * share, setting.upper[j] * share, ki)
-            limit = min(-servo.lower, servo.upper)
-            most = states[j, 3] * limit if limit < math.inf else math.inf
+            limited = servo.upper < math.inf
+            least = states[j, 3] * servo.lower if limited else -math.inf
+            most = states[j, 3] * servo.upper if limited else math.inf
             m = march(
                 servo,
                 setting.kind,
                 sample.commands[j],
                 sample.starts[j],
                 times[first : first + chunk + 1],
-                Motion(states[j, 0], states[j, 1], share * states[j, 4], states[j, 2], -most, most),
+                Motion(states[j, 0], states[j, 1], share * states[j, 4], states[j, 2], least, most),
                 places[j, first : first + chunk],
             )
             if not math.isfinite(m.q + m.w):
                 return math.nan
             states[j, 0], states[j, 1], states[j, 2] = m.q, m.w, m.saturated
             states[j, 4] = m.held / share
-            states[j, 3] = max(-m.lowest, m.highest) / limit if limit < math.inf else 0.0
+            states[j, 3] = max(m.lowest / servo.lower, m.highest / servo.upper) if limited else 0.0
         # The energy of a joint decreases, whether the joint is saturated or not.
         off, w = states[j, 0] - sample.commands[j, -1, 0], states[j, 1]
         if ki > 0.0:

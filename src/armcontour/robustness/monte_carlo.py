@@ -71,8 +71,8 @@ class Spread(Result, Checked):
         until: End of the time over which `rms` is taken [s], (n,).
         saturated: Fraction of this time in which the joint that saturates longest is saturated,
             (n,).
-        demand_ratio: Largest absolute demand of a joint over its acceleration limit (the lower one
-            if deceleration has its own limit), (n,).
+        demand_ratio: Largest share of the acceleration limit in its direction that a joint would
+            have needed, (n,).
         kp, kv: Gains [1/s], (n, dof); kv is None for a servo of first order.
         dead_time: Dead times [s], (n, dof).
         payload: Error of the payload's mass [kg], (n,).

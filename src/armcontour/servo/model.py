@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy.typing as npt
 
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray
-from armcontour._quantities import DEAD_TIME, AtLeast, Choice, OwnAccelerations, Quantity
+from armcontour._quantities import DEAD_TIME, About, AtLeast, Choice, OwnAccelerations, Quantity
 from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
 
@@ -46,6 +47,7 @@ PER_JOINT = (
     "logged_acceleration",
 )
 
+_gain = partial(About, panel="servo")
 Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive", endless=True, within=GAINS)]
 FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", within=(0.0, MOST_FEEDFORWARD))]
 AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, np.pi))]
@@ -136,9 +138,13 @@ class ServoModel(Checked):
             interpolation or order is unknown.
     """
 
-    kp: Gains
-    kv: Gains | None
-    ki: Annotated[FloatArray, Quantity("1/s", "5 1/s", within=(0.0, GAINS[1]))]
+    kp: Annotated[Gains, _gain(label="gain kp", usual=(1.0, 500.0))]
+    kv: Annotated[Gains | None, _gain(label="gain kv", usual=(1.0, 2e3))]
+    ki: Annotated[
+        FloatArray,
+        Quantity("1/s", "5 1/s", within=(0.0, GAINS[1])),
+        _gain(label="gain ki", usual=(0.1, 2e2)),
+    ]
     order: Annotated[str | tuple[str, ...], Choice(ORDERS)]
     dead_time: Annotated[FloatArray, replace(DEAD_TIME, within=(0.0, LONGEST_DEAD_TIME))]
     interpolation: Annotated[str, Choice(INTERPOLATIONS)]

@@ -114,16 +114,16 @@ class Acts:
 
     def _restore(self, tab: Tab, said: Said) -> None:
         """Take the draft of an earlier session."""
-        editor = self._editor
-        if editor.draft is None:
-            raise InvalidInput("There is no draft.")
-        made, editor.draft = editor.of_text(editor.draft), None
-        self._commit(made, "take the draft")
+        document = self._editor.document
+        self._editor.restore()
+        if self._editor.document is document:
+            self._display.show_all()
+        else:
+            self._display.open()
 
     def _discard(self, tab: Tab, said: Said) -> None:
         """Remove the draft of an earlier session."""
-        self._editor.draft = None
-        self._editor.document.write_draft()
+        self._editor.discard()
         self._display.show_document()
 
     def _diff(self, tab: Tab, said: Said) -> None:

@@ -59,6 +59,15 @@ def waypoint_changes(handles: Handles, data: Mapping[str, Any]) -> list[Change]:
     return changes
 
 
+def is_convertible(handles: Handles) -> bool:
+    """Whether a job has a drawing whose contour can become waypoints."""
+    try:
+        _only_path(handles)
+    except InvalidInput:
+        return False
+    return True
+
+
 def _only_path(handles: Handles) -> Path:
     """The path of a drawing with a single contour, with the speeds of its layer.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
-from armcontour.arms.limits import by_direction
+from armcontour.arms.limit_use import use_of
 from armcontour.motion import Trajectory
 from armcontour.studio.thinning import evenly, thin
 from armcontour.studio.view import short
@@ -38,11 +38,11 @@ def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any
     t, is_even = t[order], order >= 2 * (len(breaks) - 1)
     q, dq, ddq = (np.concatenate(x)[order] for x in zip(*sides, strict=True))
     shares = {
-        "usage_v": _signed_shares(dq, limits.velocity_bounds(arm.dof)),
-        "usage_a": demand_shares(ddq, limits),
+        "usage_v": signed_shares("joint_velocity", limits, dq),
+        "usage_a": signed_shares("joint_acceleration", limits, ddq),
     }
     if limits.joint_torque is not None and arm.has_bodies:
-        shares["usage_torque"] = arm.torque(q, dq, ddq) / limits.joint_torque
+        shares["usage_torque"] = signed_shares("joint_torque", limits, arm.torque(q, dq, ddq))
     rows = [x for share in shares.values() for x in share.T]
     is_even[thin(np.zeros(len(t)), rows, MOST_TIMES)] = True
     kept = np.flatnonzero(is_even)
@@ -53,15 +53,6 @@ def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any
     }
 
 
-def demand_shares(ddq: FloatArray, limits: Limits) -> FloatArray:
-    """Shares of the acceleration limits with the signs of the accelerations, (n, dof).
-
-    Args:
-        ddq: Joint accelerations [rad/s^2], (n, dof).
-        limits: The limits.
-    """
-    return _signed_shares(ddq, limits.acceleration_bounds(ddq.shape[1]))
-
-
-def _signed_shares(values: FloatArray, bounds: tuple[FloatArray, FloatArray]) -> FloatArray:
-    return np.asarray(values / by_direction(values, bounds)[1])
+def signed_shares(name: str, limits: Limits, values: FloatArray) -> FloatArray:
+    """Shares of a limit of joints with the signs of the values, (n, dof)."""
+    return np.copysign(use_of(name, limits, values).ratio, values)

@@ -9,6 +9,7 @@ from typing import Any
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import line_of
 from armcontour.jobs import Job
+from armcontour.studio.converting import is_convertible
 from armcontour.studio.document import Document
 from armcontour.studio.handles import Handles, obstacles_of
 from armcontour.studio.sliders import sliders_of
@@ -64,14 +65,14 @@ def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
     return words if len(edits) == 1 else f"{words} and {len(edits) - 1} more"
 
 
-def describe(document: Document, seen: Seen, run: str, *, draft: bool) -> Frame:
+def describe(document: Document, seen: Seen, run: str, *, draft: str | None) -> Frame:
     """The frame that says what the document is.
 
     Args:
         document: The document.
         seen: What is seen of it.
         run: Name of the run that is shown.
-        draft: Whether there is a draft of an earlier session.
+        draft: Name of what an earlier session has not saved; None without.
     """
     data, handles = seen.data, seen.handles
     header: dict[str, Any] = {
@@ -133,12 +134,13 @@ def _path(data: Mapping[str, Any], handles: Handles | None, seen: Seen) -> dict[
     """Where the path comes from, and whether its points can be moved."""
     if handles is None:
         why = "" if seen.error is None else str(seen.error)
-        return {"kind": None, "file": None, "editable": False, "why_not": why, "notes": []}
+        return {"editable": False, "convertible": False, "why_not": why, "notes": []}
     notes = [] if seen.job is None else list(seen.job.program.notes)
     return {
         "kind": handles.kind,
         "file": handles.file,
         "editable": handles.editable,
+        "convertible": is_convertible(handles),
         "why_not": handles.why_not,
         "notes": notes,
     }
@@ -150,6 +152,7 @@ def _waypoints(handles: Handles) -> list[dict[str, Any]]:
         {
             **{"index": x.index, "uv": x.uv, "written": x.written},
             **{"role": x.role, "why_not": x.why_not},
+            **{"removable": handles.is_removable(x), "divisible": handles.is_divisible(x.index)},
         }
         for x in handles.waypoints
     ]

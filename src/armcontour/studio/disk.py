@@ -1,74 +1,120 @@
-"""Job files on disk: read as text, written as a whole, and drafts beside them."""
+"""Texts on disk: job files that are written as a whole, and drafts of what is not saved."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import shutil
-import stat
+from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
 
 from armcontour._files import read_bytes
 from armcontour._staging import put_in_place, unwritable
 from armcontour.errors import InvalidInput
 
-# Folder beside a job file that holds its draft.
-DRAFTS = ".armcontour"
 BOM = "\ufeff"
 
 
+def state_folder() -> FilePath:
+    """The user's folder for drafts and uploads, which outlive a session; only the user reads it."""
+    own = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
+    return FilePath(own or os.path.expanduser("~/.local/state")) / "armcontour" / "studio"
+
+
+def make_private(folder: FilePath) -> None:
+    """Make a folder below `state_folder` that only the user reads.
+
+    Raises:
+        InvalidInput: It cannot be made.
+    """
+    try:
+        state_folder().mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from None
+
+
+@dataclass(frozen=True, slots=True)
 class Draft:
-    """What was not saved of a job file, in a file of its own beside it.
+    """A text that is not saved.
 
     Args:
-        file: The job file, which may not exist yet.
+        key: Identity of the document: its file, its drawing and cell, or the content of an upload.
+        name: Name of the job file in messages.
+        folder: Folder of relative file names.
+        opened: The text as it was opened.
+        text: The text with the changes.
+        upload: Whether a page has sent the document, so that no command opens it again.
     """
 
-    def __init__(self, file: FilePath) -> None:
-        self._job = file.absolute()
-        self._file = self._job.parent / DRAFTS / f"{file.stem}.draft{file.suffix}"
+    key: str
+    name: str
+    folder: str
+    opened: str
+    text: str
+    upload: bool
 
-    def find(self) -> str | None:
-        """The text that was never saved; None if there is none."""
-        job, draft = self._job, self._file
+    def write(self) -> bool:
+        """Keep the draft, to be found after a crash; returns whether that is possible."""
+        content = json.dumps(asdict(self)).encode()
         try:
-            newer = not job.exists() or draft.stat().st_mtime_ns >= job.stat().st_mtime_ns
-            if draft.is_symlink() or not self._is_ours():
-                return None
-            text = decoded(read_bytes(draft, "draft"), draft)
-            saved = decoded(read_bytes(job, "job file"), job) if job.exists() else None
-        except (InvalidInput, OSError):
-            return None
-        return text if newer and text != (saved or "").removeprefix(BOM) else None
-
-    def write(self, text: str) -> bool:
-        """Write a text, to be found after a crash; returns whether the folder lets it."""
-        try:
-            self._file.parent.mkdir(exist_ok=True)
-            if not self._is_ours():
-                return False
-            put_in_place(self._file, lambda fresh: fresh.write_bytes(text.encode()))
+            make_private(state_folder() / "drafts")
+            put_in_place(place_of(self.key), lambda fresh: fresh.write_bytes(content))
         except (InvalidInput, OSError):
             return False
         return True
 
-    def drop(self) -> None:
-        """Remove the draft, and its folder if that is empty."""
-        with suppress(OSError):
-            if self._is_ours():
-                self._file.unlink()
-        with suppress(OSError):
-            self._file.parent.rmdir()
 
-    def _is_ours(self) -> bool:
-        """Whether the folder of the draft is a real folder of this user, and no link.
+def place_of(key: str) -> FilePath:
+    """The file of a draft."""
+    return state_folder() / "drafts" / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
 
-        Raises:
-            OSError: There is no such folder.
-        """
-        found = self._file.parent.lstat()
-        user = os.getuid() if hasattr(os, "getuid") else found.st_uid
-        return stat.S_ISDIR(found.st_mode) and found.st_uid == user
+
+def find_draft(key: str, job: FilePath | None) -> Draft | None:
+    """The draft of a document, if it was changed after its job file was saved; None without.
+
+    Args:
+        key: As of `Draft`.
+        job: The job file.
+    """
+    place = place_of(key)
+    try:
+        saved = None
+        if job is not None and job.exists():
+            if place.stat().st_mtime_ns < job.stat().st_mtime_ns:
+                return None
+            saved = decoded(read_bytes(job, "job file"), job).removeprefix(BOM)
+        draft = _read(place)
+    except (InvalidInput, OSError):
+        return None
+    return None if draft is None or draft.text == saved else draft
+
+
+def drop_draft(key: str) -> None:
+    """Remove the draft of a document."""
+    with suppress(OSError):
+        place_of(key).unlink()
+
+
+def all_drafts() -> Iterator[Draft]:
+    """The drafts of all documents, the newest first."""
+    places = (state_folder() / "drafts").glob("*.json")
+    with suppress(OSError):
+        for place in sorted(places, key=lambda x: x.stat().st_mtime_ns, reverse=True):
+            draft = _read(place)
+            if draft is not None:
+                yield draft
+
+
+def _read(place: FilePath) -> Draft | None:
+    """The draft in a file; None if it has none."""
+    try:
+        return Draft(**json.loads(place.read_bytes()))
+    except (ValueError, TypeError):
+        return None
 
 
 def decoded(content: bytes, file: FilePath | None) -> str:

@@ -85,7 +85,7 @@ class Display:
         """
         editor = self.editor
         self._on_disk = editor.document.on_disk()
-        frame = describe(editor.document, editor.seen, editor.run, draft=editor.draft is not None)
+        frame = describe(editor.document, editor.seen, editor.run, draft=editor.draft)
         self.tell(frame, to=to)
 
     def show(

@@ -13,7 +13,7 @@ from armcontour.errors import InvalidInput
 from armcontour.io.cell import drawing_text
 from armcontour.io.job_edits import Change, change_data, change_text, file_names
 from armcontour.io.job_file import read_data
-from armcontour.studio.disk import BOM, Draft, decoded, write_whole
+from armcontour.studio.disk import BOM, Draft, decoded, drop_draft, find_draft, write_whole
 
 SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
 # Characters of all texts that can be had back by undoing; the last one always can.
@@ -32,7 +32,7 @@ class Document:
     """The text of a job file that is being changed.
 
     The text is all there is: undo and redo are lists of texts, so that undoing every change gives
-    the same bytes again. Every change writes a draft beside the file, until it is saved.
+    the same bytes again. Every change writes a draft, until the text is saved.
 
     Args:
         text: The text.
@@ -40,9 +40,12 @@ class Document:
         file: The job file; None for a job without one.
         folder: Folder of relative file names; None for a job that may name no files.
         saved: The bytes of the file when it was read; None if there was no file.
+        key: Identity of a document that is not read from its file, for drafts.
+        upload: Whether a page has sent the document.
 
     Attributes:
         id: Distinguishes the document from others that the session opens.
+        earlier: The text that an earlier session has not saved; None if there is none.
 
     Raises:
         InvalidInput: The text is not a YAML mapping, or names files without a folder.
@@ -56,17 +59,21 @@ class Document:
         file: FilePath | None = None,
         folder: FilePath | None = None,
         saved: bytes | None = None,
+        key: str = "",
+        upload: bool = False,
     ) -> None:
         self.source, self.file, self.folder = source, file, folder
         self.id = secrets.token_hex(4)
         self._marked = text.startswith(BOM)
         self._saved = saved
-        self._draft = None if file is None else Draft(file)
+        self._key, self._upload = key or f"file {file}", upload
         self.text = self._opened = text.removeprefix(BOM)
         self.saved_text = self.text if saved is not None or file is None else ""
         self._data = self._checked(self.text)
         self._past: list[Step] = []
         self._future: list[Step] = []
+        draft = find_draft(self._key, file)
+        self.earlier = None if draft is None or draft.text == self._opened else draft.text
 
     @classmethod
     def open(cls, file: str | FilePath) -> Document:
@@ -84,18 +91,23 @@ class Document:
         return cls(text, source=place.name, file=place, folder=place.parent, saved=content)
 
     @classmethod
-    def of_text(cls, text: str, folder: FilePath | None, name: str) -> Document:
+    def of_text(
+        cls, text: str, folder: FilePath | None, name: str, key: str = "", upload: bool = False
+    ) -> Document:
         """A job without a file, such as an upload or the job of the paper.
 
         Args:
             text: The text.
             folder: Folder of relative file names; None refuses files.
             name: Name of the job file in messages.
+            key: As of `Document`; by default the name with the text.
+            upload: As of `Document`.
 
         Raises:
             InvalidInput: The text is not a YAML mapping, or names files that nobody can find.
         """
-        return cls(text, source=name, folder=folder)
+        key = key or f"text {name} {text}"
+        return cls(text, source=name, folder=folder, key=key, upload=upload)
 
     @classmethod
     def of_drawing(cls, file: str | FilePath, cell: str) -> Document:
@@ -113,7 +125,9 @@ class Document:
             raise InvalidInput(f"There is no drawing {drawing}.")
         place = drawing.with_suffix(".yaml")
         text = drawing_text(cell, drawing, place.parent)
-        return cls(text, source=place.name, file=place, folder=place.parent)
+        own = FilePath(cell).absolute() if FilePath(cell).suffix else cell
+        key = f"drawing {drawing} on {own}"
+        return cls(text, source=place.name, file=place, folder=place.parent, key=key)
 
     @property
     def data(self) -> Mapping[str, Any]:
@@ -253,24 +267,22 @@ class Document:
         self._put(own, data, "reload")
 
     def write_draft(self) -> bool:
-        """Write the text beside the job file, to be found after a crash; without changes remove it.
+        """Keep the text as a draft, to be found after a crash; without changes remove the draft.
 
         Returns:
             Whether there is a draft now: a folder that cannot be written to has none.
         """
-        if self._draft is None:
-            return False
         # The job of a drawing is made again as it was opened.
         made = self._saved is None and self.text == self._opened
         if self.dirty and not made:
-            return self._draft.write(self.text)
-        self._draft.drop()
+            folder = str(self.folder)
+            draft = Draft(self._key, self.source, folder, self._opened, self.text, self._upload)
+            return draft.write()
+        # What nobody has decided on is offered again.
+        if self.earlier is not None:
+            return True
+        drop_draft(self._key)
         return False
-
-    def earlier_draft(self) -> str | None:
-        """The text that an earlier session has not saved; None if there is none."""
-        found = None if self._draft is None else self._draft.find()
-        return None if found == self._opened else found
 
     def _checked(self, text: str) -> dict[str, Any]:
         """The data of a text.

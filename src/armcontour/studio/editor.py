@@ -15,6 +15,7 @@ from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change, change_data, change_text
 from armcontour.jobs import Job
 from armcontour.studio.described import Seen, runs_of
+from armcontour.studio.disk import Draft, all_drafts, drop_draft
 from armcontour.studio.document import Document
 from armcontour.studio.edits import EditState, changes_of
 from armcontour.studio.handles import handles_of
@@ -57,7 +58,6 @@ class Editor:
         rev: Revision of the document: the number of its texts so far.
         run: Name of the run that is shown.
         seen: The job, and what can be grabbed of it.
-        draft: What an earlier session has not saved.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Editor:
         self.rev, self.run = 1, ""
         self.seen = Seen({}, None, None)
         self._renew()
-        self.draft = document.earlier_draft()
+        self._other = self._find_other()
 
     @property
     def folder(self) -> FilePath:
@@ -80,7 +80,7 @@ class Editor:
     @property
     def folders(self) -> tuple[FilePath, FilePath]:
         """Folders in which files may be read."""
-        return self.folder, self.uploads.folder
+        return self.folder, self.uploads.root
 
     def open(self, document: Document) -> None:
         """Edit another document.
@@ -89,9 +89,39 @@ class Editor:
             InvalidInput: It makes no job.
         """
         self._job_of(document.data)
-        self.document, self.run, self.draft = document, "", None
+        self.document, self.run, self._other = document, "", None
         self.previewer.forget()
         self._changed()
+
+    @property
+    def draft(self) -> str | None:
+        """Name of what an earlier session has not saved; None without."""
+        if self.document.earlier is not None:
+            return self.document.source
+        return None if self._other is None else self._other.name
+
+    def restore(self) -> None:
+        """Take what an earlier session has not saved.
+
+        Raises:
+            InvalidInput: There is nothing, or it makes no job.
+        """
+        draft = self._other
+        if self.document.earlier is None and draft is not None:
+            folder = FilePath(draft.folder)
+            self.open(Document.of_text(draft.opened, folder, draft.name, draft.key, upload=True))
+        if self.document.earlier is None:
+            raise InvalidInput("There is no draft.")
+        self.commit(self.of_text(self.document.earlier), "take the draft")
+        self.document.earlier = None
+
+    def discard(self) -> None:
+        """Remove what an earlier session has not saved."""
+        if self.document.earlier is None and self._other is not None:
+            drop_draft(self._other.key)
+            self._other = None
+        self.document.earlier = None
+        self.document.write_draft()
 
     def select(self, run: str) -> None:
         """Show another run.
@@ -223,6 +253,12 @@ class Editor:
             "named": [str(x) for x in self.named],
             "options": dict(options),
         }
+
+    def _find_other(self) -> Draft | None:
+        """The newest draft of an upload, if the document has none: no command opens it again."""
+        if self.document.earlier is not None:
+            return None
+        return next((x for x in all_drafts() if x.upload and x.folder == str(self.folder)), None)
 
     def _changed(self, seen: Seen | None = None) -> None:
         """See the job after the text has changed."""

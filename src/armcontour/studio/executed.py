@@ -20,7 +20,7 @@ from armcontour.evaluation.evaluation import (
 )
 from armcontour.jobs.run_data import off_drawing
 from armcontour.motion import Execution
-from armcontour.studio.demand import demand_shares
+from armcontour.studio.demand import signed_shares
 from armcontour.studio.previewed import Executed
 from armcontour.studio.thinning import evenly, thin
 from armcontour.studio.view import View, in_space, short
@@ -42,7 +42,7 @@ def executed_frame(executed: Executed, view: View) -> Frame:
     base = np.concatenate([x.on_path for x in executed.pieces])
     tool = np.concatenate([x.tool for x in executed.pieces])
     distance = np.concatenate([x.found.distance for x in executed.pieces])
-    demand = demand_shares(execution.demand[which], planned.run.limits)
+    demand = signed_shares("joint_acceleration", planned.run.limits, execution.demand[which])
     offset = view.offsets(tool - base)
     kept = thin(
         _peaks(distance),

@@ -35,10 +35,7 @@ BODIES = tuple(x.name for x in fields(BodiesModel))
 EXACT = 1e-13
 POINTS, SEGMENTS, SPLINE, FILE = "points", "segments", "spline", "file"
 POINT, VIA, CENTER, END = "point", "via", "center", "end"
-FROM_FILE = (
-    "The contours come from {file}, so that their points stay as drawn: make them waypoints of the "
-    "job to move them."
-)
+FROM_FILE = "The contours come from {file}, so that their points stay as drawn."
 COMPUTED = "This end follows from the centre and the angle of its arc: move the centre."
 
 
@@ -138,6 +135,21 @@ class Handles:
     def ends(self) -> tuple[Waypoint, ...]:
         """The waypoints through which the path goes, in order."""
         return tuple(x for x in self.waypoints if x.role in (POINT, END))
+
+    def is_removable(self, point: Waypoint) -> bool:
+        """Whether the path can do without a point."""
+        ends = self.ends
+        is_start_of_arc = point.index == 0 and ends[1].role == END
+        return point.role in (POINT, END) and len(ends) > 2 and not is_start_of_arc
+
+    def is_divisible(self, index: int) -> bool:
+        """Whether a point can be inserted before a waypoint; arcs take no more points.
+
+        Args:
+            index: Number of the waypoint; that of a new last one divides nothing.
+        """
+        arcs = {x.keys[2] for x in self.waypoints if x.role in (VIA, CENTER)}
+        return index - 1 not in arcs
 
     def to_file(
         self, uv: npt.ArrayLike, like: Waypoint, *, within: float = EXACT

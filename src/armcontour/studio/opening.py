@@ -93,5 +93,6 @@ def _document(file: FilePath | None, cell: str | None) -> Document:
 
     if file is None:
         paper = resources.files("armcontour.jobs") / "library" / "paper.yaml"
-        return Document.of_text(paper.read_text(encoding="utf-8"), FilePath.cwd(), "paper.yaml")
+        text = paper.read_text(encoding="utf-8")
+        return Document.of_text(text, FilePath.cwd(), paper.name, key="built-in")
     return Document.open(file) if cell is None else Document.of_drawing(file, cell)

@@ -124,16 +124,19 @@ class Server:
     async def _open(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Open a file that the page has sent."""
         query = parse_qs(scope["query_string"].decode("latin-1"))
-        name, cell = (query.get(key, [""])[0] for key in ("name", "cell"))
+        name, cell, unknown = (query.get(key, [""])[0] for key in ("name", "cell", "unknown"))
         body = await _read_body(receive)
         session = self.desk.session
         if session is None:
             raise Refused(503, "The Studio is starting: wait a moment.")
         status, answer = 200, {}
         try:
-            await asyncio.to_thread(session.open_upload, name, body, cell or None)
+            await asyncio.to_thread(session.open_upload, name, body, cell or None, unknown)
         except ArmContourError as error:
-            status, answer = 422, {"sentence": str(error), "error": type(error).__name__}
+            from armcontour.studio.tabs import without_options
+
+            sentence = without_options(str(error))
+            status, answer = 422, {"sentence": sentence, "error": type(error).__name__}
         await respond(send, status, json.dumps(answer).encode(), "application/json")
 
     async def _talk(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -122,20 +122,21 @@ class Session:
         with self.display.lock:
             self.display.look()
 
-    def open_upload(self, name: str, content: bytes, cell: str | None) -> None:
+    def open_upload(self, name: str, content: bytes, cell: str | None, unknown: str = "") -> None:
         """Open a file that a page has sent: a job, or a drawing for the arm of the document.
 
         Args:
             name: Name of the file.
             content: Its bytes.
             cell: For a drawing, the built-in cell to open it in; None keeps the document's arm.
+            unknown: As of `Uploads.open`.
 
         Raises:
             InvalidInput: A file that cannot be opened.
         """
         with self.display.lock:
             editor = self.editor
-            opened = editor.uploads.open(name, content, cell, editor.document)
+            opened = editor.uploads.open(name, content, cell, editor.document, unknown)
             if isinstance(opened, Document):
                 editor.open(opened)
                 self.display.open()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,6 +17,15 @@ Said: TypeAlias = Mapping[str, Any]
 MOST_FILES, MOST_BYTES = 20, 200_000_000
 # Frames of which a page needs only the newest.
 NEWEST_ONLY = {"arm", "document", "executed", "figures", "picture", "pose", "refusal"}
+
+# Options of the command line in a sentence, which also names the key of the job file.
+_OPTION = r"--[a-z][a-z-]*(?: (?:'[^']*'|[^\s,.;:()']+))?"
+_OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|,? or {_OPTION}|, {_OPTION}(?=\))")
+
+
+def without_options(sentence: str) -> str:
+    """A sentence without options of the command line, which a page does not have."""
+    return _OPTIONS.sub("", sentence)
 
 
 class Tab(Protocol):
@@ -97,7 +107,9 @@ class Tabs:
             to: The page.
             answers: As of `answers`: messages that it answers; by default the last ones.
         """
-        key = _key(frame)
+        key, sentence = _key(frame), frame.header.get("sentence")
+        if isinstance(sentence, str):
+            frame = frame.stamped(sentence=without_options(sentence))
         with self._lock:
             answers = self.answers if answers is None else answers
             if to is None and key is not None and not frame.header.get("dropped"):

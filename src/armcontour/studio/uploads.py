@@ -1,41 +1,46 @@
 """Files that a page sends: jobs, drawings and robot descriptions.
 
 A job that refers to a drawing needs a file. So what a page sends is kept in a folder of its own
-until the end, unless the folder of the job has the same file.
+until the end, and as long as a draft needs it, unless the folder of the job has the same file.
 """
 
 from __future__ import annotations
 
+import hashlib
 import secrets
 import shutil
-import tempfile
+import time
 from pathlib import Path as FilePath
 
 from armcontour._text import make_printable
 from armcontour.errors import InvalidInput
 from armcontour.io.cell import OWN_PATH, YAML, cell_names, drawing_text
 from armcontour.io.drawings.endings import READERS
-from armcontour.io.job_edits import Change
+from armcontour.io.job_edits import Change, change_text
+from armcontour.studio.disk import all_drafts, make_private, state_folder
 from armcontour.studio.document import Document
 
 # Endings of robot descriptions; .xacro is none of them, as it is a program.
 ROBOTS = (".urdf",)
 LONGEST = 100
+# Age of folders of other sessions, whose servers may still run, before they are removed [s].
+OLD = 30 * 86400.0
 
 
 class Uploads:
     """The folder of what pages send; it is made when it is needed.
 
     Attributes:
-        folder: The folder, which may not be there.
+        root: Folder of what pages have sent in all sessions.
+        folder: The folder of this session, which may not be there.
     """
 
     def __init__(self) -> None:
-        # Nobody can guess the name, and make the folder before.
-        self.folder = FilePath(tempfile.gettempdir()) / f"armcontour-{secrets.token_hex(8)}"
+        self.root = state_folder() / "uploads"
+        self.folder = self.root / secrets.token_hex(8)
 
     def open(
-        self, name: str, content: bytes, cell: str | None, document: Document
+        self, name: str, content: bytes, cell: str | None, document: Document, unknown: str = ""
     ) -> Document | list[Change]:
         """Open a file.
 
@@ -44,6 +49,7 @@ class Uploads:
             content: Its bytes.
             cell: For a drawing, the built-in cell to open it in; None changes the document.
             document: The document.
+            unknown: Value of `path.unknown` for a drawing; "" for the default.
 
         Returns:
             Another document, or changes of this one.
@@ -52,9 +58,10 @@ class Uploads:
             InvalidInput: A file of another kind, or one that is no text.
         """
         refuse_name(name)
+        key = f"upload {name} on {cell} {unknown} {hashlib.sha256(content).hexdigest()}"
         ending, folder = FilePath(name).suffix.lower(), document.folder or FilePath.cwd()
         if ending in YAML:
-            return Document.of_text(_text(name, content), folder, name)
+            return Document.of_text(_text(name, content), folder, name, key, upload=True)
         if ending in ROBOTS:
             file = self._keep(name, content, folder)
             return [Change(("arm",), {"file": file})]
@@ -64,27 +71,36 @@ class Uploads:
                 "robot (.urdf)."
             )
         file = self._keep(name, content, folder)
+        options = [Change(("path", "unknown"), unknown)] if unknown else []
         if cell is not None:
             if cell not in cell_names():
                 raise InvalidInput(f"There is no cell {cell!r}: take {', '.join(cell_names())}.")
             there = (folder / file).resolve()
-            return Document.of_text(drawing_text(cell, there, folder), folder, f"{there.stem}.yaml")
+            source = f"{there.stem}.yaml"
+            text = change_text(drawing_text(cell, there, folder), options, source)
+            return Document.of_text(text, folder, source, key, upload=True)
         path = document.data.get("path") or {}
         return [
             *(Change(("path", x)) for x in OWN_PATH if x in path),
             Change(("path", "file"), file),
+            *options,
         ]
 
     def close(self) -> None:
-        """Remove the folder."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        """Remove what no draft needs, of this session and of old ones that did not end well."""
+        needed = "".join(x.text for x in all_drafts())
+        old = time.time() - OLD
+        for folder in self.root.glob("*"):
+            if folder.name in needed or (folder != self.folder and folder.stat().st_mtime > old):
+                continue
+            shutil.rmtree(folder, ignore_errors=True)
 
     def _keep(self, name: str, content: bytes, beside: FilePath) -> str:
         """Where a file is: beside the job if it is there, else in the folder."""
         there = beside / name
         if there.is_file() and not there.is_symlink() and there.read_bytes() == content:
             return name
-        self.folder.mkdir(mode=0o700, exist_ok=True)
+        make_private(self.folder)
         place = self.folder / name
         place.write_bytes(content)
         return str(place)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
 from armcontour.arms import Arm, Limits
+from armcontour.arms.limit_use import States
 from armcontour.arms.limits import UNITS
 from armcontour.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, Law, LawAlongPath, PathLaw, Rates
-from armcontour.timing.limit_use import States, allowed, quantity
 
 # Samples per smooth piece of a law. A piece turns by half a radian at most, so the sampled peak is
 # less than the true peak by under a part in ten thousand.
@@ -92,29 +92,19 @@ def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: Float
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Peaks:
-    """Largest values along a law.
-
-    Args:
-        acceleration: Largest acceleration of each joint, without sign [rad/s²], (dof,).
-        speed: Largest tool speed [m/s].
-    """
-
-    acceleration: FloatArray
-    speed: float
-
-
-def law_peaks(law: Law, arm: Arm) -> Peaks:
-    """Find the largest joint accelerations, (27), and the largest tool speed along a law."""
-    states = law_states(law, arm)
-    return Peaks(np.abs(states.ddq).max(axis=0), float(quantity("speed", states).max()))
+def law_peaks(laws: Sequence[Law], arm: Arm) -> dict[str, Any]:
+    """Largest joint accelerations, (27), and tool speed along laws, as fields of `Stretch`."""
+    states = [law_states(x, arm) for x in laws]
+    return {
+        "demand": np.max([np.abs(x.ddq).max(axis=0) for x in states], axis=0),
+        "speed": max(float(x.bound("speed")[0].max()) for x in states),
+    }
 
 
 def law_states(law: Law, arm: Arm) -> States:
     """Joint states at the samples of a law."""
     i, t = sample_times(law)
-    return States(arm, *(law.on_interval(i, t, order) for order in (0, 1, 2)))
+    return States(arm, law.motion(i, t))
 
 
 def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
@@ -123,18 +113,13 @@ def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
     Returns:
         The interval of each sample, (n,), and its time [s], (n,).
     """
-    knots = _smooth_pieces(law) if isinstance(law, PathLaw) else law.breaks
+    knots = law.breaks
+    if isinstance(law, PathLaw):
+        knots = np.unique(np.append(knots, law.passages))
     count = PEAK_SAMPLES if isinstance(law, PathLaw) else 3
     grid = np.linspace(knots[:-1], knots[1:], count)
     interval = np.searchsorted(law.breaks, (knots[:-1] + knots[1:]) / 2, side="right") - 1
     return np.broadcast_to(interval, grid.shape).ravel(), grid.ravel()
-
-
-def _smooth_pieces(law: PathLaw) -> FloatArray:
-    """Times [s] between which both s(t) and the joint path are one polynomial each."""
-    inner = law.joint_path.breaks
-    inner = inner[(inner > law.s[0]) & (inner < law.s[-1])]
-    return np.unique(np.concatenate([law.breaks, law.reach(inner)[1]]))
 
 
 def refuse_broken(
@@ -186,14 +171,13 @@ def _refuse_in_law(
     Raises:
         NotRealizable: With position and time, the joint, the value it would need, and the limit.
     """
-    found = quantity(name, states)
-    most = np.broadcast_to(allowed(name, limits, states), found.shape)
-    over = found / most
-    if over.max() <= 1 + ROUNDING:
+    found = states.use(name, limits)
+    ratio = found.ratio
+    if ratio.max() <= 1 + ROUNDING:
         return
-    at = np.unravel_index(int(np.argmax(over)), found.shape)
+    at = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     joint = int(at[1]) if len(at) == 2 else None
-    needed, limit = abs(float(found[at])), abs(float(most[at]))
+    needed, limit = found.value[at], np.broadcast_to(found.limit, ratio.shape)[at]
     who = "the tool" if joint is None else f"joint {joint + 1}"
     intervals, times = sample_times(law)
     s = float(law.path_position(intervals[at[0]], times[at[0]]))
@@ -204,6 +188,6 @@ def _refuse_in_law(
         t=start + float(times[at[0]]),
         joint=joint,
         limit=name,
-        needed=needed,
-        allowed=limit,
+        needed=float(needed),
+        allowed=float(limit),
     )

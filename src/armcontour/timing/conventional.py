@@ -37,13 +37,11 @@ def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajec
         t=0.0,
         mends="a lower assigned velocity or the method optimal helps",
     )
-    peaks = law_peaks(law, arm)
     stretch = Stretch(
         name="whole path",
         kind="uniform",
         t=(0.0, float(law.breaks[-1])),
         s=(0.0, path.length),
-        demand=peaks.acceleration,
-        speed=peaks.speed,
+        **law_peaks([law], arm),
     )
     return Trajectory(laws=(law,), method=Method.CONVENTIONAL, path=path, stretches=(stretch,))

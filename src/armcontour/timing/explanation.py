@@ -11,15 +11,16 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm, Limits, resolve_limits
+from armcontour.arms.limits import JOINT_LIMITS
 from armcontour.core.fields import checked
-from armcontour.core.render import Result
+from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.errors import InvalidInput
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.timing.common import with_reserve
-from armcontour.timing.constraints import Constraint, IntervalEnds, ToolSpeed
+from armcontour.timing.constraints import Constraint, IntervalEnds
 from armcontour.timing.grid import Grid
-from armcontour.timing.optimal import constraints_of
+from armcontour.timing.optimal import assigned_speeds
 
 # A limit binds on an interval from this used share on. Margins may take the rest; below this share
 # the plan passes from one limit to another.
@@ -39,6 +40,16 @@ FLAT = 0.01
 BETWEEN = "between two limits"
 # Largest number of limits that are printed.
 MOST_LISTED = 10
+# What limits are called for people, in the order that decides between equal shares.
+NAMES = {
+    **{f"joint_{x}": x for x in ("torque", "velocity", "acceleration")},
+    "speed": "assigned velocity",
+    "centripetal_acceleration": "centripetal acceleration",
+    "tool_acceleration": "tool acceleration",
+    "angular_speed": "angular speed",
+    "angular_acceleration": "angular acceleration",
+    **{"joint_jerk": "jerk", "tool_jerk": "tool jerk", "path_jerk": "path jerk"},
+}
 # Fields of `_LawExplanation` that are added up over contours: lengths and times.
 SUMMED = ("with_assigned", "reached")
 
@@ -90,7 +101,8 @@ class Shortfall:
     @property
     def sentence(self) -> str:
         """The shortfall as one line of a report."""
-        return f"{self.reason} at s = {self.s:.3f} m: {self.speed:.3g} of {self.assigned:.3g} m/s"
+        speed, assigned = (number(x, "m/s") for x in (self.speed, self.assigned))
+        return f"{self.reason} at s = {number(self.s, 'm')}: {speed} of {assigned}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -271,8 +283,8 @@ class _LawExplanation:
 
     bindings: tuple[Binding, ...]
     shortfalls: tuple[Shortfall, ...]
-    with_assigned: tuple[float, float] = (0.0, 0.0)
-    reached: tuple[float, float] = (0.0, 0.0)
+    with_assigned: tuple[float, float]
+    reached: tuple[float, float]
 
 
 def _join(parts: Sequence[_LawExplanation]) -> Explanation:
@@ -295,31 +307,36 @@ def _explain_law(
     offsets: tuple[float, float],
 ) -> _LawExplanation:
     """Explain one law; `offsets` are its start time [s] and start arc length [m] in the motion."""
-    from armcontour.timing.constraints.jerk import jerks_of
-
-    jerks = jerks_of(bounds, arm.dof)
-    active = [*constraints_of(law.joint_path, arm, bounds), *jerks, *constraints]
     middle = (law.s[:-1] + law.s[1:]) / 2
     grid = Grid(law.joint_path, law.s, law.joint_path.locate(middle))
     ends = IntervalEnds(arm, law, grid)
-    used = [x.usage(ends) for x in active]
-    names = [x for constraint in active for x in constraint.names]
+    assigned = assigned_speeds(law.joint_path, bounds)[grid.piece]
+    names: list[tuple[str, int | None]] = []
+    used: list[FloatArray] = []
+    reached = np.zeros(len(grid), dtype=bool)
+    for limit, name in NAMES.items():
+        if limit == "speed" and np.isfinite(assigned).any():
+            speed, _ = ends.states.bound("speed")
+            used.append((speed.reshape(-1, 2).max(axis=1) / assigned)[:, None])
+            reached = (used[-1][:, 0] >= REACHED) & np.isfinite(assigned)
+        elif limit != "speed" and getattr(bounds, limit) is not None:
+            used.append(ends.largest_use(limit, bounds))
+        else:
+            continue
+        joints = range(arm.dof) if limit in JOINT_LIMITS else (None,)
+        names += [(name, x) for x in joints]
+    for constraint in constraints:
+        used.append(constraint.usage(ends))
+        names += constraint.names
     shares = np.concatenate(used, axis=1)
-    share = shares.max(axis=1)
-    which = _find_binding(shares, BINDS_WITH_JERK if jerks else BINDS)
-    bindings = _bindings(law, share, which, names, offsets)
-    for constraint, shares in zip(active, used, strict=True):
-        if isinstance(constraint, ToolSpeed):
-            assigned = constraint.allowed(grid)[:, 0]
-            reached = (shares[:, 0] >= REACHED) & np.isfinite(assigned)
-            shortfalls = _shortfalls(law, assigned, reached, which, names)
-            return _LawExplanation(
-                bindings,
-                tuple(replace(x, s=offsets[1] + x.s) for x in shortfalls),
-                _extent(law, np.isfinite(assigned)),
-                _extent(law, reached),
-            )
-    return _LawExplanation(bindings, ())
+    which = _find_binding(shares, BINDS_WITH_JERK if bounds.jerk_limits else BINDS)
+    shortfalls = _shortfalls(law, assigned, reached, which, names)
+    return _LawExplanation(
+        _bindings(law, shares.max(axis=1), which, names, offsets),
+        tuple(replace(x, s=offsets[1] + x.s) for x in shortfalls),
+        _extent(law, np.isfinite(assigned)),
+        _extent(law, reached),
+    )
 
 
 def _find_binding(shares: FloatArray, least: float) -> IntArray:

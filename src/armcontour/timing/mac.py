@@ -302,12 +302,10 @@ def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
         mends="the method mac does not plan for this limit there; a lower assigned velocity or "
         "centripetal acceleration, or the method optimal, helps",
     )
-    peaks = [law_peaks(law, arm) for law in part.laws]
     return Stretch(
         name=part.name,
         kind=part.kind,
         t=(now, now + part.duration),
         s=part.s,
-        demand=np.max([x.acceleration for x in peaks], axis=0),
-        speed=max(x.speed for x in peaks),
+        **law_peaks(part.laws, arm),
     )

@@ -17,7 +17,7 @@ from armcontour.arms import Arm
 from armcontour.errors import NotRealizable
 from armcontour.motion import JointPath, LawAlongPath, LineLaw
 from armcontour.timing._laps import laps
-from armcontour.timing.common import law_peaks, path_law, tool_path_of
+from armcontour.timing.common import law_states, path_law, tool_path_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +231,7 @@ class Line:
             if start < 0 or end >= len(self.s) or np.isnan([forward[start], backward[end]]).any():
                 continue
             law = path_law(self.joint_path, self.s[[start, end]], forward[[start]], backward[[end]])
-            if (law_peaks(law, self.arm).acceleration <= self.limit).all():
+            if (np.abs(law_states(law, self.arm).ddq) <= self.limit).all():
                 return start, end
         return low, high
 

@@ -20,7 +20,6 @@ from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import TOOL_LIMITS
 from armcontour.errors import InvalidInput, NotRealizable
-from armcontour.geometry import Path
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.timing.constraints import (
     AngularAcceleration,
@@ -147,33 +146,13 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
     acceleration = None if limits.joint_acceleration is None else limits.acceleration_bounds(dof)
     if velocity is not None or acceleration is not None:
         active.append(JointMotion(velocity, acceleration))
-    tool = [x for x in TOOL_LIMITS if x != "path_jerk" and getattr(limits, x) is not None]
+    speed = assigned_speeds(joint_path, limits)
     if joint_path.tool_path is None:
-        if tool:
-            raise InvalidInput(
-                "Limits of the tool need a tool path: plan a Path or a traced one, or lift them "
-                f"with limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
-            )
         return active
-    return active + _tool_constraints(joint_path, joint_path.tool_path, arm, limits)
-
-
-def _tool_constraints(
-    joint_path: JointPath, path: Path, arm: Arm, limits: Limits
-) -> list[Constraint]:
-    """Make the constraints from the tool limits and from the speeds of segments."""
-    active: list[Constraint] = []
-    own = path.speeds
-    tool = (limits.speed, limits.centripetal_acceleration)
-    if not np.isnan(own).all() or any(x is not None for x in tool):
+    assigned = bool(np.isfinite(speed).any())
+    if assigned or limits.centripetal_acceleration is not None:
         metric = ToolMetric.of(joint_path, arm)
-        speed = np.fmin(own, np.inf if limits.speed is None else limits.speed)
-        if len(own) > 1:
-            middle = (joint_path.breaks[:-1] + joint_path.breaks[1:]) / 2
-            speed = speed[path.locate(middle)]
-        else:
-            speed = np.repeat(speed, len(joint_path.breaks) - 1)
-        if np.isfinite(speed).any():
+        if assigned:
             active.append(ToolSpeed(speed, metric))
         if limits.centripetal_acceleration is not None:
             active.append(CentripetalAcceleration(limits.centripetal_acceleration, metric))
@@ -184,6 +163,28 @@ def _tool_constraints(
     if limits.angular_acceleration is not None:
         active.append(AngularAcceleration(limits.angular_acceleration, arm))
     return active
+
+
+def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
+    """Assigned velocity on each piece of a joint path [m/s], infinite without one, (pieces,).
+
+    Raises:
+        InvalidInput: Tool limits without a tool path.
+    """
+    path, breaks = joint_path.tool_path, joint_path.breaks
+    if path is None:
+        tool = [x for x in TOOL_LIMITS if x != "path_jerk" and getattr(limits, x) is not None]
+        if tool:
+            raise InvalidInput(
+                "Limits of the tool need a tool path: plan a Path or a traced one, or lift them "
+                f"with limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
+            )
+        return np.full(len(breaks) - 1, np.inf)
+    speed = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
+    speed = np.where(np.isnan(speed), np.inf, speed)
+    if len(speed) == 1:
+        return np.repeat(speed, len(breaks) - 1)
+    return np.asarray(speed[path.locate((breaks[:-1] + breaks[1:]) / 2)])
 
 
 def time_optimal(

@@ -11,6 +11,7 @@ import numpy as np
 from armcontour import _checks
 from armcontour._checks import FloatArray
 from armcontour._quantities import (
+    About,
     AngularDistance,
     AtLeast,
     Axes,
@@ -23,6 +24,7 @@ from armcontour._quantities import (
 from armcontour.arms import Arm, Limits
 from armcontour.arms.limits import or_unlimited
 from armcontour.core.fields import Options
+from armcontour.core.render import number
 from armcontour.errors import InvalidInput
 from armcontour.motion import PERIOD, JointPath, Method, check_interval
 from armcontour.timing.constraints import Constraint
@@ -32,6 +34,8 @@ from armcontour.timing.grid import FEWEST_PER_PIECE, MOST_INTERVALS
 LONGEST_MOTION = 1e6
 MotionTime = Annotated[float, Quantity("s", "6.5 s", within=(_checks.SMALLEST, LONGEST_MOTION))]
 Intervals = Annotated[int, AtLeast(FEWEST_PER_PIECE, MOST_INTERVALS)]
+# Of fields that are keys of a job, whose other options have keys elsewhere or none.
+KEY = About()
 PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
 # Laps per line of the paper's method. With fewer laps a short line from rest to rest would have no
 # lap to move in; more are some GB of data for an arm with six joints.
@@ -63,7 +67,7 @@ class PlanOptions(Options):
     """
 
     method: ClassVar[Method]
-    reserve: Reserve = 0.0
+    reserve: Annotated[Reserve, About(panel="run", usual=(0.0, 0.9))] = 0.0
     branch: str | None = None
     start: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
     fits: Callable[[JointPath], bool] | None = None
@@ -94,7 +98,7 @@ class Optimal(PlanOptions):
 
     method = Method.OPTIMAL
     duration: MotionTime | None = None
-    intervals: Intervals | None = None
+    intervals: Annotated[Intervals | None, KEY] = None
     iterations: Annotated[int, AtLeast(1, MOST_ITERATIONS)] = MOST_ITERATIONS
     grid: Annotated[FloatArray, Quantity("m", "5 mm"), Axes("points")] | None = None
     start_speed: PathSpeed = 0.0
@@ -152,15 +156,16 @@ class Shaped(PlanOptions):
             return
         if self.line_tolerance > self.tolerance:
             raise InvalidInput(
-                f"line_tolerance of {self.line_tolerance:g} m is above the tolerance of "
-                f"{self.tolerance:g} m: lines may not be less exact than corners.",
+                f"line_tolerance of {number(self.line_tolerance, 'm')} is above the tolerance of "
+                f"{number(self.tolerance, 'm')}: lines may not be less exact than corners.",
                 needed=self.line_tolerance,
                 allowed=self.tolerance,
             )
         if self.zone < self.tolerance:
             raise InvalidInput(
-                f"zone of {self.zone:g} m is below the tolerance of {self.tolerance:g} m, "
-                "which reaches that far from a vertex: give at least the tolerance.",
+                f"zone of {number(self.zone, 'm')} is below the tolerance of "
+                f"{number(self.tolerance, 'm')}, which reaches that far from a vertex: give at "
+                "least the tolerance.",
                 needed=self.tolerance,
                 allowed=self.zone,
             )
@@ -182,7 +187,7 @@ class Paper(PlanOptions):
     """
 
     method = Method.MAC
-    knots: Annotated[int, AtLeast(FEWEST_LAPS, MOST_LAPS)] | None = None
+    knots: Annotated[Annotated[int, AtLeast(FEWEST_LAPS, MOST_LAPS)] | None, KEY] = None
     period: Interval = PERIOD
 
     def _check_together(self) -> None:

@@ -21,6 +21,7 @@ from armcontour.arms.inverse import (
     seeds,
     shift_by_turns,
 )
+from armcontour.arms.limit_use import use_of
 from armcontour.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.tracing.knots import Knots
@@ -368,8 +369,7 @@ def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
     steps = np.diff(q, axis=0)
     if arm.limits.joint_velocity is None:
         return float(np.abs(steps).max(axis=1).sum())
-    low, high = arm.limits.velocity_bounds(arm.dof)
-    return float(np.maximum(steps / low, steps / high).max(axis=1).sum())
+    return float(use_of("joint_velocity", arm.limits, steps).ratio.max(axis=1).sum())
 
 
 def _turn_into_range(

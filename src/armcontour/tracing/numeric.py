@@ -6,7 +6,6 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import SerialArm, _newton
-from armcontour.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.tracing.configurations import Solution
 from armcontour.tracing.knots import MIDDLE, Knots
@@ -15,11 +14,15 @@ from armcontour.tracing.poses import (
     motion_at,
     poses_at,
     tool_errors,
-    turning_too_fast,
-    what_helps,
 )
 from armcontour.tracing.redundancy import Guide, null_space
-from armcontour.tracing.solver import Ends, Solver, largest_errors, quintics_at_places
+from armcontour.tracing.solver import (
+    Ends,
+    Solver,
+    largest_errors,
+    quintics_at_places,
+    refuse_singularity,
+)
 
 # Largest angle between the tool and its required orientation between knots [rad].
 ANGULAR_TOLERANCE = 1e-9
@@ -88,7 +91,7 @@ class Numeric(Solver[SerialArm]):
         )
         bad = ~(found & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
-            self._refuse_singularity(knots, u, int(np.argmax(bad)))
+            refuse_singularity(self, float(knots.at(u)[np.argmax(bad)]), "is singular")
         return q, dq_ds, d2q_ds2
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
@@ -116,17 +119,3 @@ class Numeric(Solver[SerialArm]):
         if self._guide is None:
             return np.zeros((n, 3, 0, dof)), np.zeros((n, 3, dof))
         return self._guide.at(knots.at(u), knots.at((knots.u0 + knots.u1) / 2))
-
-    def _refuse_singularity(self, knots: Knots, u: FloatArray, i: int) -> None:
-        """Raise Unreachable for knot i, with its arc length and position."""
-        s = float(knots.at(u)[i])
-        point = self.path(s).tolist()
-        raise Unreachable(
-            turning_too_fast(self.path, s)
-            or f"At {s:.6g} m of {self.path.length:.6g} m along the path, at "
-            f"{tuple(round(x, 6) for x in point)} m, the arm {self.arm.name} is singular: "
-            f"{what_helps(self.path)}.",
-            point=point,
-            s=s,
-            limit="singularity",
-        )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Generic, TypeVar
+from typing import Any, Generic, NoReturn, TypeVar
 
 import numpy as np
 
@@ -204,7 +204,10 @@ def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
         if not missed.any():
             break
         coarse = knots.part(missed)
-        _refuse_singularity(solver, coarse)
+        small = np.flatnonzero(coarse.u1 - coarse.u0 < SMALLEST_INTERVAL)
+        if len(small):
+            place = float(coarse.s0[small[0]])
+            refuse_singularity(solver, place, "is singular or jumps between configurations")
         u = (coarse.u0 + coarse.u1) / 2
         halfway = (start[0][missed] + end[0][missed]) / 2
         between = solver.ends(coarse, u, solver.guess(coarse, u, middle[leaves], halfway))
@@ -224,18 +227,24 @@ def _select(ends: Ends, which: BoolArray | IntArray) -> Ends:
     return q[which], dq_ds[which], d2q_ds2[which]
 
 
-def _refuse_singularity(solver: Solver[Arm], knots: Knots) -> None:
-    """Raise Unreachable if any of the intervals is too short to be split further."""
-    small = np.flatnonzero(knots.u1 - knots.u0 < SMALLEST_INTERVAL)
-    if len(small):
-        s = float(knots.s0[small[0]])
-        point = solver.path(s).tolist()
-        raise Unreachable(
-            turning_too_fast(solver.path, s)
-            or f"At {s:.6g} m along the path, near {tuple(round(x, 6) for x in point)} m, the arm "
-            f"{solver.arm.name} is singular or jumps between configurations: "
-            f"{what_helps(solver.path)}.",
-            point=point,
-            s=s,
-            limit="singularity",
-        )
+def refuse_singularity(solver: Solver[Any], s: float, state: str) -> NoReturn:
+    """Refuse a place of the path where no joint motion is found.
+
+    Args:
+        solver: The solver of the path.
+        s: Arc length of the place [m].
+        state: What the arm is or does there.
+
+    Raises:
+        Unreachable: Always.
+    """
+    path, point = solver.path, solver.path(s).tolist()
+    raise Unreachable(
+        turning_too_fast(path, s)
+        or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
+        f"{tuple(round(x, 6) for x in point)} m, the arm {solver.arm.name} {state}: "
+        f"{what_helps(path)}.",
+        point=point,
+        s=s,
+        limit="singularity",
+    )

@@ -3,11 +3,11 @@
 import numpy as np
 
 import armcontour as ac
-from armcontour.identification import identify
 from armcontour.motion import Log, TaughtData
 
 PERIOD = 4e-3
 NOISE = 1e-5
+NOMINAL, LOADED = (ac.BodyFit(gravity=x) for x in ("nominal", "loaded"))
 HOME = np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])
 COULOMB = np.array([6.0, 6.0, 4.0, 1.5, 1.5, 1.5])
 VISCOUS = np.array([8.0, 8.0, 5.0, 2.0, 2.0, 2.0])
@@ -70,4 +70,4 @@ def planar(armature):
     q = np.array([0.4, 1.2]) + (set_points(3, 4.0) - HOME)[:, :2]
     servo = nominal_servo().replace(kp=np.array([26.0, 24.0]), dead_time=5e-3)
     log = record(true, servo, q, known=nominal)
-    return identify(log, arm=nominal, servo=nominal_servo(), gravity="nominal"), coulomb
+    return ac.identify_bodies(log, nominal, nominal_servo(), NOMINAL), coulomb

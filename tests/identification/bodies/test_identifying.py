@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour import identify_bodies
 from armcontour.drives import Drives
 from armcontour.errors import InvalidInput
-from armcontour.identification import identify
-from armcontour.identification.bodies.fitting import attempt, derivatives
 from armcontour.identification.bodies.grid import Gridded
 from armcontour.identification.bodies.model import Model
+from armcontour.identification.bodies.output_error import attempt, derivatives
 from armcontour.motion import Log
 from armcontour.motion.log_checks import arrange
 
@@ -19,7 +19,9 @@ from .robots import (
     COULOMB,
     HOME,
     KP,
+    LOADED,
     NOISE,
+    NOMINAL,
     VISCOUS,
     nominal_arm,
     nominal_servo,
@@ -51,7 +53,7 @@ def log(arm, nominal):
 
 @pytest.fixture(scope="module")
 def found(log, nominal):
-    return identify(log, arm=nominal, servo=nominal_servo())
+    return identify_bodies(log, nominal, nominal_servo())
 
 
 def deviations(found):
@@ -85,7 +87,7 @@ def test_the_identified_robot_is_within_its_standard_deviations(found, nominal):
     assert chain.payload.mass == found.payload_mass.value
     np.testing.assert_allclose(chain.payload.center, [0.02, 0, 0.05], atol=2e-3)
     np.testing.assert_allclose(chain.armature, 0.1, rtol=0.05)
-    servo = found.servo
+    servo = found.servo_model()
     assert (servo.kv == 150.0).all()
     np.testing.assert_allclose(servo.kp, KP, rtol=5e-3)
     assert (servo.inertia == Drives(arm=nominal, servo=nominal_servo()).inertia).all()
@@ -101,13 +103,14 @@ def test_derivatives_are_those_of_the_simulated_motion(log, nominal):
         arm=nominal, servo=nominal_servo().for_joints(6), keep_kv=True, gravity="nominal", lag=1e-4
     )
     values = np.array(model.nominal)
-    names = [x.name for x in model.unknowns]
+    names = model.names
     for name, value in (("viscous", 3.0), ("payload_mass", 1.5), ("dead_time", 5e-3)):
-        values[[x == name for x in names]] = value
-    values[[x == "payload_center" for x in names]] = [0.02, -0.03, 0.05]
+        values[names == name] = value
+    for axis, value in zip("xyz", (0.02, -0.03, 0.05), strict=True):
+        values[names == f"payload_center_{axis}"] = value
     grids = [Gridded.of(short, "linear", 0.3)]
     exact = derivatives(model, grids, attempt(model, grids, values))
-    steps = {"payload_center": 1e-3, "dead_time": 1e-3, "payload_mass": 1e-2, "coulomb": None}
+    steps = {"dead_time": 1e-3, "payload_mass": 1e-2, "coulomb": None}
     for k, name in enumerate(names):
         step = steps.get(name, 1e-3)
         if step is None:
@@ -119,12 +122,12 @@ def test_derivatives_are_those_of_the_simulated_motion(log, nominal):
 
 
 def test_without_a_nominal_servo_friction_is_kept_and_gains_are_found(log, nominal):
-    found = identify(log, arm=nominal, gravity="nominal")
+    found = identify_bodies(log, nominal, options=NOMINAL)
     assert found.determined
     inertia = Drives(arm=nominal, servo=nominal_servo()).inertia
-    damping = inertia * found.servo.kv
+    damping = inertia * found.servo_model().kv
     np.testing.assert_allclose(damping, inertia * 150.0 + VISCOUS, rtol=0.01)
-    np.testing.assert_allclose(damping * found.servo.kp, inertia * 150.0 * KP, rtol=0.01)
+    np.testing.assert_allclose(damping * found.servo_model().kp, inertia * 150.0 * KP, rtol=0.01)
     assert not np.any(found.arm.chain.viscous)
     np.testing.assert_allclose([x.coulomb.value for x in found.joints], COULOMB, rtol=0.02)
 
@@ -132,18 +135,18 @@ def test_without_a_nominal_servo_friction_is_kept_and_gains_are_found(log, nomin
 def test_what_joints_at_rest_do_not_tell_stays_nominal(arm, nominal):
     servo = nominal_servo().replace(kp=KP)
     log = record(arm, servo, set_points(1, 2.2, joints=(0, 1, 2, 3, 4)), every=8)
-    found = identify(log, arm=nominal, servo=nominal_servo(), gravity="loaded")
+    found = identify_bodies(log, nominal, nominal_servo(), LOADED)
     assert not found.determined
     wrist = found.joints[5]
     assert wrist.kp.value == pytest.approx(25.0, rel=1e-12) and not wrist.kp.determined
     assert "coulomb of wrist_3_joint" in found.open
     assert found.joints[0].kp.determined
-    assert found.servo.kp[5] == pytest.approx(25.0, rel=1e-12)
+    assert found.servo_model().kp[5] == pytest.approx(25.0, rel=1e-12)
     # The other joints shake it less than its friction: how strong that is, nobody knows.
     assert found.arm.chain.coulomb[5] == 0.0
     blind = dataclasses.replace(found, gains_known=False)
     with pytest.raises(InvalidInput, match="does not determine k"):
-        _ = blind.servo
+        blind.servo_model()
 
 
 def changed(log, **changes):
@@ -177,13 +180,10 @@ def test_logs_that_do_not_fit_the_arm_are_refused(log, nominal):
         (of_joints(log, range(2)), rods, "masses of the arm rods are not known"),
     ):
         with pytest.raises(InvalidInput, match=message):
-            identify(wrong, arm=arm, servo=nominal_servo(), gravity="nominal")
+            identify_bodies(wrong, arm, nominal_servo(), NOMINAL)
     cascade = nominal_servo().replace(ki=5.0)
     with pytest.raises(InvalidInput, match="without integrator"):
-        identify(log, arm=nominal, servo=cascade, gravity="nominal")
-    for name, value in (("servo", nominal_servo()), ("gravity", "none")):
-        with pytest.raises(InvalidInput, match=f"{name} goes with an arm"):
-            identify(log, **{name: value})
+        identify_bodies(log, nominal, cascade, NOMINAL)
 
 
 def test_joints_are_put_in_the_order_of_the_arm(log, nominal):
@@ -205,9 +205,9 @@ def test_at_rest_nothing_is_told(nominal):
     still = np.tile(HOME, (len(t), 1))
     noise = np.random.default_rng(0).normal(0, NOISE, still.shape)
     log = Log(t=t, command=still, measured=still + noise)
-    found = identify(log, arm=nominal, servo=nominal_servo())
+    found = identify_bodies(log, nominal, nominal_servo())
     assert not any(x.determined for joint in found.joints for x in joint.estimates)
-    np.testing.assert_allclose(found.servo.kp, 25.0, rtol=1e-12)
+    np.testing.assert_allclose(found.servo_model().kp, 25.0, rtol=1e-12)
 
 
 def test_a_planar_arm_without_gravity_tells_no_more_than_the_scale_allows():
@@ -218,4 +218,6 @@ def test_a_planar_arm_without_gravity_tells_no_more_than_the_scale_allows():
     ratios = np.array([x.coulomb.value for x in found.joints]) * 26.0 / 25.0 / coulomb
     np.testing.assert_allclose(ratios, 1.0, rtol=0.005)
     assert "payload_center_z" in found.open and found.payload_center[2].value == 0.0
-    np.testing.assert_allclose(found.joints[1].kp.value / found.servo.kp[0], 24 / 26, rtol=5e-3)
+    np.testing.assert_allclose(
+        found.joints[1].kp.value / found.servo_model().kp[0], 24 / 26, rtol=5e-3
+    )

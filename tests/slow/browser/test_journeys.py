@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -13,7 +14,7 @@ import pytest
 from playwright.sync_api import expect
 from soak.studio import let_loose
 from tests.browser.test_journeys import agree
-from tools.studio_page import SQUARE, serving, write_job
+from tools.studio_page import SQUARE, Studio, serving, write_job
 
 import armcontour as ac
 from armcontour.core.render import number
@@ -302,6 +303,62 @@ def test_j13_a_page_outlives_its_server_and_a_draft_both(pages, tmp_path):
         assert studio.figure("duration") == shown
         expect(studio.find("main")).not_to_have_attribute("inert", "")
         assert studio.page.evaluate("location.hash") == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "upload"),
+    [
+        (("plate.dxf", "--cell", "ur5e"), ()),
+        ((), ()),
+        (("job.yaml",), ("other.yaml",)),
+        (("job.yaml",), ("part.dxf", "ur10e")),
+    ],
+    ids=["drawing", "built-in", "uploaded job", "uploaded drawing"],
+)
+def test_j14_what_is_not_saved_outlives_its_server(browser, tmp_path, arguments, upload):
+    folder, elsewhere = tmp_path / "jobs", tmp_path / "elsewhere"
+    folder.mkdir()
+    elsewhere.mkdir()
+    write_job(folder / "job.yaml", "optimal")
+    write_job(elsewhere / "other.yaml", "optimal")
+    for place in (folder / "plate.dxf", elsewhere / "part.dxf"):
+        shutil.copy(DRAWINGS / "gasket.dxf", place)
+
+    @contextmanager
+    def opened():
+        with serving(*arguments, folder=folder) as server:
+            studio = Studio(browser, server)
+            try:
+                studio.begin()
+                yield studio
+                assert not studio.troubles
+            finally:
+                studio.close()
+
+    with opened() as studio:
+        if upload:
+            studio.open(elsewhere / upload[0], *upload[1:])
+        with studio.renewing():
+            studio.type("limits.speed", "0.09 m/s")
+        changed = studio.text
+        studio.is_cut_off = True
+        studio.server.process.kill()
+        studio.server.process.wait()
+    # A session that decides nothing leaves the offer.
+    with opened() as studio:
+        press(studio, "#question", "Decide later")
+    with opened() as studio:
+        with studio.renewing():
+            press(studio, "#question", "Take them up")
+        assert studio.text == changed
+        studio.rest()
+        studio.page.reload()
+        studio.begin()
+        assert studio.text == changed
+        with studio.renewing():
+            studio.find("#undo").click()
+    with opened() as studio:
+        assert not studio.told("body", "draft")
 
 
 def test_j15_a_monkey_breaks_nothing_and_all_it_did_is_undone(studio):

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from tests.identification.bodies.robots import (
     KP,
+    LOADED,
+    NOMINAL,
     nominal_arm,
     nominal_servo,
     planar,
@@ -15,7 +17,7 @@ from tests.identification.bodies.robots import (
 )
 
 import armcontour as ac
-from armcontour.identification import identify
+from armcontour import identify_bodies
 
 pytest.importorskip("mujoco")
 
@@ -36,7 +38,7 @@ def test_exchanged_columns_explain_nothing(log, nominal):
     kept = {"command": log.command[:, order], "measured": log.measured[:, order]}
     wrong = dataclasses.replace(log, **kept).between(0, 2.5)
     with pytest.raises(ac.InvalidInput, match="explains"):
-        identify(wrong, arm=nominal, servo=nominal_servo(), gravity="nominal")
+        identify_bodies(wrong, nominal, nominal_servo(), NOMINAL)
 
 
 def test_drive_inertias_set_the_scale_of_a_planar_arm():
@@ -45,16 +47,18 @@ def test_drive_inertias_set_the_scale_of_a_planar_arm():
     assert "payload_center_z" in found.open and found.payload_center[2].value == 0.0
     ratios = np.array([x.coulomb.value for x in found.joints]) / coulomb
     np.testing.assert_allclose(ratios, 1.0, rtol=0.15)
-    np.testing.assert_allclose(found.joints[1].kp.value / found.servo.kp[0], 24 / 26, rtol=5e-3)
+    np.testing.assert_allclose(
+        found.joints[1].kp.value / found.servo_model().kp[0], 24 / 26, rtol=5e-3
+    )
 
 
 def test_a_search_that_does_not_come_to_rest_determines_nothing(log, nominal, monkeypatch):
     monkeypatch.setattr("armcontour.identification.bodies.identifying.REST", 1e-12)
-    monkeypatch.setattr("armcontour.identification.bodies.describing.EXPLAINS", -np.inf)
-    found = identify(log.between(0, 2.1), arm=nominal, servo=nominal_servo(), gravity="nominal")
+    monkeypatch.setattr("armcontour.identification.bodies.identifying.EXPLAINS", -np.inf)
+    found = identify_bodies(log.between(0, 2.1), nominal, nominal_servo(), NOMINAL)
     assert not any(x.determined for joint in found.joints for x in joint.estimates)
     assert any("did not converge in kp of joint 1" in x for x in found.notes)
-    np.testing.assert_allclose(found.servo.kp, 25.0, rtol=1e-12)
+    np.testing.assert_allclose(found.servo_model().kp, 25.0, rtol=1e-12)
 
 
 def test_logs_add_up(nominal):
@@ -63,6 +67,6 @@ def test_logs_add_up(nominal):
         record(true_arm(nominal), servo, set_points(k, 2.2, joints=joints), every=8)
         for k, joints in ((2, (0, 1, 2)), (3, (3, 4, 5)))
     ]
-    found = identify(logs, arm=nominal, servo=nominal_servo(), gravity="loaded")
+    found = identify_bodies(logs, nominal, nominal_servo(), LOADED)
     assert not [x for x in found.open if x.startswith(("kp", "coulomb"))]
-    assert len(found.fitted) == 2
+    assert len(found.logs) == 2

@@ -35,7 +35,7 @@ def test_a_ramp_of_an_arm_determines_nothing():
     t, rate = np.arange(2001) * 0.004, np.array([0.1, 0.05])
     command, measured = (np.round(x, 9) for x in (t[:, None] * rate, (t[:, None] - 0.04) * rate))
     log = Log(t=t, command=command, measured=measured)
-    assert not identify(log, arm=ac.load_arm("pmk3s")).determined
+    assert not ac.identify_bodies(log, ac.load_arm("pmk3s")).determined
 
 
 def test_columns_that_have_nothing_to_do_with_each_other():
@@ -53,7 +53,9 @@ def test_noise_that_is_not_white_widens_the_intervals():
     for width in (1, 30):
         noise = 1e-4 * np.random.default_rng(4).normal(size=len(t))
         slow = np.convolve(noise, np.ones(width) / np.sqrt(width), "same")
-        joint = identify(Log(t=t, command=u, measured=q + slow), model="second").joints[0]
+        joint = identify(
+            Log(t=t, command=u, measured=q + slow), ac.ServoFit(model="second")
+        ).joints[0]
         assert abs(joint.kp.value - 25) < 4.5 * joint.kp.sd
         found.append(joint.kp.sd)
     assert found[1] > 3 * found[0]

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour import _checks
 from armcontour._checks import FloatArray, IntArray
-from armcontour._sampling import interpolate
+from armcontour._sampling import interpolate, white_noise
 from armcontour.drives import regular_times
 from armcontour.motion import Log
 
@@ -67,10 +67,7 @@ class Gridded:
         x = place - k
         # Cubic interpolation.
         weight = [
-            -(x - 1) * (x - 2) * (x - 3) / 6,
-            x * (x - 2) * (x - 3) / 2,
-            -x * (x - 1) * (x - 3) / 2,
-            x * (x - 1) * (x - 2) / 6,
+            np.prod([(x - j) / (i - j) for j in range(4) if j != i], axis=0) for i in range(4)
         ]
         smooth = CubicSpline(log.t, filtered(log.measured, log.interval))
         return cls(
@@ -95,9 +92,8 @@ class Gridded:
 
     @property
     def noise(self) -> FloatArray:
-        """Standard deviation of each joint's encoder, from third differences [rad], (dof,)."""
-        third = np.diff(self.log.measured, n=3, axis=0)
-        return np.asarray(np.maximum(np.sqrt(np.mean(third**2, axis=0) / 20), LEAST_NOISE))
+        """Standard deviation of each joint's encoder [rad], (dof,)."""
+        return np.asarray(np.maximum(white_noise(self.log.measured), LEAST_NOISE))
 
     def command(self, delay: float) -> FloatArray:
         """The command on the grid after a dead time [rad], (n, dof)."""

@@ -3,53 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from armcontour import _checks
-from armcontour._checks import FloatArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm, Payload
 from armcontour.drives import Drives
 from armcontour.drives.simulation import Simulation
+from armcontour.identification.estimates import LOGARITHMIC
 from armcontour.servo import ServoModel
 
-# What the controller adds against gravity: the torque of the nominal arm, that of the arm with its
-# true load, or nothing.
-GRAVITIES = ("nominal", "loaded", "none")
-UNITS = {
-    "kp": "1/s",
-    "kv": "1/s",
-    "viscous": "N m s/rad",
-    "coulomb": "N m",
-    "payload_mass": "kg",
-    "payload_center": "m",
-    "armature": "kg m²",
-    "dead_time": "s",
-}
-AXES = "xyz"
-# Gains are sought as logarithms.
-LOGARITHMIC = ("kp", "kv")
+CENTER = ("payload_center_x", "payload_center_y", "payload_center_z")
+OF_JOINTS = ("kp", "kv", "viscous", "coulomb", "armature")
 # Time by which commands are shifted for the derivative by the dead time [s].
 SHIFT = 1e-3
 # A joint without friction whose speed is below this [rad/s] might as well stick.
 CREEP = 1e-3
 # Below this mass [kg] a payload has no centre.
 LEAST_MASS = 1e-6
-
-
-@dataclass(frozen=True, slots=True)
-class Unknown:
-    """A parameter that is sought.
-
-    Args:
-        name: A key of UNITS. Of the payload's centre the mass times its deviation from the nominal
-            centre is sought [kg m].
-        index: Joint or axis, from 0; -1 for a parameter of the whole robot. Of "armature" -1 means
-            a factor of all nominal drive inertias.
-    """
-
-    name: str
-    index: int = -1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,8 +39,11 @@ class Model:
 
     Attributes:
         inertia: J, with which the controller scales its loops [kg m²], (dof,).
-        unknowns: What is sought.
-        nominal: Nominal values of the unknowns, (unknowns,).
+        names: Names of the unknowns, keys of UNITS, (unknowns,). Of the payload's centre the mass
+            times its deviation from the nominal centre is sought [kg m].
+        joints: Their joints, from 0; -1 for those of the whole robot, (unknowns,). Of "armature" -1
+            means a factor of all nominal drive inertias.
+        nominal: Their nominal values, logarithms for gains, (unknowns,).
     """
 
     arm: Arm
@@ -76,7 +52,8 @@ class Model:
     gravity: str
     lag: float = 0.0
     inertia: FloatArray = field(init=False)
-    unknowns: tuple[Unknown, ...] = field(init=False)
+    names: Any = field(init=False)
+    joints: IntArray = field(init=False)
     nominal: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -84,23 +61,24 @@ class Model:
         object.__setattr__(self, "inertia", Drives(arm=self.arm, servo=self.servo).inertia)
         chain, load = self.arm.dynamics.chain, self.load
         kv = np.asarray(self.servo.kv)
-        loops = {"kp": np.log(self.servo.kp)}
-        loops |= {"viscous": np.asarray(chain.viscous)} if self.keep_kv else {"kv": np.log(kv)}
-        loops["coulomb"] = np.asarray(chain.coulomb)
-        known = [
-            (Unknown(name, j), float(x))
-            for name, values in loops.items()
-            for j, x in enumerate(np.asarray(values))
+        known: dict[str, Any] = {"kp": np.log(self.servo.kp)}
+        known |= {"viscous": chain.viscous} if self.keep_kv else {"kv": np.log(kv)}
+        known |= {
+            "coulomb": chain.coulomb,
+            "payload_mass": load.mass,
+            **dict.fromkeys(CENTER, 0.0),
+            "armature": 1.0 if self.scales else np.zeros(self.arm.dof),
+            "dead_time": float(np.mean(self.servo.dead_time)),
+        }
+        values = [np.atleast_1d(x) for x in known.values()]
+        names = np.repeat(list(known), [len(x) for x in values])
+        joints = [
+            np.arange(len(x)) if y in OF_JOINTS and np.ndim(known[y]) else np.full(len(x), -1)
+            for y, x in zip(known, values, strict=True)
         ]
-        known.append((Unknown("payload_mass"), load.mass))
-        known += [(Unknown("payload_center", i), 0.0) for i in range(3)]
-        if self.scales:
-            known.append((Unknown("armature"), 1.0))
-        else:
-            known += [(Unknown("armature", j), 0.0) for j in range(self.arm.dof)]
-        known.append((Unknown("dead_time"), float(np.mean(self.servo.dead_time))))
-        object.__setattr__(self, "unknowns", tuple(x for x, _ in known))
-        object.__setattr__(self, "nominal", _checks.lock_floats([x for _, x in known]))
+        nominal = _checks.lock_floats(np.concatenate(values))
+        for name, x in (("names", names), ("joints", np.concatenate(joints)), ("nominal", nominal)):
+            object.__setattr__(self, name, x)
 
     @property
     def scales(self) -> bool:
@@ -112,17 +90,26 @@ class Model:
         """The nominal payload."""
         return self.arm.dynamics.chain.payload or Payload(mass=0.0)
 
+    def are(self, *names: str) -> BoolArray:
+        """Whether each unknown has one of some names, (unknowns,)."""
+        return np.isin(self.names, names)
+
+    @property
+    def relative(self) -> BoolArray:
+        """Whether each unknown is sought relative to its value: gains, a factor of inertias."""
+        return self.are(*LOGARITHMIC) | (self.are("armature") & (self.joints < 0))
+
     def value(self, values: FloatArray, name: str) -> FloatArray:
         """The values of the unknowns of one name, (joints, axes or 1,); empty if not sought."""
-        found = [x for u, x in zip(self.unknowns, values, strict=True) if u.name == name]
-        return np.exp(found) if name in LOGARITHMIC else np.array(found)
+        found = values[self.names == name]
+        return np.asarray(np.exp(found) if name in LOGARITHMIC else found)
 
     def payload(self, values: FloatArray) -> Payload:
         """The payload: the nominal one with another mass and centre, with the same inertia."""
         mass = max(float(self.value(values, "payload_mass")[0]), 0.0)
         center = np.array(self.load.center)
         if mass > LEAST_MASS:
-            center = center + self.value(values, "payload_center") / mass
+            center = center + values[self.are(*CENTER)] / mass
         return Payload(mass=mass, center=center, inertia=self.load.inertia)
 
     def with_bodies(self, values: FloatArray) -> Arm:
@@ -167,35 +154,25 @@ class Model:
             slope: Rate of the command [rad/s], (n, dof).
         """
         drives = self.drives(values)
-        load, armature = self._load_torques(drives, motion), self.arm.dynamics.chain.armature
-        found = np.zeros((*motion.q.shape, len(self.unknowns)))
+        load, each = self._load_torques(drives, motion), np.eye(self.arm.dof)
         spring = drives.stiffness * (lead + self.lag * motion.dq)
-        for k, x in enumerate(self.unknowns):
-            j = x.index
-            if x.name == "kp":
-                found[:, j, k] = spring[:, j]
-            elif x.name == "kv":
-                late = motion.dq[:, j] - self.lag * motion.ddq[:, j]
-                found[:, j, k] = spring[:, j] - drives.damping[j] * late
-            elif x.name == "viscous":
-                found[:, j, k] = -motion.dq[:, j]
-            elif x.name == "coulomb":
-                # Without friction so far, it would act against the velocity.
-                acts = np.sign(motion.friction[:, j]) * ~motion.held[:, j]
-                if not np.any(motion.friction[:, j]):
-                    acts = np.clip(motion.dq[:, j] / CREEP, -1.0, 1.0)
-                found[:, j, k] = -acts
-            elif x.name == "payload_mass":
-                found[:, :, k] = -load[:, :, 0]
-            elif x.name == "payload_center":
-                found[:, :, k] = -load[:, :, 1 + j]
-            elif x.name == "armature" and j < 0:
-                found[:, :, k] = -np.asarray(armature) * motion.ddq
-            elif x.name == "armature":
-                found[:, j, k] = -motion.ddq[:, j]
-            else:
-                found[:, :, k] = -drives.stiffness * slope
-        return found
+        late = motion.dq - self.lag * motion.ddq
+        # Without friction so far, it would act against the velocity.
+        slow = np.clip(motion.dq / CREEP, -1.0, 1.0)
+        friction = np.sign(motion.friction) * ~motion.held
+        slides = np.where(motion.friction.any(axis=0), friction, slow)
+        scaled = -np.asarray(self.arm.dynamics.chain.armature) * motion.ddq
+        found = {
+            "kp": spring[..., None] * each,
+            "kv": (spring - drives.damping * late)[..., None] * each,
+            "viscous": -motion.dq[..., None] * each,
+            "coulomb": -slides[..., None] * each,
+            "payload_mass": -load[:, :, :1],
+            **{x: -load[:, :, 1 + k : 2 + k] for k, x in enumerate(CENTER)},
+            "armature": scaled[..., None] if self.scales else -motion.ddq[..., None] * each,
+            "dead_time": -(drives.stiffness * slope)[..., None],
+        }
+        return np.concatenate([found[x] for x in dict.fromkeys(self.names.tolist())], axis=2)
 
     def _load_torques(self, drives: Drives, motion: Simulation) -> FloatArray:
         """Joint torques per mass of the payload and per mass times deviation of its centre.

@@ -8,7 +8,15 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from armcontour import _checks
-from armcontour._quantities import AngularDistance, Choice, Distance, Factor, Length, Tolerance
+from armcontour._quantities import (
+    About,
+    AngularDistance,
+    Choice,
+    Distance,
+    Factor,
+    Length,
+    Tolerance,
+)
 from armcontour._text import show
 from armcontour.core.fields import Checked
 from armcontour.errors import InvalidInput
@@ -70,20 +78,27 @@ class ReadOptions(Checked):
         InvalidInput: An unknown unit, word or choice, or a number out of range.
     """
 
-    units: str | float | None = None
-    scale: Factor = 1.0
-    layers: Sequence[str] | Mapping[str, Demand] | None = None
-    names: Sequence[str] | None = None
-    colors: Sequence[str | int] | None = None
-    flat: bool = False
+    units: Annotated[str | float | None, About("--units")] = None
+    scale: Annotated[Factor, About("--scale")] = 1.0
+    layers: Annotated[Sequence[str] | Mapping[str, Demand] | None, About("--layer")] = None
+    names: Annotated[Sequence[str] | None, About("--contour")] = None
+    colors: Annotated[Sequence[str | int] | None, About("--color")] = None
+    flat: Annotated[bool, About("--flat")] = False
     chord_tolerance: Tolerance = 1e-5
     join_tolerance: Tolerance = 1e-5
     mend_vertices: Distance = 2e-6
     smooth_axes: AngularDistance = 0.0
-    columns: str | None = None
-    unknown: Annotated[str, Choice(UNKNOWN)] | Mapping[Literal["skip"], Sequence[str]] = "refuse"
-    texts: Annotated[str, Choice(TEXTS)] = "leave_out"
-    tools: Mapping[int, Length] | None = None
+    columns: Annotated[str | None, About("--waypoint-columns")] = None
+    unknown: Annotated[
+        Annotated[str, Choice(UNKNOWN)] | Mapping[Literal["skip"], Sequence[str]],
+        About("--skip-unknown", help="Skip unknown elements.", read="to_skip"),
+        About("--skip", "G-code", "Words of G-code to leave out: 'T,M6'.", "to_words"),
+    ] = "refuse"
+    texts: Annotated[str, Choice(TEXTS), About("--texts")] = "leave_out"
+    tools: Annotated[
+        Mapping[int, Length] | None,
+        About("--tool", "G-code", "Number and diameter of a tool, for G41: '1: 3 mm'.", "to_tools"),
+    ] = None
     continuity: Continuity = "tangent"
 
     def _check_together(self) -> None:

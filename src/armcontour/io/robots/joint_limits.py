@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour import _files, _yaml
 from armcontour._text import plain_number, show
-from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, Limits, or_unlimited
+from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, UNITS, Limits, or_unlimited
 from armcontour.errors import InvalidInput
 
 # Values of each limit, one per joint, or lower and upper bounds; None where a joint has no such
@@ -130,7 +130,7 @@ def _of_all_joints(
         if isinstance(value, int | float) and not (0 < value < math.inf or endless):
             raise InvalidInput(
                 f"{where}: the {name} of joint {joint} must be above zero and finite, not "
-                f"{value:g} {JOINT_LIMITS[name]}: give its true value in the file or with "
+                f"{value:g} {UNITS[name]}: give its true value in the file or with "
                 "joint_limits.",
                 limit=name,
             )

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.arms.limits import by_direction
+from armcontour.arms import Limits
+from armcontour.arms.limit_use import Use, use_of
 from armcontour.core import result as core
 from armcontour.core.result import Row
 from armcontour.jobs import RunResult, Study
@@ -186,35 +187,32 @@ def _table(name: str, result: RunResult) -> Table:
     """Used range and largest values of every joint, and their limits."""
     done, arm, limits = result.motion, result.arm, result.run.limits
     plan = result.torques
-    amounts: list[tuple[str, str, FloatArray, FloatArray | None]] = [
-        ("velocity", "rad/s", *_worst(done.dq, limits.velocity_bounds(arm.dof))),
-        ("acceleration", "rad/s^2", *_worst(done.ddq, limits.acceleration_bounds(arm.dof))),
+    amounts = [
+        ("velocity", "rad/s", _worst("joint_velocity", limits, done.dq)),
+        ("acceleration", "rad/s^2", _worst("joint_acceleration", limits, done.ddq)),
     ]
     if limits.joint_jerk is not None and result.evaluation is not None:
-        amounts.append(("jerk", "rad/s^3", result.evaluation.jerk, limits.joint_jerk))
+        amounts.append(("jerk", "rad/s^3", use_of("joint_jerk", limits, result.evaluation.jerk)))
     if plan is not None:
-        amounts.append(("planned torque", "N m", plan.peak, limits.joint_torque))
+        amounts.append(("planned torque", "N m", use_of("joint_torque", limits, plan.peak)))
     columns = [Row("joint", None, "", "joint")]
     ends = (*limits.joint_range(arm.dof), done.q.min(axis=0), done.q.max(axis=0))
     values: list[Sequence[Any]] = [arm.joint_names]
     for label, x in zip(("lower end", "upper end", "from", "to"), ends, strict=True):
         columns.append(Row(label, None, "rad", label))
         values.append(np.where(np.isfinite(x), x, np.nan).tolist())
-    for label, unit, x, most in amounts:
+    for label, unit, use in amounts:
         columns.append(Row(label, None, unit, label))
-        values.append(np.round(x, ROUNDED).tolist())
-        if most is not None and np.isfinite(most).any():
+        values.append(np.round(use.value, ROUNDED).tolist())
+        if (limited := np.isfinite(use.limit)).any():
             columns.append(Row(f"{label}.use", None, "1", f"of {label} limit"))
-            values.append(np.where(np.isfinite(most), x / most, np.nan).tolist())
+            values.append(np.where(limited, use.ratio, np.nan).tolist())
     rows = list(zip(*values, strict=True))
     return table_of(core.Table("joints", tuple(columns), rows), f"Run {name}: largest amounts")
 
 
-def _worst(
-    values: FloatArray, bounds: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Largest amounts, in the direction with the larger use of the limit, and the limits."""
-    amounts, most = by_direction(values, bounds)
-    shares = np.where(np.isinf(most), amounts, amounts / most)
-    at = shares.argmax(axis=0), np.arange(values.shape[1])
-    return amounts[at], np.broadcast_to(most, amounts.shape)[at]
+def _worst(name: str, limits: Limits, values: FloatArray) -> Use:
+    """The largest use of a limit by each joint; of joints without it the largest amounts."""
+    use = use_of(name, limits, values)
+    at = np.where(np.isinf(use.limit), use.value, use.ratio).argmax(axis=0)
+    return use_of(name, limits, values[at, np.arange(values.shape[1])])

@@ -36,7 +36,7 @@ def learning(study: LearningStudy) -> Section:
     Args:
         study: The runs, and what was learned from them.
     """
-    data = study.to_data().parts["learning"]
+    data = study.result
     figures = [_over_runs(study), _of_joints(study)]
     if study.has_path:
         figures.append(_over_time(study))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from armcontour.jobs import Study, warnings_of
 from armcontour.jobs.quantities import assumed_numbers
-from armcontour.jobs.results import run_data
 from armcontour.report.section import Section, side_by_side, tiles
 from armcontour.report.style import few
 
@@ -14,7 +13,7 @@ MOST_TILED = 2
 
 def overview(study: Study) -> Section:
     """The verdict on every run as tiles, and all figures side by side."""
-    runs = {name: run_data(x, study.job) for name, x in study.runs.items()}
+    runs = study.figures
     uses_masses = any(
         x.run.experiment is not None or x.run.limits.joint_torque is not None
         for x in study.runs.values()

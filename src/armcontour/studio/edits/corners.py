@@ -30,10 +30,7 @@ def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     if edit["value"] is None:
         alone = isinstance(given, dict) and set(given) == {index + 1}
         return [Change(keys if alone else key)]
-    like = value_at(state.data, key)
-    if like is None:
-        like = value_at(state.data, (*keys[:-1], "tolerance"))
-    return [Change(key, written(edit["value"], like, key))]
+    return [Change(key, written(edit["value"], value_at(state.data, key), key))]
 
 
 def renumbered(index: int, by: int, state: EditState) -> list[Change]:

@@ -12,7 +12,7 @@ from armcontour._checks import FloatArray
 from armcontour._quantities import Quantity
 from armcontour._text import plain_number, show
 from armcontour.errors import InvalidInput
-from armcontour.io.job_edits import Change, Key, Keys, value_at
+from armcontour.io.job_edits import Change, Keys, value_at
 from armcontour.io.job_model import JobModel
 from armcontour.io.patch import key_of, place, resolve
 from armcontour.io.si_data import quantity_of
@@ -70,9 +70,22 @@ def joint_values(keys: Keys, job: Job, run: str) -> FloatArray | None:
         job: The job.
         run: The name of the run.
     """
-    sources: dict[Key, Any] = {"limits": run_of(job, run).limits, "servo": job.servo}
-    found = getattr(sources.get(keys[-2]), str(keys[-1]), None) if len(keys) > 1 else None
+    found = value_of(keys[-2:], job, run_of(job, run))
     return found if isinstance(found, np.ndarray) and found.shape == (job.arm.dof,) else None
+
+
+def value_of(keys: Keys, job: Job, run: Run) -> Any:
+    """The value of a key in a run in SI units; None if it has none.
+
+    Args:
+        keys: The keys, such as limits and joint_velocity, or servo and kp.
+        job: The job.
+        run: The run.
+    """
+    owners = {"corners": run.rounding, "servo": job.servo, "command_interval": run.period}
+    name = str(keys[0])
+    value = owners.get(name, getattr(run, name, None))
+    return getattr(value, str(keys[1]), None) if len(keys) > 1 else value
 
 
 def run_of(job: Job, name: str) -> Run:

@@ -2,6 +2,7 @@
 // connection; all else (rest.js) is loaded once the first picture is drawn, or somebody does something.
 
 import { init as dock } from "./dock.js";
+import { find } from "./dom.js";
 import { init as figures } from "./figures.js";
 import { init as files } from "./files.js";
 import { init as handles } from "./handles.js";
@@ -81,4 +82,8 @@ for (const event of ["picture", "refusal", "view"]) store.on(event, wish);
 for (const event of ["pointerdown", "click", "keydown"])
   document.addEventListener(event, wish, { capture: true, signal: waiting.signal });
 addEventListener("hashchange", () => link.renew());
+find(".skip").addEventListener("click", (event) => {
+  event.preventDefault();
+  find("#view2d").focus();
+});
 link.open();

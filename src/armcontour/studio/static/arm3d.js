@@ -1,7 +1,7 @@
-// The arm in its cell at the posture of the cursor, drawn by WebGL.
+// The arm in its cell at the posture of the shown time, drawn by WebGL.
 
 import { Camera, VIEW_NAMES, steer } from "./camera.js";
-import { PAINTS, cellOf, pointsOf } from "./cell.js";
+import { PAINTS, cellOf, placedAll, pointsOf } from "./cell.js";
 import { find, make, say } from "./dom.js";
 import { place } from "./kinematics.js";
 import { jointsAt, motionOf } from "./motion.js";
@@ -31,7 +31,7 @@ const NOT_LOADED = "The arm could not be loaded: load the page again.";
 export function init(store) {
   const view = new ArmView(find("#view3d"), store);
   for (const event of ["picture", "executed", "theme", "arm"]) store.on(event, () => view.outdate(event));
-  for (const event of ["cursor", "view", "layout", "refusal", "figures"]) store.on(event, view.draw);
+  for (const event of ["time", "view", "layout", "refusal", "figures"]) store.on(event, view.draw);
   store.on("pose", (/** @type {Frame} */ frame) => view.takePose(frame));
 }
 
@@ -62,7 +62,6 @@ class ArmView {
     this.asked = store.options.time;
     /** @type {Frame | null} the newest answer to a question for a posture */
     this.exact = null;
-    this.time = 0;
     this.frames = 0;
     /** @type {import("./readout.js").Posture | null} */
     this.told = null;
@@ -113,7 +112,7 @@ class ArmView {
    */
   outdate(what) {
     this.stale.add(what);
-    this.exact = null;
+    if (what === "picture" || what === "executed") this.exact = null;
     this.draw();
   }
 
@@ -179,21 +178,20 @@ class ArmView {
       const picture = store.latest("picture");
       this.motion = motionOf(store, which) ?? motionOf(store, "planned");
       this.trail = this.motion && picture ? trailOf(this.motion, picture, store.theme) : null;
+      this.camera.path = this.motion && this.cell ? placedAll(this.cell.work, this.motion.trail) : [];
       this.scene?.setTrail(this.trail?.ends ?? new Float32Array(), this.trail?.colours ?? new Float32Array());
     }
     stale.clear();
   }
 
   /**
-   * Show the posture at the cursor.
+   * Show the posture at the shown time.
    * @param {number} aspect width by height
    */
   pose(aspect) {
     const { cell, motion, scene, trail, store, region } = this;
     if (!cell) return;
-    // Without a cursor the arm stays where it was.
-    this.time = store.cursor?.t ?? this.time;
-    const t = Math.min(this.time, motion?.duration ?? 0);
+    const t = Math.min(store.time, motion?.duration ?? 0);
     const exact = this.exactPose(t);
     const q = exact ?? (motion ? jointsAt(motion, t) : cell.chain.joints.map(() => 0));
     const links = cell.chain.links(q);
@@ -201,13 +199,15 @@ class ArmView {
     scene?.pose(links, at, trail ? passed(trail, t) : 0);
     const refused = store.refusal?.head.at?.xyz;
     scene?.mark(refused ? place(cell.work, refused) : null);
-    this.fitOnce(cell, links, aspect);
+    Object.assign(this.camera, { aspect, size: cell.size, joints: cell.limbs.flatMap((x) => place(links[x.link], x.to)) });
+    this.fitOnce(cell, links);
     this.told = { cell, t, q, at, of: motion?.of ?? "planned" };
     this.tellSoon();
     region.dataset.time = String(t);
     region.dataset.of = motion?.of ?? "none";
     region.dataset.exact = String(exact !== null);
     region.dataset.joints = q.join(",");
+    region.dataset.elevation = String(this.camera.elevation);
     region.dataset.tool = [at[3], at[7], at[11]].join(",");
     region.dataset.refused = refused ? refused.join(",") : "";
     region.dataset.pieces = String(trail?.times.length ?? 0);
@@ -223,7 +223,7 @@ class ArmView {
   }
 
   /**
-   * The server's joint positions, if they are those of the cursor.
+   * The server's joint positions, if they are those of the shown time.
    * @param {number} t [s]
    * @returns {number[] | null}
    */
@@ -234,16 +234,15 @@ class ArmView {
   }
 
   /**
-   * See all when the arm is another one, or when it was asked for.
+   * See all when the document or the arm is another one, or when it was asked for.
    * @param {Cell} cell
    * @param {import("./kinematics.js").Pose[]} links
-   * @param {number} aspect
    */
-  fitOnce(cell, links, aspect) {
-    const key = `${cell.name} ${cell.chain.joints.length}`;
+  fitOnce(cell, links) {
+    const key = `${this.store.document?.id} ${cell.name} ${this.motion !== null}`;
     if (key === this.fitted) return;
     this.fitted = key;
-    this.camera.fit(pointsOf(cell, links, this.motion?.trail ?? new Float32Array()), aspect);
+    this.camera.fit(pointsOf(cell, links, this.motion?.trail ?? new Float32Array()));
   }
 
   /**

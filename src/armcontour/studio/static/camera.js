@@ -13,10 +13,16 @@ const VIEWS = {
 /** Names of the views, in the order of their buttons. */
 export const VIEW_NAMES = /** @type {View[]} */ (Object.keys(VIEWS));
 
-/** What is seen when all is to be seen: so much more. */
+/** What is seen when all is to be seen: so much more; and at most so many times as much. */
 const ROOM = 1.12;
+const WIDEST = 3;
+/** Share of the picture, from its middle, in which something of the scene stays. */
+const INSIDE = 0.6;
+/** Half of the height that is seen of a path at its nearest, in metres, and of an arm, in parts of its reach. */
+const NEAR_PATH = 0.005;
+const NEAR_ARM = 0.12;
 
-/** Where one looks from: z is up. */
+/** Where one looks from: z is up. The camera stays above the floor and within sight of the scene. */
 export class Camera {
   constructor() {
     /** @type {[number, number, number]} */
@@ -27,6 +33,16 @@ export class Camera {
     this.reach = 1;
     /** @type {View|""} the view that was chosen, "" once it is turned */
     this.view = "oblique";
+    /** The largest `reach`. */
+    this.widest = 50;
+    /** Width of the picture by its height. */
+    this.aspect = 1;
+    /** The arm's size [m]. */
+    this.size = 1;
+    /** The tool's path and the joints in the frame of the base [m], (n, 3). @type {ArrayLike<number>} */
+    this.path = [];
+    /** @type {ArrayLike<number>} */
+    this.joints = [];
   }
 
   /**
@@ -45,8 +61,9 @@ export class Camera {
    */
   turn(right, up) {
     this.azimuth -= right;
-    this.elevation = Math.min(Math.PI / 2, Math.max(-Math.PI / 2, this.elevation + up));
+    this.elevation = Math.min(Math.PI / 2, Math.max(0, this.elevation + up));
     this.view = "";
+    this.stay();
   }
 
   /**
@@ -55,28 +72,68 @@ export class Camera {
    * @param {number} up [m]
    */
   shift(right, up) {
+    this.move(right, up);
+    this.stay();
+  }
+
+  /** @param {number} right [m] @param {number} up [m] */
+  move(right, up) {
     const { across, over } = this.axes();
     for (let k = 0; k < 3; k += 1) this.target[k] += right * across[k] + up * over[k];
   }
 
   /**
-   * See more or less.
+   * See more or less around a place of the picture, which stays; nearer than the arm's parts only where the path is.
    * @param {number} factor above 1 to see more
+   * @param {number} [right] of the middle, in parts of half of the height
+   * @param {number} [up]
    */
-  zoom(factor) {
-    this.reach = Math.min(50, Math.max(0.005, this.reach * factor));
+  zoom(factor, right = 0, up = 0) {
+    const [x, y] = this.away(this.path);
+    const nearest = x || y ? NEAR_ARM * this.size : NEAR_PATH;
+    const before = this.reach;
+    this.reach = Math.min(this.widest, Math.max(Math.min(before, nearest), before * factor));
+    this.move((before - this.reach) * right, (before - this.reach) * up);
+    this.stay();
+  }
+
+  /** Keep the path or a joint in the picture, from near the path. */
+  stay() {
+    const all = [this.path, ...(this.reach < NEAR_ARM * this.size ? [] : [this.joints])].map((x) => this.away(x));
+    const [x, y] = all.reduce((a, b) => (Math.hypot(...a) <= Math.hypot(...b) ? a : b));
+    if (Number.isFinite(x)) this.move(x, y);
+  }
+
+  /**
+   * How far the nearest of some points is outside of the inner part of the picture.
+   * @param {ArrayLike<number>} points (n, 3)
+   * @returns {[number, number]} to the right and up [m]; infinite without points
+   */
+  away(points) {
+    const { across, over } = this.axes();
+    const [high, wide] = [INSIDE * this.reach, INSIDE * this.reach * this.aspect];
+    const [middle, level] = [dot(this.target, across), dot(this.target, over)];
+    let [right, up] = [Infinity, Infinity];
+    for (let k = 0; k + 2 < points.length; k += 3) {
+      const [px, py, pz] = [points[k], points[k + 1], points[k + 2]];
+      const x = px * across[0] + py * across[1] + pz * across[2] - middle;
+      const y = px * over[0] + py * over[1] + pz * over[2] - level;
+      const [dx, dy] = [x - clamp(x, wide), y - clamp(y, high)];
+      if (dx * dx + dy * dy < right * right + up * up) [right, up] = [dx, dy];
+    }
+    return [right, up];
   }
 
   /**
    * See all of some points.
    * @param {ArrayLike<number>[]} points (n, 3)
-   * @param {number} aspect width of the picture by its height
    */
-  fit(points, aspect) {
+  fit(points) {
     const { across, over, eye } = this.axes();
     const [x, y, z] = [across, over, eye].map((axis) => rangeOf(points.map((p) => dot(p, axis))));
     for (let k = 0; k < 3; k += 1) this.target[k] = x.middle * across[k] + y.middle * over[k] + z.middle * eye[k];
-    this.reach = Math.max(0.005, ROOM * Math.max(y.half, x.half / aspect));
+    this.reach = Math.max(NEAR_PATH, ROOM * Math.max(y.half, x.half / this.aspect));
+    this.widest = WIDEST * this.reach;
   }
 
   /**
@@ -106,6 +163,9 @@ function rangeOf(values) {
 function dot(a, b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
+
+/** @param {number} x @param {number} most @returns {number} */
+const clamp = (x, most) => Math.min(most, Math.max(-most, x));
 
 /** How far a key turns [rad]. */
 const KEY_TURN = 0.1;
@@ -147,7 +207,9 @@ export function steer(element, camera, changed) {
     "wheel",
     (event) => {
       event.preventDefault();
-      camera.zoom(Math.exp(Math.max(-1, Math.min(1, event.deltaY * 0.0015))));
+      const { left, top, width, height } = element.getBoundingClientRect();
+      const [x, y] = [event.clientX - left - width / 2, top + height / 2 - event.clientY];
+      camera.zoom(Math.exp(clamp(event.deltaY * 0.0015, 1)), (2 * x) / height, (2 * y) / height);
       changed();
     },
     { passive: false },

@@ -119,6 +119,13 @@ export function pointsOf(cell, links, trail) {
   return found;
 }
 
+/** Points of a frame in that of the base. @param {Pose} frame @param {Numbers} points (n, 3) @returns {Float32Array} (n, 3) */
+export function placedAll(frame, points) {
+  const found = new Float32Array(points.length);
+  for (let k = 0; k + 2 < points.length; k += 3) found.set(place(frame, points.subarray(k, k + 3)), k);
+  return found;
+}
+
 /**
  * @param {Numbers} points (n, 3)
  * @param {Pose} frame

@@ -2,6 +2,7 @@
 
 import { themed } from "./colours.js";
 import { make, say } from "./dom.js";
+import { fixed } from "./format.js";
 
 /** @typedef {import("./state.js").Numbers} Numbers */
 /** @typedef {import("./vendor/uplot.js").default} uPlot */
@@ -45,7 +46,7 @@ export class Chart {
   /**
    * @param {string} name for `data-chart`
    * @param {Axes} axes
-   * @param {(x: number | null) => void} hovered with the place under the pointer, or null
+   * @param {(x: number) => void} hovered with the place under the pointer
    */
   constructor(name, axes, hovered) {
     this.axes = axes;
@@ -156,7 +157,8 @@ export class Chart {
       const left = event.clientX - over.getBoundingClientRect().left;
       if (this.plot) this.hovered(this.plot.posToVal(left, "x"));
     });
-    over.addEventListener("pointerleave", () => this.hovered(null));
+    // uPlot hides its own cursor first.
+    over.addEventListener("mouseleave", () => this.point(this.cursor));
   }
 
   /**
@@ -244,9 +246,8 @@ function drawLimits(u, limits) {
  * @returns {string}
  */
 export function number(x) {
-  if (!Number.isFinite(x)) return "–";
-  const digits = x === 0 ? 0 : Math.max(0, 3 - Math.floor(Math.log10(Math.abs(x))));
-  return x.toFixed(Math.min(6, digits)).replace("-", "−");
+  const digits = Math.abs(x) < 1e-6 ? 0 : Math.max(0, 3 - Math.floor(Math.log10(Math.abs(x))));
+  return fixed(x, Math.min(6, digits));
 }
 
 /**

@@ -14,7 +14,6 @@ import { largest } from "./strokes.js";
 /** @typedef {import("./chart.js").Curve} Curve */
 /** @typedef {import("./chart.js").Content} Content */
 
-const SOURCE = "charts";
 /** While frames come, charts wait so long between two drawings [ms]. */
 const PAUSE = 66;
 const LONGEST_PAUSE = 500;
@@ -40,7 +39,7 @@ const DEMANDS = /** @type {const} */ ([
 export function init(store, _link) {
   const charts = new Charts(find("#charts"), store);
   for (const event of ["picture", "executed", "arm"]) store.on(event, () => charts.renew());
-  store.on("cursor", () => charts.pointSoon());
+  store.on("time", () => charts.pointSoon());
   store.on("theme", () => charts.repaint());
   store.on("refusal", () => charts.grey());
 }
@@ -54,8 +53,8 @@ class Charts {
     this.region = region;
     this.store = store;
     const overTime = { x: "Time [s]", xUnit: "s" };
-    const byTime = (/** @type {number | null} */ t) => t !== null && store.setCursor({ t, source: SOURCE });
-    const byLength = (/** @type {number | null} */ s) => s !== null && store.setCursor({ s: s / 1000, source: SOURCE });
+    const byTime = (/** @type {number} */ t) => store.setTime(t);
+    const byLength = (/** @type {number} */ s) => store.setPlace(s / 1000);
     this.speed = new Chart("speed", { title: "Tool speed along the path", x: "Arc length [mm]", xUnit: "mm", y: "Speed", unit: "mm/s" }, byLength);
     this.demands = DEMANDS.map(([name, , title]) => new Chart(name, { ...overTime, title: `${title} as a share of its limit`, y: "Share", unit: "%" }, byTime));
     this.error = new Chart("error", { ...overTime, title: "Contour error of the executed tool", y: "Error", unit: "µm" }, byTime);
@@ -136,9 +135,8 @@ class Charts {
   }
 
   point() {
-    const cursor = this.store.cursor;
-    this.speed.point(cursor ? 1000 * cursor.s : null);
-    for (const x of [...this.demands, this.error]) x.point(cursor ? cursor.t : null);
+    this.speed.point(1000 * this.store.place);
+    for (const x of [...this.demands, this.error]) x.point(this.store.time);
   }
 
   /** Under a refusal the last good curves stay, greyed. */

@@ -1,7 +1,7 @@
 // Files: open by picker or drop, save, what saving would change, conflicts with the disk, drafts.
 
 import { difference, show } from "./ask.js";
-import { find, give, make } from "./dom.js";
+import { find, give, make, mark } from "./dom.js";
 import { hasChanges } from "./header.js";
 import { notify } from "./messages.js";
 
@@ -20,7 +20,8 @@ class Files {
     this.link = link;
     this.picker = /** @type {HTMLInputElement} */ (find("#picker"));
     this.picker.accept = ACCEPTED;
-    this.offered = false;
+    /** Document whose draft was offered. */
+    this.offered = "";
     find("#open").addEventListener("click", () => this.picker.click());
     find("#save").addEventListener("click", () => link.send({ op: "save" }));
     find("#diff").addEventListener("click", () => link.send({ op: "diff" }));
@@ -63,7 +64,7 @@ class Files {
     const drawing = DRAWINGS.test(file.name);
     const how = await this.askHow(file.name, drawing);
     if (how === null) return;
-    const query = new URLSearchParams({ name: file.name, ...(how ? { cell: how } : {}) });
+    const query = new URLSearchParams({ name: file.name, ...how });
     document.body.dataset.opening = "true";
     try {
       const answer = await this.link.request(`/open?${query}`, { method: "POST", body: file });
@@ -77,25 +78,30 @@ class Files {
 
   /**
    * In which cell a drawing is cut; what happens to unsaved changes.
-   * @param {string} name @param {boolean} drawing @returns {Promise<string | null>}
+   * @param {string} name @param {boolean} drawing @returns {Promise<Record<string, string> | null>}
    */
   async askHow(name, drawing) {
     const loses = hasChanges(this.store.document);
-    if (!drawing && !loses) return "";
+    if (!drawing && !loses) return {};
     const content = [];
     if (loses)
-      content.push(make("p", { text: "The open job has unsaved changes; they are lost when another file is opened." }));
+      content.push(make("p", { text: "The changes of the open job are not saved; they are offered when it is opened again." }));
     const cells = make(
       "select",
       {},
       CELLS.map((cell) => make("option", { value: cell, text: cell || "this job's arm and limits" })),
     );
-    if (drawing) content.push(make("label", { class: "field", text: "Cell: arm, limits and servo " }, [cells]));
+    const skips = make("input", { type: "checkbox" });
+    if (drawing) {
+      content.push(make("label", { class: "field", text: "Cell: arm, limits and servo " }, [cells]));
+      content.push(make("label", { class: "field" }, [skips, " Leave out what cannot be read (unknown: skip)"]));
+    }
     const answer = await show(`Open ${name}`, content, [
       { value: "open", text: "Open" },
       { value: "", text: "Cancel" },
     ]);
-    return answer === "open" ? (drawing ? cells.value : "") : null;
+    if (answer !== "open") return null;
+    return { ...(drawing && cells.value && { cell: cells.value }), ...(skips.checked && { unknown: "skip" }) };
   }
 
   /** @param {string} text */
@@ -135,9 +141,10 @@ class Files {
 
   /** Changes of an earlier session that ended without saving. @param {any} head */
   async offerDraft(head) {
-    if (!head.draft || this.offered) return;
-    this.offered = true;
-    const content = [make("p", { text: `Changes of ${head.name} from an earlier session were kept, but not saved.` })];
+    mark(document.body, "data-draft", head.draft ?? "");
+    if (!head.draft || this.offered === head.id) return;
+    this.offered = head.id;
+    const content = [make("p", { text: `Changes of ${head.draft} from an earlier session were kept, but not saved.` })];
     const answer = await show("Unsaved changes were found", content, [
       { value: "restore_draft", text: "Take them up" },
       { value: "discard_draft", text: "Throw them away" },

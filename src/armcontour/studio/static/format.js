@@ -3,9 +3,11 @@
 /** Figure that a missing number is shown as. */
 export const NONE = "–";
 
-/** @param {number | null | undefined} x @param {number} decimals @returns {string} */
-function fixed(x, decimals) {
-  return x === null || x === undefined || !Number.isFinite(x) ? NONE : x.toFixed(decimals).replace("-", "−");
+/** A number with so many decimals; zero has no sign. @param {number | null | undefined} x @param {number} decimals @returns {string} */
+export function fixed(x, decimals) {
+  if (x === null || x === undefined || !Number.isFinite(x)) return NONE;
+  const text = x.toFixed(decimals);
+  return Number(text) ? text.replace("-", "−") : text.replace("-", "");
 }
 
 /** A figure of a frame; undefined if it has none. @param {any} head @param {string} name @returns {any} */
@@ -30,9 +32,8 @@ export const percent = (x) => (x === null || x === undefined ? NONE : fixed(100 
 export function difference(a, b) {
   if (!a || !b || a.unit !== b.unit) return "";
   const decimals = Math.min(...[a, b].map((x) => x.text.split(".")[1]?.length ?? 0));
-  const found = Number(a.text) - Number(b.text);
-  const shown = Math.abs(found) < 0.5 * 10 ** -decimals ? 0 : found;
-  return `${shown > 0 ? "+" : ""}${fixed(shown, decimals)} ${a.unit}`;
+  const text = fixed(Number(a.text) - Number(b.text), decimals);
+  return `${Number(text) > 0 ? "+" : ""}${text} ${a.unit}`;
 }
 
 /** A number with about four significant digits, without needless zeros. @param {number} x @returns {string} */

@@ -20,10 +20,13 @@ import { oncePerFrame } from "./state.js";
  * @property {(to: Point, event: MouseEvent | KeyboardEvent) => {edits: object[], shown: Point}} move
  * @property {() => void} describe   sets what is read aloud
  * @property {() => any} [corner]    the corner whose apex it is
+ * @property {number} [inserts]      the waypoint that it inserts
  */
 
 // Beyond this number only handles in view are made.
 const MOST_HANDLES = 300;
+/** No waypoint that is to have the focus. */
+const NOTHING = { index: -1, seq: Infinity, count: 0 };
 
 export class Handles {
   /** @param {Store} store @param {Link} link @param {View2d} view */
@@ -38,6 +41,7 @@ export class Handles {
     this.handles = new Map();
     /** Places of handles that were moved and are not yet in the document, by name. @type {Map<string, {at: Point, seq: number}>} */
     this.held = new Map();
+    this.inserted = NOTHING;
     store.on("document", (/** @type {any} */ frame) => this.answered(frame));
     store.on("picture", (/** @type {any} */ frame) => this.answered(frame ?? { kind: "picture", seq: null }));
     // What was not made is not shown.
@@ -59,6 +63,15 @@ export class Handles {
     }
     this.build();
     this.place();
+    if (frame.kind !== "document" || frame.seq === null || frame.seq < this.inserted.seq) return;
+    const { index, count } = this.inserted;
+    if (this.store.document.waypoints.length > count) this.handles.get(`waypoint ${index}`)?.element.focus();
+    this.inserted = NOTHING;
+  }
+
+  /** A waypoint that is being inserted has the focus once it is there. @param {number} index */
+  expect(index) {
+    this.inserted = { index, seq: this.link.seq, count: this.store.document.waypoints.length };
   }
 
   /** The handles of the document and the picture: elements stay, so that the focus stays. */
@@ -66,7 +79,7 @@ export class Handles {
     const wanted = new Set();
     for (const { index, role } of this.waypoints()) {
       wanted.add(this.ensure(`waypoint ${index}`, 2, () => this.waypoint(index)));
-      if (index > 0 && isOnPath(role)) wanted.add(this.ensure(`middle ${index}`, 0, () => this.middle(index)));
+      if (isOnPath(role) && insertable(this.store.document, index)) wanted.add(this.ensure(`middle ${index}`, 0, () => this.middle(index)));
     }
     for (const corner of this.corners())
       wanted.add(this.ensure(`corner ${corner.index}`, 1, () => this.corner(corner.index)));
@@ -162,11 +175,14 @@ export class Handles {
     if (!insert && event.key !== "Delete" && event.key !== "Backspace") return;
     event.preventDefault();
     event.stopPropagation();
-    if (!insert) return this.link.edit([{ do: "remove_waypoint", index }]);
+    const { waypoints } = this.store.document;
+    if (!insert) return waypoints[index].removable && this.link.edit([{ do: "remove_waypoint", index }]);
     const [from, to] = [this.waypointAt(index), this.waypointAt(index + 1) ?? this.waypointAt(index - 1)];
     const before = this.waypointAt(index + 1) ? index + 1 : index;
-    if (from && to)
+    if (from && to && insertable(this.store.document, before)) {
       this.link.edit([{ do: "insert_waypoint", index: before, at: [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2] }]);
+      this.expect(before);
+    }
   }
 
   /** The middle of the line that ends at a waypoint. @param {number} index @returns {Handle} */
@@ -182,6 +198,7 @@ export class Handles {
     /** @type {Handle} */
     const handle = {
       element,
+      inserts: index,
       at: () => {
         const [a, b] = [this.waypointAt(index - 1), this.waypointAt(index)];
         return a && b ? [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2] : null;
@@ -224,8 +241,6 @@ export class Handles {
       "aria-valuenow": 0,
     });
     element.append(draw("circle", { r: 12, class: "target" }), ...parts);
-    element.addEventListener("focus", () => this.store.select({ kind, index }));
-    element.addEventListener("blur", () => this.store.select(null));
     return element;
   }
 
@@ -255,8 +270,12 @@ export class Handles {
       follow();
     };
     const end = (cancelled = false) => {
+      const index = cancelled ? undefined : handle.inserts;
+      // A click inserts as well.
+      if (index && !gesture?.edits.length) gesture?.update([{ do: "insert_waypoint", index, at: start }], performance.now());
       if (cancelled) gesture?.cancel();
       else gesture?.end();
+      if (index) this.expect(index);
       if (cancelled || !gesture?.edits.length) this.held.delete(name);
       else this.held.set(name, { at: this.held.get(name)?.at ?? start, seq: this.link.seq });
       gesture = null;
@@ -310,6 +329,15 @@ export class Handles {
       mark(handle.element, "transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
     }
   }
+}
+
+/**
+ * Whether a waypoint can be inserted before that with a number, be it a new last one.
+ * @param {any} document @param {number} index @returns {boolean}
+ */
+export function insertable({ waypoints }, index) {
+  const ends = waypoints.filter((/** @type {any} */ x) => isOnPath(x.role));
+  return index > 0 && index <= ends.length && (ends[index]?.divisible ?? true);
 }
 
 /** Whether the path goes through a point; others shape an arc. @param {string | undefined} role */

@@ -14,6 +14,8 @@ const SHORTEST = 0.7; // px
 const WISHED = 34; // px
 const TOO_SMALL = 13;
 const TOO_LARGE = 70;
+/** Powers of ten over which colours tell errors: most of a motion has far smaller ones than the largest. */
+export const DECADES = 3;
 
 export class Layers {
   /** @param {Store} store */
@@ -84,6 +86,7 @@ export class Layers {
           theme,
           this.least,
           new Set(errors.arrays.breaks),
+          (x) => 1 + Math.log10(x) / DECADES,
         );
       if (options.colour === "speed")
         return strokesByHeat(

@@ -2,6 +2,7 @@
 
 import { heat, styleOf, themed } from "./colours.js";
 import { mm, short } from "./format.js";
+import { DECADES } from "./layers.js";
 import { SLOW, slowPlaces } from "./marks.js";
 import { kindAt } from "./strokes.js";
 import { scaleBar } from "./viewport.js";
@@ -37,12 +38,10 @@ function colouringOf(store, layers, picture) {
   const executed = store.refusal ? null : store.latest("executed");
   // Without an execution there are no errors: then limits colour the path.
   if (colour === "limit" || (colour === "error" && !executed)) return kindsOf(picture, store.theme);
-  const most =
-    executed && colour === "error"
-      ? `${mm(layers.mostError(executed), 3)} mm`
-      : `${mm(layers.mostSpeed(picture), 1)} mm/s`;
+  const most = executed && colour === "error" ? 1000 * layers.mostError(executed) : 0;
   const shades = Array.from({ length: SHADES }, (_, k) => heat(k / (SHADES - 1), store.theme));
-  return [{ shades, from: `${colour} 0`, to: most }];
+  if (most) return [{ shades, from: `error ${short(most / 10 ** DECADES)}`, to: `${short(most)} mm, logarithmic` }];
+  return [{ shades, from: `${colour} 0`, to: `${mm(layers.mostSpeed(picture), 1)} mm/s` }];
 }
 
 /**

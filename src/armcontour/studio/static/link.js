@@ -21,14 +21,16 @@ const MOST_IN_FLIGHT = 3;
 const ANSWER_WITHIN = 2000;
 const REFUSED = "Open the address that `armcontour studio` printed last; it may be pasted into this tab.";
 
+/** Whether the address has a token: other hashes are places in the page. */
+const hasToken = () => /^#[0-9a-f]{32}$/.test(location.hash);
+
 /** The token of the address, which is then removed from it; or the one kept in this tab. @returns {string | null} */
 function takeToken() {
-  const given = location.hash.slice(1);
-  if (given) {
-    sessionStorage.setItem(KEPT_AS, given);
+  if (hasToken()) {
+    sessionStorage.setItem(KEPT_AS, location.hash.slice(1));
     history.replaceState(null, "", location.pathname);
   }
-  return given || sessionStorage.getItem(KEPT_AS);
+  return sessionStorage.getItem(KEPT_AS);
 }
 
 export class Link {
@@ -68,7 +70,7 @@ export class Link {
 
   /** Connect with the token of an address that was put into the same tab, such as after a restart of the server. */
   renew() {
-    if (!location.hash) return;
+    if (!hasToken()) return;
     this.token = takeToken();
     this.socket?.close();
     this.wait = FIRST_WAIT;

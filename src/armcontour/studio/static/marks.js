@@ -1,4 +1,4 @@
-// Small marks over the drawing: the cursor on the path, slow places, the place of a refusal, and the
+// Small marks over the drawing: the tool at the shown time, slow places, the place of a refusal, and the
 // sentence under the pointer.
 
 import { draw, make, mark, say } from "./dom.js";
@@ -34,7 +34,7 @@ class Marks {
     this.sentence = make("div", { class: "tip refusal", hidden: true });
     view.region.append(this.tip, this.sentence);
     store.on("picture", () => this.setSlow());
-    store.on("cursor", () => this.place());
+    store.on("time", () => this.place());
     view.followers.add(() => this.place());
     view.overlay.addEventListener("pointermove", (event) => this.hover(event));
     view.overlay.addEventListener("pointerleave", () => this.leave());
@@ -43,7 +43,6 @@ class Marks {
   /** Slow places of the shown run. */
   setSlow() {
     this.places = slowPlaces(this.store.latest("picture"));
-    for (const x of [this.dot, this.tool]) x.toggleAttribute("hidden", !this.store.cursor);
     while (this.slow.childElementCount > this.places.length) this.slow.lastChild?.remove();
     while (this.slow.childElementCount < this.places.length) this.slow.append(draw("path", { d: `M${SLOW.join("L")}Z` }));
   }
@@ -67,16 +66,13 @@ class Marks {
 
   /** @param {Frame} picture */
   placeCursor(picture) {
-    const { cursor } = this.store;
-    this.dot.toggleAttribute("hidden", !cursor);
-    const executed = this.store.refusal ? null : this.store.latest("executed");
-    const tool =
-      cursor && executed && this.store.options.executed && cursor.source !== "path"
-        ? this.toolAt(executed, cursor.t)
-        : null;
-    this.tool.toggleAttribute("hidden", !tool);
-    if (tool) move(this.tool, this.view.view.toScreen(tool));
-    if (cursor) move(this.dot, this.view.view.toScreen(pointOf(picture, cursor)));
+    const { time, place, options, refusal } = this.store;
+    const isPlanned = picture.arrays.path_t.length > 0;
+    this.dot.toggleAttribute("hidden", !isPlanned);
+    if (isPlanned) move(this.dot, this.view.view.toScreen(pointOf(picture, time, place)));
+    const executed = refusal || !options.executed ? null : this.store.latest("executed");
+    this.tool.toggleAttribute("hidden", !executed);
+    if (executed) move(this.tool, this.view.view.toScreen(this.toolAt(executed, time)));
   }
 
   /** The executed tool with its error as it is drawn. @param {Frame} executed @param {number} t @returns {[number, number]} m */
@@ -111,7 +107,7 @@ class Marks {
     const i = this.nearest(picture, x, y);
     if (i < 0) return this.leave();
     this.hovering = true;
-    this.store.setCursor({ s: picture.arrays.path_s[i], source: "path" });
+    this.store.setTime(picture.arrays.path_t[i]);
     say(this.tip, sentenceAt(picture, i));
     this.tip.hidden = false;
     this.put(this.tip, x, y);
@@ -121,7 +117,6 @@ class Marks {
     if (!this.hovering) return;
     this.hovering = false;
     this.tip.hidden = true;
-    this.store.setCursor({ source: "path" });
   }
 
   /** Index of the nearest point of the path, or -1. @param {Frame} picture @param {number} x @param {number} y px */
@@ -176,8 +171,8 @@ function along(xs, points, x) {
   return [mix(0), mix(1)];
 }
 
-/** Place of the tool at the cursor, on the path or on a rapid [m]. @param {Frame} picture @param {{t: number, s: number}} cursor @returns {[number, number]} */
-export function pointOf(picture, { t, s }) {
+/** Place of the tool at a time, on a rapid or at an arc length of the path [m]. @param {Frame} picture @param {number} t @param {number} s @returns {[number, number]} */
+export function pointOf(picture, t, s) {
   const { rapid, rapid_t: times } = picture.arrays;
   const first = times?.length ? indexAt(times, t) : 0;
   const from = first - (first % OF_RAPID);

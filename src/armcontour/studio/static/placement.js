@@ -2,7 +2,7 @@
 
 import { heat } from "./colours.js";
 import { make, say } from "./dom.js";
-import { mm, percent, rowOf, seconds, short } from "./format.js";
+import { fixed, mm, percent, rowOf, seconds, short } from "./format.js";
 import { movedSince, moveTo } from "./moved.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -128,7 +128,7 @@ export class PlacementMap {
    * @returns {string}
    */
   textOf({ shift, refusal, value }) {
-    const turn = shift[2] ? `, turned by ${((180 * shift[2]) / Math.PI).toFixed(1)}°` : "";
+    const turn = shift[2] ? `, turned by ${fixed((180 * shift[2]) / Math.PI, 1)}°` : "";
     const known = Number.isFinite(value) ? `${this.score.label} ${this.score.text(value)}` : "not planned, as it cannot be the best";
     const what = refusal ? `refused (${refusal})` : known;
     return `${mm(shift[0], 1)} mm, ${mm(shift[1], 1)} mm${turn}: ${what}`;

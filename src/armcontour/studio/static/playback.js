@@ -1,4 +1,4 @@
-// Playback: moves the cursor in time, at a chosen rate, and asks for the exact posture where it rests.
+// Playback: moves the shown time, at a chosen rate, and asks for the exact posture where it rests.
 
 import { find, make, say } from "./dom.js";
 import { seconds } from "./format.js";
@@ -10,7 +10,6 @@ import { nowAndThen, READING } from "./state.js";
 /** @typedef {import("./motion.js").Which} Which */
 
 const RATES = [0.1, 0.25, 0.5, 1, 2, 4];
-const SOURCE = "playback";
 /** How far the arrow keys move [share of the duration]; with Shift ten times as far. */
 const STEP = 0.005;
 /** The exact posture is asked for when nothing has changed for so long [ms]. */
@@ -27,7 +26,7 @@ export function init(store, link) {
   const playback = new Playback(find("#playback"), store, link);
   const renew = nowAndThen(READING, () => playback.renew());
   for (const event of ["picture", "executed"]) store.on(event, renew);
-  store.on("cursor", () => playback.follow());
+  store.on("time", () => playback.follow());
   store.on("pose", () => playback.answered());
   store.on("view", () => playback.renew());
 }
@@ -42,7 +41,8 @@ class Playback {
     this.region = region;
     this.store = store;
     this.link = link;
-    this.time = 0;
+    /** Time to which it has played [s]. */
+    this.played = 0;
     this.rate = 1;
     this.loops = false;
     this.playing = false;
@@ -80,20 +80,15 @@ class Playback {
     const executed = /** @type {HTMLOptionElement} */ (this.of.input.options[1]);
     executed.disabled = !motionOf(this.store, "executed");
     this.slider.max = String(motion?.duration ?? 1);
-    if (motion && this.time > motion.duration) this.time = motion.duration;
+    if (motion && this.store.time > motion.duration) this.store.setTime(motion.duration);
     this.tell();
     clearTimeout(this.resting);
     this.resting = setTimeout(() => !this.playing && this.ask(), REST);
   }
 
-  /** Somebody moved the cursor. */
+  /** Another time is shown; if it is not the next one, somebody has chosen it. */
   follow() {
-    const cursor = this.store.cursor;
-    if (!cursor) return;
-    if (cursor.source !== SOURCE) {
-      this.pause();
-      this.time = cursor.t;
-    }
+    if (this.store.time !== this.played) this.pause();
     if (this.playing) return;
     this.tell();
     this.ask();
@@ -107,7 +102,7 @@ class Playback {
   play() {
     const motion = this.motion;
     if (!motion || this.playing) return;
-    if (this.time >= motion.duration) this.time = 0;
+    if (this.store.time >= motion.duration) this.store.setTime(0);
     this.playing = true;
     this.last = performance.now();
     this.tell();
@@ -135,10 +130,10 @@ class Playback {
     if (!this.playing || !motion) return;
     const passed = Math.max(0, (now - this.last) / 1000);
     this.last = now;
-    this.time += passed * this.rate;
-    const ends = this.time >= motion.duration;
-    if (ends) this.time = this.loops ? this.time % motion.duration : motion.duration;
-    this.store.setCursor({ t: this.time, source: SOURCE });
+    const time = this.store.time + passed * this.rate;
+    const ends = time >= motion.duration;
+    this.played = !ends ? time : this.loops ? time % motion.duration : motion.duration;
+    this.store.setTime(this.played);
     if (now - this.told > PLAYING) this.tell();
     if (ends && !this.loops) this.pause();
     else requestAnimationFrame((next) => this.advance(next));
@@ -150,8 +145,7 @@ class Playback {
    */
   scrub(t) {
     this.pause();
-    this.time = Math.min(Math.max(0, t), this.motion?.duration ?? 0);
-    this.store.setCursor({ t: this.time, source: SOURCE });
+    this.store.setTime(Math.min(Math.max(0, t), this.motion?.duration ?? 0));
   }
 
   /** @param {KeyboardEvent} event */
@@ -161,21 +155,21 @@ class Playback {
     const onSlider = event.target === this.slider;
     const far = STEP * duration * (event.shiftKey ? 10 : 1);
     if (event.key === " " && onSlider) this.toggle();
-    else if (onSlider && (event.key === "ArrowRight" || event.key === "ArrowUp")) this.scrub(this.time + far);
-    else if (onSlider && (event.key === "ArrowLeft" || event.key === "ArrowDown")) this.scrub(this.time - far);
+    else if (onSlider && (event.key === "ArrowRight" || event.key === "ArrowUp")) this.scrub(this.store.time + far);
+    else if (onSlider && (event.key === "ArrowLeft" || event.key === "ArrowDown")) this.scrub(this.store.time - far);
     else return;
     event.preventDefault();
   }
 
-  /** Ask for the exact posture; only one question at a time, and the last one is always answered. */
+  /** Ask for the exact posture of the arm that is shown; only one question at a time, and the last one is always answered. */
   ask() {
     if (this.asked.waits) {
       this.asked.again = true;
       return;
     }
     const motion = this.motion;
-    if (!motion || !this.store.cursor) return;
-    const seq = this.link.send({ op: "pose", t: Math.min(this.store.cursor.t, motion.duration), of: motion.of });
+    if (!motion || this.store.options.stage === "2d") return;
+    const seq = this.link.send({ op: "pose", t: Math.min(this.store.time, motion.duration), of: motion.of });
     this.asked = { waits: seq >= 0, again: false };
     if (seq >= 0) this.timer = setTimeout(() => this.answered(), 1000);
   }
@@ -193,12 +187,13 @@ class Playback {
     this.told = performance.now();
     const motion = this.motion;
     const duration = motion?.duration ?? 0;
-    this.slider.value = String(this.time);
-    this.slider.setAttribute("aria-valuetext", `${seconds(this.time)} s of ${seconds(duration)} s`);
-    say(this.clock, `${seconds(this.time)} / ${seconds(duration)} s`);
+    const { time } = this.store;
+    this.slider.value = String(time);
+    this.slider.setAttribute("aria-valuetext", `${seconds(time)} s of ${seconds(duration)} s`);
+    say(this.clock, `${seconds(time)} / ${seconds(duration)} s`);
     say(this.button, this.playing ? "Pause" : "Play");
     this.region.dataset.state = this.playing ? "playing" : "paused";
-    this.region.dataset.time = String(this.time);
+    this.region.dataset.time = String(time);
     this.region.dataset.of = motion?.of ?? "none";
   }
 }

@@ -1,7 +1,7 @@
 // Joint positions and tool as numbers: what the 3D view shows, for those who cannot see it.
 
 import { make, say } from "./dom.js";
-import { mm, seconds } from "./format.js";
+import { fixed, mm, seconds } from "./format.js";
 
 /** @typedef {import("./cell.js").Cell} Cell */
 /** @typedef {import("./kinematics.js").Pose} Pose */
@@ -49,5 +49,5 @@ export class Readout {
 
 /** @param {number} x [rad] @returns {string} */
 function degrees(x) {
-  return `${((x * 180) / Math.PI).toFixed(3).replace("-", "−")}°`;
+  return `${fixed((x * 180) / Math.PI, 3)}°`;
 }

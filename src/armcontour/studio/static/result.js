@@ -57,8 +57,8 @@ export class Result {
     this.element.dataset.state = refused ? "refused" : "done";
     for (const text of sentences) this.body.append(make("p", { class: "task-sentence", text }));
     if (head.file) this.body.append(this.fileOf(head));
-    for (const x of graphs) this.addGraph(x);
-    for (const x of tables) this.body.append(tableOf(x));
+    for (const x of graphs) if (x.content.x.length) this.addGraph(x);
+    for (const x of tables) if (x.rows.length) this.body.append(tableOf(x));
   }
 
   /**
@@ -78,13 +78,12 @@ export class Result {
 
   /** A chart; one over time has the cursor of all. @param {import("./answers.js").Graph} graph */
   addGraph({ name, axes, content, time }) {
-    const chart = new Chart(name, axes, (t) => time && t !== null && this.store.setCursor({ t, source: "charts" }));
+    const chart = new Chart(name, axes, (t) => time && this.store.setTime(t));
     chart.show(content);
     this.body.append(chart.element);
     this.endings.push(this.store.on("theme", () => chart.repaint()));
     if (!time) return;
-    const follow = (/** @type {import("./state.js").Cursor} */ cursor) => chart.point(cursor?.t ?? null);
-    this.endings.push(this.store.on("cursor", follow));
+    this.endings.push(this.store.on("time", () => chart.point(this.store.time)));
   }
 
   /** The result goes away. */

@@ -89,11 +89,14 @@ class Runs {
   row([name, ...rest], current) {
     const act = (/** @type {string} */ text, /** @type {string} */ op, /** @type {object} */ more) =>
       this.button(text, () => this.link.send({ op, ...more }), `${text} run ${name}`);
-    const acts = [act("Show", "select", { run: name }), act("Remove", "remove_run", { name })];
+    const acts = [
+      ...(name === current ? [] : [act("Show", "select", { run: name })]),
+      ...(this.store.document.runs.length > 1 ? [act("Remove", "remove_run", { name })] : []),
+    ];
     return make("tr", { "aria-current": name === current ? "true" : false }, [
       make("th", { scope: "row", text: name }),
       ...rest.map((text, k) => make("td", { class: k < 3 ? "words" : "", text })),
-      make("td", { class: "acts" }, name === current ? acts.slice(1) : acts),
+      make("td", { class: "acts" }, acts),
     ]);
   }
 

@@ -1,4 +1,4 @@
-// The store: the newest frames of the server, the cursor, and what the person looks at.
+// The store: the newest frames of the server, the shown time, and what the person looks at.
 // Modules read it, listen to it, and never talk to each other in another way.
 //
 // A picture always has the arrays of a plan; they are empty for a long drawing without one (head.planned).
@@ -8,10 +8,9 @@
 //   refusal                 the newest edit is refused, or no longer: listener(frame | null)
 //   dropped                 an edit is refused and was not made: listener(frame)
 //   pose, progress, result, cancelled, failed, saved, conflict, diff, download, notice    listener(frame)
-//   cursor                  listener(cursor)          see `setCursor`
+//   time                    listener()                the shown time changed
 //   view                    listener(options)         an option changed, see `ViewOptions`
 //   theme                   listener("light" | "dark")
-//   selection               listener(selection)       the handle with the focus, or null
 //   link                    listener(link state)      see link.js
 //   underlay                what is drawn under the path changed: listener()
 //   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
@@ -25,11 +24,6 @@
  *   shapes: Record<string, number[]>, asked: number}} Frame
  */
 /**
- * A place on the motion: time [s] and arc length [m] of the shown run; `source` is who set it
- * ("path", "charts", "playback", "view3d"), so that a module need not answer itself.
- * @typedef {{t: number, s: number, source: string} | null} Cursor
- */
-/**
  * @typedef {Object} ViewOptions
  * @property {"limit" | "speed" | "error"} colour   what colours the path
  * @property {boolean} executed     whether the executed tool is drawn
@@ -40,7 +34,6 @@
  * @property {string} tab           the open tab of the dock: name of its panel without "tab-"
  * @property {boolean} dock         whether the dock is open
  */
-/** @typedef {{kind: string, index: number} | null} Selection */
 /**
  * Something under the path: it is painted in px of the view.
  * @typedef {{paint: (context: CanvasRenderingContext2D, view: import("./viewport.js").Viewport, theme: "light" | "dark") => void}} Underlay
@@ -70,10 +63,8 @@ export class Store {
     this.frames = new Map();
     /** @type {Frame | null} refusal of the newest edit */
     this.refusal = null;
-    /** @type {Cursor} */
-    this.cursor = null;
-    /** @type {Selection} */
-    this.selection = null;
+    /** Time of the shown run that all views show [s]. */
+    this.time = 0;
     /** @type {ViewOptions} */
     this.options = { ...STARTING_OPTIONS };
     /** @type {"light" | "dark"} */
@@ -109,8 +100,7 @@ export class Store {
     };
     for (const [kind, frame] of this.frames) tell(kind, frame);
     if (this.refusal) tell("refusal", this.refusal);
-    if (this.cursor) tell("cursor", this.cursor);
-    if (this.selection) tell("selection", this.selection);
+    tell("time", undefined);
     tell("view", this.options);
   }
 
@@ -167,7 +157,7 @@ export class Store {
   /** Another job or drawing is opened: nothing of the one before is shown any more. */
   reset() {
     for (const kind of OF_A_RUN) this.frames.delete(kind);
-    this.setCursor({ source: "document" });
+    this.setTime(0);
     this.setRefusal(null);
     for (const event of [...OF_A_RUN, "reset"]) this.tell(event, null);
   }
@@ -195,29 +185,22 @@ export class Store {
     return picture.rev === now && frame.rev === now && (frame.seq ?? -1) >= (picture.seq ?? -1);
   }
 
-  /**
-   * Move the cursor, by time or by arc length of the shown run; without both it goes away.
-   * @param {{t?: number, s?: number, source: string}} at
-   */
-  setCursor(at) {
-    const { t, s } = at;
-    if (t === undefined && s === undefined) this.cursor = null;
-    else if (t === undefined)
-      this.cursor = { t: this.timeAt(/** @type {number} */ (s)), s: /** @type {number} */ (s), source: at.source };
-    else this.cursor = { t, s: s ?? this.arcLengthAt(t), source: at.source };
-    this.tell("cursor", this.cursor);
+  /** Show a time. @param {number} time [s] */
+  setTime(time) {
+    this.time = time;
+    this.tell("time");
   }
 
-  /** Planned time at an arc length [m]. @param {number} s @returns {number} s */
-  timeAt(s) {
+  /** Show the planned time at an arc length. @param {number} s [m] */
+  setPlace(s) {
     const arrays = this.latest("picture")?.arrays;
-    return arrays?.path_s.length ? interpolate(arrays.path_s, arrays.path_t, s) : 0;
+    if (arrays?.path_s.length) this.setTime(interpolate(arrays.path_s, arrays.path_t, s));
   }
 
-  /** Arc length of the path at a planned time [s]. @param {number} t @returns {number} m */
-  arcLengthAt(t) {
+  /** Arc length of the path at the shown time, as planned [m]. */
+  get place() {
     const arrays = this.latest("picture")?.arrays;
-    return arrays?.path_t.length ? interpolate(arrays.path_t, arrays.path_s, t) : 0;
+    return arrays?.path_t.length ? interpolate(arrays.path_t, arrays.path_s, this.time) : 0;
   }
 
   /** Change what is looked at. @param {Partial<ViewOptions>} changes */
@@ -225,12 +208,6 @@ export class Store {
     this.options = { ...this.options, ...changes };
     this.tell("view", this.options);
     if (changes.stage || changes.tab || changes.dock !== undefined) this.tell("layout");
-  }
-
-  /** @param {Selection} selection */
-  select(selection) {
-    this.selection = selection;
-    this.tell("selection", selection);
   }
 
   /** @param {"light" | "dark"} theme */

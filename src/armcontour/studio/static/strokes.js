@@ -94,16 +94,19 @@ export function strokesByLimit(picture, theme, least) {
   });
 }
 
+/** @param {number} x */
+const same = (x) => x;
+
 /**
  * @param {Numbers} points pairs @param {Numbers} values one per point @param {number} most value of the last shade
  * @param {Theme} theme @param {number} least m @param {Set<number>} [starts] first points of lines
  * @returns {Stroke[]}
  */
-export function strokesByHeat(points, values, most, theme, least, starts = new Set()) {
+export function strokesByHeat(points, values, most, theme, least, starts = new Set(), shareOf = same) {
   const found = buckets(
     points,
     (i) => {
-      const share = Math.min(1, Math.max(0, values[i] / (most || 1)));
+      const share = Math.min(1, Math.max(0, shareOf(values[i] / (most || 1))));
       return Number.isNaN(share) ? -1 : Math.round(share * (SHADES - 1));
     },
     starts,

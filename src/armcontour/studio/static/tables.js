@@ -3,6 +3,7 @@
 import { toleranceEdits } from "./corner.js";
 import { find, headings, make, say, whileSeen } from "./dom.js";
 import { mm, withUnit } from "./format.js";
+import { insertable } from "./handles.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -29,6 +30,7 @@ function table(region, caption, columns) {
 function resize(body, count, make) {
   while (body.childElementCount > count) body.lastChild?.remove();
   while (body.childElementCount < count) body.append(make(body.childElementCount));
+  /** @type {HTMLElement} */ (body.parentElement).hidden = count === 0;
 }
 
 /** What the document has, unless somebody types something else. @param {HTMLInputElement} field @param {string} value */
@@ -39,12 +41,16 @@ function fill(field, value) {
   if (!typing) field.value = value;
 }
 
+/** No waypoint that is to have the focus once the document has it. */
+const NOTHING = { index: -1, count: Infinity };
+
 class Waypoints {
   /** @param {Store} store @param {Link} link */
   constructor(store, link) {
     this.store = store;
     this.link = link;
     this.dimension = 0;
+    this.inserted = NOTHING;
     this.region = find("#tab-waypoints");
     this.convert = make("button", {
       type: "button",
@@ -65,10 +71,14 @@ class Waypoints {
     }
     if (!this.table) return;
     const shown = waypoints.slice(0, MOST_ROWS);
-    this.convert.hidden = path.kind !== "file";
+    this.convert.hidden = !path.convertible;
     say(this.table.note, this.noteOf(path, waypoints));
     resize(this.table.body, shown.length, (index) => this.row(index));
     shown.forEach((/** @type {any} */ point, /** @type {number} */ index) => this.fillRow(index, point, path.editable));
+    const { index, count } = this.inserted;
+    if (waypoints.length <= count) return;
+    this.inserted = NOTHING;
+    this.table.body.children[index]?.querySelector("input")?.focus();
   }
 
   /** @param {any} path @param {any[]} waypoints @returns {string} */
@@ -103,14 +113,16 @@ class Waypoints {
     ]);
   }
 
-  /** @param {number} index @param {{written: string[]}} point @param {boolean} editable */
+  /** @param {number} index @param {{written: string[], removable: boolean}} point @param {boolean} editable */
   fillRow(index, point, editable) {
     const row = /** @type {HTMLElement} */ (this.table?.body.children[index]);
     row.querySelectorAll("input").forEach((field, k) => {
       fill(field, point.written[k] ?? "");
       field.disabled = !editable;
     });
-    row.querySelectorAll("button").forEach((button) => (button.disabled = !editable));
+    const [insert, remove] = row.querySelectorAll("button");
+    insert.hidden = !editable || !insertable(this.store.document, index + 1);
+    remove.hidden = !editable || !point.removable;
   }
 
   /** @param {number} index @param {HTMLInputElement[]} fields */
@@ -128,6 +140,7 @@ class Waypoints {
     const last = points[index - 1]?.uv ?? a;
     // After the last waypoint the path goes on by half of its last line.
     const at = b ? [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2] : [a[0] + (a[0] - last[0]) / 2, a[1] + (a[1] - last[1]) / 2];
+    this.inserted = { index: index + 1, count: points.length };
     this.link.edit([{ do: "insert_waypoint", index: index + 1, at }]);
   }
 }

@@ -138,10 +138,9 @@ export class View2d {
 
   /** Fit the first picture of a document. */
   fitOnce() {
-    const name = this.store.document?.name ?? "";
-    if (this.fitted === name + "/" || this.view.width === 1) return;
-    if (!this.store.latest("picture")) return;
-    this.fitted = name + "/";
+    const id = this.store.document?.id;
+    if (this.fitted === id || this.view.width === 1 || !this.store.latest("picture")) return;
+    this.fitted = id;
     this.fit();
   }
 

@@ -14,10 +14,11 @@ from functools import cached_property
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.arms import Arm
+from armcontour.arms import Arm, Limits
+from armcontour.arms.limit_use import States, use_of
+from armcontour.arms.limits import JERK_LIMITS
 from armcontour.motion import PathLaw
 from armcontour.timing.grid import Grid
-from armcontour.timing.limit_use import States, quantity
 from armcontour.timing.topp.limits import (
     HIGH,
     LOW,
@@ -25,13 +26,13 @@ from armcontour.timing.topp.limits import (
     B,
     Ceiling,
     Form,
-    Limits,
     Rounds,
     Rows,
     Squares,
     checked,
     collect,
 )
+from armcontour.timing.topp.limits import Limits as LimitsOnGrid
 from armcontour.timing.topp.on_grid import OnGrid
 
 # Shares of the time of an interval at which what is not known from its ends is looked at.
@@ -77,7 +78,7 @@ class IntervalEnds:
         x, u = self.x[..., None], self.u[..., None]
         first, second = self.on.derivatives[0]
         dq, ddq = first * np.sqrt(x), first * u + second * x
-        return States(self.arm, q, dq.reshape(q.shape), ddq.reshape(q.shape))
+        return States(self.arm, (q, dq.reshape(q.shape), ddq.reshape(q.shape)))
 
     @cached_property
     def places(self) -> tuple[IntArray, FloatArray]:
@@ -90,7 +91,23 @@ class IntervalEnds:
     @cached_property
     def inside(self) -> States:
         """Joint states with their jerks at all `places`."""
-        return States(self.arm, *(self.law.on_interval(*self.places, k) for k in range(4)))
+        return States(self.arm, self.law.motion(*self.places, 3))
+
+    def largest_use(self, name: str, limits: Limits) -> FloatArray:
+        """Largest used share of a limit on every interval, (n, joints or 1).
+
+        Jerk is `q''' ds³ + 3 q'' ds dds + q' s'''`, which may be largest between the ends.
+        """
+        n = len(self.grid)
+        if name not in JERK_LIMITS:
+            ratio = self.states.use(name, limits).ratio.reshape(n, 2, -1)
+            return np.asarray(ratio.max(axis=1))
+        use = (
+            use_of(name, limits, self.law.path_position(*self.places, 3))
+            if name == "path_jerk"
+            else self.inside.use(name, limits)
+        )
+        return np.asarray(use.ratio.reshape(len(INSIDE), n, -1).max(axis=0))
 
 
 class Constraint:
@@ -98,8 +115,7 @@ class Constraint:
 
     Attributes:
         name: Name in messages, such as "acceleration".
-        limit_name: The field of `Limits` that the constraint keeps, with the values `limit`; its
-            use is computed from this limit. Empty: from its forms.
+        limit_name: The field of `Limits` that the constraint keeps, for messages.
         limit: Largest value; one number, or one per joint.
         joints: Whether there is one limit per joint, which explanations then name.
         curved: Whether it has viscous friction, which rows bound for a range of x only.
@@ -126,10 +142,6 @@ class Constraint:
             return [(self.name, None)]
         return [(self.name, k) for k in range(np.size(self.limit))]
 
-    def allowed(self, grid: Grid) -> FloatArray:
-        """Largest value of the limited quantity, in a shape that broadcasts to (n, joints or 1)."""
-        return np.asarray(self.limit)
-
     def usage(self, ends: IntervalEnds) -> FloatArray:
         """Used share of the limit on every interval, the larger one of both ends.
 
@@ -139,9 +151,6 @@ class Constraint:
         Returns:
             (n, 1), or (n, joints) where `joints` is true.
         """
-        if self.limit_name:
-            found = quantity(self.limit_name, ends.states).reshape(len(ends.grid), 2, -1)
-            return np.asarray(found.max(axis=1) / self.allowed(ends.grid))
         used = np.zeros((len(ends.grid), 1))
         for form in self.on(ends.on):
             used = np.maximum(used, _usage(form, ends.x[..., None], ends.u[..., None]).max(axis=1))
@@ -164,7 +173,7 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
     return np.zeros_like(x)
 
 
-def limits_on(path: OnGrid, active: Sequence[Constraint]) -> Limits:
+def limits_on(path: OnGrid, active: Sequence[Constraint]) -> LimitsOnGrid:
     """All limits on a grid.
 
     Args:

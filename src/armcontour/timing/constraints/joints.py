@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray, for_kernel
 from armcontour.arms import Arm
-from armcontour.timing.constraints.base import Constraint, IntervalEnds
+from armcontour.timing.constraints.base import Constraint
 from armcontour.timing.constraints.second_order import refuse_excess_at_rest
 from armcontour.timing.grid import Grid
 from armcontour.timing.topp._forms import ROUNDING
@@ -79,25 +79,6 @@ class JointMotion(Constraint):
         rise[..., BY_X] = w**2 / 8 * fourth + ROUNDING / w * q1
         rise[..., BY_SLOPE] = w**2 / 8 * 4 * q2
         return Rows(ends, rise)
-
-    @property
-    def names(self) -> list[tuple[str, int | None]]:
-        """The velocities, and then the accelerations."""
-        counts = (("velocity", self.velocity.shape[1]), ("acceleration", len(self.low)))
-        return [(name, k) for name, count in counts for k in range(count)]
-
-    def usage(self, ends: IntervalEnds) -> FloatArray:
-        """Used shares of the limits, as `names`."""
-        (first, second), _ = ends.on.derivatives
-        x, u = ends.x[..., None], ends.u[..., None]
-        low, high = self.velocity
-        dq = first[..., : len(low)] * np.sqrt(x)
-        found = [np.maximum(dq / high, dq / low)]
-        if len(self.low):
-            value = first * u + second * x
-            low, high = (y[:, None] for y in self.bounds(ends.grid))
-            found.append(np.maximum(value / high, value / low))
-        return np.asarray(np.concatenate(found, axis=2).max(axis=1))
 
 
 class JointTorque(Constraint):

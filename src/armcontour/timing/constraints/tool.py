@@ -14,10 +14,10 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray, IntArray
 from armcontour.arms import Arm
+from armcontour.arms.limit_use import require_orientation
 from armcontour.motion import JointPath
 from armcontour.timing.constraints.base import Constraint
 from armcontour.timing.grid import Grid
-from armcontour.timing.limit_use import require_orientation
 from armcontour.timing.topp.limits import Ceiling, Form
 from armcontour.timing.topp.on_grid import OnGrid
 
@@ -133,10 +133,8 @@ class ToolSpeed(Constraint):
     """
 
     name = "assigned velocity"
-    limit_name = "speed"
 
     def __init__(self, speed: FloatArray, metric: ToolMetric) -> None:
-        self.assigned = speed
         self._ceiling: FloatArray = (speed / metric.speed) ** 2
 
     def on(self, path: OnGrid) -> Iterable[Form]:
@@ -144,10 +142,6 @@ class ToolSpeed(Constraint):
         found = np.empty((len(path), 2))
         found[:] = self._ceiling[path.grid.piece, None]
         return (Ceiling(found),)
-
-    def allowed(self, grid: Grid) -> FloatArray:
-        """Assigned velocity of every interval [m/s], (n, 1)."""
-        return np.asarray(self.assigned[grid.piece][:, None])
 
 
 class RapidSpeed(Constraint):
@@ -159,8 +153,6 @@ class RapidSpeed(Constraint):
     """
 
     name = "rapid speed"
-    limit_name = "speed"
-    limit: float
 
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._arm = limit, arm
@@ -186,7 +178,6 @@ class CentripetalAcceleration(Constraint):
     """
 
     name = "centripetal acceleration"
-    limit_name = "centripetal_acceleration"
 
     def __init__(self, limit: float, metric: ToolMetric) -> None:
         self.limit, self.metric = limit, metric
@@ -207,8 +198,6 @@ class ToolAcceleration(Constraint):
     """
 
     name = "tool acceleration"
-    limit_name = "tool_acceleration"
-    limit: float
 
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._arm = limit, arm
@@ -232,7 +221,6 @@ class AngularSpeed(Constraint):
     """
 
     name = "angular speed"
-    limit_name = "angular_speed"
 
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._tool = limit, require_orientation(arm)
@@ -256,8 +244,6 @@ class AngularAcceleration(Constraint):
     """
 
     name = "angular acceleration"
-    limit_name = "angular_acceleration"
-    limit: float
 
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._tool = limit, require_orientation(arm)

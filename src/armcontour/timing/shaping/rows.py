@@ -14,8 +14,8 @@ import numpy as np
 
 from armcontour._checks import BoolArray, FloatArray
 from armcontour.arms import Arm, Limits
+from armcontour.arms.limit_use import States
 from armcontour.frames import perpendicular
-from armcontour.timing.limit_use import States
 
 # Directions in which a disc in space is bounded by planes.
 DIRECTIONS = 8
@@ -104,7 +104,7 @@ def span_rows(spline: Spline, arm: Arm, limits: Limits, speeds: FloatArray) -> S
     if limits.joint_velocity is not None:
         lower, upper = limits.velocity_bounds(dof)
         found.append(_velocity(both, e, np.concatenate([upper, -lower])))
-    ends = [States(arm, knots[:-1], e[:-1], a), States(arm, knots[1:], e[1:], a)]
+    ends = [States(arm, (knots[:-1], e[:-1], a)), States(arm, (knots[1:], e[1:], a))]
     if np.isfinite(speeds).any():
         found.append(_tool_speed(ends[1], speeds))
     for last, x in enumerate(ends):

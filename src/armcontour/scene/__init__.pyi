@@ -1,0 +1,14 @@
+from armcontour.scene.arm_shapes import ArmShapes as ArmShapes
+from armcontour.scene.arm_shapes import LeftOut as LeftOut
+from armcontour.scene.arm_shapes import LinkShape as LinkShape
+from armcontour.scene.scene import MARGINS as MARGINS
+from armcontour.scene.scene import Margins as Margins
+from armcontour.scene.scene import Obstacle as Obstacle
+from armcontour.scene.scene import Scene as Scene
+from armcontour.scene.shapes import Box as Box
+from armcontour.scene.shapes import Capsule as Capsule
+from armcontour.scene.shapes import Cylinder as Cylinder
+from armcontour.scene.shapes import HalfSpace as HalfSpace
+from armcontour.scene.shapes import Mesh as Mesh
+from armcontour.scene.shapes import Shape as Shape
+from armcontour.scene.shapes import Sphere as Sphere

@@ -1,0 +1,2 @@
+from armcontour.timing.shaping.shaper import Shaping as Shaping
+from armcontour.timing.shaping.shaper import shape as shape
