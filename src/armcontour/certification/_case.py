@@ -155,6 +155,11 @@ class Case:
         """Accelerations at which drives saturate [rad/s²], (dof,) each; infinite without."""
         return self.servo.saturate(*self.limits.acceleration_bounds(self.arm.dof))
 
+    def demand_ratio(self, demand: FloatArray) -> FloatArray:
+        """Demands over the accelerations at which drives saturate in their direction."""
+        low, high = self.demand_bounds
+        return np.asarray(np.maximum(demand / low, demand / high))
+
     def work_of(self, contour: Contour) -> tuple[float, float] | None:
         """Places of a contour between which errors count [m]; None is at all times."""
         return contour.at_work if self.program.single_path is None else None

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.arms.limit_use import use_of
 from armcontour.arms.limits import UNITS
 from armcontour.certification._case import Case
 from armcontour.certification._derating import Derating, plan_derated
@@ -265,11 +266,10 @@ def lower_rapid(
     if "joint_velocity" in uses:
         now = taught.q[slice(*np.searchsorted(taught.t, span))] if span else taught.q
         rate = np.diff(now, axis=0) / taught.period
-        low, high = case.limits.velocity_bounds(dof)
         lower, upper = case.limits.joint_range(dof)
         outside = OUTSIDE if ((now < lower) | (now > upper)).any() else 0.0
-        share = float(np.maximum(rate / low, rate / high).max(initial=outside))
-        uses["joint_velocity"] = max(uses["joint_velocity"], share)
+        ratio = use_of("joint_velocity", case.limits, rate).ratio
+        uses["joint_velocity"] = max(uses["joint_velocity"], float(ratio.max(initial=outside)))
     goal = RAPID_GOAL if span is None else 1.0 + KEPT
     over = {name: x for name, x in uses.items() if x > goal}
     if not over:

@@ -182,10 +182,9 @@ def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> Uses:
     pace = np.maximum(pace, _command_use(case, trial.taught, executed.t[now]))
     peak = np.zeros(case.arm.dof)
     if not case.saturated and not case.bodies:
-        low, high = case.demand_bounds
         for x in trial.all_runs:
             part = slice(*np.searchsorted(x.t, since)) if since else slice(None)
-            share = np.maximum(x.demand[part] / high, x.demand[part] / low)
+            share = case.demand_ratio(x.demand[part])
             joints = np.maximum(joints, _at(t + span.t[0], x.t[part], share))
             peak = np.maximum(peak, peak_demand(case, x, since))
     tool, speed = np.zeros(len(t)), case.limits.speed
@@ -233,9 +232,7 @@ def peak_demand(
     """
     assert isinstance(executed.plant, ServoPlant)
     servo = executed.plant.servo
-    low, high = case.demand_bounds
-    least, most = executed.demand_range
-    every = np.asarray(np.maximum(least / low, most / high))
+    every = np.asarray(case.demand_ratio(executed.demand_range).max(axis=0))
     if span is None or every.max() <= 1.0:
         return every
     taught = executed.taught
@@ -243,15 +240,15 @@ def peak_demand(
     first = max(0, int(np.ceil(begin - SAME)))
     last = min(count_intervals(taught, servo), int(np.ceil(end - SAME)))
     if first >= last:
-        demand = executed.demand[-1]
-        return np.asarray(np.maximum(demand / low, demand / high))
+        return case.demand_ratio(executed.demand[-1])
     row = first * round(taught.period / float(executed.t[1] - executed.t[0]))
     held = executed.dq[row] if servo.kv is None else executed.ddq[row]
     held = np.where(servo.ki > 0, executed.demand[row], held)
     again = Simulation(taught.q, taught.period, servo).run(
         first, last, executed.q[row], executed.dq[row], held=held
     )
-    return np.asarray(np.maximum(again.lowest / low, again.highest / high))
+    both = np.stack([again.lowest, again.highest])
+    return np.asarray(case.demand_ratio(both).max(axis=0))
 
 
 def _motion(plan: Trajectory, t: FloatArray, side: Side) -> tuple[FloatArray, FloatArray]:
