@@ -38,6 +38,7 @@ from armcontour.evaluation.tally import (
     Tally,
     judge_law,
     merge_uses,
+    shift_use,
 )
 from armcontour.geometry import Path
 from armcontour.motion import Trajectory
@@ -259,7 +260,7 @@ def check(
         whole = whole or judged
         if missed is not None and part.path is not None:
             judge_missed(motion, tally, missed)
-        found = {x.name: x.moved(part.t, part.s) for x in tally.uses(tolerance)}
+        found = {x.name: shift_use(x, part.t, part.s) for x in tally.uses(tolerance)}
         left |= dict.fromkeys(_not_judged(part.limits, part.path, set(found)))
         uses |= {x: merge_uses(uses[x], y) if x in uses else y for x, y in found.items()}
         far = tally.farthest
@@ -310,7 +311,8 @@ def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | Non
     bounds = resolve_limits("check", arm, limits, planned)
     spans, several = getattr(samples, "spans", ()), program is not None and len(program.moves) > 1
     if not several and (program is not None or all(x.kind == "contour" for x in spans)):
-        return [_Part(motion=samples, limits=bounds, path=program and program.path)]
+        on = None if program is None else program.path
+        return [_Part(motion=samples, limits=bounds, path=on)]
     tool = bounds.of_tool
     parts = [_Part(motion=samples, limits=bounds.of_joints)]
     if program is None and all(getattr(tool, x) is None for x in TOOL_LIMITS):

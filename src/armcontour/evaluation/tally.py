@@ -120,13 +120,6 @@ class LimitUse(Result, Occurrence):
     highest: Occurrence
     verdict: str
 
-    def moved(self, t: float, s: float) -> LimitUse:
-        """The use with a later time [s] and a larger arc length [m]."""
-        use, highest = (
-            replace(x, t=t + x.t, s=None if x.s is None else s + x.s) for x in (self, self.highest)
-        )
-        return replace(use, highest=highest)
-
     @property
     def unit(self) -> str:
         """Unit of value and limit."""
@@ -154,6 +147,16 @@ def judge_use(certain: float, highest: float, tolerance: float) -> str:
     if certain > 1 + tolerance:
         return VIOLATED
     return KEPT if highest <= 1 + tolerance + UNSEEN else CANNOT_TELL
+
+
+def shift_use(use: LimitUse, t: float, s: float) -> LimitUse:
+    """Shift the times [s] and arc lengths [m] of a use."""
+
+    def shifted(x: Occurrence) -> dict[str, Any]:
+        return {"t": t + x.t, "s": None if x.s is None else s + x.s}
+
+    highest = replace(use.highest, **shifted(use.highest))
+    return replace(use, highest=highest, **shifted(use))
 
 
 def merge_uses(first: LimitUse, second: LimitUse) -> LimitUse:

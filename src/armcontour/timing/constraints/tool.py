@@ -198,6 +198,7 @@ class ToolAcceleration(Constraint):
     """
 
     name = "tool acceleration"
+    limit: float
 
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._arm = limit, arm
@@ -244,6 +245,7 @@ class AngularAcceleration(Constraint):
     """
 
     name = "angular acceleration"
+    limit: float
 
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._tool = limit, require_orientation(arm)
