@@ -44,7 +44,7 @@ OPTIONS = {
         "tolerance",
         "geometry|(io|files)/(drawings|certificate)|evaluation|verification|certification|studies"
         "|tracing|.*/tracing|program|.*/jerk|.*shaping/(curves|nodes|search|starts)|control"
-        "|jobs/(goal|single_corners|programs)|cli/(certifying|checking)|io/job_(path|model)"
+        "|jobs/(goal|single_corners|programs|planning)|cli/(certifying|checking)|io/job_(path|model)"
         "|report/sections/shaping|.*shaping/shaper|timing/options"
         "|studio/(converting|tasks|static/taskforms)",
     ),
@@ -55,7 +55,7 @@ OPTIONS = {
         "|drives|robot/drives|report|batches|.*constraints|.*/(jerk|topp)|_text|verification"
         "|(timing|planning)/(common|mac|_laps|end_sp|expl|conv|program|limit_use|planner)"
         "|studio/(line|picture)"
-        "|jobs/(analog|programs|warnings|results|run_data|job)|studio/(converting|static)",
+        "|jobs/(analog|programs|planning|warnings|results|run_data|job)|studio/(converting|static)",
     ),
     # Exports have an interval of their own, and so has `Paper`, the arguments of a function; a
     # preview chooses a longer one.

@@ -63,7 +63,7 @@ def test_refusals(arm, taught, refuses):
         ((t, 1e3 * x), "mm from where the joints say"),
         ((t, x[:, :1]), "rows of 2 or 3 coordinates"),
         ((t[::-1], x), "must increase"),
-        ((t[:half], x[:half]), "track the whole run"),
+        ((t[:half], x[:half]), "tool positions covers the plan"),
     ):
         call = partial(ac.learn, taught, done, arm=arm, servo=SERVO, tool=tool)
         refuses(call, ac.InvalidInput, words)

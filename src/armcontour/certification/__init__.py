@@ -1,6 +1,5 @@
 """Certificates: the fastest motion that keeps a goal on every robot of a box."""
 
-from armcontour.certification._bodies import LinearFigures
 from armcontour.certification.certificate import (
     Budget,
     Certificate,
@@ -14,7 +13,6 @@ __all__ = [
     "Budget",
     "Certificate",
     "ContourCertificate",
-    "LinearFigures",
     "SweepPoint",
     "Uncertified",
     "certify",

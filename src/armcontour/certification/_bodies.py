@@ -1,214 +1,167 @@
-"""Plans on rigid bodies: a linear model for the search, and MuJoCo, which judges."""
+"""Robots of a box as rigid bodies: those that are the worst, executed by MuJoCo."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._progress import Progress, Step
-from armcontour.certification._uses import (
-    SPEED_SLACK,
-    Robot,
-    Setting,
-    Uses,
-    assigned_speeds,
-    command_use,
-    planned_uses,
-)
-from armcontour.core.fields import Checked
-from armcontour.core.result import VERDICT, Data, Row
+from armcontour._progress import Step
+from armcontour.certification._case import Case
+from armcontour.certification._uses import normals
 from armcontour.execution import RigidBodyPlant, execute
 from armcontour.geometry import Path
 from armcontour.motion import Execution, TaughtData
-from armcontour.robustness.bodies import BodyRuns, describe, spread_on_bodies
+from armcontour.robustness.bodies import BodyRuns, spread_on_bodies, trace_on_bodies
 from armcontour.robustness.box import Box
-from armcontour.robustness.deviations import Deviations, Worst, deviations_of
 from armcontour.robustness.monte_carlo import Spread
 from armcontour.robustness.unknowns import Unknowns
 
+# Trials execute so many corners of the box: those that are the worst for the first plan. A proof
+# adds so many of the robots that are outside.
+FIRST, MORE = 8, 4
+# Number of unknowns up to which all corners may be executed.
+ALL_CORNERS = 14
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LinearFigures(Checked):
-    """What the linear model of rigid bodies says of a plan, against the figures of MuJoCo.
 
-    Args:
-        nominal: Largest contour error of the nominal robot [m].
-        bound: Largest contour error of all robots of the box [m]. It is exact in the linear model,
-            to first order: no robot of the box has more in it.
-        corner: The robot that has it, in words.
-        shares: Parts of the bound by kinds of unknowns, and of "sampling", which is what the
-            nominal robot has of it [m].
-        drawn: Largest contour errors of robots drawn from the box [m], (n,).
-        seed: Seed of these robots.
+def worst_corners(case: Case, taught: TaughtData) -> tuple[FloatArray, dict[str, float]]:
+    """Corners of the box, the worst first, and the parts of the error of the worst one.
+
+    One robot per unknown is executed. Their deviations, added up to first order, tell the corner
+    that is the worst at each time and to each side of the path.
+
+    Returns:
+        Errors of the unknowns in these corners, (m, k), and parts by kinds of unknowns and of
+        "sampling", which the nominal robot has [m].
     """
+    runs = _runs(case, taught)
+    unknowns = runs.unknowns
+    k = len(unknowns)
+    if not k:
+        return np.zeros((1, 0)), {}
+    low, high = unknowns.low, unknowns.high
+    single = np.where(high >= -low, high, low)
+    traces = _trace(case, runs, np.concatenate([np.zeros((1, k)), np.diag(single)]))
+    n = min(len(tool) for _, _, tool in traces)
+    nominal = traces[0][2][:n]
+    s = runs.path.project(nominal).s
+    off, tangent = nominal - runs.path(s), runs.path(s, 1)
+    each = np.array([tool[:n] - nominal for _, _, tool in traces[1:]]).reshape(k, n, -1)
+    each = np.moveaxis(each, 0, 2) / single
+    middle, half = (high + low) / 2, (high - low) / 2
+    # Off its ends the tool cannot be nearer to the path than to them.
+    ends = []
+    for end, way in ((0.0, -1.0), (runs.path.length, 1.0)):
+        outward = np.tile(way * runs.path(end, 1), (n, 1))
+        reach = np.abs(np.einsum("ndk,nd->nk", each, outward) * np.abs(single)).sum(axis=1)
+        beyond = np.einsum("nd,nd->n", nominal - runs.path(end), outward)
+        ends.append((np.where(abs(s - end) <= reach, beyond, -np.inf), outward))
+    bound, errors = np.zeros(0), np.zeros((0, k))
+    largest, parts = -np.inf, {}
+    for own, side in [(np.einsum("nd,nd->n", off, x), x) for x in normals(tangent)] + ends:
+        moved = np.einsum("ndk,nd->nk", each, side)
+        corner = middle + np.where(moved >= 0, half, -half)
+        total = own + (moved * corner).sum(axis=1)
+        bound, errors = np.append(bound, total), np.concatenate([errors, corner])
+        i = int(np.argmax(total))
+        if total[i] > largest:
+            largest, parts = float(total[i]), {"sampling": float(own[i])}
+            for kind, part in zip(unknowns.kinds, (moved * corner)[i].tolist(), strict=True):
+                parts[kind] = parts.get(kind, 0.0) + part
+    unique, where = np.unique(errors, axis=0, return_inverse=True)
+    worst = np.full(len(unique), -np.inf)
+    np.maximum.at(worst, where.ravel(), bound)
+    unique = unique[np.argsort(-worst, kind="stable")]
+    return _more_corners(unknowns, unique, case.goal.corners), parts
 
-    nominal: float
-    bound: float
-    corner: str
-    shares: Mapping[str, float] = field(default_factory=dict)
-    drawn: FloatArray
-    seed: int
 
-    def to_data(self, budget: float) -> Data:
-        """The bound, its worst robot and its parts.
-
-        Args:
-            budget: Largest allowed error [m].
-        """
-        label = "contour error of all robots of the box"
-        drawn = f"{len(self.drawn)} drawn robots"
-        parts = [
-            Row(f"shares.{kind}", x, "m", f"of it {kind}", level=VERDICT)
-            for kind, x in self.shares.items()
-        ]
-        return Data(
-            "Linear model of rigid bodies",
-            (
-                Row("bound", self.bound, "m", label, f"worst robot {self.corner}", VERDICT),
-                *(parts or [Row("shares", {})]),
-                Row("nominal", self.nominal, "m"),
-                Row("corner", self.corner),
-                Row("drawn.robots", len(self.drawn)),
-                Row("drawn.seed", self.seed),
-                Row("drawn.max", self.drawn.max(), "m", drawn, level=VERDICT),
-                Row("drawn.within", self.within(budget), "1"),
-            ),
-        )
-
-    def within(self, budget: float) -> float:
-        """Fraction of the drawn robots whose largest contour error is at most `budget` [m]."""
-        return float(np.mean(self.drawn <= budget))
+def _more_corners(unknowns: Unknowns, first: FloatArray, most: int) -> FloatArray:
+    """Corners, with others after them, so that there are `most` if the box has so many."""
+    if len(first) >= most:
+        return first[:most]
+    if len(unknowns) <= ALL_CORNERS:
+        others = unknowns.corners()
+    else:
+        # The corners that differ in one unknown.
+        flipped = np.where(np.eye(len(unknowns), dtype=np.bool_), -1.0, 1.0)
+        middle = (unknowns.low + unknowns.high) / 2
+        others = (middle + (first - middle)[:, None] * flipped).reshape(-1, len(unknowns))
+    both = np.concatenate([first, others])
+    _, index = np.unique(both, axis=0, return_index=True)
+    return np.asarray(both[np.sort(index)][:most])
 
 
-def uses_on_bodies(setting: Setting, taught: TaughtData) -> Uses:
-    """The uses of a plan, its command, and its execution by the linear model.
+def largest_errors(case: Case, taught: TaughtData, errors: list[FloatArray]) -> FloatArray:
+    """Times, and the largest contour error of some robots then [s, m], (2, n)."""
+    traces = _trace(case, _runs(case, taught), np.array(errors))
+    t = max((x[0] for x in traces), key=len)
+    largest = np.zeros(len(t))
+    for own, off, _ in traces:
+        largest[: len(own)] = np.maximum(largest[: len(own)], off)
+    return np.stack([t, largest])
+
+
+def execute_robots(
+    case: Case, taught: TaughtData, errors: FloatArray, seed: int | None = None
+) -> Spread:
+    """Execute set-points on robots of the box, in several processes if they are many.
 
     Args:
-        setting: What is fixed.
+        case: The case.
         taught: The set-points.
+        errors: Errors of the unknowns, (n, k).
+        seed: Seed of the errors; None for corners.
     """
-    deviations = look(setting, taught)
-    across = deviations.across()
-    worst = across.worst()
-    t = across.t
-    s, joints, pace = planned_uses(setting, taught.trajectory, t)
-    pace = np.maximum(pace, command_use(setting, taught, t))
-    error = np.linalg.norm(across.nominal, axis=1)
-    faster = _tool_speed(setting, deviations) / (assigned_speeds(setting, s) * (1 + SPEED_SLACK))
-    # What the path bends within the deviation is of second order; the corners of the moments tell.
-    over_box = np.maximum(worst.bound, deviations.distances(worst.errors))
-    rms = 0.0 if setting.rms is None else float(np.sqrt(np.mean(error**2))) / setting.rms
-    return Uses(
-        t=t,
-        s=s,
-        joints=joints,
-        pace=pace,
-        tool=faster**2,
-        error=error / setting.budget,
-        box=None if setting.box is None else over_box / setting.budget,
-        peak=np.zeros(setting.arm.dof),
-        rms=rms,
-        largest=float(error.max()),
-        linear=worst,
-    )
+    what = "corners of the box" if seed is None else "robots of the box"
+    names = (f"{len(errors)} {what} as rigid bodies",)
+
+    def tell(done: int) -> None:
+        case.progress(Step(names, done / (len(errors) + 1)))
+
+    runs = _runs(case, taught)
+    return spread_on_bodies(runs, errors, seed=seed, executor=case.executor, done=tell)
 
 
-def _tool_speed(setting: Setting, deviations: Deviations) -> FloatArray:
-    """Tool speed of the nominal robot in the linear model [m/s], (n,)."""
-    q = deviations.q + deviations.nominal
-    dq = np.gradient(q, deviations.t, axis=0)
-    return np.asarray(np.linalg.norm(setting.arm.tool_velocity(q, dq), axis=1))
+def draw(case: Case) -> FloatArray:
+    """Errors of robots drawn from the box, (n, k)."""
+    return _unknowns(case).draw(case.goal.bodies, case.goal.seed)
 
 
-def look(setting: Setting, taught: TaughtData) -> Deviations:
-    """The linear model of the box around a plan; without a box, of the nominal robot alone."""
-    return deviations_of(
-        taught,
-        setting.path,
-        Unknowns.of(setting.box or Box(), setting.arm, setting.servo),
-        gravity_feedforward=setting.drive_options.get("gravity_feedforward", True),
-    )
+def torque_ratio(case: Case, executed: Execution) -> float:
+    """Largest torque that a drive would need in an execution over its limit."""
+    plant = case.plant()
+    assert isinstance(plant, RigidBodyPlant) and executed.torque_demand is not None
+    return float(np.max(np.abs(executed.torque_demand) / plant.torque_limit))
 
 
-def rest_at_start(robot: Robot, path: Path, taught: TaughtData) -> float:
+def rest_at_start(case: Case, path: Path, taught: TaughtData) -> float:
     """Distance from the tool to the start of its path while the robot rests at it [m].
-
-    Args:
-        robot: The robot.
-        path: The path.
-        taught: Set-points along the path.
 
     Raises:
         ExecutionError: The drives are too weak to hold the robot, or do not settle.
     """
     standing = replace(taught, q=np.tile(taught.q[0], (2, 1)))
-    executed = execute(standing, robot.plant(), resolution=robot.resolution)
+    executed = execute(standing, case.plant(), resolution=case.resolution)
     return float(np.linalg.norm(executed.tool[0] - path(0.0)))
 
 
-def execute_bodies(
-    setting: Setting,
-    taught: TaughtData,
-    worst: Worst,
-    errors: FloatArray,
-    *,
-    executor: Executor | None = None,
-    progress: Progress,
-    seed: int | None = None,
-) -> Spread:
-    """Execute on robots of the box as rigid bodies, in several processes if they are many.
+def _unknowns(case: Case) -> Unknowns:
+    return Unknowns.of(case.box or Box(), case.arm, case.servo)
 
-    Args:
-        setting: What is fixed.
-        taught: The set-points.
-        worst: What the linear model says, for its unknowns.
-        errors: Errors of the unknowns, (n, k).
-        executor: An executor that does it in place of processes of this machine.
-        progress: Called with the share that is done.
-        seed: Seed of the errors; None for corners.
-    """
-    runs = BodyRuns(
+
+def _runs(case: Case, taught: TaughtData) -> BodyRuns:
+    (contour,) = case.program.contours
+    return BodyRuns(
         taught=taught,
-        path=setting.path,
-        unknowns=worst.across.unknowns,
-        limits=setting.limits,
-        options=setting.drive_options,
-    )
-    what = "corners of the box" if seed is None else "robots of the box"
-    names = (f"{len(errors)} {what} as rigid bodies",)
-
-    def tell(done: int) -> None:
-        progress(Step(names, done / (len(errors) + 1)))
-
-    return spread_on_bodies(runs, errors, seed=seed, executor=executor, done=tell)
-
-
-def figures(worst: Worst, samples: int, seed: int) -> LinearFigures:
-    """The figures of the linear model.
-
-    Args:
-        worst: What it says.
-        samples: Number of robots drawn from the box.
-        seed: Seed of these.
-    """
-    across = worst.across
-    unknowns = across.unknowns
-    return LinearFigures(
-        nominal=float(np.linalg.norm(across.nominal, axis=1).max()),
-        bound=worst.largest,
-        corner=describe(unknowns, worst.errors[int(np.argmax(worst.bound))]),
-        shares=worst.shares(),
-        drawn=across.largest(unknowns.draw(samples, seed)),
-        seed=seed,
+        path=contour.path,
+        unknowns=_unknowns(case),
+        limits=case.limits,
+        options=case.drive_options,
     )
 
 
-def torque_ratio(setting: Setting, executed: Execution) -> float:
-    """Largest torque that a drive would need in an execution over its limit."""
-    plant = setting.plant()
-    assert isinstance(plant, RigidBodyPlant) and executed.torque_demand is not None
-    return float(np.max(np.abs(executed.torque_demand) / plant.torque_limit))
+def _trace(
+    case: Case, runs: BodyRuns, errors: FloatArray
+) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    return trace_on_bodies(runs, errors, executor=case.executor)

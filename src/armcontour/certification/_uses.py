@@ -1,259 +1,59 @@
-"""How far a plan and its execution use what they are given, at every time."""
+"""Use of limits, budget and box by a plan and its executions, over time."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.arms import Arm, Limits
 from armcontour.arms.limit_use import States
-from armcontour.compensation.compensator import teach
-from armcontour.evaluation.error_profile import ErrorProfile, Missed
-from armcontour.evaluation.pieces import Piece, evaluated_times
-from armcontour.execution import Plant, RigidBodyPlant, ServoPlant, execute
+from armcontour.certification._case import Case
+from armcontour.evaluation import Check
+from armcontour.evaluation.pieces import Piece, pieces_of
+from armcontour.execution import ServoPlant, execute
 from armcontour.execution.plant import count_intervals
-from armcontour.execution.rigid_body_plant import STEP
 from armcontour.geometry import Path
-from armcontour.jobs.job import Run
-from armcontour.motion import (
-    Execution,
-    PathLaw,
-    TaughtData,
-    Trajectory,
-)
+from armcontour.motion import Execution, PathLaw, Span, TaughtData, Trajectory
 from armcontour.motion.laws import join_path
-from armcontour.program import Contour, Program
 from armcontour.robustness.box import Box
-from armcontour.robustness.deviations import Worst
-from armcontour.robustness.monte_carlo import Spread, spread, worst_corner
 from armcontour.servo import ServoModel
 from armcontour.servo.simulation import Simulation
 
-# Executions are looked at this often per command interval, but not more often than this [s].
+# Trials are executed with this many results per command interval, but not finer than this [s].
 PER_INTERVAL = 16
 FINEST = 1.25e-4
 # The same for executions in the corners of a box.
 BOX_PER_INTERVAL = 4
 # The tool speed of an execution may exceed the velocity assigned at its place by this share of it.
 SPEED_SLACK = 1e-3
-# A plan that is kept was judged at this resolution [s].
-RESOLUTION = 1e-4
-# Keys of an experiment that say how the robot's drives work.
-DRIVE_OPTIONS = ("step", "gravity_feedforward", "noise", "seed")
 # Directions across the path in which errors over a box are added up, in space.
 DIRECTIONS = 16
 # Penalty ratio for a command outside the joint range: slowing down cannot correct it completely,
-# but each round of the search reduces the speed there.
+# but each trial reduces the speed there.
 OUTSIDE = 1.1
 # Shares of limits, and phases of a command interval, that differ by less than this are the same.
 SAME = 1e-9
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Robot:
-    """What is the same for all moves of a program: the robot, and how it is taught.
-
-    Args:
-        arm: The arm.
-        limits: With values per joint.
-        model: The servo that compensation knows.
-        servo: The servo that executes.
-        saturated: Whether it may saturate.
-        box: How far the robot may be from its model.
-        run: The run: its method of compensation and command interval.
-        bodies: Whether it is rigid bodies that execute, and not servos of single joints.
-    """
-
-    arm: Arm
-    limits: Limits
-    model: ServoModel
-    servo: ServoModel
-    saturated: bool
-    box: Box | None
-    run: Run
-    bodies: bool = False
-
-    @property
-    def drive_options(self) -> dict[str, Any]:
-        """Options of rigid bodies that the run's experiment gives, and a box does not."""
-        experiment = self.run.experiment
-        if experiment is None:
-            return {}
-        return {name: getattr(experiment, name) for name in DRIVE_OPTIONS}
-
-    @property
-    def resolution(self) -> float:
-        """Time between two results of an execution that judges [s]: bodies have none between."""
-        if not self.bodies:
-            return RESOLUTION
-        return max(RESOLUTION, float(self.drive_options.get("step", STEP)))
-
-    def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> Plant:
-        """The robot, or one that never saturates."""
-        if self.bodies:
-            return RigidBodyPlant(self.arm, servo or self.servo, self.limits, **self.drive_options)
-        saturation = "none" if ideal else None
-        return ServoPlant(self.arm, servo or self.servo, self.limits, saturation=saturation)
-
-    def saturating(self) -> tuple[FloatArray, FloatArray]:
-        """Accelerations at which the drives saturate [rad/s²], (dof,) each; infinite without."""
-        return self.servo.saturate(*self.limits.acceleration_bounds(self.arm.dof))
-
-    def teach(self, plan: Trajectory, period: float | None = None) -> TaughtData:
-        """Taught data of a plan, every `period` or command interval of the run [s]."""
-        period = self.run.period if period is None else period
-        return teach(plan, self.model, self.run.compensation, period=period, arm=self.arm)
-
-
-def work_on(program: Program, contour: Contour) -> tuple[float, float] | None:
-    """Between which places of a contour errors count [m]; None is at all times, as in `evaluate`.
-
-    Args:
-        program: The program.
-        contour: One of its contours.
-    """
-    return contour.at_work if program.single_path is None else None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Setting(Robot):
-    """What is fixed while the plan of one contour is searched for.
-
-    Args:
-        path: The tool path, rounded.
-        work: Between which places of the path errors count [m]; None is at all times, from the
-            first set-point until rest.
-        budget: Largest contour error, over the box if there is one [m].
-        rms: Its largest root mean square, without the box [m].
-    """
-
-    path: Path
-    work: tuple[float, float] | None
-    budget: float
-    rms: float | None
-
-    def window(self, plan: Trajectory) -> tuple[float, float] | None:
-        """Between which times of the plan of the contour errors count [s]; None is all times."""
-        if self.work is None:
-            return None
-        begin, end = plan.time_at(self.work).tolist()
-        return begin, end
-
-    def judge(self, executed: Execution) -> Judged:
-        """Judge the tool of an execution while errors count."""
-        which, until, rms_until = self.judged(executed)
-        n = len(executed.t)
-        work = (0.0, self.path.length) if self.work is None else self.work
-        piece = Piece(
-            executed=executed,
-            path=self.path,
-            objective=None,
-            which=which,
-            until=until,
-            rms_until=rms_until,
-            beyond=n,
-            work=work,
-        )
-        # Rigid bodies are looked at in every cycle of their drives.
-        return judge_piece(piece, self.limits.speed, between=not self.bodies)
-
-    def execute_corners(self, taught: TaughtData) -> Spread:
-        """Taught data in the corners of the box."""
-        since, until = self.window(taught.trajectory) or (None, None)
-        own = taught, self.path, self.arm, self.servo, self.limits
-        assert self.box is not None
-        return worst_corner(*own, self.box, since=since, until=until)
-
-    def execute_drawn(self, taught: TaughtData, samples: int, seed: int) -> Spread:
-        """Taught data on so many robots drawn from the box."""
-        since, until = self.window(taught.trajectory) or (None, None)
-        own = taught, self.path, self.arm, self.servo, self.limits
-        assert self.box is not None
-        return spread(
-            *own,
-            self.box,
-            samples=samples,
-            seed=seed,
-            since=since,
-            until=until,
-        )
-
-    def judged(self, executed: Execution) -> tuple[slice, float, float]:
-        """Samples of an execution whose errors count, and ends of errors and of their RMS [s]."""
-        plan = executed.taught.trajectory
-        t, window = executed.t, self.window(plan)
-        if window is None:
-            return slice(0, len(t)), *evaluated_times(executed, None)
-        begin, end = (int(x) for x in np.searchsorted(t, window))
-        # One result at least, however short the contour is.
-        return slice(min(begin, len(t) - 2), max(end, begin + 2)), window[1], window[1]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Judged:
-    """What the tool of an execution does on a contour while errors count.
-
-    Args:
-        error: Distance from the tool to the path.
-        missed: Largest distance from the path to the tool.
-        over_time: The larger of both at each of those times [m], (n,).
-        missed_over_time: The latter alone [m], (n,); -1 where it cannot be the largest.
-        speed: Tool speed over the velocity assigned at its place, bounded between times too, (n,).
-    """
-
-    error: ErrorProfile
-    missed: Missed
-    over_time: FloatArray
-    missed_over_time: FloatArray
-    speed: FloatArray
-
-    @property
-    def largest(self) -> float:
-        """The larger one of the largest distances of both directions [m]."""
-        return max(self.error.max, self.missed.max)
-
-
-def judge_piece(piece: Piece, limit: float | None, *, between: bool = True) -> Judged:
-    """Judge a piece of an execution.
-
-    Args:
-        piece: The piece.
-        limit: The assigned velocity of the whole path [m/s]; None without one.
-        between: Whether the tool speed is bounded between the times of the execution, too.
-    """
-    error, over_time = piece.contour_error, np.maximum(piece.found.distance, piece.found.missed)
-    # A peak between two times counts for the nearer one.
-    peak = int(np.argmin(np.abs(piece.t - error.t_max)))
-    over_time[peak] = max(over_time[peak], error.max)
-    return Judged(
-        error=error,
-        missed=piece.missed,
-        over_time=over_time,
-        missed_over_time=piece.found.missed,
-        speed=piece.speed_shares(limit, between=between),
-    )
+Side = Literal["left", "right"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Uses:
-    """Shares of what is allowed, over time; 1 is all of it.
+    """Shares of what is allowed on one contour, over time; 1 is all of it.
 
     Args:
-        t: Times [s], (n,).
-        s: Where the plan is then [m], (n,).
+        t: Times from the start of the contour [s], (n,).
+        s: Place of the plan then [m], (n,).
         joints: Of the joints' acceleration limits, the larger one of plan and demand, (n, dof).
         pace: Of what bounds the speed of the plan and of its command, as a ratio of ds², (n,).
         tool: Of the executed tool's speed, as a ratio of squared speeds, (n,).
         error: Of the budget, (n,).
-        box: Of the budget, estimated for the worst robot of the box, (n,); None without a box.
+        box: Of the budget, by the worst robots of the box, (n,); 0 without a box.
         peak: Largest demands over their limits at any time, (dof,); 0 where saturation is allowed.
         rms: RMS contour error over its largest; 0 without one.
-        largest: Largest contour error, of both directions [m].
-        linear: What the linear model of rigid bodies says of the box; None of servos.
     """
 
     t: FloatArray
@@ -262,11 +62,9 @@ class Uses:
     pace: FloatArray
     tool: FloatArray
     error: FloatArray
-    box: FloatArray | None
+    box: FloatArray
     peak: FloatArray
     rms: float
-    largest: float
-    linear: Worst | None = None
 
     def worst(self) -> dict[str, float]:
         """The largest of each."""
@@ -275,110 +73,188 @@ class Uses:
             "speed": float(self.pace.max()),
             "tool": float(self.tool.max()),
             "error": max(float(self.error.max()), self.rms),
-            "box": 0.0 if self.box is None else float(self.box.max()),
+            "box": float(self.box.max()),
         }
 
-    def raised(self, t: FloatArray, *, tool: FloatArray, error: FloatArray) -> Uses:
-        """The uses, raised to what an execution that was looked at more closely has.
 
-        Args:
-            t: Times of that execution [s], (m,).
-            tool: Its use of the tool's speed, as a ratio of squared speeds, (m,).
-            error: Its use of the budget, (m,).
-        """
-        after = np.clip(np.searchsorted(self.t, t), 0, len(self.t) - 1)
-        found = self.tool.copy(), self.error.copy()
-        for own, seen in zip(found, (tool, error), strict=True):
-            for near in (after, np.maximum(after - 1, 0)):
-                np.maximum.at(own, near, seen)
-        return replace(self, tool=found[0], error=found[1])
+# Executions of the whole program in corners of the box, and the error of the dead time that they
+# share [s].
+Group = tuple[float, list[Execution]]
 
 
-def run(robot: Robot, taught: TaughtData, resolution: float | None = None) -> Execution:
-    """Execute on the robot; on one that never saturates where saturation is refused."""
+def run(case: Case, taught: TaughtData, resolution: float | None = None) -> Execution:
+    """Execute a trial on the robot; on one that never saturates where saturation is refused."""
+    if case.bodies:
+        return execute(taught, case.plant(), resolution=resolution or case.resolution)
     every = min(taught.period, max(taught.period / PER_INTERVAL, FINEST))
-    plant = robot.plant(ideal=not robot.saturated)
-    return execute(taught, plant, resolution=resolution or every)
+    return execute(taught, case.plant(ideal=not case.saturated), resolution=resolution or every)
 
 
-def uses_of(setting: Setting, taught: TaughtData, executed: Execution) -> Uses:
-    """The uses of a plan, its command and its execution.
+def run_on_box(case: Case, taught: TaughtData) -> list[Group]:
+    """Execute in corners of the box, all joints in the same one.
 
-    Of a contour of a program, from the time on at which the contour starts: what comes before is
-    executed, and used by another move.
+    One group for either end of a shared dead time. Where saturation is refused the robots do not
+    saturate: what they demand is a use like others.
     """
-    plan = taught.trajectory
-    t = executed.t
-    low, high = setting.saturating()
-    s, planned, pace = planned_uses(setting, plan, t)
-    groups = [] if setting.box is None else execute_over_box(setting, taught)
-    joints, peak = planned, np.zeros(setting.arm.dof)
-    if not setting.saturated:
-        robots = [(setting.servo, executed)]
-        robots += [x for group in groups for x in zip(group.servos, group.runs, strict=True)]
-        for servo, x in robots:
-            asked = np.maximum(x.demand / high, x.demand / low)
-            joints = np.maximum(joints, _at(t, x.t, asked))
-            least, most = peak_demands(x, servo, since=0.0 if setting.work else None)
-            peak = np.maximum(peak, np.maximum(least / low, most / high))
-    pace = np.maximum(pace, command_use(setting, taught, t))
-    tool, speed = np.zeros(len(t)), setting.limits.speed
+    box, servo, dof = case.box, case.servo, case.arm.dof
+    if box is None or case.bodies:
+        return []
+    late = np.broadcast_to(box.dead_time, (dof,))
+    shared = box.dead_time_shared and bool(late.any())
+    apart = np.zeros(dof) if box.dead_time_shared else late
+    resolution = max(taught.period / BOX_PER_INTERVAL, FINEST)
+    groups = []
+    for common in (-1.0, 1.0) if shared else (0.0,):
+        moved = np.maximum(servo.dead_time + common * late, 0.0)
+        servos = _variants(servo, moved, box, apart)
+        plants = [case.plant(x, ideal=not case.saturated) for x in servos]
+        runs = [execute(taught, x, resolution=resolution) for x in plants]
+        groups.append((float((moved - servo.dead_time)[0]) if shared else 0.0, runs))
+    return groups
+
+
+def distances(piece: Piece) -> FloatArray:
+    """Contour error of both directions at every time of a piece [m], (n,)."""
+    error = piece.contour_error
+    over_time = np.maximum(piece.found.distance, piece.found.missed)
+    # A peak between two times counts for the nearer one.
+    peak = int(np.argmin(np.abs(piece.t - error.t_max)))
+    over_time[peak] = max(over_time[peak], error.max)
+    return over_time
+
+
+def speed_shares(case: Case, piece: Piece) -> FloatArray:
+    """Tool speed of a piece over the velocity assigned at its place, (n,)."""
+    # Rigid bodies have a result in every cycle of their drives.
+    return piece.speed_shares(case.limits.speed, between=not case.bodies)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trial:
+    """A plan of the whole program, executed once on the robot and on corners of the box.
+
+    Args:
+        case: The case.
+        trajectory: The plan.
+        taught: Its set-points.
+        executed: Their execution on the robot.
+        pieces: The execution contour by contour.
+        groups: Executions on corners of the box.
+        box: Times and largest errors of bodies of the box [s, m], (2, n).
+        check: Check of the plan against all limits; None before its proof.
+    """
+
+    case: Case
+    trajectory: Trajectory
+    taught: TaughtData
+    executed: Execution
+    pieces: Sequence[Piece]
+    groups: Sequence[Group] = ()
+    box: FloatArray | None = None
+    check: Check | None = None
+
+    @property
+    def all_runs(self) -> list[Execution]:
+        """The execution on the robot, and those on corners of the box."""
+        return [self.executed, *(x for _, runs in self.groups for x in runs)]
+
+
+def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> Uses:
+    """The uses of one contour by its plan, its command and its execution.
+
+    Args:
+        case: The case.
+        trial: The executed program.
+        number: Index of the contour.
+        plan: Its plan; times from 0 [s].
+    """
+    piece, span = trial.pieces[number], trial.trajectory.contour_spans[number]
+    path, executed = piece.path, trial.executed
+    now, since = slice(0, len(executed.t)), None
+    if case.program.single_path is None:
+        # The command interval in which a move ends has a part of the next one.
+        start, period = trial.taught.start_time, trial.taught.period
+        last = start + np.ceil((span.t[1] - start) / period - SAME) * period
+        ends = span.t[0], float(last)
+        now, since = slice(*np.searchsorted(executed.t, ends)), ends
+    t = executed.t[now] - span.t[0]
+    s, joints, pace = _planned_uses(case, path, plan, t)
+    pace = np.maximum(pace, _command_use(case, trial.taught, executed.t[now]))
+    peak = np.zeros(case.arm.dof)
+    if not case.saturated and not case.bodies:
+        low, high = case.demand_bounds
+        for x in trial.all_runs:
+            part = slice(*np.searchsorted(x.t, since)) if since else slice(None)
+            share = np.maximum(x.demand[part] / high, x.demand[part] / low)
+            joints = np.maximum(joints, _at(t + span.t[0], x.t[part], share))
+            peak = np.maximum(peak, peak_demand(case, x, since))
+    tool, speed = np.zeros(len(t)), case.limits.speed
     if speed is not None:
-        tool = (executed.tool_speed / (speed * (1 + SPEED_SLACK))) ** 2
-    counts, *_ = setting.judged(executed)
-    judged = setting.judge(executed)
-    tool[counts] = np.maximum(tool[counts], (judged.speed / (1 + SPEED_SLACK)) ** 2)
-    now = slice(0 if setting.work is None else int(np.searchsorted(t, 0.0)), len(t))
-    error, worst = np.zeros(len(t)), None
-    error[counts] = judged.over_time / setting.budget
-    if groups:
-        worst = np.zeros(len(t))
-        worst[counts] = _worst(setting, groups, taught, t)[counts] / setting.budget
-        worst = worst[now]
+        moved = case.arm.tool_velocity(executed.q[now], executed.dq[now])
+        tool = (np.linalg.norm(moved, axis=1) / (speed * (1 + SPEED_SLACK))) ** 2
+    counts = slice(piece.which.start - now.start, piece.which.stop - now.start)
+    tool[counts] = np.maximum(tool[counts], (speed_shares(case, piece) / (1 + SPEED_SLACK)) ** 2)
+    error, box = np.zeros(len(t)), np.zeros(len(t))
+    error[counts] = distances(piece) / case.budget
+    if trial.groups:
+        box[counts] = _worst(case, trial, number)[piece.which] / case.budget
+    if trial.box is not None:
+        box[counts] = np.interp(executed.t[piece.which], *trial.box) / case.budget
+    rms = case.goal.rms
     return Uses(
-        t=t[now],
-        s=s[now],
-        joints=joints[now],
-        pace=pace[now],
-        tool=tool[now],
-        error=error[now],
-        box=worst,
+        t=t,
+        s=s,
+        joints=joints,
+        pace=pace,
+        tool=tool,
+        error=error,
+        box=box,
         peak=peak,
-        rms=0.0 if setting.rms is None else judged.error.rms / setting.rms,
-        largest=judged.largest,
+        rms=0.0 if rms is None else piece.contour_error.rms / rms,
     )
 
 
-def peak_demands(
-    executed: Execution, servo: ServoModel, since: float | None
-) -> tuple[FloatArray, FloatArray]:
-    """The lowest and the highest demand of every joint at any time, (dof,) each [rad/s²].
+def response_time(case: Case) -> float:
+    """Time for which a command is felt in a joint's demand [s]."""
+    servo = case.servo
+    return 2.0 / float((servo.kp if servo.kv is None else servo.kv).min())
+
+
+def peak_demand(
+    case: Case, executed: Execution, span: tuple[float, float] | None = None
+) -> FloatArray:
+    """Largest demand of every joint over its limit, also between results, (dof,).
 
     Args:
-        executed: On a plant that never saturates.
-        servo: Its servo.
-        since: The demand counts from the first set-point at or after this time on [s]; None is from
-            the start.
+        case: The case.
+        executed: An execution on a plant that never saturates.
+        span: The demand counts from the first set-point in this time on, until its end [s]; by
+            default always.
     """
+    assert isinstance(executed.plant, ServoPlant)
+    servo = executed.plant.servo
+    low, high = case.demand_bounds
+    least, most = executed.demand_range
+    every = np.asarray(np.maximum(least / low, most / high))
+    if span is None or every.max() <= 1.0:
+        return every
     taught = executed.taught
-    if since is None:
-        return executed.demand_range[0], executed.demand_range[1]
-    begin = max(0, int(np.ceil((since - taught.start_time) / taught.period - SAME)))
-    end = count_intervals(taught, servo)
-    if begin >= end:
-        return executed.demand[-1], executed.demand[-1]
-    row = begin * round(taught.period / float(executed.t[1] - executed.t[0]))
+    begin, end = (np.array(span) - taught.start_time) / taught.period
+    first = max(0, int(np.ceil(begin - SAME)))
+    last = min(count_intervals(taught, servo), int(np.ceil(end - SAME)))
+    if first >= last:
+        demand = executed.demand[-1]
+        return np.asarray(np.maximum(demand / low, demand / high))
+    row = first * round(taught.period / float(executed.t[1] - executed.t[0]))
     held = executed.dq[row] if servo.kv is None else executed.ddq[row]
     held = np.where(servo.ki > 0, executed.demand[row], held)
     again = Simulation(taught.q, taught.period, servo).run(
-        begin, end, executed.q[row], executed.dq[row], held=held
+        first, last, executed.q[row], executed.dq[row], held=held
     )
-    return again.lowest, again.highest
+    return np.asarray(np.maximum(again.lowest / low, again.highest / high))
 
 
-def motion(
-    plan: Trajectory, t: FloatArray, side: Literal["left", "right"]
-) -> tuple[FloatArray, FloatArray]:
+def _motion(plan: Trajectory, t: FloatArray, side: Side) -> tuple[FloatArray, FloatArray]:
     """Where a plan along a joint path is at some times [m], (n,), and q, dq, ddq, (3, n, dof).
 
     All at once: its way is what takes long to find.
@@ -393,33 +269,33 @@ def motion(
     return s, states
 
 
-def planned_uses(
-    setting: Setting, plan: Trajectory, t: FloatArray
+def _planned_uses(
+    case: Case, path: Path, plan: Trajectory, t: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Where the plan is, (n,), shares of acceleration limits, (n, dof), and of ds², (n,).
 
     What a plan has on either side of a joint between segments counts for the time next to it.
     """
-    s, joints, pace = _states(setting, plan, np.clip(t, 0.0, plan.duration), "right")
-    at = _passing(plan, setting.path.breaks)
+    s, joints, pace = _states(case, path, plan, np.clip(t, 0.0, plan.duration), "right")
+    at = _passing(plan, path.breaks)
     near = np.clip(np.searchsorted(t, at), 0, len(t) - 1)
-    sides: tuple[Literal["left", "right"], ...] = ("left", "right")
+    sides: tuple[Side, ...] = ("left", "right")
     for side in sides:
-        _, more, faster = _states(setting, plan, at, side)
+        _, more, faster = _states(case, path, plan, at, side)
         np.maximum.at(joints, near, more)
         np.maximum.at(pace, near, faster)
     return s, joints, pace
 
 
 def _states(
-    setting: Setting, plan: Trajectory, t: FloatArray, side: Literal["left", "right"]
+    case: Case, path: Path, plan: Trajectory, t: FloatArray, side: Side
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    limits = setting.limits
-    s, joints = motion(plan, t, side)
-    states = States(setting.arm, tuple(joints))
+    limits = case.limits
+    s, joints = _motion(plan, t, side)
+    states = States(case.arm, tuple(joints))
     # Of ds² a velocity takes the square of its share, an acceleration its share.
     pace = (states.use("joint_velocity", limits).ratio ** 2).max(axis=1)
-    here = assigned_speeds(setting, s, side)
+    here = _assigned_speeds(case, path, s, side)
     if np.isfinite(here).any():
         pace = np.maximum(pace, (states.bound("speed")[0] / here) ** 2)
     if limits.centripetal_acceleration is not None:
@@ -427,11 +303,9 @@ def _states(
     return s, states.use("joint_acceleration", limits).ratio, pace
 
 
-def assigned_speeds(
-    setting: Setting, s: FloatArray, side: Literal["left", "right"] = "right"
-) -> FloatArray:
+def _assigned_speeds(case: Case, path: Path, s: FloatArray, side: Side) -> FloatArray:
     """Velocities that are assigned at places of the path [m/s], infinite where none is, (n,)."""
-    path, most = setting.path, setting.limits.speed
+    most = case.limits.speed
     own = np.fmin(path.speeds, np.inf if most is None else most)
     here = own[path.locate(np.clip(s, 0.0, path.length), side=side)]
     return np.where(np.isnan(here), np.inf, here)
@@ -447,47 +321,17 @@ def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
     return np.clip(np.unique(np.concatenate(times)), 0.0, plan.duration)
 
 
-def command_use(setting: Setting, taught: TaughtData, t: FloatArray) -> FloatArray:
+def _command_use(case: Case, taught: TaughtData, t: FloatArray) -> FloatArray:
     """The share of what bounds ds² that set-points take, at the times `t`, (n,)."""
-    dof = setting.arm.dof
+    dof = case.arm.dof
     rate = np.append(np.diff(taught.q, axis=0), np.zeros((1, dof)), axis=0) / taught.period
-    states = States(setting.arm, (taught.q, rate))
-    pace = (states.use("joint_velocity", setting.limits).ratio ** 2).max(axis=1)
-    lower, upper = setting.limits.joint_range(dof)
+    states = States(case.arm, (taught.q, rate))
+    pace = (states.use("joint_velocity", case.limits).ratio ** 2).max(axis=1)
+    lower, upper = case.limits.joint_range(dof)
     outside = ((taught.q < lower) | (taught.q > upper)).any(axis=1)
     pace = np.maximum(pace, np.where(outside, OUTSIDE, 0.0))
     k = np.clip(np.searchsorted(taught.t, t, side="right") - 1, 0, len(pace) - 1)
     return np.asarray(pace[k])
-
-
-@dataclass(frozen=True, slots=True)
-class _Group:
-    """Executions in corners of the box, all joints in the same one, and how late they all are."""
-
-    servos: list[ServoModel]
-    runs: list[Execution]
-    late: float
-
-
-def execute_over_box(setting: Robot, taught: TaughtData) -> list[_Group]:
-    """Executions in the corners of the box; a group for either end of a shared dead time.
-
-    Where saturation is refused they do not saturate: what they ask for is a use like others.
-    """
-    box, servo, arm = setting.box, setting.servo.for_joints(setting.arm.dof), setting.arm
-    assert box is not None
-    late = np.broadcast_to(box.dead_time, (arm.dof,))
-    shared = box.dead_time_shared and bool(late.any())
-    apart = np.zeros(arm.dof) if box.dead_time_shared else late
-    resolution = max(taught.period / BOX_PER_INTERVAL, FINEST)
-    found = []
-    for common in (-1.0, 1.0) if shared else (0.0,):
-        moved = np.maximum(servo.dead_time + common * late, 0.0)
-        servos = _variants(servo, moved, box, apart)
-        plants = [setting.plant(x, ideal=not setting.saturated) for x in servos]
-        runs = [execute(taught, x, resolution=resolution) for x in plants]
-        found.append(_Group(servos, runs, float((moved - servo.dead_time)[0]) if shared else 0.0))
-    return found
 
 
 def _at(t: FloatArray, given: FloatArray, values: FloatArray) -> FloatArray:
@@ -498,26 +342,21 @@ def _at(t: FloatArray, given: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray(found)
 
 
-def _worst(setting: Setting, groups: list[_Group], taught: TaughtData, t: FloatArray) -> FloatArray:
-    """Contour error of the worst robot of the box, about, at all times [m], (n,).
+def _worst(case: Case, trial: Trial, number: int) -> FloatArray:
+    """Contour error of the worst robot of the box, about, at all times of a trial [m], (n,).
 
     Joints are independent of each other: what each does across the path in its own corner of the
     box is added up for the worst, joint by joint. Payload and jitter are not in it.
     """
-    found = [np.interp(t, *_across(setting, x, taught)) for x in groups]
-    return np.asarray(np.max(found + _left_out(setting, groups, t), axis=0))
-
-
-def _left_out(setting: Setting, groups: list[_Group], t: FloatArray) -> list[FloatArray]:
-    """Distances from the path to the tool of the executions over the box, at times [m], (n,)."""
-    found = []
-    for x in (run for group in groups for run in group.runs):
-        off = np.zeros(len(t))
-        counts, *_ = setting.judged(x)
-        times = np.clip(np.searchsorted(t, x.t[counts]), 0, len(t) - 1)
-        np.maximum.at(off, times, setting.judge(x).missed_over_time)
-        found.append(off)
-    return found
+    t, span = trial.executed.t, trial.trajectory.contour_spans[number]
+    largest = np.zeros(len(t))
+    for late, runs in trial.groups:
+        pieces = [pieces_of(x, case.program, None, None)[number] for x in runs]
+        largest = np.maximum(largest, np.interp(t, *_across(case, late, pieces, span)))
+        for x in pieces:
+            rows = np.clip(np.searchsorted(t, x.t), 0, len(t) - 1)
+            np.maximum.at(largest, rows, x.found.missed)
+    return largest
 
 
 def _variants(
@@ -539,33 +378,33 @@ def _variants(
     ]
 
 
-def _across(setting: Setting, group: _Group, taught: TaughtData) -> tuple[FloatArray, FloatArray]:
+def _across(
+    case: Case, late: float, pieces: Sequence[Piece], span: Span
+) -> tuple[FloatArray, FloatArray]:
     """Times, and the largest sum over the joints of what any of the runs moves them across."""
-    arm, plan, runs = setting.arm, taught.trajectory, group.runs
-    n = min(len(x.t) for x in runs)
-    t = runs[0].t[:n]
+    arm, path, plan = case.arm, pieces[0].path, span.trajectory
+    assert plan is not None
+    n = min(len(x.t) for x in pieces)
+    t = pieces[0].t[:n]
     # All joints late by the same leave the path as it is.
-    base = plan(np.clip(t - group.late, 0.0, plan.duration))
-    if len(runs) > 1:
-        base = np.mean([x.q[:n] for x in runs], axis=0)
-    jacobian = arm.tool_jacobian(base)
-    off = np.array([x.q[:n] - base for x in runs])
+    base = plan(np.clip(t - span.t[0] - late, 0.0, plan.duration))
+    if len(pieces) > 1:
+        base = np.mean([x.q[:n] for x in pieces], axis=0)
+    jacobian, point = arm.tool_jacobian(base), arm.tool_position(base)
+    off = np.array([x.q[:n] - base for x in pieces])
     # (runs, n, dimension, dof): what each joint's error does to the tool.
     moved = jacobian[None] * off[:, :, None, :]
-    nearest = setting.path.project(arm.tool_position(base))
-    tangent = setting.path(nearest.s, 1)
+    s = path.project(point).s
     total = np.zeros(n)
-    for direction in _normals(tangent):
+    for direction in normals(path(s, 1)):
         # The centre's own distance adds to what the joints do.
-        own = np.abs(
-            np.einsum("nd,nd->n", arm.tool_position(base) - setting.path(nearest.s), direction)
-        )
+        own = np.abs(np.einsum("nd,nd->n", point - path(s), direction))
         side = np.einsum("rndj,nd->rnj", moved, direction)
         total = np.maximum(total, own + side.max(axis=0).sum(axis=1))
     return t, total
 
 
-def _normals(tangent: FloatArray) -> list[FloatArray]:
+def normals(tangent: FloatArray) -> list[FloatArray]:
     """Directions across the path at every place, (n, dimension) each."""
     unit = tangent / np.linalg.norm(tangent, axis=1)[:, None]
     if unit.shape[1] == 2:

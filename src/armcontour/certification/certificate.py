@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour._describing import brief, several
-from armcontour.certification._bodies import LinearFigures
 from armcontour.certification._derating import Derating
-from armcontour.certification._rapids import Derated
 from armcontour.certification.lowering import Lowered
 from armcontour.clearance import Clearance
 from armcontour.core.fields import Checked
@@ -164,7 +163,6 @@ class ContourCertificate(Result):
         optimum: Duration of the uncertified plan of the contour [s].
         corners: Executions in the corners of the box; None without a box.
         spread: Executions on robots drawn from the box; None without a box.
-        linear: Figures of the linear model of rigid bodies; None of servos.
         trials: Number of plans that were made.
     """
 
@@ -185,7 +183,6 @@ class ContourCertificate(Result):
     optimum: float
     corners: Spread | None
     spread: Spread | None
-    linear: LinearFigures | None
     trials: int
 
     def to_data(self) -> Data:
@@ -238,12 +235,8 @@ class ContourCertificate(Result):
     @property
     def _robots(self) -> dict[str, Data | None]:
         """What is known of robots of the box, by keys in JSON."""
-        linear, allowed = self.linear, self.budget.servo_allowed
         executed = {"corners": self.corners, "spread": self.spread}
-        return {
-            **{name: None if x is None else x.to_data() for name, x in executed.items()},
-            "linear": None if linear is None else linear.to_data(allowed),
-        }
+        return {name: None if x is None else x.to_data() for name, x in executed.items()}
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -263,7 +256,7 @@ class ContourCertificate(Result):
         return np.asarray(1.0 - self.derating.share.min(axis=0))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Certificate(Result):
     """The fastest plan found that keeps a goal, with the evidence.
 
@@ -283,12 +276,11 @@ class Certificate(Result):
         evaluation: Evaluation of the execution, at 0.1 ms.
         check: Check of the plan against every limit, between samples too.
         contours: Certificates of the contours, in order.
-        rapids: The derated rapids between them, in order.
+        rapids: Shares of limits that are left of the rapids between them, in order.
         uncertified: The fastest plan without derating, for comparison.
         shapes: Where the run asked for a free shape, the duration of the fastest plan by shape: of
             the certified plan, and of plans with the other shape, which may not be certified if
             none can be faster [s]. Else empty.
-        trials: Number of plans of contours that were made.
         experiment: Execution of the same taught data on the arm's rigid bodies, which no trial
             used; None if the run has no experiment, or if the experiment failed.
         failure: The error of a failed experiment; None otherwise.
@@ -308,10 +300,9 @@ class Certificate(Result):
     evaluation: Evaluation
     check: Check
     contours: tuple[ContourCertificate, ...]
-    rapids: tuple[Derated, ...]
+    rapids: tuple[Mapping[str, float], ...]
     uncertified: Uncertified
     shapes: Mapping[str, float]
-    trials: int
     experiment: ExperimentResult | None
     failure: ExecutionError | None = None
     clearance: Clearance | None = None
@@ -382,7 +373,7 @@ class Certificate(Result):
         rows = (
             Row("timing", "optimal"),
             Row("derating", "derating.csv"),
-            Row("rapids", [x.factors for x in self.rapids]),
+            Row("rapids", [dict(x) for x in self.rapids]),
             Row("compensation", run.compensation.method),
             Row("compensation_options", run.compensation.own),
             Row("period", run.period, "s"),
@@ -438,6 +429,11 @@ class Certificate(Result):
         return (*self.result.warnings, *filter(None, [self.on_bodies]))
 
     @property
+    def trials(self) -> int:
+        """Number of plans of contours that the search made."""
+        return sum(x.trials for x in self.contours)
+
+    @property
     def duration(self) -> float:
         """Duration of the certified plan [s]."""
         return self.trajectory.duration
@@ -482,11 +478,6 @@ class Certificate(Result):
     def spread(self) -> Spread | None:
         """Robots drawn from the box, on the contour with the least left; None without a box."""
         return self.worst.spread
-
-    @property
-    def linear(self) -> LinearFigures | None:
-        """What the linear model of rigid bodies says; None of a certificate for servos."""
-        return self.worst.linear
 
     @property
     def headroom(self) -> FloatArray:
@@ -558,7 +549,7 @@ class Certificate(Result):
             )
         return self.contours[0]
 
-    @property
+    @cached_property
     def result(self) -> RunResult:
         """The certified plan as the result of its run."""
         single = self.path.single_path

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
 from armcontour import _checks
+from armcontour._describing import count_kinds
 from armcontour._progress import Progress, Step, under
-from armcontour.certification._approach import approaches
-from armcontour.certification._bodies import look
-from armcontour.certification._sharing import (
-    Found,
-    Sharing,
-    Slower,
-    shape_part,
-)
-from armcontour.certification._uses import Robot, Setting, work_on
-from armcontour.certification._uses import run as run_on
-from armcontour.certification._whole import PlannedContour
+from armcontour.certification import _bodies
+from armcontour.certification._case import Case
+from armcontour.certification._moves import Move
+from armcontour.certification._search import execute_servos, search
+from armcontour.certification._uses import Trial, distances, run, speed_shares
 from armcontour.certification.certificate import (
     Budget,
     Certificate,
@@ -30,24 +26,42 @@ from armcontour.certification.certificate import (
 )
 from armcontour.certification.lowering import find_lowered
 from armcontour.core.fields import checked
-from armcontour.errors import ExecutionError, InvalidInput, NotRealizable, Unreachable
+from armcontour.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import pieces_of
 from armcontour.execution import execute
-from armcontour.jobs import reachability
+from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run, choose_run
+from armcontour.jobs.planning import plan_one
+from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.study import evaluate_run, on_bodies
-from armcontour.motion import Method, Trajectory
-from armcontour.program import Program, contour_called
-from armcontour.robustness.monte_carlo import spans_of, worst_corner
+from armcontour.motion import Method, TaughtData
+from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
+from armcontour.robustness.box import Box
+from armcontour.robustness.monte_carlo import spans_of
+from armcontour.robustness.unknowns import Unknowns
 from armcontour.timing import Optimal, refuse_unkept_jerk
 
 # A command interval this many times shorter counts as continuous; it is at least SHORTEST [s].
 CONTINUOUS = 20
 SHORTEST = 1e-4
+# Shares of a total tolerance that the servo gets if the goal has no budget for the servo. They are
+# tried in order until a plan is certified, and further while the error uses NEAR of its budget and
+# the plan gets faster. The unused part goes to the shape.
+SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
+NEAR = 0.9
+# When the unused part goes to the shape, the servo keeps this many times the part that it needed,
+# because the plan changes a little; more if no faster plan is found with the first of them.
+KEPT_FOR_SERVO = (1.5, 6.0)
+# Paths are not rounded or shaped again for less than this share of the tolerance.
+LEAST_GAIN = 1e-3
+
+
+# A proven plan of a program, and its moves in the search.
+Proven = tuple[Trial, list[Move]]
 
 
 @checked
@@ -93,11 +107,30 @@ def certify(
     if goal.box is not None and goal.plant == "servo":
         # So is what does not fit the box.
         spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, this.period)
-    search = _Certifying(job, this, goal, executor, under(progress))
-    try:
-        return search.certificate()
-    except Unreachable as error:
-        raise reachability.explain(error, job) from None
+    # A certified plan derates what it has to, so it leaves no reserve.
+    free = this.rounding is not None and this.rounding.free
+    intervals = this.timing.intervals if free and isinstance(this.timing, Optimal) else None
+    this = replace(this, timing=Optimal(intervals=intervals))
+    tell, shapes = under(progress), [this]
+    if free and this.rounding is not None:
+        shapes.append(replace(this, rounding=this.rounding.with_arcs))
+    best: tuple[Case, Proven] | None = None
+    refusal: NotRealizable | None = None
+    durations: dict[str, float] = {}
+    for each in shapes:
+        deadline = min(durations.values(), default=np.inf)
+        try:
+            case, proven, least = _fastest(job, each, goal, executor, tell, deadline)
+        except NotRealizable as error:
+            refusal = error
+            continue
+        durations[ARC if each.rounding is None else each.rounding.shape] = least
+        if proven is not None and least < deadline:
+            best = case, proven
+    if best is None:
+        assert refusal is not None
+        raise refusal
+    return _certificate(*best, durations if FREE in durations else {})
 
 
 def goal_of(job: Job, **overrides: Any) -> Goal:
@@ -125,248 +158,320 @@ def run_of(job: Job, name: str | None) -> Run:
     )
 
 
-class _Certifying:
-    """One call of `certify`."""
+def _fastest(
+    job: Job, this: Run, goal: Goal, executor: Executor | None, tell: Progress, deadline: float
+) -> tuple[Case, Proven | None, float]:
+    """Find the fastest plan of a run that keeps the goal, whatever its path's part of a tolerance.
 
-    def __init__(
-        self, job: Job, this: Run, goal: Goal, executor: Executor | None, progress: Progress
-    ) -> None:
-        self.job, self.this, self.goal, self.progress = job, this, goal, progress
-        self.executor = executor
-        self.trials = 0
+    Args:
+        job: The job.
+        this: The run.
+        goal: The goal.
+        executor: Executor of robots of a box as rigid bodies.
+        tell: Called with a step before each trial.
+        deadline: Duration of a known plan [s]; slower programs are not searched.
 
-    def certificate(self) -> Certificate:
-        """Find the certificate: of a free shape, the faster one of those with it and with arcs.
+    Returns:
+        The case with the whole tolerance for the shape, the plan, and its duration [s]. If no plan
+        is faster than the deadline, None and the duration of the fastest one with nothing derated.
 
-        Raises:
-            NotRealizable: No plan keeps the goal.
-        """
-        rounding = self.this.rounding
-        if rounding is None or not rounding.free:
-            return self._finish(*self._fastest(self.this))
-        arcs = replace(self.this, rounding=rounding.with_arcs)
+    Raises:
+        NotRealizable: No plan keeps the goal.
+    """
+
+    def case_of(servo: float) -> Case:
+        shaped = _with_shape(this, goal, servo)
+        planned = plan_one(job, shaped, reuse, tell, clear=False)
+        return Case(job, planned, goal, servo, tell, executor)
+
+    reuse = Reuse()
+    # The certificate says what it costs compared to this plan. It comes first, since what refuses
+    # it, such as an event before the start, would refuse the certificate at its end.
+    base = case_of(0.0)
+    least = base.planned.trajectory.duration
+    if base.bodies:
+        _refuse_other_programs(base)
+        _refuse_start(base)
+    free = this.rounding is not None and this.rounding.free
+    bent = free or any(shape_part(x.path) > 0 for x in base.program.contours)
+    if goal.tolerance is None or not bent:
+        budget = goal.servo or goal.tolerance
+        assert budget is not None
+        if least >= deadline:
+            return base, None, least
+        alone = search(replace(base, servo_allowed=budget))
+        return base, alone, alone[0].trajectory.duration
+    tightest = _tightest(this, goal)
+    budgets = [x * tightest for x in SERVO_SHARES] if goal.servo is None else [goal.servo]
+    if np.isfinite(deadline):
+        least = min(least, *(case_of(x).planned.trajectory.duration for x in budgets))
+        if least >= deadline:
+            return base, None, least
+    best: Proven | None = None
+    for budget in budgets:
         try:
-            found, sharing = self._fastest(self.this)
+            found = search(case_of(budget))
         except NotRealizable:
-            return self._finish(*self._fastest(arcs))
-        shapes = {FREE: found.duration}
-        try:
-            other, with_arcs = self._fastest(arcs, deadline=found.duration)
-            shapes[ARC] = other.duration
-            if other.duration < found.duration:
-                found, sharing = other, with_arcs
-        except Slower as slower:
-            shapes[ARC] = slower.least
-        except NotRealizable:
-            pass
-        return self._finish(found, sharing, shapes)
+            if best is not None:
+                break
+            if budget == budgets[-1]:
+                raise
+            continue
+        if best is not None and found[0].trajectory.duration >= best[0].trajectory.duration:
+            break
+        best = found
+        if _worst(*best) + best[0].case.unexplained < NEAR * budget:
+            break
+    assert best is not None
+    # What the servo does not need goes to the shape, if the plan gets faster.
+    for factor in KEPT_FOR_SERVO:
+        case = best[0].case
+        needed = factor * _worst(*best) + case.unexplained
+        if needed > case.servo_allowed - LEAST_GAIN * tightest:
+            break
+        with suppress(NotRealizable):
+            better = search(case_of(needed))
+            if better[0].trajectory.duration < best[0].trajectory.duration:
+                best = better
+                break
+    return base, best, best[0].trajectory.duration
 
-    def _fastest(self, this: Run, deadline: float = np.inf) -> tuple[Found, Sharing]:
-        """Find the fastest plan of a run that is faster than a known one.
 
-        Raises:
-            NotRealizable: No plan keeps the goal.
-            Slower: All plans are slower than the known one.
-        """
-        sharing = Sharing(
-            job=self.job,
-            this=this,
-            goal=self.goal,
-            executor=self.executor,
-            progress=self.progress,
-            deadline=deadline,
+def _worst(proof: Trial, moves: Sequence[Move]) -> float:
+    """Largest contour error of a proven plan, over the box if there is one [m]."""
+    robots = [x for y in moves for x in (y.corners, y.spread) if x is not None]
+    largest = [float(distances(x).max()) for x in proof.pieces]
+    return max(largest + [float(x.max.max()) for x in robots])
+
+
+def _tightest(this: Run, goal: Goal) -> float:
+    """The smallest tolerance that shape and servo share [m]."""
+    assert goal.tolerance is not None
+    line = None if this.rounding is None else this.rounding.line_tolerance
+    return goal.tolerance if line is None else min(line, goal.tolerance)
+
+
+def _with_shape(this: Run, goal: Goal, servo: float) -> Run:
+    """The run with the tolerances for the shape that the servo's part leaves [m]."""
+    rounding = this.rounding
+    if rounding is None or goal.tolerance is None:
+        return this
+    most = goal.tolerance - servo
+    single = {k: min(x, most) for k, x in (rounding.at or {}).items()} or None
+    line = None if rounding.line_tolerance is None else _tightest(this, goal) - servo
+    shape = replace(rounding, tolerance=most, at=single, line_tolerance=line)
+    return replace(this, rounding=shape)
+
+
+def _refuse_other_programs(case: Case) -> None:
+    """Refuse a program that certificates on rigid bodies are not made for.
+
+    Raises:
+        InvalidInput: The program has several contours, rapids or events between, or the arm or
+            the servo has no rigid bodies.
+    """
+    program = case.program
+    others = [x for x in program.moves if not isinstance(x, Contour | Dwell)]
+    if len(program.contours) > 1 or others:
+        raise InvalidInput(
+            "A certificate on rigid bodies is for one contour, with or without dwells, but "
+            f"this program has {_list_moves(program)}, or certify with plant: servo."
         )
-        try:
-            return sharing.fastest(), sharing
-        finally:
-            self.trials += sharing.trials
+    Unknowns.of(case.box or Box(), case.arm, case.servo)
+    case.plant()
 
-    def _finish(
-        self, found: Found, sharing: Sharing, shapes: Mapping[str, float] | None = None
-    ) -> Certificate:
-        """Evaluate the plan as a whole, run the experiment, and make the certificate."""
-        job, this, whole = self.job, found.this, found.whole
-        self.progress(Step(("evaluation",)))
-        objective, path = whole.objective, whole.program
-        judged = replace(this, limits=whole.robot.limits)
-        result = evaluate_run(judged, whole.execution, path, objective)
-        experiment, failure = None, None
-        if this.experiment is not None:
-            self.progress(Step(("experiment",)))
-            try:
-                experiment = on_bodies(job, this, whole.taught, path, objective)
-            except ExecutionError as error:
-                failure = error
-        uncertified = self._uncertified(found, sharing)
-        spans = sharing.uncertified.contour_spans
-        return Certificate(
-            job=job,
-            run=this,
-            goal=self.goal,
-            model=model_of(whole.robot),
-            objective=objective,
-            path=path,
-            trajectory=whole.trajectory,
-            taught=whole.taught,
-            execution=whole.execution,
-            evaluation=result,
-            check=whole.check,
-            contours=tuple(
-                self._contour(found, k, span.t[1] - span.t[0]) for k, span in enumerate(spans)
-            ),
-            rapids=whole.rapids,
-            uncertified=uncertified,
-            shapes=shapes or {},
-            trials=self.trials,
-            experiment=experiment,
-            failure=failure,
-            clearance=clearance_of(job, whole.trajectory),
+
+def _refuse_start(case: Case) -> None:
+    """Refuse rigid bodies that do not rest where the contour starts.
+
+    Raises:
+        ExecutionError: Their drives cannot hold them there, or do not settle.
+        NotRealizable: They rest too far from it.
+    """
+    (contour,) = case.program.contours
+    off = _bodies.rest_at_start(case, contour.path, case.teach(case.planned.trajectory))
+    allowed = case.goal.servo or case.goal.tolerance
+    assert allowed is not None
+    work = case.work_of(contour)
+    if (work is None or work[0] <= 0) and off > allowed:
+        raise NotRealizable(
+            f"At rest at the start of its path the tool is {off * 1e3:.4g} mm from it, since "
+            f"gravity is not fed forward, and {allowed * 1e3:.4g} mm is allowed: feed gravity "
+            "forward (gravity_feedforward: true), raise kp, or allow more.",
+            limit="contour error",
+            needed=off,
+            allowed=allowed,
         )
 
-    def _contour(self, found: Found, k: int, optimum: float) -> ContourCertificate:
-        """Make the certificate of the contour k; `optimum` is its uncertified duration [s]."""
-        whole = found.whole
-        planned, span, judged = whole.contours[k], whole.spans[k], whole.judged[k]
-        kept = planned.kept
+
+def _certificate(base: Case, found: Proven, shapes: Mapping[str, float]) -> Certificate:
+    """Evaluate a proven plan as a whole, run the experiment, and make the certificate."""
+    proof, moves = found
+    case, job, this = proof.case, proof.case.job, proof.case.run
+    case.progress(Step(("evaluation",)))
+    judged = replace(this, limits=case.limits)
+    result = evaluate_run(judged, proof.executed, case.program, case.planned.objective)
+    experiment, failure = None, None
+    if this.experiment is not None:
+        case.progress(Step(("experiment",)))
+        try:
+            experiment = on_bodies(job, this, proof.taught, case.program, case.planned.objective)
+        except ExecutionError as error:
+            failure = error
+    assert proof.check is not None
+    return Certificate(
+        job=job,
+        run=this,
+        goal=case.goal,
+        model=model_of(case),
+        objective=case.planned.objective,
+        path=case.program,
+        trajectory=proof.trajectory,
+        taught=proof.taught,
+        execution=proof.executed,
+        evaluation=result,
+        check=proof.check,
+        contours=tuple(_contours(base, proof, [x for x in moves if x.number is not None])),
+        rapids=tuple(x.factors for x in moves if x.number is None),
+        uncertified=_uncertified(base),
+        shapes=shapes,
+        experiment=experiment,
+        failure=failure,
+        clearance=clearance_of(job, proof.trajectory),
+    )
+
+
+def _contours(base: Case, proof: Trial, contours: Sequence[Move]) -> Iterator[ContourCertificate]:
+    """The certificates of all contours."""
+    case, fastest = proof.case, base.planned.trajectory.contour_spans
+    spans = proof.trajectory.contour_spans
+    # Nearly continuous set-points show the part of the servo.
+    own = case.run.period
+    period = max(own / CONTINUOUS, min(SHORTEST, own))
+    smooth = run(case, case.teach(proof.trajectory, period), max(period, case.resolution))
+    pieces = pieces_of(smooth, case.program, None, None)
+    for k, (x, piece, span) in enumerate(zip(contours, proof.pieces, spans, strict=True)):
         assert span.work is not None
-        return ContourCertificate(
-            name=contour_called(whole.program.contours[k], k),
+        error, missed = piece.contour_error, piece.missed
+        nominal = max(error.max, missed.max)
+        worst = [float(y.max.max()) for y in (x.corners, x.spread) if y is not None]
+        servo = max(pieces[k].contour_error.max, pieces[k].missed.max)
+        yield ContourCertificate(
+            name=contour_called(case.program.contours[k], k),
             t=span.t,
             work=span.work,
-            path=planned.setting.path,
-            joint_path=planned.joint_path,
-            derating=kept.trial.derating,
-            factors=dict(kept.trial.factors),
+            path=piece.path,
+            joint_path=x.joint_path,
+            derating=x.derating,
+            factors=x.factors,
             lowered=find_lowered(
-                kept.trial.derating,
-                kept.trial.factors,
-                planned.squares,
-                planned.trajectory,
-                span.t[0],
-                planned.setting.arm.joint_names,
+                x.derating, x.factors, x.squares, x.plan, span.t[0], case.arm.joint_names
             ),
-            trajectory=planned.trajectory,
-            taught=kept.trial.taught,
-            error=judged.error,
-            missed=judged.missed,
-            speed_ratio=float(judged.speed.max()),
-            budget=self._budget(found, planned, judged.largest),
-            optimum=optimum,
-            corners=kept.corners,
-            spread=kept.spread,
-            linear=kept.linear,
-            trials=planned.trials,
-        )
-
-    def _budget(self, found: Found, planned: PlannedContour, nominal: float) -> Budget:
-        """Split the contour error of one contour, which is `nominal` [m] without the box."""
-        setting, kept = planned.setting, planned.kept
-        own = setting.run.period
-        period = max(own / CONTINUOUS, min(SHORTEST, own))
-        smooth = planned.approach.teach(planned.trajectory, setting, period)
-        resolution = max(period, setting.resolution)
-        executed = (
-            execute(smooth, setting.plant(), resolution=resolution)
-            if setting.bodies
-            else run_on(setting, smooth, resolution)
-        )
-        servo = setting.judge(executed).largest
-        return Budget(
-            rounding=shape_part(setting.path),
-            servo=servo,
-            sampling=nominal - servo,
-            box=0.0 if setting.box is None else max(kept.worst - nominal, 0.0),
-            unexplained=found.unexplained,
-            allowed=self.goal.tolerance,
-            servo_allowed=found.budget,
-        )
-
-    def _uncertified(self, found: Found, sharing: Sharing) -> Uncertified:
-        """Execute the fastest plan, with nothing derated."""
-        robot, program, fastest = found.whole.robot, sharing.largest, sharing.uncertified
-        taught = robot.teach(fastest)
-        executed = execute(
-            taught,
-            robot.plant(),
-            resolution=max(min(1e-3, found.this.period), robot.resolution),
-        )
-        t = executed.t
-        pieces = pieces_of(executed, program, None, None)
-        error = ErrorProfile.join([x.contour_error for x in pieces])
-        missed = max(x.missed.max for x in pieces)
-        return Uncertified(
-            duration=fastest.duration,
-            contours=tuple(x.t[1] - x.t[0] for x in fastest.contour_spans),
-            contour_error=(max(error.max, missed), error.rms),
-            saturated=executed.saturated_time / (t[-1] - t[0]),
-            box=None if robot.box is None else _worst_of_box(robot, program, fastest),
+            trajectory=x.plan,
+            taught=case.stretch(proof.taught, span.t, x.plan),
+            error=error,
+            missed=missed,
+            speed_ratio=float(speed_shares(case, piece).max()),
+            budget=Budget(
+                rounding=shape_part(piece.path),
+                servo=servo,
+                sampling=nominal - servo,
+                box=max(0.0, *(y - nominal for y in worst), 0.0),
+                unexplained=case.unexplained,
+                allowed=case.goal.tolerance,
+                servo_allowed=case.servo_allowed,
+            ),
+            optimum=fastest[k].t[1] - fastest[k].t[0],
+            corners=x.corners,
+            spread=x.spread,
+            trials=x.trials,
         )
 
 
-def _worst_of_box(robot: Robot, program: Program, plan: Trajectory) -> float:
-    """Largest contour error of a plan in the corners of the box [m]."""
-    assert robot.box is not None
-    if robot.bodies:
-        return _bound_on_bodies(robot, program, plan)
-    worst, at_all_times = 0.0, program.single_path is not None
-    for contour, (span, approach) in zip(program.contours, approaches(plan, robot), strict=True):
-        assert span.trajectory is not None and span.work is not None
-        found = worst_corner(
-            approach.teach(span.trajectory, robot),
-            contour.path,
-            robot.arm,
-            robot.servo,
-            robot.limits,
-            robot.box,
-            since=None if at_all_times else span.work[0] - span.t[0],
-            until=None if at_all_times else span.work[1] - span.t[0],
-        )
-        worst = max(worst, float(found.max.max()))
-    return worst
-
-
-def _bound_on_bodies(robot: Robot, program: Program, plan: Trajectory) -> float:
-    """Largest contour error of a plan over the box in the linear model of rigid bodies [m]."""
-    (contour,) = program.contours
-    setting = Setting(
-        **{x.name: getattr(robot, x.name) for x in fields(Robot)},
-        path=contour.path,
-        work=work_on(program, contour),
-        budget=np.inf,
-        rms=None,
+def _uncertified(case: Case) -> Uncertified:
+    """Execute the fastest plan, with nothing derated."""
+    fastest = case.planned.trajectory
+    taught = case.teach(fastest)
+    resolution = max(min(1e-3, case.run.period), case.resolution)
+    executed = execute(taught, case.plant(), resolution=resolution)
+    t = executed.t
+    pieces = pieces_of(executed, case.program, None, None)
+    error = ErrorProfile.join([x.contour_error for x in pieces])
+    missed = max(x.missed.max for x in pieces)
+    return Uncertified(
+        duration=fastest.duration,
+        contours=tuple(x.t[1] - x.t[0] for x in fastest.contour_spans),
+        contour_error=(max(error.max, missed), error.rms),
+        saturated=executed.saturated_time / (t[-1] - t[0]),
+        box=_worst_of_box(case, taught),
     )
-    return look(setting, robot.teach(plan)).across().worst().largest
 
 
-def model_of(robot: Robot) -> str:
+def _worst_of_box(case: Case, taught: TaughtData) -> float | None:
+    """Largest contour error in the corners of the box [m]; None without one."""
+    if case.box is None:
+        return None
+    if case.bodies:
+        corners, _ = _bodies.worst_corners(case, taught)
+        return float(_bodies.largest_errors(case, taught, list(corners[: _bodies.FIRST]))[1].max())
+    spans = taught.trajectory.contour_spans
+    robots = (execute_servos(case, taught, k, x) for k, x in enumerate(spans))
+    return max(float(x.max.max()) for x in robots)
+
+
+def model_of(case: Case) -> str:
     """The model of the robot for which a certificate is valid, in words."""
-    servo = robot.servo
+    servo = case.servo
     held = {"linear": "interpolated linearly", "cubic": "interpolated by cubics", "step": "held"}
-    if robot.bodies:
-        return _model_of_bodies(robot, held[servo.interpolation])
+    if case.bodies:
+        return _model_of_bodies(case, held[servo.interpolation])
     parts = [
         f"independent joint servos{' of order second' * (servo.order == 'second')} with {servo}",
-        f"set-points every {robot.run.period * 1e3:g} ms, " + held[servo.interpolation],
+        f"set-points every {case.run.period * 1e3:g} ms, " + held[servo.interpolation],
     ]
-    if np.isfinite(robot.saturating()).any():
+    if np.isfinite(case.demand_bounds).any():
         parts.append("accelerations that saturate at the joints' limits")
-    if robot.box is not None:
+    if case.box is not None:
         parts.append("and every such robot of the box that was executed")
     return "; ".join(parts)
 
 
-def _model_of_bodies(robot: Robot, held: str) -> str:
+def _model_of_bodies(case: Case, held: str) -> str:
     """The model of rigid bodies for which a certificate is valid, in words."""
-    fed = robot.drive_options.get("gravity_feedforward", True)
+    fed = case.drive_options.get("gravity_feedforward", True)
     parts = [
-        f"the rigid bodies of {robot.arm.name} with {robot.servo}, simulated by MuJoCo",
-        f"set-points every {robot.run.period * 1e3:g} ms, {held}",
+        f"the rigid bodies of {case.arm.name} with {case.servo}, simulated by MuJoCo",
+        f"set-points every {case.run.period * 1e3:g} ms, {held}",
     ]
-    if robot.box is None:
+    if case.box is None:
         parts.append("gravity fed forward" if fed else "gravity not fed forward")
         return "; ".join(parts)
     if fed:
-        weighed = "of the true payload" if robot.box.payload_known else "of the nominal payload"
+        weighed = "of the true payload" if case.box.payload_known else "of the nominal payload"
         parts.append(f"gravity {weighed} fed forward")
     parts.append("and every such robot of the box that was executed")
     return "; ".join(parts)
+
+
+def shape_part(path: Path) -> float:
+    """Bound of the distance of a path from its objective path, in either direction [m]."""
+    if isinstance(path, ShapedPath):
+        pairs = ((x.vertices, x.curvatures) for x in (path, path.objective))
+        same = all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
+        return 0.0 if same else path.tolerance
+    if not isinstance(path, RoundedPath) or not len(path.corners):
+        return 0.0
+    return float(path.corners.error.max())
+
+
+def _list_moves(program: Program) -> str:
+    """List the moves of a program, and state which to remove so that one contour remains."""
+    kinds = {"contour": Contour, "rapid": Rapid, "dwell": Dwell, "event": Event}
+    counts = {word: sum(isinstance(x, kind) for x in program.moves) for word, kind in kinds.items()}
+    leave = []
+    if counts["rapid"]:
+        leave.append("process.approach and process.retract")
+    mend = f"leave out {' and '.join(leave)}" if leave else ""
+    if counts["contour"] > 1 or not leave:
+        mend = "make a job of each contour" + (f", {mend}" if mend else "")
+    return f"{count_kinds(counts)}: {mend}"

@@ -187,8 +187,7 @@ def _print_results(study: Study, notes: Sequence[str]) -> None:
     from armcontour.jobs.quantities import assumed_numbers
     from armcontour.jobs.results import unknown_notes
 
-    console, job = Console(), study.job
-    runs = study.to_data().parts["runs"].parts
+    console, job, runs = Console(), study.job, study.figures
     title = f"{job.title}, simulated with {job.plant_servo}" if study.simulated else job.title
     if len(runs) == 1:
         console.say(title)

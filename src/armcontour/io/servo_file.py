@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from armcontour._version import __version__
-from armcontour.core.render import number, spread
+from armcontour.core.render import figure
 from armcontour.identification import Estimate, Identification, JointIdentification
 from armcontour.servo import ServoModel
 
@@ -77,4 +77,4 @@ def _range(x: Estimate) -> str:
     """An estimate with its range, for a comment."""
     if not x.determined:
         return f"{x.label} not determined"
-    return f"{x.label} {number(x.value, x.unit)} {spread(x.value, x.low, x.high, x.unit)}".rstrip()
+    return f"{x.label} {figure(x.row)} {x.row.note}".rstrip()

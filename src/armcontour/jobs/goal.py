@@ -31,11 +31,11 @@ class Goal(Checked):
         saturation: "refuse" certifies only plans that saturate no joint; "report" allows
             saturation, simulates it and reports how long it lasts.
         box: Uncertainty of the robot's parameters; None takes the model as exact.
-        samples: Number of robots drawn from the box, in addition to the corners of the box; with
-            rigid bodies, of their linear model.
+        samples: Number of robots drawn from the box, in addition to the corners of the box, that
+            are executed with servos.
         bodies: Number of robots drawn from the box that are executed as rigid bodies.
         corners: Largest number of corners of the box that are executed as rigid bodies. Of more
-            corners, those are taken that are the worst in the linear model.
+            corners, those are taken that are the worst to first order.
         seed: Seed of these robots.
         run: Name of the run to certify; None is the only run with the method "optimal".
         slowest: Largest duration of a certified plan, as a multiple of the uncertified optimum.

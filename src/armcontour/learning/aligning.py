@@ -17,7 +17,7 @@ from armcontour.errors import InvalidInput
 from armcontour.learning.lesson import LearnedRun, Recording
 from armcontour.learning.lifted import Lifted, rms
 from armcontour.motion import TaughtData
-from armcontour.motion.log_checks import find_misreading
+from armcontour.motion.log_checks import find_misreading, refuse_part
 
 # Largest difference between two clocks; more is another job, or another unit of time.
 WORST_RATE = 0.03
@@ -168,13 +168,7 @@ def align(
             f"and more than {100 * WORST_RATE:g} % is not a clock: give its times the unit that "
             "they have."
         )
-    slack = 2 * recording.interval
-    if t[-1] < duration - slack or t[0] > slack:
-        raise InvalidInput(
-            f"{source} covers the plan from {t[0]:.4g} s to {t[-1]:.4g} s, but the plan lasts from "
-            f"0 to {duration:.4g} s: record the whole run, from before its first set-point until "
-            "the arm rests."
-        )
+    refuse_part(source, t, duration, 2 * recording.interval)
     apart = recording.q - lifted.between(t, expected)
     noise = white_noise(apart)
     shift, outliers = np.zeros(lifted.dof), 0
@@ -333,12 +327,7 @@ def add_tool(
     seen = arm.tool_position(lifted.planned + error)
     offset, rate = clock or fit_to(t, points, lifted.t, seen)
     at = offset + rate * t
-    slack = 2 * np.diff(at).max()
-    if at[0] > slack or at[-1] < lifted.plan.duration - slack:
-        raise InvalidInput(
-            f"The positions of the tool cover the plan from {at[0]:.4g} s to {at[-1]:.4g} s, but "
-            f"it lasts from 0 to {lifted.plan.duration:.4g} s: track the whole run."
-        )
+    refuse_part("The file of tool positions", at, lifted.plan.duration, 2 * np.diff(at).max())
     off = lifted.at_times(at, points, seen) - seen
     largest = float(np.linalg.norm(off, axis=1).max())
     if largest > FAR:

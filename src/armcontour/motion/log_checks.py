@@ -284,6 +284,26 @@ def refuse_misread(log: Log, longest: float, j: int, *, alone: bool = True) -> N
             )
 
 
+def refuse_part(source: str, t: FloatArray, duration: float, slack: float) -> None:
+    """Refuse a recording that does not cover a whole motion.
+
+    Args:
+        source: Where it comes from, for messages.
+        t: Its times from the start of the motion [s], (n,).
+        duration: Duration of the motion [s].
+        slack: Time that may be missing at either end [s].
+
+    Raises:
+        InvalidInput: More is missing.
+    """
+    if t[0] > slack or t[-1] < duration - slack:
+        raise InvalidInput(
+            f"{source} covers the plan from {t[0]:.4g} s to {t[-1]:.4g} s, but the plan lasts from "
+            f"0 to {duration:.4g} s: record the whole run, from before its first set-point until "
+            "the arm rests."
+        )
+
+
 def find_misreading(
     t: FloatArray,
     measured: FloatArray,

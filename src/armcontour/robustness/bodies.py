@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from armcontour.robustness.unknowns import Unknowns
 
 # Longest time between two samples of the contour error [s].
 RESOLUTION = 5e-4
+R = TypeVar("R")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,6 +52,21 @@ class BodyRuns:
         arm, known, servo = self.unknowns.robot(errors)
         return RigidBodyPlant(arm, servo, self.limits, known=known, **self.options)
 
+    def trace(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | str:
+        """Execute on one robot, with results over time.
+
+        Returns:
+            Times [s], contour errors in both directions [m], (n,), and tool points [m],
+            (n, dimension); or a sentence if there is no execution.
+        """
+        plant = self.plant(errors)
+        try:
+            executed = execute(self.taught, plant, resolution=max(RESOLUTION, plant.step))
+        except ExecutionError as error:
+            return str(error)
+        followed = follow_path(self.path, executed.tool)
+        return executed.t, np.maximum(followed.distance, followed.missed), executed.tool
+
     def __call__(self, errors: FloatArray) -> tuple[float, float, float, float, float] | str:
         """Execute on one robot.
 
@@ -74,6 +90,36 @@ class BodyRuns:
             float(found.saturated_time.max()) / span,
             float(np.max(asked / plant.torque_limit)),
         )
+
+
+def trace_on_bodies(
+    runs: BodyRuns, errors: FloatArray, *, executor: Executor | None = None
+) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Execute taught data on robots with given errors, with results over time.
+
+    Args:
+        runs: The executions.
+        errors: Errors of the unknowns, (n, k).
+        executor: An executor that does the work in place of this process.
+
+    Raises:
+        ExecutionError: As for `spread_on_bodies`.
+    """
+    rows = list(errors)
+    return _all(runs, rows, map_in_processes(runs.trace, rows, processes=1, executor=executor))
+
+
+def _all(runs: BodyRuns, rows: list[FloatArray], results: list[R | str]) -> list[R]:
+    """The results of robots, none of which may be a sentence on a failed execution.
+
+    Raises:
+        ExecutionError: One is.
+    """
+    for row, result in zip(rows, results, strict=True):
+        if isinstance(result, str):
+            robot = describe(runs.unknowns, row) if row.any() else "no errors"
+            raise ExecutionError(f"The robot with {robot}: {result}")
+    return cast(list[R], results)
 
 
 def spread_on_bodies(
@@ -102,10 +148,7 @@ def spread_on_bodies(
     unknowns = runs.unknowns
     rows = list(np.concatenate([np.zeros((1, len(unknowns))), errors]))
     found = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
-    for row, result in zip(rows, found, strict=True):
-        if isinstance(result, str):
-            robot = describe(unknowns, row) if row.any() else "no errors"
-            raise ExecutionError(f"The robot with {robot}: {result}")
+    found = _all(runs, rows, found)
     largest, rms, until, saturated, ratio = np.array(found).T
     servos = [unknowns.robot(x)[2] for x in errors]
     return Spread(

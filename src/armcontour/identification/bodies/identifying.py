@@ -230,7 +230,7 @@ def _list_notes(
     notes = []
     if restless.any():
         names = [
-            name.replace("_", " ") + f" of joint {j + 1}" * (j >= 0)
+            name.replace("_", " ") + (f" of joint {j + 1}" if j >= 0 else "")
             for name, j in zip(model.names[restless], model.joints[restless], strict=True)
         ]
         notes.append(f"The search did not converge in {', '.join(names)}.")

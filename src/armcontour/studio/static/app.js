@@ -84,6 +84,6 @@ for (const event of ["pointerdown", "click", "keydown"])
 addEventListener("hashchange", () => link.renew());
 find(".skip").addEventListener("click", (event) => {
   event.preventDefault();
-  find("#view2d").focus();
+  find(store.options.stage === "3d" ? "#view3d canvas" : "#view2d").focus();
 });
 link.open();
