@@ -221,7 +221,13 @@ def results():
     x = study.runs["only"]
     certificate, check = ac.certify(job), ac.check(x.trajectory, job.arm, x.run.limits)
     yield from (job, study, x, certificate, certificate.worst, check, check.worst, job.arm)
-    yield from (x.evaluation, x.evaluation.contour_error, x.execution, x.explanation, x.joint_path)
+    yield from (
+        x.evaluation,
+        x.evaluation.contour_error,
+        x.execution,
+        x.explanation,
+        x.traced.joint_paths[0],
+    )
     yield from (x.path.path, x.taught, x.trajectory, x.trajectory.sample(0.1))
     best = Place(values={"x": 0.01, "yaw": np.pi / 2}, verdict=Verdict(bound=1.4, duration=1.5))
     yield ac.Placement(

@@ -54,7 +54,7 @@ OPTIONS = {
         "geometry|io/(drawings|summary)|.*(evaluation|certification|identification)|motion|program"
         "|drives|robot/drives|report|batches|.*constraints|.*/(jerk|topp)|_text|verification"
         "|(timing|planning)/(common|mac|_laps|end_sp|expl|conv|program|limit_use|planner)"
-        "|studio/(line|picture)"
+        "|studio/(line|picture)|arms/limit_use"
         "|jobs/(analog|programs|planning|warnings|results|run_data|job)|studio/(converting|static)",
     ),
     # Exports have an interval of their own, and so has `Paper`, the arguments of a function; a
@@ -76,10 +76,17 @@ QUANTITIES = {
         r"\.(contour_)?rms\b",
         "identification|learning|robustness|certification/_",
     ),
-    # Programs for controllers have it as data.
-    "duration": (r"\.duration\b", "timing|planning|jobs/job|program/moves|io/exports"),
-    # Shares of the assigned speed, of jerk and of a contour error are other figures.
-    "limit use": (r"\.(limit_ratios|certain|used?|limits_used)\b", "timing|planning"),
+    # Programs for controllers have it as data; logs have one; a refusal's message names it.
+    "duration": (
+        r"\.duration\b",
+        "timing|planning|jobs/job|program/moves|io/exports|certification/_|identification|learning",
+    ),
+    # Shares of the assigned speed, of jerk and of a contour error are other figures; a search
+    # computes uses.
+    "limit use": (
+        r"\.(limit_ratios|certain|used?|limits_used)\b",
+        "timing|planning|certification/_",
+    ),
     # `least` is a pair of bodies; estimates and ranges of limits have ends, too.
     "clearance": (
         r"\.(low|high|clearance)\b",

@@ -233,6 +233,7 @@ class Result:
     def __str__(self) -> str:
         """Its figures and warnings in lines."""
         data = self.to_data()
-        return "\n".join([text(data), *(f"Warning: {x}" for x in data.warnings)])
+        said = (Row("warning", x, "", "warning", level=TABLE) for x in data.warnings)
+        return text(replace(data, rows=(*data.rows, *said)))
 
     _repr_html_ = to_html

@@ -66,7 +66,8 @@ class _Places(NamedTuple):
 
     def some(self, which: IntArray) -> _Places:
         """Only these places."""
-        return _Places(self.paths, *(x[which] for x in self[1:]))
+        paths, of, s, points, rotations = self
+        return _Places(paths, of[which], s[which], points[which], rotations[which])
 
 
 def explain(error: Unreachable, job: Job) -> Unreachable:

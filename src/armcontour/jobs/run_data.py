@@ -60,7 +60,8 @@ def field_rows(name: str, value: Any) -> Iterator[Row]:
     if value is None:
         yield Row(name, None)
         return
-    known = quantities(type(value))
+    kind: Any = type(value)
+    known = quantities(kind)
     for x in fields(value):
         inner, key = getattr(value, x.name), f"{name}.{x.name}"
         if is_dataclass(inner):

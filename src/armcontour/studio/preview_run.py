@@ -116,7 +116,7 @@ def execute_judged(job: Job, this: Run, taught: TaughtData, bodies: Experiment |
         taught: Its set-points.
         bodies: As `experiment_of` gives it.
     """
-    plant = bodies and build_plant(bodies, job.arm, job.plant_servo, this.limits)
+    plant = None if bodies is None else build_plant(bodies, job.arm, job.plant_servo, this.limits)
     return execute_run(job, taught, plant)
 
 
