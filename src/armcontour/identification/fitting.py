@@ -37,8 +37,10 @@ LINEAR = ("velocity_feedforward", "acceleration_feedforward", "friction")
 # Offset of the measurement [rad]; position, velocity and, with an integrator, acceleration at the
 # begin [rad, rad/s, rad/s²].
 BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
-# A servo that follows its command, and evaluations of the begin of a stretch.
-PERFECT, MOST_BEGINS = JointServo(np.inf), 40
+# A servo that follows its command.
+PERFECT = JointServo(np.inf)
+# Evaluations of the begin of a stretch, and the share of the sum of squares that ends them.
+MOST_BEGINS, NEAR_BEGINS = 12, 1e-6
 # Step of numerical derivatives, in these sizes.
 STEP = 1e-5
 # Smaller values, at a bound of zero, are rounding.
@@ -305,7 +307,7 @@ class Problem:
         """Half of the sum of squared residuals with the best linear unknowns [mrad²]."""
         return float(np.sum(self.project(np.clip(x, self.low, self.high))[1] ** 2)) / 2
 
-    def solve(self, start: FloatArray, most: int) -> Any:
+    def solve(self, start: FloatArray, most: int, near: float = 1e-9) -> Any:
         """Solve the problem from a start, with at most so many evaluations."""
         searched = np.flatnonzero(~self.linear)
         begin = np.clip(start, self.low, self.high)
@@ -329,7 +331,7 @@ class Problem:
             return every[:, 0], every[:, 1:]
 
         bounds = self.low[searched], self.high[searched]
-        found = solve(residuals, slopes, begin[searched], bounds, most)
+        found = solve(residuals, slopes, begin[searched], bounds, most, near)
         residuals(found.x)
         found.x = x
         return found
@@ -382,7 +384,7 @@ def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> Fl
     """
     p = Problem(Model(order, ()), [stretch], Search(0.0, cycle), servo)
     x = p.guess({}, float(servo.dead_time))
-    x = p.project(x)[0] if p.linear.all() else p.solve(x, MOST_BEGINS).x
+    x = p.project(x)[0] if p.linear.all() else p.solve(x, MOST_BEGINS, NEAR_BEGINS).x
     offset, q0, dq0, ddq0 = (np.array([y]) for y in np.pad(x, (0, len(BEGIN_SCALES) - p.b)))
     return np.asarray(follow(stretch.command, servo, q0, dq0, cycle, ddq0)[0] + offset)
 
