@@ -26,8 +26,6 @@ JOINT_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 GAP = 3.0
 # Where more of the intervals are gaps, the times come in bursts.
 MOST_GAPS = 0.05
-# Differences that hardly see smooth motion.
-THIRD = (-1.0, 3.0, -3.0, 1.0)
 # Standard deviation of normal values over the median of their sizes.
 OF_MEDIAN = 1.4826
 
@@ -153,21 +151,22 @@ def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
     return whole, np.arange(len(whole)) - np.repeat(np.cumsum(count) - count, count)
 
 
-def white_noise(values: FloatArray, smoothed: bool = False) -> FloatArray:
+def white_noise(values: FloatArray, smoothed: bool = False, order: int = 3) -> FloatArray:
     """Standard deviation of the white noise in regular samples of smooth motion, (...).
 
-    By third differences, which hardly see smooth motion. Their median ignores outliers and what is
-    not smooth for a short time, as friction at a reversal. If most differences are 0, as with a
-    coarse encoder, their root mean square is used.
+    By differences of a high order, which hardly see smooth motion. Their median ignores outliers
+    and what is not smooth for a short time, as friction at a reversal. If most differences are 0,
+    as with a coarse encoder, their root mean square is used.
 
     Args:
         values: Samples, (n, ...).
         smoothed: Whether the mean over neighbours was taken, with the weights 1/4, 1/2 and 1/4.
+        order: Order of the differences.
     """
-    if len(values) < len(THIRD):
+    if len(values) <= order:
         return np.zeros(values.shape[1:])
-    third = np.abs(np.diff(values, 3, axis=0))
-    usual = OF_MEDIAN * np.median(third, axis=0)
-    usual = np.where(usual > 0, usual, np.sqrt(np.mean(third**2, axis=0)))
-    size = np.linalg.norm(np.convolve(THIRD, [0.25, 0.5, 0.25] if smoothed else [1.0]))
-    return np.asarray(usual / size)
+    differences = np.abs(np.diff(values, order, axis=0))
+    usual = OF_MEDIAN * np.median(differences, axis=0)
+    usual = np.where(usual > 0, usual, np.sqrt(np.mean(differences**2, axis=0)))
+    mean = [0.25, 0.5, 0.25] if smoothed else [1.0]
+    return np.asarray(usual / np.linalg.norm(np.diff(np.pad(mean, order), order)))

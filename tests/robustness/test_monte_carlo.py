@@ -125,6 +125,20 @@ def test_errors_cover_the_time_asked_for_and_all_between_results(leading):
         assert (found.rms[i], found.max[i]) == pytest.approx((error.rms, error.max), rel=1e-3)
 
 
+def test_the_largest_error_of_a_short_motion_is_found_between_results():
+    arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=35.6, kv=106.6, dead_time=4e-3)
+    points = [[0.35, 0.2], [0.378, 0.1689], [0.3775, 0.1689]]
+    path = ac.round_corners(ac.Path.polyline(points), tolerance=0.15e-3)
+    limits = ac.Limits(joint_acceleration=4.1, speed=0.17)
+    plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.1))
+    taught = ac.compensate(plan, servo, period=8e-3)
+    found = worst_corner(taught, path, arm, servo, plan.limits, Box(gains=0.05, dead_time=1e-3))
+    for i in range(0, len(found), 3):
+        own = taught, path, arm, found.servo(i, servo), plan.limits
+        largest = reference(*own, resolution=1e-4)[1].contour_error.max
+        assert (1 - 1e-4) * largest <= found.max[i] <= (1 + 1e-3) * largest
+
+
 def test_a_tool_slower_than_a_millimetre_per_second_still_leaves_its_path():
     job = replace(random_job(16), branch="positive")
     plan = ac.certify(job)

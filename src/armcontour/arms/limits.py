@@ -21,6 +21,8 @@ from armcontour._quantities import (
     AccelerationLimit,
     AngularAccelerationLimit,
     AngularSpeedLimit,
+    AtLeast,
+    Choice,
     JerkLimit,
     JointAccelerations,
     JointJerks,
@@ -271,7 +273,12 @@ class Limits(Checked):
         """
         return self.bounds("joint_velocity", dof)
 
-    def bounds(self, name: str, dof: int) -> tuple[FloatArray, FloatArray]:
+    @checked
+    def bounds(
+        self,
+        name: Annotated[str, Choice((*DIRECTED, "joint_torque", "joint_jerk"))],
+        dof: Annotated[int, AtLeast(1)],
+    ) -> tuple[FloatArray, FloatArray]:
         """Lower (negative) and upper bounds of a limit of joints, infinite without one.
 
         Args:

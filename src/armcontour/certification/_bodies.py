@@ -20,7 +20,7 @@ from armcontour.robustness.unknowns import Unknowns
 
 # Trials execute so many corners of the box: those that are the worst for the first plan. A proof
 # adds so many of the robots that are outside.
-FIRST, MORE = 8, 4
+FIRST, MORE = 2, 4
 # Number of unknowns up to which all corners may be executed.
 ALL_CORNERS = 14
 

@@ -19,7 +19,7 @@ from typer.models import OptionInfo
 from armcontour._text import describe_fields
 
 # The short options, from the keys of a job; `tests/cli/test_options.py` writes the file.
-SHORT: dict[str, dict[str, str]] = {
+SHORT: dict[str, dict[str, Any]] = {
     x["option"].split("/")[0].strip("-").replace("-", "_"): x
     for x in json.loads(FilePath(__file__).with_name("job_options.json").read_text("utf-8"))
 }
@@ -160,7 +160,7 @@ def options_of(group: type) -> dict[str, tuple[Any, Any]]:
             continue
         for x in keys.options:
             row = SHORT[x]
-            option = typer.Option(row["option"], help=row["help"])
+            option = typer.Option(row["option"], help=row["help"], min=row["least"])
             options[x] = (Annotated[KINDS[row["kind"]] | None, option], None)
     return options
 

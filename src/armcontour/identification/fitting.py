@@ -37,10 +37,6 @@ LINEAR = ("velocity_feedforward", "acceleration_feedforward", "friction")
 # Offset of the measurement [rad]; position, velocity and, with an integrator, acceleration at the
 # begin [rad, rad/s, rad/s²].
 BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
-# A servo that follows its command.
-PERFECT = JointServo(np.inf)
-# Evaluations of the begin of a stretch, and the share of the sum of squares that ends them.
-MOST_BEGINS, NEAR_BEGINS = 12, 1e-6
 # Step of numerical derivatives, in these sizes.
 STEP = 1e-5
 # Smaller values, at a bound of zero, are rounding.
@@ -193,23 +189,16 @@ class Problem:
     the motion is linear are solved for in every step; only the others are searched.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        stretches: Sequence[Stretch],
-        search: Search,
-        known: JointServo = PERFECT,
-    ) -> None:
-        self.model, self.stretches, self.search, self.known = model, stretches, search, known
-        integrates = "ki" in model.free or known.ki > 0
-        self.m, self.b = len(model.free), BEGINS[model.order] + integrates
+    def __init__(self, model: Model, stretches: Sequence[Stretch], search: Search) -> None:
+        self.model, self.stretches, self.search = model, stretches, search
+        self.m, self.b = len(model.free), BEGINS[model.order] + ("ki" in model.free)
         self.logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
         own, count = [getattr(SCALES, x) for x in model.free], len(stretches)
         self.scale = np.concatenate([own, np.tile(BEGIN_SCALES[: self.b], count)])
         self.used = [np.flatnonzero(s.use) for s in stretches]
         free, (low, high) = np.full(self.b * count, np.inf), search.bounds(model)
         self.low, self.high = np.concatenate([low, -free]), np.concatenate([high, free])
-        limited = "acceleration_limit" in model.free or np.isfinite(known.acceleration_limit)
+        limited = "acceleration_limit" in model.free
         begin = [not limited or k == 0 for k in range(self.b)]
         parameters = [not limited and x in LINEAR for x in model.free]
         self.linear: BoolArray = np.concatenate([parameters, np.tile(begin, count)]).astype(bool)
@@ -219,7 +208,7 @@ class Problem:
         """The servo of parameters (..., m)."""
         values = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x)
         given = {name: values[..., k] for k, name in enumerate(self.model.free)}
-        return self.known._replace(**given)
+        return JointServo(**{"kp": np.inf, **given})
 
     def guess(self, values: dict[str, float], lag: float) -> FloatArray:
         """Unknowns from parameters, with begins as of a pure delay."""
@@ -307,7 +296,7 @@ class Problem:
         """Half of the sum of squared residuals with the best linear unknowns [mrad²]."""
         return float(np.sum(self.project(np.clip(x, self.low, self.high))[1] ** 2)) / 2
 
-    def solve(self, start: FloatArray, most: int, near: float = 1e-9) -> Any:
+    def solve(self, start: FloatArray, most: int) -> Any:
         """Solve the problem from a start, with at most so many evaluations."""
         searched = np.flatnonzero(~self.linear)
         begin = np.clip(start, self.low, self.high)
@@ -331,7 +320,7 @@ class Problem:
             return every[:, 0], every[:, 1:]
 
         bounds = self.low[searched], self.high[searched]
-        found = solve(residuals, slopes, begin[searched], bounds, most, near)
+        found = solve(residuals, slopes, begin[searched], bounds, most)
         residuals(found.x)
         found.x = x
         return found
@@ -382,11 +371,34 @@ def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> Fl
 
     Offset, position and velocity at the begin are fitted: they are no parameters of the servo.
     """
-    p = Problem(Model(order, ()), [stretch], Search(0.0, cycle), servo)
-    x = p.guess({}, float(servo.dead_time))
-    x = p.project(x)[0] if p.linear.all() else p.solve(x, MOST_BEGINS, NEAR_BEGINS).x
-    offset, q0, dq0, ddq0 = (np.array([y]) for y in np.pad(x, (0, len(BEGIN_SCALES) - p.b)))
-    return np.asarray(follow(stretch.command, servo, q0, dq0, cycle, ddq0)[0] + offset)
+    s, b = stretch, BEGINS[order] + int(servo.ki > 0)
+    free = np.isinf(servo.acceleration_limit)
+    scale = BEGIN_SCALES[:b]
+    steps = np.diag(BEGIN_SCALES)[:b] * (1.0 if free else STEP)
+    steps[0] = 0.0
+
+    def simulate(begins: FloatArray) -> FloatArray:
+        offset, q0, dq0, ddq0 = begins.T
+        return np.asarray(follow(s.command, servo, q0, dq0, cycle, ddq0) + offset[:, None])
+
+    x = np.array([0.0, s.y[0], s.velocity, 0.0])
+    q = simulate(x + steps)
+    # Without saturation the motion depends linearly on its begin, and one step is enough.
+    for _ in range(1 if free else 8):
+        slopes = (q - q[0]) / np.maximum(steps.sum(axis=1), 1e-300)[:, None]
+        slopes[0] = 1.0
+        both = np.concatenate([slopes[:, s.use] * scale[:, None], (s.y - q[0])[None, s.use]])
+        square = np.einsum("ik,jk->ij", both, both)
+        step = np.zeros(len(x))
+        step[:b] = np.linalg.pinv(square[:b, :b], 1e-14, hermitian=True) @ square[:b, b] * scale
+        for share in (1.0, 0.3, 0.1, 0.01):
+            trial = simulate(x + share * step + steps)
+            if np.sum((s.y - trial[0])[s.use] ** 2) <= square[b, b]:
+                x, q = x + share * step, trial
+                break
+        else:
+            break
+    return np.asarray(q[0])
 
 
 def estimate_parameters(

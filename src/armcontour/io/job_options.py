@@ -54,10 +54,11 @@ def options_text() -> str:
     return "[\n" + ",\n".join(rows) + "\n]\n"
 
 
-def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, str]:
+def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
     """One short option: its name, what it sets, and how commands read it."""
     parts, read, example, more = tuple(parts_of(hint)), about.read, "", ""
     quantity = next((x for x in parts if isinstance(x, Quantity)), None)
+    whole = next((x for x in parts if isinstance(x, AtLeast)), None)
     if bool in parts or read == "to_skip":
         kind = "flag"
     elif Mapping in parts or (Sequence in parts and not read):
@@ -67,7 +68,7 @@ def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, str]:
     elif quantity is not None:
         kind, read, example = "text", "to_quantity", f", such as '{quantity.example}'"
     else:
-        kind = "whole" if any(isinstance(x, AtLeast) for x in parts) else "text"
+        kind = "whole" if whole else "text"
     head, colon, rest = capitalise(MORE.sub("", text)).partition(";")
     return {
         "option": about.option,
@@ -75,5 +76,6 @@ def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, str]:
         "topic": about.topic or TOPICS[str(keys[0])],
         "kind": kind,
         "read": read,
+        "least": whole.least if whole else None,
         "help": about.help or f"{head}{example}{colon}{rest}{more}.",
     }

@@ -170,7 +170,7 @@ def align(
         )
     refuse_part(source, t, duration, 2 * recording.interval)
     apart = recording.q - lifted.between(t, expected)
-    noise = white_noise(apart)
+    noise = white_noise(apart, order=4)
     shift, outliers = np.zeros(lifted.dof), 0
     if not recording.exact:
         apart, outliers = replace_outliers(apart, noise)
@@ -338,7 +338,7 @@ def add_tool(
             needed=largest,
             allowed=FAR,
         )
-    noise = float(np.mean(white_noise(points - lifted.between(at, seen)) ** 2))
+    noise = float(np.mean(white_noise(points - lifted.between(at, seen), order=4) ** 2))
     # Joints are as likely to give way as makes the tool move as it does.
     jacobian = arm.tool_jacobian(lifted.planned)
     transposed = np.swapaxes(jacobian, 1, 2)

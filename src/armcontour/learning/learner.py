@@ -232,7 +232,7 @@ def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: T
     in_loop = noise * np.sqrt(min(CYCLE, recording.interval) / lifted.step)
     if recording.exact:
         command = lifted.equivalent_command(measured - expected)
-        in_loop = white_noise(command, smoothed=True)
+        in_loop = white_noise(command, smoothed=True, order=4)
     # Noise of samples that are further apart than the model's times counts for all of these.
     noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
     if tool is not None:

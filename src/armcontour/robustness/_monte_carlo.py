@@ -21,9 +21,11 @@ CHUNK = 64
 REST_SPEED = 1e-3
 STILL_SPEED = 1e-9
 # Between two results next to a corner of the path the contour error has a sharp peak, so it is
-# evaluated at this many finer steps. A vertex with a smaller turn than CORNER [rad] is no corner.
+# evaluated at this many finer steps, as next to results that are near the largest square of it. A
+# vertex with a smaller turn than CORNER [rad] is no corner.
 FINER = 16
 CORNER = 1e-3
+NEAR_PEAK = 0.96
 # A joint with an integrator gets faster by at most about this factor before it rests.
 OVERSHOOT = 10.0
 # Times that differ by less than this many intervals between results are equal.
@@ -176,13 +178,11 @@ def _measure(
         far2, last, peak = dx * dx + dy * dy + dz * dz, e.square, max(e.peak, d2)
         # The distance to the path grows at most as fast as the tool moves.
         higher = math.sqrt(last) + math.sqrt(d2) + math.sqrt(far2) > 2 * math.sqrt(peak)
-        if (
-            now != segment
-            and higher
-            and (abs(now - segment) > 1 or corners[max(now, segment)] > CORNER)
-        ):
+        turned = now != segment and (abs(now - segment) > 1 or corners[max(now, segment)] > CORNER)
+        passed = last >= d2 and last > NEAR_PEAK * e.peak and t - 2 * h > counted
+        if higher and (turned or passed):
             # Between the results the tool follows the parabola through the last three results.
-            for i in range(1, FINER):
+            for i in range(1 - FINER if passed else 1, FINER):
                 a = i / FINER
                 b = a * (a - 1) / 2
                 between = (
