@@ -13,7 +13,7 @@ from armcontour.arms.limit_use import use_of
 from armcontour.arms.limits import UNITS
 from armcontour.certification._case import Case
 from armcontour.certification._derating import Derating, plan_derated
-from armcontour.certification._proving import KEPT, bound_uses
+from armcontour.certification._proving import KEPT, largest_uses
 from armcontour.certification._uses import (
     OUTSIDE,
     Uses,
@@ -24,7 +24,6 @@ from armcontour.certification._uses import (
 )
 from armcontour.compensation import NoCompensation
 from armcontour.errors import NotRealizable
-from armcontour.evaluation import check
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Dwell
 from armcontour.robustness.monte_carlo import Spread
@@ -49,8 +48,6 @@ LASTING = 8.0
 # An error of a body is caused by the plan up to this many time constants of its position loops
 # before.
 LAGGING = 2.0
-# Places per interval at which a plan is checked against its limits between all samples.
-POINTS = 5
 # Limits that are derated place by place; of others a share is left everywhere.
 BY_PLACE = ("joint_acceleration", "joint_velocity", "speed", "centripetal_acceleration")
 # Accelerations of a rapid rise to their limits in so many command intervals; the faster rapid is
@@ -255,9 +252,7 @@ def lower_rapid(
         span: Start and end time of the rapid among them [s]; None is all of them.
     """
     free, dof = case.limits.of_joints, case.arm.dof
-    uses = bound_uses(plan, case.arm, free)
-    for x in check(plan, case.arm, free, points=POINTS).uses:
-        uses[x.name] = max(uses.get(x.name, 0.0), x.ratio)
+    uses = largest_uses(plan, case.arm, free)
     # Steps at breaks, and the path's own speeds, are no limits of a rapid.
     uses = {name: x for name, x in uses.items() if getattr(free, name, None) is not None}
     if "joint_acceleration" in uses:
@@ -308,9 +303,7 @@ def exceeded(case: Case, x: Move) -> bool:
 
     The plan is checked between its samples, and bounded there.
     """
-    shares = bound_uses(x.plan, case.arm, case.limits)
-    for use in check(x.plan, case.arm, case.limits, points=POINTS).uses:
-        shares[use.name] = max(shares.get(use.name, 0.0), use.ratio)
+    shares = largest_uses(x.plan, case.arm, case.limits)
     over = {name: ratio * (1 + KEPT) for name, ratio in shares.items() if ratio > 1 + KEPT}
     for name, ratio in over.items():
         if name in BY_PLACE:

@@ -6,6 +6,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.arms import Arm, Limits
+from armcontour.evaluation import check
 from armcontour.geometry import ShapedPath
 from armcontour.motion import (
     JointPath,
@@ -16,6 +17,16 @@ from armcontour.motion import (
 
 # A limit is exceeded by a share above 1 and this: rounding.
 KEPT = 1e-9
+# Places per interval at which a plan is checked against its limits between all samples.
+POINTS = 5
+
+
+def largest_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+    """The larger share of each limit: what a check finds, and what is bounded at any time."""
+    uses = bound_uses(plan, arm, limits)
+    for x in check(plan, arm, limits, points=POINTS).uses:
+        uses[x.name] = max(uses.get(x.name, 0.0), x.ratio)
+    return uses
 
 
 def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:

@@ -19,7 +19,6 @@ from armcontour.certification import _bodies
 from armcontour.certification._case import Case
 from armcontour.certification._moves import (
     GOALS,
-    POINTS,
     Move,
     Steps,
     exceeded,
@@ -29,7 +28,7 @@ from armcontour.certification._moves import (
     plan_rapid,
     tighten,
 )
-from armcontour.certification._proving import KEPT
+from armcontour.certification._proving import KEPT, POINTS
 from armcontour.certification._refusal import refuse
 from armcontour.certification._uses import (
     Trial,

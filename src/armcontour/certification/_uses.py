@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Literal
 
@@ -129,7 +130,7 @@ def speed_shares(case: Case, piece: Piece) -> FloatArray:
     return piece.speed_shares(case.limits.speed, between=not case.bodies)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
     """A plan of the whole program, executed once on the robot and on corners of the box.
 
@@ -157,6 +158,14 @@ class Trial:
     def all_runs(self) -> list[Execution]:
         """The execution on the robot, and those on corners of the box."""
         return [self.executed, *(x for _, runs in self.groups for x in runs)]
+
+    @cached_property
+    def corner_pieces(self) -> list[tuple[float, list[Sequence[Piece]]]]:
+        """The groups, each execution contour by contour."""
+        program = self.case.program
+        return [
+            (late, [pieces_of(x, program, None, None) for x in runs]) for late, runs in self.groups
+        ]
 
 
 def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> Uses:
@@ -347,8 +356,8 @@ def _worst(case: Case, trial: Trial, number: int) -> FloatArray:
     """
     t, span = trial.executed.t, trial.trajectory.contour_spans[number]
     largest = np.zeros(len(t))
-    for late, runs in trial.groups:
-        pieces = [pieces_of(x, case.program, None, None)[number] for x in runs]
+    for late, runs in trial.corner_pieces:
+        pieces = [x[number] for x in runs]
         largest = np.maximum(largest, np.interp(t, *_across(case, late, pieces, span)))
         for x in pieces:
             rows = np.clip(np.searchsorted(t, x.t), 0, len(t) - 1)

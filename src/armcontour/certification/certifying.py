@@ -29,7 +29,7 @@ from armcontour.core.fields import checked
 from armcontour.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.evaluation.error_profile import ErrorProfile
 from armcontour.evaluation.pieces import pieces_of
-from armcontour.execution import execute
+from armcontour.execution import RigidBodyPlant, execute
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.experiment import build_plant
@@ -101,9 +101,10 @@ def certify(
         )
     if this.rounding is not None and this.rounding.free:
         refuse_unkept_jerk(Method.SHAPED, this.limits)
+    plant = None
     if this.experiment is not None:
         # What refuses the robot of the experiment is said before the search.
-        build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
+        plant = build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
     if goal.box is not None and goal.plant == "servo":
         # So is what does not fit the box.
         spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, this.period)
@@ -130,7 +131,7 @@ def certify(
     if best is None:
         assert refusal is not None
         raise refusal
-    return _certificate(*best, durations if FREE in durations else {})
+    return _certificate(*best, durations if FREE in durations else {}, plant)
 
 
 def goal_of(job: Job, **overrides: Any) -> Goal:
@@ -304,7 +305,9 @@ def _refuse_start(case: Case) -> None:
         )
 
 
-def _certificate(base: Case, found: Proven, shapes: Mapping[str, float]) -> Certificate:
+def _certificate(
+    base: Case, found: Proven, shapes: Mapping[str, float], plant: RigidBodyPlant | None
+) -> Certificate:
     """Evaluate a proven plan as a whole, run the experiment, and make the certificate."""
     proof, moves = found
     case, job, this = proof.case, proof.case.job, proof.case.run
@@ -312,10 +315,12 @@ def _certificate(base: Case, found: Proven, shapes: Mapping[str, float]) -> Cert
     judged = replace(this, limits=case.limits)
     result = evaluate_run(judged, proof.executed, case.program, case.planned.objective)
     experiment, failure = None, None
-    if this.experiment is not None:
+    if plant is not None:
         case.progress(Step(("experiment",)))
         try:
-            experiment = on_bodies(job, this, proof.taught, case.program, case.planned.objective)
+            experiment = on_bodies(
+                job, this, proof.taught, case.program, case.planned.objective, plant
+            )
         except ExecutionError as error:
             failure = error
     assert proof.check is not None

@@ -162,7 +162,7 @@ def on_bodies(
     taught: TaughtData,
     path: Program,
     objective: Program,
-    plant: RigidBodyPlant | None = None,
+    plant: RigidBodyPlant,
 ) -> ExperimentResult:
     """Execute taught data on the simulated rigid bodies of the arm.
 
@@ -172,11 +172,8 @@ def on_bodies(
         taught: The set-points.
         path: The program that the tool follows.
         objective: The program with sharp corners.
-        plant: The simulated robot; by default that of the run's experiment.
+        plant: The simulated robot of the run's experiment.
     """
-    if plant is None:
-        assert this.experiment is not None
-        plant = build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
     executed = execute_run(job, taught, plant)
     uncompensated = None
     if not isinstance(this.compensation, NoCompensation):
