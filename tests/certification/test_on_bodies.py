@@ -42,17 +42,21 @@ def certified():
     return ac.certify(parse_job(JOB))
 
 
-def test_robots_that_the_search_has_not_seen_keep_the_budget(certified):
-    job, budget = certified.job, 0.3e-3
-    u = Unknowns.of(certified.goal.box, job.arm, job.plant_servo)
-    runs = BodyRuns(
+def runs_of(certified):
+    job = certified.job
+    return BodyRuns(
         taught=certified.taught,
         path=certified.path.path,
-        unknowns=u,
+        unknowns=Unknowns.of(certified.goal.box, job.arm, job.plant_servo),
         limits=certified.run.limits.for_joints(2),
         options={"step": 1e-3},
     )
-    found = spread_on_bodies(runs, u.draw(4, 99))
+
+
+def test_robots_that_the_search_has_not_seen_keep_the_budget(certified):
+    job, budget = certified.job, 0.3e-3
+    runs = runs_of(certified)
+    found = spread_on_bodies(runs, runs.unknowns.draw(4, 99))
     assert found.within(budget) == 1.0 and not found.saturated.any()
     # The nominal robot of the certificate is the same, looked at twice as often.
     assert found.nominal_max == pytest.approx(certified.evaluation.contour_error.max, rel=0.02)
@@ -78,16 +82,8 @@ def test_corners_and_drawn_robots_are_stated(certified):
 
 def test_the_executed_corners_are_the_worst_of_the_box(certified):
     """Four of 128 corners are executed: others are within the budget, too."""
-    job = certified.job
-    u = Unknowns.of(certified.goal.box, job.arm, job.plant_servo)
-    runs = BodyRuns(
-        taught=certified.taught,
-        path=certified.path.path,
-        unknowns=u,
-        limits=certified.run.limits.for_joints(2),
-        options={"step": 1e-3},
-    )
-    others = spread_on_bodies(runs, u.corners()[::5], processes=1)
+    runs = runs_of(certified)
+    others = spread_on_bodies(runs, runs.unknowns.corners()[::5], processes=1)
     assert others.within(0.3e-3) == 1.0
     assert others.quantile(0.5) < 0.9 * certified.corners.max.min()
 

@@ -90,7 +90,7 @@ def plan_one(
 def trace_one(
     job: Job,
     this: Run,
-    reuse: Reuse | None = None,
+    reuse: Reuse,
     progress: Progress | None = None,
     *,
     objective: Program | None = None,
@@ -112,7 +112,7 @@ def trace_one(
     Raises:
         ArmContourError: The program cannot be prepared, rounded or traced.
     """
-    reuse, tell = Reuse() if reuse is None else reuse, under(progress)
+    tell = under(progress)
     try:
         prepared, path = programs_of(job, this, reuse, progress, objective)
         limits = comparable(this.limits)
