@@ -281,11 +281,16 @@ def arguments_of(method: Callable[..., Any], x: Any) -> dict[str, Any]:
         **{"motion": right()["trajectory"], "segments": [ac.Line(start=[0, 0], end=[1, 0])]},
         **{"change": lambda path: path, "timing": "optimal", "tolerance": 1e-3, "dimension": 2},
         **{"program": ac.Program(moves=(ac.Contour(path=right()["path"]),)), "given": {}},
+        **{"others": ac.Limits(joint_velocity=2.0), "unit": "m"},
     }
     if method.__name__ in ("circle", "through"):
         given |= {"start": [1.0, 0.0], "via": [0.0, 1.0], "end": [-1.0, 0.0], "center": [0.0, 0.0]}
     if method.__name__ in ("spline", "polyline"):
         given["points"] = [[0.3, 0.2], [0.31, 0.2]]
+    if isinstance(x, ac.Limits):
+        given["name"] = "joint_velocity"
+    if isinstance(x, ac.SerialArm):
+        given["pose"] = x.forward(q)
     if isinstance(x, ac.Placement):
         given |= {"name": "duration", "place": x.best}
     needed = [y.name for y in parameters_of(method) if y.default is y.empty or y.name == "ddq"]
