@@ -13,6 +13,7 @@ def figures(x: Request) -> Frame:
     """Figures of a full run, or what the run refuses and where."""
     from armcontour.core.render import frame
     from armcontour.jobs.results import judging_rows
+    from armcontour.studio.picture import time_header
     from armcontour.studio.refusals import refusal_header
 
     try:
@@ -28,6 +29,7 @@ def figures(x: Request) -> Frame:
     header = {
         "run": result.run.name,
         "rows": frame(replace(data, rows=judging_rows(result, data.rows))),
+        **time_header(result.explanation),
         "start": result.trajectory(0.0),
         "warnings": data.warnings,
         "notes": [*data.notes, *x.job.arm.notes],
