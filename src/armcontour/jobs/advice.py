@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
-from math import floor, log10
+from math import floor, inf, log10
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from armcontour._progress import Progress, Step, under
-from armcontour.arms.limits import JOINT_LIMITS, UNITS
+from armcontour.arms.limits import UNITS
 from armcontour.compensation.compensator import INVERSE
-from armcontour.core.render import Result, split
+from armcontour.core.render import Result, number, split
 from armcontour.core.result import FILE, JUDGED, VERDICT, Data, Row, Table
 from armcontour.errors import ArmContourError
 from armcontour.evaluation import evaluate
@@ -68,6 +68,12 @@ class Improvement:
     off_drawing: float
     kept: bool | None
     condition: str = ""
+
+    @property
+    def effect(self) -> str:
+        """What the change gains, such as "saves 0.5 s"."""
+        time = number(abs(self.saved), "s")
+        return f"saves {time}" if self.saved >= 0 else f"kept, takes {time} more"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,21 +138,46 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
         result: One of its runs, simulated.
         progress: Called before each change is planned, with the share that is done.
     """
-    tell, reuse = under(progress), Reuse(2)
-    if result.kept is False:
-        repairs = [x for x in map(_first_kept(result, reuse, tell), _repairs(job, result)) if x]
-        found = tuple(sorted(repairs, key=lambda x: -x.saved))[:MOST_LISTED]
+    tell, steps = under(progress), advising(job, result)
+    while True:
+        try:
+            tell(Step((STEP,), done=next(steps)))
+        except StopIteration as end:
+            found: Advice = end.value
+            return found
+
+
+def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
+    """The steps of `advise`, each of which plans one change.
+
+    Args:
+        job: As of `advise`.
+        result: As of `advise`.
+
+    Yields:
+        The share that is done.
+
+    Returns:
+        The advice.
+    """
+    reuse, helpful = Reuse(2), list[Improvement]()
+    repairs = result.kept is False
+    if repairs:
+        groups = list(_repairs(job, result))
         none = "No single change of tolerance, compensation, reserve and speed makes the run kept."
-        return Advice(improvements=found, note="" if found else none)
-    likely = sorted(_savings(job, result), key=lambda x: -x.worth)[:MOST_PLANNED]
-    tried = []
-    for k, x in enumerate(likely):
-        tell(Step((STEP,), done=k / len(likely)))
-        tried.append(_try(x, result, reuse))
-    least = LEAST * result.trajectory.duration
-    useful = [x for x in tried if x is not None and x.saved > least and x.kept == result.kept]
-    found = tuple(sorted(useful, key=lambda x: -x.saved))[:MOST_LISTED]
-    none = "No single change of a limit, the corners or the order makes the motion faster."
+    else:
+        likely = sorted(_savings(job, result), key=lambda x: -x.worth)[:MOST_PLANNED]
+        groups = [iter([x]) for x in likely]
+        none = "No single change of a limit, the corners or the order makes the motion faster."
+    least = -inf if repairs else LEAST * result.trajectory.duration
+    for k, group in enumerate(groups):
+        for x in group:
+            yield k / len(groups)
+            tried = _try(x, result, reuse)
+            if tried is not None and tried.saved > least and tried.kept is not False:
+                helpful.append(tried)
+                break
+    found = tuple(sorted(helpful, key=lambda x: -x.saved))[:MOST_LISTED]
     return Advice(improvements=found, note="" if found else none)
 
 
@@ -164,24 +195,15 @@ def advised(study: Study, progress: Progress | None = None) -> Study:
     return replace(study, runs=MappingProxyType(runs))
 
 
-def is_small(job: Job) -> bool:
-    """Whether changes of a job are planned within a few seconds."""
+def is_small(job: Job, most: int = SMALL) -> bool:
+    """Whether changes of a job are planned within a few seconds.
+
+    Args:
+        job: The job.
+        most: Largest number of segments in all its runs.
+    """
     segments = sum(len(x.path) for x in job.program.contours)
-    return segments * len(job.runs) <= SMALL and not any(x.is_shaped for x in job.runs)
-
-
-def _first_kept(result: RunResult, reuse: Reuse, tell: Progress) -> Any:
-    """A function that gives the first of several candidates with which the run is kept."""
-
-    def first(candidates: Iterator[_Candidate]) -> Improvement | None:
-        for x in candidates:
-            tell(Step((STEP,)))
-            tried = _try(x, result, reuse)
-            if tried is not None and tried.kept:
-                return tried
-        return None
-
-    return first
+    return segments * len(job.runs) <= most and not any(x.is_shaped for x in job.runs)
 
 
 def _try(x: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
@@ -238,7 +260,7 @@ def _savings(job: Job, result: RunResult) -> Iterator[_Candidate]:
     if len(job.program.contours) > 2 and job.process.order != "shortest":
         process = replace(job.process, order="shortest")
         yield _Candidate(
-            label="Order the contours by the shortest ways between them",
+            label="Order the contours by the shortest ways",
             edits=(("process.order", "shortest"),),
             job=replace(job, process=process),
             run=run,
@@ -258,22 +280,18 @@ def _raised_limit(
     # The time along a path goes with the square root of accelerations.
     worth = share * (1 - (1 / RAISED if "speed" in name or "velocity" in name else RAISED**-0.5))
     words, condition = f"the {kind}", IF_PROCESS
-    if name in JOINT_LIMITS:
-        assert joint is not None
+    raised = np.array(value, dtype=np.float64)
+    bounds = raised.reshape(raised.size if joint is None else len(raised), -1)
+    own = bounds[joint or 0]
+    old = float(np.abs(own).min())
+    own[:] = [np.sign(x) * _rounded(abs(x) * RAISED) for x in own]
+    if joint is not None:
         words, condition = f"joint {joint + 1} {kind}", IF_DRIVE
-        raised = np.array(value, dtype=np.float64)
-        bounds = raised.reshape(len(raised), -1)
-        old = float(np.abs(bounds[joint]).min())
-        bounds[joint] = [np.sign(x) * _rounded(abs(x) * RAISED) for x in bounds[joint]]
-        new, stated = float(np.abs(bounds[joint]).min()), raised.tolist()
-    else:
-        old, new = float(value), _rounded(value * RAISED)
-        stated, raised = new, new
     yield _Candidate(
-        label=f"Raise {words} {_steps(old, new, UNITS[name])}",
-        edits=((f"limits.{name}", stated),),
+        label=f"Raise {words} {_steps(old, float(np.abs(own).min()), UNITS[name])}",
+        edits=((f"limits.{name}", raised.tolist()),),
         job=job,
-        run=replace(run, limits=run.limits.replace(**{name: raised})),
+        run=replace(run, limits=run.limits.replace(**{name: raised if raised.ndim else own[0]})),
         worth=worth,
         condition=condition,
     )

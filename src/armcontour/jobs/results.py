@@ -511,11 +511,11 @@ def run_data(result: RunResult, job: Job | None = None) -> Data:
         parts["clearance"] = _clearance(result)
     if result.executed_clearance is not None:
         data = result.executed_clearance.to_data()
-        rows = (
+        executed = (
             replace(x, label=x.label and f"{x.label}, executed", level=max(x.level, TABLE))
             for x in data.rows
         )
-        parts["executed_clearance"] = replace(data, rows=tuple(rows))
+        parts["executed_clearance"] = replace(data, rows=tuple(executed))
     why = result.explanation
     if why is not None:
         parts["explanation"] = why.to_data()

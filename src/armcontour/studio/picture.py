@@ -32,6 +32,8 @@ LEAST_POINTS, PER_PLACE = 1_200, 8
 OF_RAPID = 16
 # Longest lists in headers: corners have handles, and sentences are read.
 MOST_CORNERS, MOST_SHORTFALLS = 400, 100
+# Smallest share of the time in the legend.
+VISIBLE = 5e-5
 
 
 def picture_frame(planned: Preview, view: View) -> Frame:
@@ -179,7 +181,8 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
     """Headers of what takes the time: a table as people read it, and shares of the kinds."""
     if explanation is None:
         return {"time": [], "kinds": []}
-    kinds = [{"kind": x, "share": number(share, "1")} for x, share in explanation.kinds.items()]
+    shares = [(x, share) for x, share in explanation.kinds.items() if share >= VISIBLE]
+    kinds = [{"kind": x, "share": number(share, "1")} for x, share in shares]
     return {"time": cells(explanation.time_table), "kinds": kinds}
 
 

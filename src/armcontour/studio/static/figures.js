@@ -19,19 +19,22 @@ const ALARMS = {
 };
 
 class Figures {
-  /** @param {Store} store */
-  constructor(store) {
+  /** @param {Store} store @param {import("./link.js").Link} link */
+  constructor(store, link) {
     this.store = store;
+    this.link = link;
     this.region = find("#figures");
     /** @type {Record<string, Box>} */
     this.boxes = Object.fromEntries(FIGURES.map((name) => [name, this.box(name)]));
     this.state = make("span", { class: "exactness" });
     this.boxes.duration.label.after(this.state);
+    this.changes = make("div", { id: "changes", role: "group", "aria-label": "What to change" });
+    this.region.append(this.changes);
     this.spoken = "";
     const update = oncePerFrame(() => this.update());
     for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, update);
     const others = nowAndThen(READING, () => this.update());
-    store.on("executed", others);
+    for (const event of ["executed", "changes"]) store.on(event, others);
     store.on("picture", () => {
       this.updateFirst();
       others();
@@ -56,6 +59,22 @@ class Figures {
     const { exact, rows } = knownOf(this.store);
     for (const name of FIGURES) this.show(name, rows.get(name), exact);
     this.updateState();
+    this.updateChanges();
+  }
+
+  /** What to change, each with a button that does it. */
+  updateChanges() {
+    const frame = this.store.latest("changes");
+    const { share = 0, changes = [], note = "" } = this.store.isCurrent(frame) ? frame?.head : {};
+    const state = share < 1 ? `: planning, ${Math.round(100 * share)} %` : `: ${note}`;
+    const shown = JSON.stringify([state, changes]);
+    if (this.changes.dataset.shown === shown) return;
+    mark(this.changes, "data-shown", shown);
+    const buttons = changes.map((/** @type {any} */ { label, effect, condition, edits }) =>
+      make("button", { type: "button", title: condition, onclick: () => this.link.edit(edits) }, [`${label}: `, make("b", { text: effect })]),
+    );
+    this.changes.replaceChildren(make("span", { class: "quiet", text: `What to change${state}` }), ...buttons);
+    mark(this.region, "data-changes", share < 1 ? "" : String(changes.length));
   }
 
   /** The cycle time, with each picture. */
@@ -136,7 +155,7 @@ export function exactnessOf(store) {
   return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
 
-/** @param {Store} store */
-export function init(store) {
-  new Figures(store);
+/** @param {Store} store @param {import("./link.js").Link} link */
+export function init(store, link) {
+  new Figures(store, link);
 }
