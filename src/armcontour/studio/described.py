@@ -80,8 +80,6 @@ def describe(document: Document, seen: Seen, run: str, *, draft: str | None) -> 
     """
     data, handles = seen.data, seen.handles
     header: dict[str, Any] = {
-        # Frames of another job or drawing are shown no longer.
-        "id": f"{document.id} {'' if handles is None else handles.file}",
         "name": data.get("name"),
         "title": data.get("title") or data.get("name"),
         "file": None if document.file is None else str(document.file),

@@ -20,7 +20,7 @@ import { init as viewbar } from "./viewbar.js";
 
 const store = new Store();
 const link = new Link(store);
-messages(store);
+messages(store, link);
 theme(store);
 const view = new View2d(store);
 const grabbed = handles(store, link, view);
