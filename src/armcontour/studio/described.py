@@ -132,19 +132,17 @@ def _method(given: Any, otherwise: str) -> str:
     return str(given.get("method", otherwise) if isinstance(given, Mapping) else otherwise)
 
 
-def _path(
-    data: Mapping[str, Any], handles: Handles | None, seen: Seen, run: str
-) -> dict[str, Any]:
+def _path(data: Mapping[str, Any], handles: Handles | None, seen: Seen, run: str) -> dict[str, Any]:
     """Where the path comes from, and whether its points can be moved."""
     if handles is None:
         why = "" if seen.error is None else str(seen.error)
         return {"editable": False, "convertible": False, "why_not": why, "notes": []}
     notes = [] if seen.job is None else list(seen.job.program.notes)
     tolerance = place(("corners", "tolerance"), data, run)
-    coordinates = [x.written for x in handles.waypoints[:1]] or [[None]]
+    coordinates = handles.waypoints[0].written if handles.waypoints else (None,)
     return {
         "axes": handles.axes,
-        "unit": unit_of(coordinates[0][0], LENGTH),
+        "unit": unit_of(coordinates[0], LENGTH),
         "tolerance_unit": unit_of(value_at(data, tolerance), LENGTH),
         "kind": handles.kind,
         "file": handles.file,
