@@ -42,7 +42,7 @@ function makeAll(regions) {
 async function makeRest() {
   try {
     const { regionsOf } = await import("./rest.js");
-    store.catchUp(() => makeAll(regionsOf(store, link, view, grabbed)));
+    store.catchUp(() => makeAll(regionsOf(store, link, view, grabbed.pointer)));
   } catch (error) {
     console.error(error);
     notify("Charts, tables and tasks did not load: load the page again.", "alarm");
