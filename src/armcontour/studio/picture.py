@@ -16,9 +16,9 @@ from armcontour.geometry import RoundedPath
 from armcontour.jobs import Rounding
 from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.program import Program, cut_parts
-from armcontour.studio.demand import demand_of
+from armcontour.studio.executed import demand_of
 from armcontour.studio.line import NOTHING, Line, places_of
-from armcontour.studio.previewed import Preview
+from armcontour.studio.preview import Preview, Tier
 from armcontour.studio.thinning import bends, thin
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
@@ -32,20 +32,6 @@ LEAST_POINTS, PER_PLACE = 1_200, 8
 OF_RAPID = 16
 # Longest lists in headers: corners have handles, and sentences are read.
 MOST_CORNERS, MOST_SHORTFALLS = 400, 100
-# Kinds of limits by their names in explanations; others belong to the kind "other".
-KINDS = {
-    "assigned velocity": "speed",
-    "velocity": "velocity",
-    "acceleration": "acceleration",
-    "torque": "torque",
-    "jerk": "jerk",
-    "tool jerk": "jerk",
-    "path jerk": "jerk",
-    "tool acceleration": "tool",
-    "angular speed": "tool",
-    "angular acceleration": "tool",
-    "centripetal acceleration": "corner",
-}
 # What takes time besides contours, by the kinds of moves.
 BESIDES = {"rapid": "rapids between contours", "dwell": "dwells"}
 
@@ -76,8 +62,7 @@ def picture_frame(planned: Preview, view: View) -> Frame:
         "kerfs": kerfs,
         "warnings": [*planned.warnings, *filter(None, [planned.below_base])],
         "notes": _notes(planned),
-        "ms": {name: x * 1e3 for name, x in planned.seconds.items()},
-        "planned": True,
+        "tier": planned.tier,
     }
     header["plane"]["flat"] = view.is_flat(line.points)
     return Frame(
@@ -99,14 +84,13 @@ def picture_frame(planned: Preview, view: View) -> Frame:
     )
 
 
-def drawing_frame(program: Program, view: View, *, run: str = "", note: str = "") -> Frame:
+def drawing_frame(program: Program, view: View, *, run: str = "") -> Frame:
     """The picture of a program that is not planned yet; without speeds and times.
 
     Args:
         program: The program.
         view: How points get on the screen.
         run: Name of the run that is shown.
-        note: Why it is not planned.
     """
     points, first = _outline(program)
     arrays = _thinned_outline(points, first, view)
@@ -121,9 +105,8 @@ def drawing_frame(program: Program, view: View, *, run: str = "", note: str = ""
         "corners": [],
         "kerfs": [],
         "warnings": [],
-        "notes": [*program.notes, *([note] if note else [])],
-        "ms": {},
-        "planned": False,
+        "notes": program.notes,
+        "tier": Tier.OUTLINE,
     }
     header["plane"]["flat"] = view.is_flat(points)
     return Frame("picture", header, arrays)
@@ -187,10 +170,7 @@ def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
     if explanation is None:
         return []
     found = {x.name: x.limit for x in explanation.bindings if x.limit != "nothing"}
-    return [
-        {"name": name, "kind": KINDS.get(limit, "other"), "label": name}
-        for name, limit in list(found.items())[:NOTHING]
-    ]
+    return [{"name": name, "kind": limit} for name, limit in list(found.items())[:NOTHING]]
 
 
 def _shares(planned: Preview) -> list[dict[str, Any]]:

@@ -20,7 +20,7 @@ import { init as viewbar } from "./viewbar.js";
 
 const store = new Store();
 const link = new Link(store);
-messages(store);
+messages(store, link);
 theme(store);
 const view = new View2d(store);
 const grabbed = handles(store, link, view);
@@ -42,7 +42,7 @@ function makeAll(regions) {
 async function makeRest() {
   try {
     const { regionsOf } = await import("./rest.js");
-    store.catchUp(() => makeAll(regionsOf(store, link, view, grabbed)));
+    store.catchUp(() => makeAll(regionsOf(store, link, view, grabbed.pointer)));
   } catch (error) {
     console.error(error);
     notify("Charts, tables and tasks did not load: load the page again.", "alarm");
