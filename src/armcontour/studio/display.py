@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.io.job_edits import key_in
 from armcontour.studio.described import describe
 from armcontour.studio.editor import Editor, Made
 from armcontour.studio.lanes import FastLane
@@ -130,7 +131,7 @@ class Display:
             self.show_document()
         told = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
         about = {"error": type(error).__name__, "exit": error.exit_code, "dropped": dropped}
-        self.tell(Frame("refusal", {**told, **about}))
+        self.tell(Frame("refusal", {**told, **about, "key": key_in(str(error))}))
         if dropped:
             self.show()
 

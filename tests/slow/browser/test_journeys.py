@@ -245,14 +245,18 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
         studio.open(tmp_path / "square.yaml")
     free = judge(studio, "optimal")
     agree(studio, free)
-    # It lands in the middle of the view, and so on the part.
+    studio.find("#add-obstacle").click()
+    with studio.changing():
+        press(studio, "#question", "OK")
+    # It is beside the part, on which it is set now.
+    box = studio.find("g.handle.obstacle")
+    corners = [np.array(studio.middle(studio.handle("waypoint", k))) for k in (0, 2)]
     with studio.renewing():
-        studio.find("#add-obstacle").click()
+        studio.drag(box, tuple(sum(corners) / 2 - studio.middle(box)))
     studio.wait("body", refused="true")
     with pytest.raises(ac.Collision) as refused:
         judge(studio, "optimal")
     assert studio.refusal == without_options(str(refused.value))
-    box = studio.find("g.handle.obstacle")
     with studio.changing():
         studio.drag(box, (480, 0))
     found = judge(studio, "optimal")

@@ -28,6 +28,7 @@
  * @property {"limit" | "speed" | "error"} colour   what colours the path
  * @property {boolean} executed     whether the executed tool is drawn
  * @property {number} magnify       factor of its error; 0 = automatic
+ * @property {"one" | "all"} corners  whose tolerance a drag of a corner changes
  * @property {boolean} place        whether the part is moved as a whole
  * @property {"planned" | "executed"} time   which motion is played
  * @property {"2d" | "both" | "3d"} stage
@@ -48,6 +49,7 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   colour: "limit",
   executed: true,
   magnify: 0,
+  corners: "one",
   place: false,
   time: "planned",
   stage: "2d",
