@@ -562,7 +562,7 @@ def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(page
     studio, held = pages(), []
     # The page before has all of its own.
     studio.begin()
-    studio.page.route("**/rest.js", lambda route: held.append(route))
+    studio.page.route("**/tasks.js", lambda route: held.append(route))
     studio.page.reload()
     studio.wait_for("body[data-rev][data-regions=first]")
     studio.wait_for("#view2d[data-tier]")
@@ -586,7 +586,7 @@ def test_j24_regions_that_cannot_be_loaded_are_told(pages):
     studio = pages()
     studio.begin()
     studio.is_cut_off = True
-    studio.page.route("**/rest.js", lambda route: route.abort())
+    studio.page.route("**/tasks.js", lambda route: route.abort())
     studio.page.reload()
     expect(studio.find("#messages")).to_contain_text("did not load: load the page again")
     studio.wait_for("#view2d[data-tier]")
