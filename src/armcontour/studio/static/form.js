@@ -373,8 +373,8 @@ function Form() {
     html`<button type="button" title=${title} aria-pressed=${String(of.value === is)} onClick=${() => (of.value = is)}>${text}</button>`;
   return html`<div class="seek">
       <input type="search" aria-label="Search settings" placeholder="Search settings" value=${wanted} onInput=${(/** @type {any} */ e) => (wanted.value = e.target.value.trim())} />
-      <span class="group choice" role="group" aria-label="Settings that are shown">${choice(everything, false, "Set", "Only what is set or usual")}${choice(everything, true, "All", "All settings of the job")}</span>
-      <span class="group choice" role="group" aria-label="Changes are for">${choice(forRun, false, "Job", "Changes are for all runs that have no value of their own")}${choice(forRun, true, "Run", "Changes are for the shown run alone")}</span>
+      <span class="group choice" role="group" aria-label="Settings that are shown">${choice(everything, false, "What is set", "Only what is set or usual")}${choice(everything, true, "All", "All settings of the job")}</span>
+      <span class="group choice" role="group" aria-label="Changes are for">${choice(forRun, false, "For job", "Changes are for all runs that have no value of their own")}${choice(forRun, true, "For run", "Changes are for the shown run alone")}</span>
     </div>
     ${form.groups.map((/** @type {any} */ x) => html`<${Group} key=${x.title} ...${x} />`)}
     <p class="help quiet">${help}</p>`;
