@@ -6,7 +6,7 @@ import { isPlain, quantity } from "./format.js";
 import { Gesture } from "./gesture.js";
 import { Ghost, positionOf, STEPS, valueAt } from "./ghost.js";
 import { Entry } from "./parts.js";
-import { html, render, signal, useComputed, useRef, useSignal } from "./vendor/preact.js";
+import { computed, html, render, signal, useComputed, useRef, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -68,9 +68,18 @@ function writtenAt(key) {
 /** @param {Key} key @returns {Slider | undefined} */
 const rowAt = (key) => head.value.values[key.join(".")];
 
-/** @param {Key} key @returns {Key[]} keys of joints that have values of their own */
-const jointsAt = (key) =>
-  Object.keys(head.value.values).filter((x) => x.startsWith(`${key.join(".")}.`) && /\.\d+$/.test(x)).map((x) => [...key, Number(x.split(".").at(-1))]);
+/** Joints that have values of their own, by the key of all. */
+const joints = computed(() => {
+  const found = /** @type {Record<string, number[]>} */ ({});
+  for (const key of Object.keys(head.value?.values ?? {})) {
+    const [, all, joint] = /^(.*)\.(\d+)$/.exec(key) ?? [];
+    if (all) (found[all] ??= []).push(Number(joint));
+  }
+  return found;
+});
+
+/** @param {Key} key @returns {Key[]} keys of its joints */
+const jointsAt = (key) => (joints.value[key.join(".")] ?? []).map((joint) => [...key, joint]);
 
 /** A value as text. @param {any} x @returns {string} */
 function textOf(x) {
