@@ -15,7 +15,9 @@ from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.studio.described import describe
 from armcontour.studio.editor import Editor, Made
 from armcontour.studio.exact import Asked, Exact, MakeLane
+from armcontour.studio.handles import is_blank
 from armcontour.studio.lanes import FastLane
+from armcontour.studio.picture import drawing_frame
 from armcontour.studio.preview import CONFIGURATION
 from armcontour.studio.screen import Screen, Shown
 from armcontour.studio.tabs import Tab, Tabs
@@ -104,11 +106,17 @@ class Display:
         if handles is None:
             self.tell_refusal(editor.seen.error or InvalidInput("There is no job yet."))
             return
+        view = View(handles.plane, handles.centre)
+        if is_blank(made.data):
+            self._stop_waiting()
+            self.screen.forget()
+            self.tell(drawing_frame(None, view, run=editor.run))
+            return
         self.screen.show(
             Shown(
                 data=made.data,
                 run=editor.run_of(made.data),
-                view=View(handles.plane, handles.centre),
+                view=view,
                 rev=editor.rev,
                 answers=self.tabs.answers,
                 waypoints=np.array([x.uv for x in handles.waypoints]).reshape(-1, 2),

@@ -85,17 +85,23 @@ def picture_frame(planned: Preview, view: View) -> Frame:
     )
 
 
-def drawing_frame(program: Program, view: View, *, run: str = "", note: str = "") -> Frame:
+def drawing_frame(program: Program | None, view: View, *, run: str = "", note: str = "") -> Frame:
     """The picture of a program that is not planned yet; without speeds and times.
 
     Args:
-        program: The program.
+        program: The program; None if nothing is drawn yet.
         view: How points get on the screen.
         run: Name of the run that is shown.
         note: Why it is not planned.
     """
-    points, first = _outline(program)
-    arrays = _thinned_outline(points, first, view)
+    points, notes = np.empty((0, 2)), list[str]()
+    arrays: dict[str, Any] = {
+        "objective": short(points),
+        "objective_breaks": np.zeros(1, np.uint32),
+    }
+    if program is not None:
+        points, first = _outline(program)
+        arrays, notes = _thinned_outline(points, first, view), list(program.notes)
     header = {
         "run": run,
         "rows": [],
@@ -107,7 +113,7 @@ def drawing_frame(program: Program, view: View, *, run: str = "", note: str = ""
         "corners": [],
         "kerfs": [],
         "warnings": [],
-        "notes": [*program.notes, *([note] if note else [])],
+        "notes": [*notes, *([note] if note else [])],
         "ms": {},
         "planned": False,
     }

@@ -13,6 +13,7 @@ import { init as marks } from "./marks.js";
 import { init as messages, notify } from "./messages.js";
 import { init as panel } from "./panel.js";
 import { init as splitter } from "./splitter.js";
+import { init as start } from "./start.js";
 import { Store } from "./state.js";
 import { init as theme } from "./theme.js";
 import { View2d } from "./view2d.js";
@@ -68,6 +69,7 @@ makeAll([
   () => marks(store, view),
   () => panel(store, link),
   () => files(store, link),
+  () => start(store, link),
   () => keys(store, link, view),
 ]);
 document.addEventListener("click", keepPressed);

@@ -270,10 +270,7 @@ export class Handles {
               place = handle.at();
               return { names: path.axes.names, unit: path.unit, values: place && pointer.local(place) };
             },
-            moved: (by, start) => {
-              const [u, v] = pointer.global(start);
-              return pointer.local([u + by[0], v + by[1]]);
-            },
+            moved: (by, start) => pointer.turned(by).map((x, k) => start[k] + x),
             edits: (values) => {
               hold((place = pointer.global(values)));
               return edits?.(place) ?? [];

@@ -13,7 +13,7 @@ import { dragged, Gesture } from "./gesture.js";
 /**
  * Values that a gesture changes, in SI units.
  * @typedef {Object} Movable
- * @property {() => {names: string[], unit: Unit, values: number[] | null}} start   null: it cannot be moved now
+ * @property {(event: PointerEvent | KeyboardEvent) => {names: string[], unit: Unit, values: number[] | null}} start   null: it cannot be moved now
  * @property {(by: Point, start: number[], event: PointerEvent | KeyboardEvent) => number[]} moved   by a way in the plane [m]
  * @property {(values: number[]) => object[]} edits   shows the values, too
  * @property {(edits: object[], cancelled: boolean) => void} end   without edits nothing was changed
@@ -62,9 +62,14 @@ export class Pointer {
 
   /** A place in the plane by the axes of the file. @param {Point} uv m @returns {Point} m */
   local([u, v]) {
-    const { origin, x, y } = this.store.document.path.axes;
-    const [a, b] = [u - origin[0], v - origin[1]];
-    return [a * x[0] + b * x[1], a * y[0] + b * y[1]];
+    const { origin } = this.store.document.path.axes;
+    return this.turned([u - origin[0], v - origin[1]]);
+  }
+
+  /** A way in the plane by these axes. @param {Point} by m @returns {Point} m */
+  turned([u, v]) {
+    const { x, y } = this.store.document.path.axes;
+    return [u * x[0] + v * x[1], u * y[0] + v * y[1]];
   }
 
   /** A place by the axes of the file, in the plane. @param {number[]} xy m @returns {Point} m */
@@ -86,7 +91,7 @@ export class Pointer {
     dragged(element, {
       start: (event) => {
         from = this.plane(event);
-        return this.begin(what, this.view.within(event));
+        return this.begin(what, this.view.within(event), event);
       },
       move: (event) => {
         const to = this.plane(event);
@@ -102,7 +107,7 @@ export class Pointer {
       const place = this.view.within(new MouseEvent("", { clientX: left + width / 2, clientY: top }));
       if (event.ctrlKey || event.metaKey || element.classList.contains("dragging")) return;
       if (!isHeld() && (arrow || /^[\d.]$/.test(event.key))) {
-        if (!this.begin(what, place)) return;
+        if (!this.begin(what, place, event)) return;
         from = [0, 0];
       }
       if (!isHeld()) return;
@@ -120,10 +125,10 @@ export class Pointer {
     element.addEventListener("blur", () => element.classList.contains("dragging") || end());
   }
 
-  /** @param {Movable} what @param {Point} place px @returns {boolean} */
-  begin(what, place) {
+  /** @param {Movable} what @param {Point} place px @param {PointerEvent | KeyboardEvent} event @returns {boolean} */
+  begin(what, place, event) {
     this.end();
-    const { values, ...rest } = what.start();
+    const { values, ...rest } = what.start(event);
     if (!values) return false;
     this.held = { what, ...rest, start: values, values, typed: "", gesture: new Gesture(this.link), before: this.store.latest("picture") };
     this.place(place);
@@ -134,10 +139,16 @@ export class Pointer {
   move(by, event, place) {
     if (!this.held || this.held.typed) return;
     const { what, start } = this.held;
-    const step = (what.step ?? STEP) * (event.shiftKey ? 10 : event.altKey ? 0.01 : 1);
     this.place(place);
+    const moved = what.moved(by, start, event);
+    const round = this.rounded(moved, event, what);
     // What does not move is not rounded.
-    this.set(what.moved(by, start, event).map((x, k) => (Math.abs(x - start[k]) < SAME ? start[k] : snapped(x, step, what.least))), event.timeStamp);
+    this.set(moved.map((x, k) => (Math.abs(x - start[k]) < SAME ? start[k] : round[k])), event.timeStamp);
+  }
+
+  /** @param {number[]} values @param {PointerEvent | KeyboardEvent} event @param {{step?: number, least?: number}} [how] @returns {number[]} */
+  rounded(values, event, { step = STEP, least } = {}) {
+    return values.map((x) => snapped(x, step * (event.shiftKey ? 10 : event.altKey ? 0.01 : 1), least));
   }
 
   /** @param {number[]} values @param {number} at ms */

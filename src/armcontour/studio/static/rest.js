@@ -4,6 +4,7 @@ import { init as arm3d } from "./arm3d.js";
 import { init as charts } from "./charts.js";
 import { init as notes } from "./notes.js";
 import { init as obstacles } from "./obstacles.js";
+import { init as pen } from "./pen.js";
 import { init as place } from "./place.js";
 import { init as playback } from "./playback.js";
 import { init as runs } from "./runs.js";
@@ -23,6 +24,7 @@ import { init as textpane } from "./textpane.js";
  */
 export const regionsOf = (store, link, view, pointer) => [
   () => obstacles(store, link, view, pointer),
+  () => pen(store, pointer),
   () => place(store, link, view, pointer),
   () => tables(store, link),
   () => runs(store, link),
