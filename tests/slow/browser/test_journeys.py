@@ -489,7 +489,7 @@ def refused(pages, folder, change):
 def test_j20_a_first_job_that_is_refused_is_seen_and_told_as_such(pages, tmp_path):
     with refused(pages, tmp_path, ("- [0.350, 0.100]", "- [0.9, 0.1]")) as studio:
         # The start is over, and there was no motion before.
-        expect(studio.find("#messages .starting")).to_be_hidden()
+        expect(studio.find("#messages .work")).to_be_hidden()
         expect(studio.find("#messages .refusal")).to_contain_text("out of reach")
         expect(studio.find("#messages")).not_to_contain_text("last good motion")
         expect(studio.find("#figures")).to_contain_text("refused")

@@ -1,7 +1,7 @@
 // The store: the newest frames of the server, the shown time, and what the person looks at.
 // Modules read it, listen to it, and never talk to each other in another way.
 //
-// A picture always has the arrays of a plan; they are empty for a long drawing without one (head.planned).
+// A picture always has the arrays of a plan; they are empty for a long drawing without one (head.tier "outline").
 //
 // Events (`store.on(event, listener)` returns a function that ends the listening):
 //   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
