@@ -11,6 +11,7 @@ from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change
 from armcontour.studio.display import Display
+from armcontour.studio.document import Document
 from armcontour.studio.editor import Made
 from armcontour.studio.edits.runs import add_run, remove_run
 from armcontour.studio.gestures import Gestures
@@ -148,22 +149,30 @@ class Acts:
 
     def _new(self, tab: Tab, said: Said) -> None:
         card, arm, editor = _word(said, "card"), _word(said, "arm"), self._editor
-        editor.open(new_document(card, arm, editor.uploads, editor.document))
-        self._display.open()
+        before = editor.document
+        editor.open(new_document(card, arm, editor.uploads, before))
+        self._opened(before)
 
     def _open_recent(self, tab: Tab, said: Said) -> None:
         """Open what the user has opened before, wherever it is."""
         known, editor = find_recent(_word(said, "id")), self._editor
         draft, cell = known.get("draft"), known.get("cell")
         file = FilePath(known["file"]) if draft is None else FilePath(draft.folder, draft.name)
-        named = [file, *([FilePath(cell)] if cell else [])]
+        named, before = [file, *([FilePath(cell)] if cell else [])], editor.document
         with reading_below((file.parent, editor.uploads.root), named):
             if draft is None:
                 editor.open(open_file(file, cell))
             else:
                 editor.restore(draft)
         self._confine(named)
+        self._opened(before)
+
+    def _opened(self, before: Document) -> None:
+        """Show another document, and say where changes of the one before are."""
         self._display.open()
+        sentence = before.unsaved()
+        if sentence is not None:
+            self._display.tell(Frame("notice", {"sentence": sentence}))
 
     # Runs.
 

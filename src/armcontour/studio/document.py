@@ -288,6 +288,12 @@ class Document:
         drop_draft(self.key)
         return False
 
+    def unsaved(self) -> str | None:
+        """A sentence on changes that are not saved, which are kept in the draft; None without."""
+        if not (self.dirty and self.write_draft()):
+            return None
+        return f"Changes of {self.source} that were not saved are kept as its draft."
+
     def settle(self) -> None:
         """Drop what an earlier session has not saved: it was taken, or is not wanted."""
         drop_draft(self._earlier_key)

@@ -146,10 +146,8 @@ class Session:
                 self.display.show_all()
 
     def unsaved(self) -> str | None:
-        """A sentence on changes that are not saved, which are kept in the draft; None without."""
-        if not (self.document.dirty and self.document.write_draft()):
-            return None
-        return f"Changes of {self.document.source} that were not saved are kept as its draft."
+        """As of `Document.unsaved`."""
+        return self.document.unsaved()
 
     def close(self) -> None:
         """End all work."""
