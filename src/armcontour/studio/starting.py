@@ -52,7 +52,7 @@ def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Doc
     folder, library = before.folder or FilePath.cwd(), resources.files("armcontour.jobs.library")
     if card == PAPER:
         text = (library / "paper.yaml").read_text(encoding="utf-8")
-        return Document.of_text(text, folder, "paper.yaml", key="built-in")
+        return Document.of_text(text, folder, "paper.yaml", "built-in", upload=True)
     if card == EMPTY:
         return blank_document(arm, folder, f"new {secrets.token_hex(8)}")
     name = DRAWINGS[card]

@@ -43,7 +43,7 @@ function makeAll(regions) {
 async function makeRest() {
   try {
     const { regionsOf } = await import("./rest.js");
-    store.catchUp(() => makeAll(regionsOf(store, link, view, grabbed.pointer)));
+    store.catchUp(() => makeAll(regionsOf(store, link, grabbed.pointer)));
   } catch (error) {
     console.error(error);
     notify("Charts, tables and tasks did not load: load the page again.", "alarm");

@@ -14,18 +14,17 @@ import { init as textpane } from "./textpane.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
-/** @typedef {import("./view2d.js").View2d} View2d */
 /** @typedef {import("./pointer.js").Pointer} Pointer */
 
 /**
  * What makes them.
- * @param {Store} store @param {Link} link @param {View2d} view @param {Pointer} pointer
+ * @param {Store} store @param {Link} link @param {Pointer} pointer
  * @returns {(() => unknown)[]}
  */
-export const regionsOf = (store, link, view, pointer) => [
-  () => obstacles(store, link, view, pointer),
+export const regionsOf = (store, link, pointer) => [
+  () => obstacles(store, pointer),
   () => pen(store, pointer),
-  () => place(store, link, view, pointer),
+  () => place(store, pointer),
   () => tables(store, link),
   () => runs(store, link),
   () => textpane(store, link),

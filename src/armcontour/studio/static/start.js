@@ -15,7 +15,7 @@ export function init(store, link) {
   let shown = "";
   find("#new").addEventListener("click", () => link.send({ op: "start" }));
   store.on("document", (/** @type {any} */ { head }) => {
-    if (head.id !== shown && dialog.open) dialog.close();
+    if ((head.id !== shown || head.can_undo) && dialog.open) dialog.close();
     if (head.start && head.id !== shown && !head.can_undo) link.send({ op: "start" });
     shown = head.id;
   });
@@ -32,7 +32,11 @@ export function init(store, link) {
     );
     find(".recent", dialog).replaceChildren(...recent);
     find("#recent-title").hidden = !recent.length;
-    if (!dialog.open) dialog.showModal();
+    const question = /** @type {HTMLDialogElement} */ (find("#question"));
+    const open = () => dialog.open || dialog.showModal();
+    // What is asked is answered first.
+    if (question.open) question.addEventListener("close", open, { once: true });
+    else open();
   });
   dialog.addEventListener("click", ({ target }) => {
     const { card, recent: id } = /** @type {HTMLElement | null} */ (/** @type {Element} */ (target).closest("[data-card], [data-recent]"))?.dataset ?? {};
