@@ -25,7 +25,7 @@ from armcontour.evaluation.evaluation import (
 from armcontour.jobs.run_data import off_drawing
 from armcontour.motion import Execution, Trajectory
 from armcontour.studio.preview import Executed
-from armcontour.studio.thinning import evenly, thin
+from armcontour.studio.thinning import Detail, evenly, thin
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
 
@@ -43,39 +43,49 @@ def executed_frame(executed: Executed, view: View) -> Frame:
         executed: The execution.
         view: How points get on the screen.
     """
-    planned, execution = executed.planned, executed.execution
-    which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in executed.pieces])
-    base = np.concatenate([x.on_path for x in executed.pieces])
-    tool = np.concatenate([x.tool for x in executed.pieces])
-    distance = np.concatenate([x.found.distance for x in executed.pieces])
-    demand = signed_shares("joint_acceleration", planned.run.limits, execution.demand[which])
-    offset = view.offsets(tool - base)
-    kept = thin(
-        _peaks(distance),
-        [*offset.T.astype(np.float64), distance, *demand.T],
-        MOST_SAMPLES,
-    )
-    begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
-    at = which[kept]
+    planned = executed.planned
     header = {
         "run": planned.run.name,
         "rows": frame(_figures(executed)),
         "centre": view.centre,
         "tier": planned.tier,
     }
-    return Frame(
-        "executed",
-        header,
-        {
-            "base": view.drawn(base[kept]),
-            "offset": offset[kept],
-            "breaks": np.searchsorted(kept, begins).astype(np.uint32),
-            "t": short(execution.t[at]),
-            "error": short(distance[kept]),
-            "demand": short(demand[kept]),
-            **_poses(execution),
-        },
-    )
+    base = np.concatenate([x.on_path for x in executed.pieces])
+    lines = executed_lines(executed, view, Detail.of_whole(view.uv(base)))
+    return Frame("executed", header, {**lines, **_poses(executed.execution)})
+
+
+def executed_lines(executed: Executed, view: View, detail: Detail) -> dict[str, Any]:
+    """Arrays of where the tool is beside the path that is seen.
+
+    Args:
+        executed: The execution.
+        view: As of `executed_frame`.
+        detail: What is seen, and how finely.
+    """
+    pieces, execution = executed.pieces, executed.execution
+    base = np.concatenate([x.on_path for x in pieces])
+    ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
+    seen, ends = detail.seen(view.drawn(base), ends)
+    which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])[seen]
+    base, tool = base[seen], np.concatenate([x.tool for x in pieces])[seen]
+    distance = np.concatenate([x.found.distance for x in pieces])[seen]
+    limits = executed.planned.run.limits
+    demand = signed_shares("joint_acceleration", limits, execution.demand[which])
+    offset = view.offsets(tool - base)
+    kept = np.arange(len(which))
+    if len(kept) > MOST_SAMPLES:
+        weight = np.where(detail.needed(base, ends), np.inf, 0.0)
+        weight[np.argmax(distance)] = np.inf
+        kept = thin(weight, [*offset.T.astype(np.float64), distance, *demand.T], MOST_SAMPLES)
+    return {
+        "base": view.drawn(base[kept]),
+        "offset": offset[kept],
+        "breaks": np.searchsorted(kept, ends[:-1]).astype(np.uint32),
+        "t": short(execution.t[which[kept]]),
+        "error": short(distance[kept]),
+        "demand": short(demand[kept]),
+    }
 
 
 def _figures(executed: Executed) -> Data:
@@ -106,13 +116,6 @@ def _poses(execution: Execution) -> dict[str, FloatArray]:
         "q": q,
         "xyz": short(in_space(execution.arm.tool_position(q))),
     }
-
-
-def _peaks(distance: FloatArray) -> FloatArray:
-    """Infinite at the largest distance, else zero."""
-    found = np.zeros(len(distance))
-    found[int(np.argmax(distance))] = np.inf
-    return found
 
 
 def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:

@@ -25,10 +25,11 @@ from armcontour.program import Program
 from armcontour.scene import Scene
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.lanes import FastLane, SlowLane, Stale
-from armcontour.studio.picture import drawing_frame, picture_frame
+from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame
 from armcontour.studio.preview import CONFIGURATION, Executed, Preview, Previewer, Tier
 from armcontour.studio.refusals import refusal_header
 from armcontour.studio.robot import arm_frame
+from armcontour.studio.thinning import Detail
 from armcontour.studio.view import View
 from armcontour.studio.wire import Frame
 
@@ -47,6 +48,8 @@ LATE = 0.5
 PATIENCE = 2.0
 # Work that is done by then has no progress, and progress is told so often at most [s].
 SOON, OFTEN = 0.7, 0.1
+# The steps of a run, in their order; a preview has the first three.
+STEPS = ("rounding", "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 # What a person can ask for.
 TASKS = ("check", "clearance", "certify", "sweep", "place", "export", "report")
 # Frames after which a task is over.
@@ -73,6 +76,7 @@ class Seen:
         parts: Arm and scene that pages have.
         outline: The program that pages see where there is no plan.
         took: How long the last plan of each tier took [s].
+        drawn: The plan or program that pages see, how it gets on the screen, and its number.
         followed: The revision whose preview has taken the configuration of its full run.
     """
 
@@ -81,6 +85,7 @@ class Seen:
     parts: tuple[Arm, Scene | None] | None = None
     outline: Program | None = None
     took: dict[Tier, float] = field(default_factory=dict)
+    drawn: tuple[Preview | Program, View, int] | None = None
     followed: int = 0
 
 
@@ -140,6 +145,7 @@ class Planner:
         rest: float,
     ) -> None:
         self.previewer, self._rest = previewer, rest
+        self._pictures = 0
         self._deliver, self._make = deliver, slow
         self._lock = RLock()
         self._seen = Seen()
@@ -150,6 +156,8 @@ class Planner:
         self._executed_at = 0.0
         self._done = Event()
         self._lane = fast(self._fail)
+        # What is seen is drawn finer while a plan is made.
+        self._details = fast(self._fail)
         self._figures = slow(self._hear)
         # The states whose figures are computed now and next, what was asked, and what is known.
         self._asked: tuple[State, Mapping[str, Any]] | None = None
@@ -197,6 +205,20 @@ class Planner:
                 state.stopped = False
                 self._tell_progress(state, (), None, WORKING)
                 self._lane.submit(partial(self._work, state))
+
+    def detail(self, detail: Detail, deliver: Callable[[Frame], None]) -> None:
+        """Draw what a page sees of the newest picture as finely as it sees it, soon."""
+        seen = self._seen
+
+        def draw(stale: Stale) -> None:
+            if seen.drawn is not None and seen is self._seen:
+                made, view, number = seen.drawn
+                executed = seen.executed if isinstance(made, Preview) else None
+                tier = None if executed is None else executed.planned.tier
+                frame = detail_frame(made, executed, view, detail)
+                deliver(frame.stamped(number=number, tier=tier))
+
+        self._details.submit(draw)
 
     def pose(self, t: float, of: str) -> FloatArray:
         """Joint positions at a time.
@@ -268,6 +290,7 @@ class Planner:
             x.join()
         self._done.set()
         self._lane.close()
+        self._details.close()
 
     # In the thread of previews.
 
@@ -320,22 +343,23 @@ class Planner:
             ArmContourError: There is none.
             Superseded: Newer work waits.
         """
-        seen, begin = state.seen, time.monotonic()
+        # Time of the processor: on a busy machine plans that are given up would be worse than late.
+        seen, begin = state.seen, time.thread_time()
 
         def go_on(step: Step) -> None:
-            is_late = tier == Tier.EXACT or time.monotonic() > begin + LATE
+            is_late = tier == Tier.EXACT or time.thread_time() > begin + LATE
             if state.stopped or (is_late and stale()):
                 raise Superseded
             self._tell_progress(state, step.names, step.done)
 
         planned = self.previewer.plan(state.data, state.run, tier=tier, progress=go_on)
-        took = seen.took[tier] = time.monotonic() - begin
+        took = seen.took[tier] = time.thread_time() - begin
         first = not self._has_arm
         if not first:
             self._show_arm(state, planned.job)
         state.answered = True
         seen.planned = planned
-        self._deliver(picture_frame(planned, state.view), state)
+        self._draw(picture_frame(planned, state.view), planned, state)
         if first:
             # The first plan is wanted before shapes of links, which may take long.
             self._show_arm(state, planned.job)
@@ -377,8 +401,14 @@ class Planner:
             ArmContourError: There is no path.
         """
         program = self.previewer.drawn(state.data)
-        if self._deliver(drawing_frame(program, state.view, run=state.run), state):
+        if self._draw(drawing_frame(program, state.view, run=state.run), program, state):
             state.seen.outline = program
+
+    def _draw(self, frame: Frame, made: Preview | Program, state: State) -> bool:
+        """Show a picture; whether pages take it."""
+        self._pictures += 1
+        state.seen.drawn = made, state.view, self._pictures
+        return self._deliver(frame.stamped(number=self._pictures), state)
 
     def _show_arm(self, state: State, job: Job) -> None:
         """The arm and what stands in its cell, if pages do not have them."""
@@ -496,6 +526,9 @@ class Planner:
             if state is self._newest and (how or (now >= due and not state.stopped)):
                 state.told = now
                 tier = Tier.EXACT if state.answered else Tier.PREVIEW
+                if steps and steps[-1] in STEPS:
+                    number, count = STEPS.index(steps[-1]) + 1, 7 if state.answered else 3
+                    steps = (*steps[:-1], f"{steps[-1]} (step {number} of {count})")
                 told = {"id": OWN, "task": OWN, "tier": tier, "state": how or WORKING}
                 self._deliver(Frame("progress", {**told, "steps": steps, "share": share}), state)
 
