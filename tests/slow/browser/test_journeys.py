@@ -341,6 +341,9 @@ def test_j14_what_is_not_saved_outlives_its_server(browser, tmp_path, arguments,
                 studio.close()
 
     with opened() as studio:
+        if not arguments:
+            with studio.renewing():
+                studio.find("#start [data-card=paper]").click()
         if upload:
             studio.open(elsewhere / upload[0], *upload[1:])
         with studio.renewing():

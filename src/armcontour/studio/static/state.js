@@ -29,6 +29,7 @@
  * @property {boolean} executed     whether the executed tool is drawn
  * @property {number} magnify       factor of its error; 0 = automatic
  * @property {"one" | "all"} corners  whose tolerance a drag of a corner changes
+ * @property {string} pen          the shape that is drawn; "" for none
  * @property {boolean} place        whether the part is moved as a whole
  * @property {"planned" | "executed"} time   which motion is played
  * @property {"2d" | "both" | "3d"} stage
@@ -50,6 +51,7 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   executed: true,
   magnify: 0,
   corners: "one",
+  pen: "",
   place: false,
   time: "planned",
   stage: "2d",
