@@ -86,6 +86,7 @@ class Display:
         editor = self.editor
         self._on_disk = editor.document.on_disk()
         frame = describe(editor.document, editor.seen, editor.run, draft=editor.draft)
+        frame = frame.stamped(logs=list(editor.uploads.logs))
         self.tell(frame, to=to)
 
     def show(

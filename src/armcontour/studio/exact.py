@@ -13,13 +13,14 @@ from typing import Any, TypeAlias
 
 from armcontour.errors import InvalidInput
 from armcontour.studio.lanes import SlowLane
+from armcontour.studio.tasks import working
 from armcontour.studio.wire import Frame
 
 MakeLane: TypeAlias = Callable[[Callable[[Frame], None]], SlowLane]
 # Figures that took longer are not waited for when they are out of date [s].
 PATIENCE = 2.0
 # What a person can ask for.
-TASKS = ("check", "clearance", "certify", "sweep", "place", "export", "report")
+TASKS = tuple(x for x in working.TASKS if x != "figures")
 # Frames after which a task is over.
 LAST = ("figures", "result", "refusal", "failed", "cancelled")
 # Names of figures; no task of a page has such a name.

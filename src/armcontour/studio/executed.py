@@ -5,6 +5,9 @@ Errors are magnified on the screen, so that they are computed here, in 64 bits.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from armcontour._checks import FloatArray
@@ -18,6 +21,7 @@ from armcontour.evaluation.evaluation import (
     saturated_shares,
     settled_row,
 )
+from armcontour.evaluation.pieces import Piece
 from armcontour.jobs.run_data import off_drawing
 from armcontour.motion import Execution
 from armcontour.studio.demand import signed_shares
@@ -38,38 +42,42 @@ def executed_frame(executed: Executed, view: View) -> Frame:
         view: How points get on the screen.
     """
     planned, execution = executed.planned, executed.execution
-    which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in executed.pieces])
-    base = np.concatenate([x.on_path for x in executed.pieces])
-    tool = np.concatenate([x.tool for x in executed.pieces])
-    distance = np.concatenate([x.found.distance for x in executed.pieces])
-    demand = signed_shares("joint_acceleration", planned.run.limits, execution.demand[which])
-    offset = view.offsets(tool - base)
-    kept = thin(
-        _peaks(distance),
-        [*offset.T.astype(np.float64), distance, *demand.T],
-        MOST_SAMPLES,
-    )
-    begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
-    at = which[kept]
+    demand = signed_shares("joint_acceleration", planned.run.limits, execution.demand)
     header = {
         "run": planned.run.name,
         "rows": frame(_figures(executed)),
         "centre": view.centre,
         "ms": {name: x * 1e3 for name, x in executed.seconds.items()},
     }
-    return Frame(
-        "executed",
-        header,
-        {
-            "base": view.drawn(base[kept]),
-            "offset": offset[kept],
-            "breaks": np.searchsorted(kept, begins).astype(np.uint32),
-            "t": short(execution.t[at]),
-            "error": short(distance[kept]),
-            "demand": short(demand[kept]),
-            **_poses(execution),
-        },
-    )
+    arrays = {**tool_arrays(executed.pieces, view, demand=demand), **_poses(execution)}
+    return Frame("executed", header, arrays)
+
+
+def tool_arrays(pieces: Sequence[Piece], view: View, **columns: FloatArray) -> dict[str, Any]:
+    """Arrays from which the tool is drawn, with its distance from the path.
+
+    Args:
+        pieces: The motion along each contour.
+        view: How points get on the screen.
+        **columns: Further arrays with a row for each sample of the whole motion.
+    """
+    which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])
+    base = np.concatenate([x.on_path for x in pieces])
+    tool = np.concatenate([x.tool for x in pieces])
+    distance = np.concatenate([x.found.distance for x in pieces])
+    more = {name: values[which] for name, values in columns.items()}
+    offset = view.offsets(tool - base)
+    shown = [*offset.T.astype(np.float64), distance, *(y for x in more.values() for y in x.T)]
+    kept = thin(_peaks(distance), shown, MOST_SAMPLES)
+    begins = np.cumsum([0, *(x.which.stop - x.which.start for x in pieces[:-1])])
+    return {
+        "base": view.drawn(base[kept]),
+        "offset": offset[kept],
+        "breaks": np.searchsorted(kept, begins).astype(np.uint32),
+        "t": short(np.concatenate([x.t for x in pieces])[kept]),
+        "error": short(distance[kept]),
+        **{name: short(values[kept]) for name, values in more.items()},
+    }
 
 
 def _figures(executed: Executed) -> Data:

@@ -122,20 +122,26 @@ class Session:
         with self.display.lock:
             self.display.look()
 
-    def open_upload(self, name: str, content: bytes, cell: str | None, unknown: str = "") -> None:
-        """Open a file that a page has sent: a job, or a drawing for the arm of the document.
+    def open_upload(
+        self, name: str, content: bytes, cell: str | None, unknown: str = "", log: bool = False
+    ) -> None:
+        """Open a file that a page has sent: a job, a drawing for the document's arm, or a log.
 
         Args:
             name: Name of the file.
             content: Its bytes.
             cell: For a drawing, the built-in cell to open it in; None keeps the document's arm.
             unknown: As of `Uploads.open`.
+            log: Whether it is a log of the robot, which is kept for tasks.
 
         Raises:
             InvalidInput: A file that cannot be opened.
         """
         with self.display.lock:
             editor = self.editor
+            if log:
+                editor.uploads.keep_log(name, content)
+                return self.display.show_document()
             opened = editor.uploads.open(name, content, cell, editor.document, unknown)
             if isinstance(opened, Document):
                 editor.open(opened)

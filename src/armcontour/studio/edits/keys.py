@@ -29,7 +29,11 @@ def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Set a key, to a text as typed, a number in SI units, or null."""
     keys, value = place(key_of(edit["key"]), state.data, state.run), edit["value"]
     *outer, last = keys
-    values = value_at(state.data, tuple(outer))
+    values, now = value_at(state.data, tuple(outer)), value_at(state.data, keys)
+    if isinstance(value, dict) and isinstance(now, dict):
+        # One by one, so that the comments of each stay.
+        new = [Change(y, written(x, now.get(k), y)) for k, x in value.items() for y in [(*keys, k)]]
+        return [*new, *(Change((*keys, k)) for k in now if k not in value)]
     if keys[-2:] == ("corners", "shape"):
         # Sharp corners are no shape in the file, and have no tolerance.
         if value == SHARP or not isinstance(values, Mapping):
@@ -38,7 +42,7 @@ def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     elif isinstance(last, int) and not isinstance(values, list | dict):
         keys, value = tuple(outer), _for_joints(keys, value, values, state)
     else:
-        value = written(value, value_at(state.data, keys), keys)
+        value = written(value, now, keys)
     return resolve(state.data, {keys: value}, state.run)
 
 
