@@ -83,7 +83,7 @@ def check_field(place, words, folder):
             continue
         said = read(put(base, place, HOSTILE[word]), folder)
         if said is not None:
-            key = re.search(rf"\b{place[0]}[.: ]", said)
+            key = re.search(rf"\b{place[0].replace('_', '[_ ]')}[.: ]", said)
             if "\n" in said or not (key or any(x in said for x in WITHOUT_KEY)):
                 yield f"{shown(place)}: {word}: {said}"
         # What is no finite number is refused in any field, but for text where that may stand; and

@@ -13,6 +13,7 @@ import pytest
 import armcontour as ac
 import armcontour.studio as studio
 from armcontour.arms.chain import link_poses
+from armcontour.core import palette
 from armcontour.core.render import jsonable
 from armcontour.frames import Frame
 from armcontour.studio.robot import arm_frame
@@ -39,6 +40,7 @@ def compute(script, given=None):
     """What a script of the page gives: `given` is what it is given, `tell` takes its result."""
     start = (
         f"const given = {json.dumps(jsonable(given))}, tell = x => console.log(JSON.stringify(x));"
+        f"globalThis.fetch = async () => ({{ json: () => ({palette.FILE.read_text()}) }});"
     )
     command, code = [NODE, "--input-type=module", "-"], start + script
     done = subprocess.run(

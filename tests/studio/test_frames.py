@@ -12,6 +12,7 @@ from tests.studio.conftest import PAPER
 from tests.studio.talking import figure
 
 from armcontour.core import render
+from armcontour.core.palette import LIMITS
 from armcontour.errors import Collision, ExecutionError, InvalidInput, Unreachable
 from armcontour.evaluation import check, evaluate
 from armcontour.io import parse_job
@@ -82,7 +83,8 @@ def test_colours_are_what_explain_says(shown):
         assert (names[k] if k != NOTHING else "nothing") == why
     kinds = {x["name"]: x["kind"] for x in frame.header["limits"]}
     assert kinds["joint 2 acceleration"] == "acceleration"
-    assert kinds["assigned velocity"] == "speed"
+    assert kinds["assigned velocity"] == "assigned velocity"
+    assert set(kinds.values()) <= set(LIMITS)
     times = sum(x["time"] for x in frame.header["shares"])
     assert times == pytest.approx(figure(frame.header, "duration"), rel=1e-9)
 

@@ -8,18 +8,16 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.core.palette import LINES, PALETTE
 from armcontour.report.figure import make_trace
 
-# Palette of Okabe and Ito for colour-blind readers; grey and black are for paths and limits.
-RUN_COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-PATH_COLOUR = "#888888"
-LIMIT_COLOUR = "#000000"
-PLANNED_COLOUR = "#D55E00"
-EXECUTED_COLOUR = "#0072B2"
-EXPERIMENT_COLOUR = "#009E73"
+RUN_COLOURS, LAYER_COLOURS = PALETTE["runs"], PALETTE["layers"]
+PATH_COLOUR, LIMIT_COLOUR = LINES["objective"], LINES["allowed"]
+PLANNED_COLOUR, EXECUTED_COLOUR = LINES["planned"], LINES["executed"]
+EXPERIMENT_COLOUR, LEAD_COLOUR = LINES["experiment"], LINES["leads"]
+SATURATION_COLOUR = LINES["saturated"]
 # An experiment has its run's colour.
 EXPERIMENT_DASH = "dot"
-SATURATION_COLOUR = "rgba(230, 159, 0, 0.25)"
 # A logarithmic axis that is longer than this has numbers at powers of ten only.
 DECADES = 1e3
 # Largest number of points in one curve; more points are not visible.

@@ -32,20 +32,6 @@ LEAST_POINTS, PER_PLACE = 1_200, 8
 OF_RAPID = 16
 # Longest lists in headers: corners have handles, and sentences are read.
 MOST_CORNERS, MOST_SHORTFALLS = 400, 100
-# Kinds of limits by their names in explanations; others belong to the kind "other".
-KINDS = {
-    "assigned velocity": "speed",
-    "velocity": "velocity",
-    "acceleration": "acceleration",
-    "torque": "torque",
-    "jerk": "jerk",
-    "tool jerk": "jerk",
-    "path jerk": "jerk",
-    "tool acceleration": "tool",
-    "angular speed": "tool",
-    "angular acceleration": "tool",
-    "centripetal acceleration": "corner",
-}
 # What takes time besides contours, by the kinds of moves.
 BESIDES = {"rapid": "rapids between contours", "dwell": "dwells"}
 
@@ -187,10 +173,7 @@ def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
     if explanation is None:
         return []
     found = {x.name: x.limit for x in explanation.bindings if x.limit != "nothing"}
-    return [
-        {"name": name, "kind": KINDS.get(limit, "other"), "label": name}
-        for name, limit in list(found.items())[:NOTHING]
-    ]
+    return [{"name": name, "kind": limit} for name, limit in list(found.items())[:NOTHING]]
 
 
 def _shares(planned: Preview) -> list[dict[str, Any]]:

@@ -21,6 +21,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, quote
 
+from armcontour.core import palette
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.studio.desk import Desk, Tab
 from armcontour.studio.guard import (
@@ -191,7 +192,8 @@ class Server:
 
 def page_files() -> dict[str, FilePath]:
     """The files of the page, by their names."""
-    return {x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*") if x.suffix in KINDS}
+    own = {x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*") if x.suffix in KINDS}
+    return {**own, palette.FILE.name: palette.FILE}
 
 
 def serve(

@@ -71,13 +71,13 @@ def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
     """
     value, unit = (options.locked or {})[name], "m" if slides else "rad"
     if not isinstance(value, str):
-        return _checks.number(f"position of {name}", value, unit)
+        return _checks.number(f"arm.locked.{name}", value, unit)
     from armcontour.io.units import read_quantity
 
     try:
         return read_quantity(value, Quantity(unit, "90 deg"))
     except ValueError as error:
-        raise InvalidInput(f"The position of the locked joint {name} {error}.") from None
+        raise InvalidInput(f"arm.locked.{name} {error}.") from None
 
 
 def refuse_others(options: ArmOptions, known: tuple[str, ...], arm: str) -> None:

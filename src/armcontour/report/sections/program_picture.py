@@ -16,12 +16,10 @@ from armcontour.program import Contour, Process, Program, cut_parts
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.outline import fine_places, finely, outlines, simplify
 from armcontour.report.sections.bodies import in_space, line_in_space
-from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, line
+from armcontour.report.style import LAYER_COLOURS, LEAD_COLOUR, PATH_COLOUR, finish, line
 
-# Colours of the longest layers; black is for all other layers.
-LAYER_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
+# Layers after the longest ones, which have colours.
 OTHER_COLOUR = "#000000"
-LEAD_COLOUR = RUN_COLOURS[4]
 KERF_COLOUR, DRAWN_COLOUR = "rgba(120, 120, 120, 0.35)", "#000000"
 # Points along every rapid, which is a curve in space.
 RAPID_PLACES = 24

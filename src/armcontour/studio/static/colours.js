@@ -1,34 +1,22 @@
-// Colours of the page: the palette of Okabe and Ito, for colour-blind readers as in the reports, and
+// Colours of the page: the palette of Okabe and Ito for colour-blind readers, and
 // cividis for heat. What colour tells is always told by a dash or a label too.
 
 /** @typedef {{colour: string, dash: number[], label: string}} Style */
 
-/**
- * How kinds of limits are drawn: kinds as the server groups them.
- * @type {Record<string, {light: string, dark: string, dash: number[], label: string}>}
- */
-const KINDS = {
-  speed: { light: "#009E73", dark: "#1fbf92", dash: [], label: "assigned speed reached" },
-  velocity: { light: "#0072B2", dark: "#4aa3df", dash: [12, 4], label: "joint velocity" },
-  acceleration: { light: "#D55E00", dark: "#f07b22", dash: [7, 3], label: "joint acceleration" },
-  torque: { light: "#b8578f", dark: "#dd8fbd", dash: [4, 3], label: "joint torque" },
-  jerk: { light: "#2a94d0", dark: "#56B4E9", dash: [12, 3, 3, 3], label: "jerk" },
-  tool: { light: "#c28500", dark: "#E69F00", dash: [7, 3, 2, 3], label: "tool" },
-  corner: { light: "#8f8400", dark: "#F0E442", dash: [2, 2], label: "corner" },
-  none: { light: "#1b2024", dark: "#e6e9ec", dash: [], label: "path" },
-  other: { light: "#777777", dark: "#999999", dash: [1, 3], label: "nothing binds, or another limit" },
-};
-
-/** The runs' colours, as in the reports. */
-export const RUN_COLOURS = ["#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"];
+/** @typedef {Record<string, {light: string, dark: string, dash: number[], word?: string, mark?: string}>} Looks */
+/** Colours, dashes and words, by the same file as in reports. @type {{limits: Looks, verdicts: Looks, runs: string[]}} */
+const PALETTE = await (await fetch("/static/palette.json")).json();
+export const RUN_COLOURS = PALETTE.runs;
+/** Kind of the parts on which no limit binds. */
+export const BETWEEN = "between two limits";
 
 /**
- * How a kind of limit is drawn.
+ * How a kind of limit is drawn: kinds are the names of limits in explanations, without a joint.
  * @param {string} kind @param {"light" | "dark"} theme @returns {Style}
  */
 export function styleOf(kind, theme) {
-  const style = KINDS[kind] ?? KINDS.other;
-  return { colour: style[theme], dash: style.dash, label: style.label };
+  const style = PALETTE.limits[kind] ?? PALETTE.limits.other;
+  return { colour: style[theme], dash: style.dash, label: style.word ?? kind };
 }
 
 /** Points of cividis at equal steps, dark to bright. */

@@ -196,9 +196,9 @@ function sentenceAt(picture, i) {
   const limit = picture.head.limits[binding[i]];
   const wished = Number.isFinite(assigned[i]) ? ` of ${mm(assigned[i], 1)}` : "";
   const why = limit
-    ? limit.kind === "speed"
+    ? limit.kind === "assigned velocity"
       ? "; the assigned speed is reached"
-      : `; held back by: ${limit.label ?? limit.name}`
+      : `; held back by: ${limit.name}`
     : "";
   const isSlow = slowest(picture).some((x) => Math.abs(x.s - s[i]) < BESIDE);
   const slow = isSlow ? ", the slowest around here" : "";

@@ -1,6 +1,6 @@
 // The strip of binding limits under a chart over arc length.
 
-import { styleOf, themed } from "./colours.js";
+import { BETWEEN, styleOf, themed } from "./colours.js";
 
 /** @typedef {import("./state.js").Numbers} Numbers */
 /** @typedef {import("./vendor/uplot.js").default} uPlot */
@@ -12,14 +12,14 @@ const HEIGHT = 9; // px
  * Parts of the path along which one limit binds.
  * @param {Numbers} s arc lengths [m], (n,)
  * @param {Numbers} binding index among the limits, (n,)
- * @param {{name: string, kind: string, label: string}[]} limits
+ * @param {{name: string, kind: string}[]} limits
  * @returns {Part[]}
  */
 export function stripOf(s, binding, limits) {
   const found = /** @type {Part[]} */ ([]);
   for (let k = 0; k < binding.length - 1; k += 1) {
     const limit = limits[binding[k]];
-    const [kind, label] = [limit?.kind ?? "other", limit?.label ?? ""];
+    const [kind, label] = [limit?.kind ?? BETWEEN, limit?.name ?? ""];
     const last = found.at(-1);
     if (last && last.kind === kind && last.label === label) last.to = s[k + 1];
     else found.push({ from: s[k], to: s[k + 1], kind, label });

@@ -1,6 +1,6 @@
 // The long lines of a picture as ways in metres, one per colour: made once per picture, drawn many times.
 
-import { heat, styleOf } from "./colours.js";
+import { BETWEEN, heat, styleOf } from "./colours.js";
 
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./state.js").Numbers} Numbers */
@@ -66,12 +66,12 @@ export function startsOf(picture) {
 }
 
 /**
- * Kind of the limit that binds from a point on; "none" where nothing is known of limits.
+ * Kind of the limit that binds from a point on; "unknown" where nothing is known of limits.
  * @param {Frame} picture @param {number} i @returns {string}
  */
 export function kindAt(picture, i) {
-  if (!picture.head.limits.length) return "none";
-  return picture.head.limits[picture.arrays.binding[i]]?.kind ?? "other";
+  if (!picture.head.limits.length) return "unknown";
+  return picture.head.limits[picture.arrays.binding[i]]?.kind ?? BETWEEN;
 }
 
 /** @param {Frame} picture @param {Theme} theme @param {number} least m @returns {Stroke[]} */

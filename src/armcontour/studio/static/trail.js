@@ -35,7 +35,7 @@ export function trailOf(motion, picture, theme) {
   for (const { points, times, rapid } of all) {
     for (let from = 0; from < times.length - 1; from += step) {
       const to = Math.min(from + step, times.length - 1);
-      const kind = rapid ? "other" : kindAt(picture, indexAt(picture.arrays.path_t, times[from]));
+      const kind = rapid ? "rapids between contours" : kindAt(picture, indexAt(picture.arrays.path_t, times[from]));
       const colour = known.get(kind) ?? channels(styleOf(kind, theme).colour);
       known.set(kind, colour);
       found.add(points.subarray(3 * from, 3 * from + 3), points.subarray(3 * to, 3 * to + 3), times[from], times[to], colour);
