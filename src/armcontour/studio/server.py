@@ -130,9 +130,9 @@ class Server:
         session = self.desk.session
         if session is None:
             raise Refused(503, "The Studio is starting: wait a moment.")
-        status, answer = 200, {}
+        status, given = 200, (name, body, cell, unknown, "log" in query)
         try:
-            await asyncio.to_thread(session.open_upload, name, body, cell, unknown, "log" in query)
+            answer = {"name": await asyncio.to_thread(session.open_upload, *given)}
         except ArmContourError as error:
             from armcontour.studio.tabs import without_options
 

@@ -124,7 +124,7 @@ class Session:
 
     def open_upload(
         self, name: str, content: bytes, cell: str | None, unknown: str = "", log: bool = False
-    ) -> None:
+    ) -> str:
         """Open a file that a page has sent: a job, a drawing for the document's arm, or a log.
 
         Args:
@@ -134,14 +134,18 @@ class Session:
             unknown: As of `Uploads.open`.
             log: Whether it is a log of the robot, which is kept for tasks.
 
+        Returns:
+            The name by which it is kept.
+
         Raises:
             InvalidInput: A file that cannot be opened.
         """
         with self.display.lock:
             editor = self.editor
             if log:
-                editor.uploads.keep_log(name, content)
-                return self.display.show_document()
+                name = editor.uploads.keep_log(name, content)
+                self.display.show_document()
+                return name
             opened = editor.uploads.open(name, content, cell, editor.document, unknown)
             if isinstance(opened, Document):
                 editor.open(opened)
@@ -149,6 +153,7 @@ class Session:
             else:
                 editor.commit(editor.with_changes(opened), f"open {name}")
                 self.display.show_all()
+            return name
 
     def unsaved(self) -> str | None:
         """A sentence on changes that are not saved, which are kept in the draft; None without."""

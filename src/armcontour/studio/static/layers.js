@@ -113,11 +113,9 @@ export class Layers {
     return this.keep("labels", [picture], () => labelsOf(picture));
   }
 
-  /** @param {Frame} executed @param {number} factor */
-  executed(executed, factor) {
-    return this.keep("executed", [executed, factor, this.least], () =>
-      magnified(executed, factor, this.least),
-    );
+  /** The tool of an executed or a measured motion. @param {Frame} moved @param {number} factor */
+  executed(moved, factor) {
+    return this.keep(moved.kind, [moved, factor, this.least], () => magnified(moved, factor, this.least));
   }
 
   /** @param {Frame} picture @returns {number} m/s */
@@ -125,19 +123,20 @@ export class Layers {
     return this.keep("most speed", [picture], () => largest(picture.arrays.speed));
   }
 
-  /** @param {Frame} executed @returns {number} m */
-  mostError(executed) {
-    return this.keep("most error", [executed], () => largest(executed.arrays.error));
+  /** @param {Frame} moved @returns {number} m */
+  mostError(moved) {
+    return this.keep(`most error ${moved.kind}`, [moved], () => largest(moved.arrays.error));
   }
 
   /**
-   * Factor by which errors are magnified: as wished, or such that the largest is well seen.
+   * Factor by which errors are magnified: as wished, or such that the largest is well seen, be it a measured one.
    * @param {Frame} executed @param {number} scale px per m @returns {number}
    */
   magnification(executed, scale) {
     const wished = this.store.options.magnify;
     if (wished > 0) return wished;
-    const most = this.mostError(executed) * scale;
+    const { measured } = this.store;
+    const most = Math.max(this.mostError(executed), measured ? this.mostError(measured) : 0) * scale;
     if (most * this.factor < TOO_SMALL || most * this.factor > TOO_LARGE) {
       this.factor = FACTORS.findLast((factor) => most * factor <= WISHED) ?? 1;
     }

@@ -8,7 +8,7 @@ import { give, make, say } from "./dom.js";
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./link.js").Link} Link */
 /** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. */
-/** @typedef {{file: string, name: string, bytes: number, open?: string}} Kept */
+/** @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
 
 /** Rows of a table that are shown at once. */
 const MOST_ROWS = 200;
@@ -26,6 +26,8 @@ export class Result {
     this.task = task;
     this.store = store;
     this.link = link;
+    /** Revision of the document that it is asked for. */
+    this.rev = store.latest("document")?.rev ?? -1;
     /** @type {(() => void)[]} */
     this.endings = [];
     this.bar = make("progress", { max: 1, "aria-label": `${title}: progress` });
@@ -57,8 +59,9 @@ export class Result {
     this.element.dataset.state = refused ? "refused" : "done";
     for (const text of sentences) this.body.append(make("p", { class: "task-sentence", text }));
     if (head.file) this.body.append(this.fileOf(head));
+    for (const { label, edits } of head.fixes ?? []) this.body.append(make("p", { class: "task-file" }, [make("button", { type: "button", text: label, onclick: () => this.link.edit(edits) })]));
     for (const x of graphs) if (x.content.x.length) this.addGraph(x);
-    for (const x of tables) if (x.rows.length) this.body.append(tableOf(x));
+    for (const x of tables) if (x.rows.length) this.body.append(tableOf(x, (t) => this.store.setTime(t)));
   }
 
   /**
@@ -100,7 +103,7 @@ export class Result {
   fileOf(file) {
     const size = `${Math.max(1, Math.round(file.bytes / 1000))} kB`;
     const said = make("span", { class: "quiet", role: "status" });
-    const button = make("button", { type: "button", text: `Download ${file.name}`, title: size, "data-file": file.name, onclick: () => this.download(file, said) });
+    const button = make("button", { type: "button", text: file.label ?? `Download ${file.name}`, title: `${file.name}, ${size}`, "data-file": file.name, onclick: () => this.download(file, said) });
     const row = make("p", { class: "task-file" }, [button]);
     if (file.open) row.append(make("a", { href: file.open, target: "_blank", rel: "noopener", class: "button", text: "Open" }));
     row.append(make("span", { class: "quiet", text: size }), said);
@@ -125,12 +128,17 @@ export class Result {
 
 /**
  * @param {import("./answers.js").Table} table
+ * @param {(t: number) => void} goTo shows a time
  * @returns {HTMLElement}
  */
-function tableOf({ title, columns, rows }) {
+function tableOf({ title, columns, rows, times }, goTo) {
   const head = make("tr", {}, columns.map((text) => make("th", { scope: "col", text })));
   const cell = (/** @type {string} */ text, /** @type {number} */ k) => make(k === 0 ? "th" : "td", { text, scope: k === 0 ? "row" : false });
-  const body = rows.slice(0, MOST_ROWS).map((row) => make("tr", {}, row.map(cell)));
+  const body = rows.slice(0, MOST_ROWS).map((row, k) => {
+    const shown = make("tr", {}, row.map(cell));
+    if (times) shown.cells[0].replaceChildren(make("button", { type: "button", text: row[0], title: "Show the time of its largest error", onclick: () => goTo(times[k]) }));
+    return shown;
+  });
   const parts = [make("thead", {}, [head]), make("tbody", {}, body)];
   const caption = title ? [make("caption", { text: title })] : [];
   const found = make("table", {}, [...caption, ...parts]);

@@ -1,6 +1,7 @@
 // What tasks there are, and the forms that start them.
 
 import { make } from "./dom.js";
+import { ON_LOGS } from "./logs.js";
 
 /**
  * One choice of a form; `kind` says how it is entered. Texts are quantities with a unit, which the server reads.
@@ -75,11 +76,14 @@ export const TASKS = [
     task: "export", title: "Export", what: "Set-points for a robot controller, or tables.",
     fields: [
       { name: "format", label: "format", kind: "choice", value: "urscript", choices: FORMATS },
-      { name: "of", label: "of", kind: "choice", value: "taught", choices: [["taught", "the set-points"], ["planned", "the plan"]] },
+      { name: "of", label: "of", kind: "choice", value: "taught", choices: [["taught", "the set-points"], ["planned", "the plan"], ["learned", "the next set-points, from logs"]] },
     ],
     options: ({ format, of }) => (format.startsWith("template ") ? { format: "template", template: format.slice(9), of } : { format, of }),
   },
   { task: "report", title: "Report", what: "The page with all figures, to keep and to print.", fields: [], options: () => ({}) },
+  { task: "measured", title: "Compare", what: "Plan against the last log: contour errors, and the measured tool in the drawing.", fields: [], options: () => ({}) },
+  { task: "identify", title: "Identify", what: "Finds the servo of every joint from the logs.", fields: [], options: () => ({}) },
+  { task: "learn", title: "Learn", what: "Makes the set-points of the next run, with a smaller error.", fields: [], options: () => ({}) },
 ];
 
 /**
@@ -150,8 +154,9 @@ export class Form {
     return found;
   }
 
-  /** @param {{open: boolean, busy: boolean, sliders: any[], placement: boolean}} state */
-  renew({ open, busy, sliders, placement }) {
+  /** @param {{open: boolean, busy: boolean, sliders: any[], placement: boolean, logs: boolean}} state */
+  renew({ open, busy, sliders, placement, logs }) {
+    this.element.hidden = !logs && ON_LOGS.includes(this.task.task);
     // The focus comes back to the button, unless it has gone elsewhere meanwhile.
     this.wasFocused ||= document.activeElement === this.button;
     this.button.disabled = !open || busy;

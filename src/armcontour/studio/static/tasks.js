@@ -1,6 +1,7 @@
 // Long work by buttons: check, clearance, certificate, placement, sweep, export, report.
 
 import { find, make, say } from "./dom.js";
+import { Logs, ON_LOGS } from "./logs.js";
 import { PlacementMap } from "./placement.js";
 import { Result } from "./result.js";
 import { TASKS, Form } from "./taskforms.js";
@@ -23,7 +24,7 @@ export function init(store, link) {
   store.on("result", (/** @type {Frame} */ x) => tasks.finish(x));
   store.on("cancelled", (/** @type {Frame} */ x) => tasks.end(x.head.id, "cancelled", "Cancelled."));
   store.on("failed", (/** @type {Frame} */ x) => tasks.end(x.head.id, "failed", x.head.sentence));
-  for (const event of ["document", "arm"]) store.on(event, () => tasks.renew());
+  for (const event of ["document", "arm", "logs"]) store.on(event, () => tasks.renew());
   store.on("picture", () => tasks.map.redraw());
   store.on("link", () => tasks.renew());
   store.on("reset", () => tasks.clear());
@@ -48,7 +49,9 @@ class Tasks {
     this.forms = TASKS.map((task) => new Form(task, (options) => this.start(task.task, task.title, options)));
     this.hint = make("p", { class: "quiet", text: "Results of tasks appear here: sentences, tables, and files to download." });
     this.results = make("div", { class: "task-results", role: "log", "aria-label": "Results" }, [this.hint]);
+    this.logs = new Logs(store, () => this.start("measured", "Compare", {}));
     const list = make("div", { class: "task-list", role: "group", "aria-label": "Tasks" }, this.forms.map((x) => x.element));
+    this.forms.find((x) => ON_LOGS.includes(x.task.task))?.element.before(this.logs.element);
     region.append(list, this.results);
     this.renew();
   }
@@ -64,7 +67,7 @@ class Tasks {
   renew() {
     const head = this.store.document;
     const open = this.link.state.state === "open" && head !== null;
-    const known = { sliders: head?.sliders ?? [], placement: head?.placement ?? false };
+    const known = { sliders: head?.sliders ?? [], placement: head?.placement ?? false, logs: this.logs.options.logs.length > 0 };
     for (const form of this.forms) form.renew({ open, busy: this.running.size > 0, ...known });
     if (!open) for (const id of [...this.running.keys()]) this.end(id, "failed", "The connection was lost, and this work with it.");
   }
@@ -85,7 +88,8 @@ class Tasks {
     result.element.scrollIntoView({ block: "nearest" });
     this.kept.unshift(result);
     for (const old of this.kept.splice(MOST_RESULTS)) old.close();
-    if (this.link.send({ op: "task", id, task, options }) < 0) {
+    const all = ON_LOGS.includes(task) || options.of === "learned" ? { ...options, ...this.logs.options } : options;
+    if (this.link.send({ op: "task", id, task, options: all }) < 0) {
       result.end("failed", "There is no connection to the server.");
       return;
     }
@@ -104,6 +108,8 @@ class Tasks {
     const result = this.running.get(id);
     if (!result) return;
     result.finish(frame);
+    // It is drawn as long as the document is the one that it was asked for.
+    if (task === "measured") this.store.put({ ...frame, kind: "measured", rev: result.rev });
     if (task === "place") {
       this.map.show(frame);
       result.addMap(this.map);

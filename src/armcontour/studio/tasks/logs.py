@@ -34,7 +34,8 @@ def measured(x: Request) -> Frame:
     times = [error.t_max + study.early for _, error, _ in study.contours]
     arrays = tool_arrays(study.pieces, x.view)
     arrays["t"] = arrays["t"] + np.float32(study.early)
-    return Frame("result", {"times": times, **_shown(study.result, logs[-1:])}, arrays)
+    facts = {"run": study.plan.run.name, "times": times}
+    return Frame("result", {**facts, **_shown(study.result, logs[-1:])}, arrays)
 
 
 def identify(x: Request) -> Frame:
