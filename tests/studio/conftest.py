@@ -11,7 +11,7 @@ from tests.studio.talking import JOB, Tab, session_of
 from tools.studio_page import SQUARE
 
 from armcontour._yaml import load
-from armcontour.studio import screen
+from armcontour.studio import planner
 from armcontour.studio.preview import Previewer
 from armcontour.studio.view import View
 
@@ -41,7 +41,8 @@ def home(tmp_path_factory, monkeypatch):
 @pytest.fixture
 def no_hurry(monkeypatch):
     """Plans are quick however busy the machine is."""
-    monkeypatch.setattr(screen, "QUICK", 1e6)
+    monkeypatch.setattr(planner, "QUICK", 1e6)
+    monkeypatch.setattr(planner, "SLOW", 1e6)
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """Plans and executions while a person edits, as frames."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,8 +21,7 @@ from armcontour.jobs import run
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.line import NOTHING
 from armcontour.studio.picture import MOST_POINTS, drawing_frame, picture_frame
-from armcontour.studio.preview import CONFIGURATION, Previewer
-from armcontour.studio.preview_run import MOVING_SAMPLES
+from armcontour.studio.preview import CONFIGURATION, MOVING_SAMPLES, Previewer, Tier
 from armcontour.studio.refusals import refusal_header
 from armcontour.studio.thinning import thin
 from armcontour.studio.wire import TYPES, Frame
@@ -219,7 +219,7 @@ def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view)
     frame = packed(drawing_frame(previewer.drawn(data), view))
     points = frame.arrays["objective"]
     assert 1000 < len(points) <= MOST_POINTS * 1.01
-    assert frame.header["rows"] == [] and frame.header["planned"] is False
+    assert frame.header["rows"] == [] and frame.header["tier"] == "outline"
     for extreme in (np.min, np.max):
         near(extreme(points + view.centre, axis=0), extreme(uv(view, given), axis=0), 1e-7)
 
@@ -367,9 +367,9 @@ class TestResults:
     def test_bodies_judge_set_points_that_are_for_them(self, previewer, paper):
         job = previewer.job(paper, "inverse-dynamics")
         judged = run(job).runs["inverse-dynamics"].judged.contour_error
-        for moving in (False, True):
-            planned = previewer.plan(paper, "inverse-dynamics", moving=moving)
-            executed = previewer.execute(planned, moving=moving)
+        for tier in (Tier.PREVIEW, Tier.MOVING):
+            planned = previewer.plan(paper, "inverse-dynamics", tier=tier)
+            executed = previewer.execute(planned)
             assert executed.errors.max < 3 * judged.max < 1e-5
 
 
@@ -378,9 +378,10 @@ class TestWhatIsDoneAgain:
         for name in ("optimal", "proposed"):
             previewer.execute(previewer.plan(paper, name))
         planned = previewer.plan(paper, "optimal")
-        assert not planned.seconds and not previewer.execute(planned).seconds
+        assert previewer.plan(paper, "optimal").trajectory is planned.trajectory
+        assert previewer.execute(planned).execution is previewer.execute(planned).execution
         previewer.forget()
-        assert "arm" in previewer.plan(paper, "optimal").seconds
+        assert previewer.plan(paper, "optimal").trajectory is not planned.trajectory
 
 
 class TestDifferences:
@@ -402,9 +403,7 @@ def test_a_motion_of_minutes_is_planned_but_not_simulated(previewer, paper):
     paper["limits"]["speed"] = "1e-4 m/s"
     planned = previewer.plan(paper, "optimal")
     assert planned.trajectory.duration > 3000
-    with pytest.raises(InvalidInput) as found:
-        previewer.execute(planned)
-    assert found.value.needed == planned.trajectory.duration > found.value.allowed
+    assert not previewer.may_execute(planned) and not previewer.may_be_exact(planned)
 
 
 def test_set_points_are_made_as_for_the_experiment(previewer, paper):
@@ -421,14 +420,15 @@ def test_set_points_are_farther_apart_unless_gains_need_short_intervals(previewe
     planned = previewer.plan(paper, "optimal")
     assert planned.run.period == 4e-3
     assert planned.differs == ("set-points come every 4 ms, and in a run every 0.2 ms.",)
-    assert previewer.plan(paper, "optimal", exact=True).run.period == 0.2e-3
+    assert previewer.plan(paper, "optimal", tier=Tier.EXACT).run.period == 0.2e-3
     stiff = paper | {"servo": {"kp": 25, "kv": 300_000}}
     assert previewer.plan(stiff, "optimal").run.period == 0.2e-3
 
 
 def test_while_something_moves_errors_are_those_at_fewer_samples(previewer, paper):
     planned = previewer.plan(paper, "optimal")
-    every, fewer = previewer.execute(planned), previewer.execute(planned, moving=True)
+    moving = replace(planned, tier=Tier.MOVING)
+    every, fewer = previewer.execute(planned), previewer.execute(moving)
     assert 3 * MOVING_SAMPLES < len(every.execution.t)
     assert MOVING_SAMPLES <= len(fewer.execution.t) < 2 * MOVING_SAMPLES
     own = np.searchsorted(every.errors.t, fewer.errors.t)

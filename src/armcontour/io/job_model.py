@@ -350,7 +350,7 @@ class SharedModel:
         default_factory=dict
     )
     corners: Rounding | Literal["sharp"] | None = None
-    command_interval: Annotated[Interval | None, About(panel="servo", usual=(1e-4, 2e-2))] = None
+    command_interval: Annotated[Interval | None, About(usual=(1e-4, 2e-2))] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

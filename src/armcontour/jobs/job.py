@@ -12,7 +12,6 @@ from armcontour._checks import FloatArray
 from armcontour._describing import brief, digits, line_up, several
 from armcontour._quantities import (
     About,
-    AboutPath,
     Acceleration,
     AngularDistance,
     AtLeast,
@@ -87,7 +86,7 @@ class Rounding(Checked):
     """
 
     shape: Annotated[str, Choice(SHAPES), About("--corner-shape")] = ARC
-    tolerance: Annotated[Distance | None, AboutPath("--tolerance", usual=(1e-5, 2e-2))] = None
+    tolerance: Annotated[Distance | None, About("--tolerance", usual=(1e-5, 2e-2))] = None
     # Not part of the hash: mappings have none.
     at: Mapping[int, Distance] | None = field(default=None, hash=False)
     line_tolerance: Annotated[Distance | None, About("--line-tolerance")] = None

@@ -46,6 +46,7 @@ class Acts:
             "pose": self._pose,
             "task": self._task,
             "cancel": self._cancel,
+            "resume": self._resume,
         }
 
     def do(self, tab: Tab, said: Said) -> None:
@@ -105,7 +106,7 @@ class Acts:
     def _reload(self, tab: Tab, said: Said) -> None:
         self._editor.reload()
         # Files that the job names may have changed, too.
-        self._display.exact.forget()
+        self._display.planner.forget_figures()
         self._display.show_all()
 
     def _revert(self, tab: Tab, said: Said) -> None:
@@ -149,7 +150,7 @@ class Acts:
         t, of = said.get("t"), str(said.get("of"))
         if isinstance(t, bool) or not isinstance(t, int | float):
             raise InvalidInput("A pose needs a time in seconds.")
-        q = self._display.screen.pose(float(t), of)
+        q = self._display.planner.pose(float(t), of)
         self._display.tell(Frame("pose", {"q": q, "t": t, "of": of}), to=tab)
 
     def _task(self, tab: Tab, said: Said) -> None:
@@ -157,10 +158,13 @@ class Acts:
         if not isinstance(options, dict):
             raise InvalidInput("The options of a task are a mapping.")
         id, task = _word(said, "id"), _word(said, "task")
-        self._display.exact.do(id, task, self._display.request(options))
+        self._display.planner.do(id, task, self._display.request(options))
 
     def _cancel(self, tab: Tab, said: Said) -> None:
-        self._display.exact.cancel(_word(said, "id"))
+        self._display.planner.cancel(_word(said, "id"))
+
+    def _resume(self, tab: Tab, said: Said) -> None:
+        self._display.planner.resume()
 
 
 def _word(said: Said, name: str) -> str:

@@ -94,6 +94,12 @@ class Editor:
         self._changed()
 
     @property
+    def id(self) -> str:
+        """Distinguishes what is shown from other jobs and drawings, whose frames are not shown."""
+        handles = self.seen.handles
+        return f"{self.document.id} {'' if handles is None else handles.file}"
+
+    @property
     def draft(self) -> str | None:
         """Name of what an earlier session has not saved; None without."""
         if self.document.earlier is not None:

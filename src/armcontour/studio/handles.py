@@ -17,7 +17,7 @@ from armcontour.io.job_edits import Keys
 from armcontour.io.job_model import FrameModel, PathModel
 from armcontour.io.scene import BodiesModel, SceneModel
 from armcontour.io.si_data import in_si
-from armcontour.io.units import write_like
+from armcontour.io.units import unit_of, write_like
 from armcontour.jobs import Job
 
 # A point of a job file: its role, its keys, its place in the frame of the path [m] unless it is
@@ -136,6 +136,15 @@ class Handles:
         """The waypoints through which the path goes, in order."""
         return tuple(x for x in self.waypoints if x.role in (POINT, END))
 
+    @property
+    def axes(self) -> dict[str, Any]:
+        """Axes in the picture along which places are read: of the file, or else of the picture."""
+        rotation = self.frame.rotation
+        if abs(abs(self.plane.normal @ rotation[:, 2]) - 1) > FLAT:
+            return {"names": ["right", "up"], "origin": [0, 0], "x": [1, 0], "y": [0, 1]}
+        x, y = self.plane.uv(self.plane.origin + rotation.T[:2])
+        return {"names": ["x", "y"], "origin": self.plane.uv(self.frame.position), "x": x, "y": y}
+
     def is_removable(self, point: Waypoint) -> bool:
         """Whether the path can do without a point."""
         ends = self.ends
@@ -216,15 +225,20 @@ def obstacles_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
 
     Returns:
         Per obstacle its `kind`, which is the key of its list, its `index` in the list, its keys in
-        SI units, and its keys as `written`.
+        SI units, its keys as `written`, and the unit of its lengths with its size in SI units.
     """
     scene = data.get("scene") or {}
     si = in_si(scene, SceneModel)
     return [
-        {**x, "kind": kind, "index": k, "written": scene[kind][k]}
+        {**x, "kind": kind, "index": k, "written": scene[kind][k], "unit": _unit(scene[kind][k])}
         for kind in BODIES
         for k, x in enumerate(si.get(kind) or [])
     ]
+
+
+def _unit(body: Mapping[str, Any]) -> tuple[str, float]:
+    """The unit in which the lengths of a body are written, and its size in SI units."""
+    return unit_of((body.get("at") or body.get("size") or [body.get("radius")])[0], LENGTH)
 
 
 def _given(kind: str, path: Mapping[str, Any], si: Mapping[str, Any]) -> Iterator[Given]:

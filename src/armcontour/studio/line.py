@@ -13,7 +13,7 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.geometry import Path
 from armcontour.jobs import Run
 from armcontour.motion import LawAlongPath
-from armcontour.studio.previewed import Preview
+from armcontour.studio.preview import Preview
 from armcontour.studio.thinning import bends, thin
 from armcontour.timing import Explanation
 

@@ -13,7 +13,7 @@ from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
     from armcontour.studio.document import Document
-    from armcontour.studio.exact import MakeLane
+    from armcontour.studio.planner import MakeLane
     from armcontour.studio.session import Session
 
 # The task that a page sees while the Studio starts.

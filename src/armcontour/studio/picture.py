@@ -16,9 +16,9 @@ from armcontour.geometry import RoundedPath
 from armcontour.jobs import Rounding
 from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.program import Program, cut_parts
-from armcontour.studio.demand import demand_of
+from armcontour.studio.executed import demand_of
 from armcontour.studio.line import NOTHING, Line, places_of
-from armcontour.studio.previewed import Preview
+from armcontour.studio.preview import Preview, Tier
 from armcontour.studio.thinning import bends, thin
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
@@ -62,8 +62,7 @@ def picture_frame(planned: Preview, view: View) -> Frame:
         "kerfs": kerfs,
         "warnings": [*planned.warnings, *filter(None, [planned.below_base])],
         "notes": _notes(planned),
-        "ms": {name: x * 1e3 for name, x in planned.seconds.items()},
-        "planned": True,
+        "tier": planned.tier,
     }
     header["plane"]["flat"] = view.is_flat(line.points)
     return Frame(
@@ -85,14 +84,13 @@ def picture_frame(planned: Preview, view: View) -> Frame:
     )
 
 
-def drawing_frame(program: Program, view: View, *, run: str = "", note: str = "") -> Frame:
+def drawing_frame(program: Program, view: View, *, run: str = "") -> Frame:
     """The picture of a program that is not planned yet; without speeds and times.
 
     Args:
         program: The program.
         view: How points get on the screen.
         run: Name of the run that is shown.
-        note: Why it is not planned.
     """
     points, first = _outline(program)
     arrays = _thinned_outline(points, first, view)
@@ -107,9 +105,8 @@ def drawing_frame(program: Program, view: View, *, run: str = "", note: str = ""
         "corners": [],
         "kerfs": [],
         "warnings": [],
-        "notes": [*program.notes, *([note] if note else [])],
-        "ms": {},
-        "planned": False,
+        "notes": program.notes,
+        "tier": Tier.OUTLINE,
     }
     header["plane"]["flat"] = view.is_flat(points)
     return Frame("picture", header, arrays)

@@ -21,8 +21,8 @@ from armcontour.studio.acts import Acts
 from armcontour.studio.display import Display
 from armcontour.studio.document import Document
 from armcontour.studio.editor import Editor
-from armcontour.studio.exact import MakeLane
 from armcontour.studio.lanes import FastLane, SlowLane
+from armcontour.studio.planner import MakeLane
 from armcontour.studio.preview import Previewer
 from armcontour.studio.tabs import Said, Tab
 from armcontour.studio.wire import Frame
@@ -89,7 +89,7 @@ class Session:
             with self.display.lock:
                 self.display.show_all()
             if job is not None:
-                self.display.screen.wait()
+                self.display.planner.wait()
 
     def join(self, tab: Tab) -> None:
         """A page is open: it gets what the others see."""
@@ -163,7 +163,7 @@ class Session:
 
     def close(self) -> None:
         """End all work."""
-        self.display.close()
+        self.display.planner.close()
         self._ending.close()
         self.editor.uploads.close()
 

@@ -245,14 +245,18 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
         studio.open(tmp_path / "square.yaml")
     free = judge(studio, "optimal")
     agree(studio, free)
-    # It lands in the middle of the view, and so on the part.
+    studio.find("#add-obstacle").click()
+    with studio.changing():
+        press(studio, "#question", "OK")
+    # It is beside the part, on which it is set now.
+    box = studio.find("g.handle.obstacle")
+    corners = [np.array(studio.middle(studio.handle("waypoint", k))) for k in (0, 2)]
     with studio.renewing():
-        studio.find("#add-obstacle").click()
+        studio.drag(box, tuple(sum(corners) / 2 - studio.middle(box)))
     studio.wait("body", refused="true")
     with pytest.raises(ac.Collision) as refused:
         judge(studio, "optimal")
     assert studio.refusal == without_options(str(refused.value))
-    box = studio.find("g.handle.obstacle")
     with studio.changing():
         studio.drag(box, (480, 0))
     found = judge(studio, "optimal")
@@ -485,7 +489,7 @@ def refused(pages, folder, change):
 def test_j20_a_first_job_that_is_refused_is_seen_and_told_as_such(pages, tmp_path):
     with refused(pages, tmp_path, ("- [0.350, 0.100]", "- [0.9, 0.1]")) as studio:
         # The start is over, and there was no motion before.
-        expect(studio.find("#messages .starting")).to_be_hidden()
+        expect(studio.find("#messages .work")).to_be_hidden()
         expect(studio.find("#messages .refusal")).to_contain_text("out of reach")
         expect(studio.find("#messages")).not_to_contain_text("last good motion")
         expect(studio.find("#figures")).to_contain_text("refused")

@@ -4,6 +4,7 @@
 import { init as dock } from "./dock.js";
 import { find } from "./dom.js";
 import { init as figures } from "./figures.js";
+import { init as form } from "./form.js";
 import { init as files } from "./files.js";
 import { init as handles } from "./handles.js";
 import { init as header } from "./header.js";
@@ -11,7 +12,6 @@ import { init as keys } from "./keys.js";
 import { Link } from "./link.js";
 import { init as marks } from "./marks.js";
 import { init as messages, notify } from "./messages.js";
-import { init as panel } from "./panel.js";
 import { init as splitter } from "./splitter.js";
 import { Store } from "./state.js";
 import { init as theme } from "./theme.js";
@@ -20,7 +20,7 @@ import { init as viewbar } from "./viewbar.js";
 
 const store = new Store();
 const link = new Link(store);
-messages(store);
+messages(store, link);
 theme(store);
 const view = new View2d(store);
 const grabbed = handles(store, link, view);
@@ -42,7 +42,7 @@ function makeAll(regions) {
 async function makeRest() {
   try {
     const { regionsOf } = await import("./rest.js");
-    store.catchUp(() => makeAll(regionsOf(store, link, view, grabbed)));
+    store.catchUp(() => makeAll(regionsOf(store, link, view, grabbed.pointer)));
   } catch (error) {
     console.error(error);
     notify("Charts, tables and tasks did not load: load the page again.", "alarm");
@@ -66,7 +66,7 @@ makeAll([
   () => figures(store),
   () => viewbar(store, view),
   () => marks(store, view),
-  () => panel(store, link),
+  () => form(store, link),
   () => files(store, link),
   () => keys(store, link, view),
 ]);

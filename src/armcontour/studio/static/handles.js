@@ -1,10 +1,10 @@
 // Handles over the drawing: waypoints, apexes of corners, the middles of lines where a waypoint may be
 // inserted. A handle follows the pointer at once; what the server answers is drawn when it comes.
 
-import { beyond, handledOf, nudgedApex, toleranceAt, wordsOf } from "./corner.js";
+import { along, apexAt, beyond, handledOf, LEAST_TOLERANCE, toleranceEdits, wordsOf } from "./corner.js";
 import { draw, mark } from "./dom.js";
 import { mm } from "./format.js";
-import { dragged, Gesture, nudged } from "./gesture.js";
+import { Pointer } from "./pointer.js";
 import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -12,14 +12,13 @@ import { oncePerFrame } from "./state.js";
 /** @typedef {import("./view2d.js").View2d} View2d */
 /** @typedef {[number, number]} Point */
 /**
- * Something to grab: `at` says where it is (metres in the plane, null: not there), `move` what its edits are
- * when it is dragged to a place.
+ * Something to grab: `at` says where it is (metres in the plane, null: not there).
  * @typedef {Object} Handle
  * @property {SVGGElement} element
  * @property {() => Point | null} at
- * @property {(to: Point, event: MouseEvent | KeyboardEvent) => {edits: object[], shown: Point}} move
  * @property {() => void} describe   sets what is read aloud
  * @property {() => any} [corner]    the corner whose apex it is
+ * @property {(to: Point) => object[]} [edits]   what its edits are when it is moved to a place
  * @property {number} [inserts]      the waypoint that it inserts
  */
 
@@ -34,6 +33,7 @@ export class Handles {
     this.store = store;
     this.link = link;
     this.view = view;
+    this.pointer = new Pointer(store, link, view);
     this.polygon = draw("polyline", { class: "polygon", "aria-hidden": "true" });
     this.groups = ["middle", "corner", "waypoint"].map((name) => draw("g", { class: name }));
     view.overlay.append(this.polygon, ...this.groups);
@@ -123,23 +123,8 @@ export class Handles {
 
   /** @param {Point} uv @returns {boolean} */
   inView(uv) {
-    const [x, y] = this.screen(uv);
+    const [x, y] = this.pointer.screen(uv);
     return x > 0 && y > 0 && x < this.view.view.width && y < this.view.view.height;
-  }
-
-  get centre() {
-    return this.store.latest("picture")?.head.centre ?? [0, 0];
-  }
-
-  /** @param {Point} uv m in the plane @returns {Point} px */
-  screen(uv) {
-    return this.view.view.toScreen([uv[0] - this.centre[0], uv[1] - this.centre[1]]);
-  }
-
-  /** @param {MouseEvent} event @returns {Point} m in the plane */
-  plane(event) {
-    const [u, v] = this.view.view.toPlane(this.view.within(event));
-    return [u + this.centre[0], v + this.centre[1]];
   }
 
   /** Where a waypoint is shown. @param {number} index @returns {Point | null} */
@@ -154,7 +139,7 @@ export class Handles {
     const handle = {
       element,
       at: () => this.waypointAt(index),
-      move: (/** @type {Point} */ to) => ({ edits: [{ do: "move_waypoint", index, to }], shown: to }),
+      edits: (/** @type {Point} */ to) => [{ do: "move_waypoint", index, to }],
       describe: () => this.describeWaypoint(element, index),
     };
     element.addEventListener("keydown", (event) => this.waypointKey(event, index));
@@ -203,7 +188,7 @@ export class Handles {
         const [a, b] = [this.waypointAt(index - 1), this.waypointAt(index)];
         return a && b ? [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2] : null;
       },
-      move: (to) => ({ edits: [{ do: "insert_waypoint", index, at: to }], shown: to }),
+      edits: (to) => [{ do: "insert_waypoint", index, at: to }],
       describe: () => {},
     };
     return this.movable(`middle ${index}`, handle);
@@ -211,13 +196,12 @@ export class Handles {
 
   /** The apex of a rounded corner. @param {number} index @returns {Handle} */
   corner(index) {
-    const element = this.shape("corner", index, [draw("path", { d: "M0-6 6 0 0 6-6 0Z", class: "seen" })]);
+    const element = this.shape("corner", index, [draw("path", { class: "stem" }), draw("path", { d: "M0-6 6 0 0 6-6 0Z", class: "seen" })]);
     const told = () => this.store.latest("picture")?.head.corners.find((/** @type {any} */ x) => x.index === index);
     /** @type {Handle} */
     const handle = {
       element,
       at: () => this.held.get(`corner ${index}`)?.at ?? told()?.apex ?? null,
-      move: (to, event) => toleranceAt(told(), to, event instanceof MouseEvent && event.altKey),
       corner: told,
       describe: () => {
         const corner = told();
@@ -244,66 +228,65 @@ export class Handles {
     return element;
   }
 
-  /** By pointer and by arrow keys. @param {string} name @param {Handle} handle @returns {Handle} */
+  /** By pointer and by keys. @param {string} name @param {Handle} handle @returns {Handle} */
   movable(name, handle) {
-    /** @type {Gesture | null} */
-    let gesture = null;
-    /** @type {Point} */
-    let start = [0, 0];
-    /** @type {Point} */
-    let grip = [0, 0];
-    const begin = () => {
-      const at = handle.at();
-      if (!at) return false;
-      start = at;
-      gesture = new Gesture(this.link);
-      return true;
-    };
+    const { pointer } = this;
+    const { corner, edits, inserts } = handle;
     const follow = oncePerFrame(() => {
       this.place();
       handle.describe();
     });
-    const to = (/** @type {Point} */ place, /** @type {any} */ event) => {
-      const { edits, shown } = handle.move(place, event);
-      this.held.set(name, { at: shown, seq: Infinity });
-      gesture?.update(edits, event.timeStamp);
+    const hold = (/** @type {Point} */ at, seq = Infinity) => {
+      this.held.set(name, { at, seq });
       follow();
     };
-    const end = (cancelled = false) => {
-      const index = cancelled ? undefined : handle.inserts;
+    /** @type {Point | null} */
+    let place = null;
+    const end = (/** @type {object[]} */ made, /** @type {boolean} */ cancelled) => {
       // A click inserts as well.
-      if (index && !gesture?.edits.length) gesture?.update([{ do: "insert_waypoint", index, at: start }], performance.now());
-      if (cancelled) gesture?.cancel();
-      else gesture?.end();
-      if (index) this.expect(index);
-      if (cancelled || !gesture?.edits.length) this.held.delete(name);
-      else this.held.set(name, { at: this.held.get(name)?.at ?? start, seq: this.link.seq });
-      gesture = null;
+      if (inserts && place && !made.length && !cancelled) this.link.edit(edits?.(place) ?? []);
+      else if (!made.length) place = null;
+      if (place && inserts) this.expect(inserts);
+      if (place) hold(place, this.link.seq);
+      else this.held.delete(name);
       this.place();
     };
-    const nudgedTo = (/** @type {number} */ du, /** @type {number} */ dv) => {
-      const corner = handle.corner?.();
-      return corner ? nudgedApex(corner, start, du, dv) : /** @type {Point} */ ([start[0] + du, start[1] + dv]);
-    };
-    dragged(handle.element, {
-      start: (event) => {
-        if (!begin()) return false;
-        const at = this.plane(event);
-        grip = [start[0] - at[0], start[1] - at[1]];
-        return true;
-      },
-      move: (event) => {
-        const at = this.plane(event);
-        to([at[0] + grip[0], at[1] + grip[1]], event);
-      },
-      end,
-    });
-    nudged(handle.element, {
-      start: begin,
-      move: (du, dv, event) => to(nudgedTo(du, dv), event),
-      end,
-    });
+    const { path } = this.store.document;
+    pointer.movable(
+      handle.element,
+      corner
+        ? {
+            least: LEAST_TOLERANCE,
+            start: () => ({ names: [this.isOfAll(corner()) ? "tolerance of all corners" : "tolerance"], unit: path.tolerance_unit, values: [corner().error] }),
+            moved: (by, [value], event) => [value + along(corner(), by, event instanceof KeyboardEvent)],
+            edits: ([value]) => {
+              hold((place = apexAt(corner(), value)));
+              return toleranceEdits(corner(), value, this.isOfAll(corner()));
+            },
+            end,
+          }
+        : {
+            start: () => {
+              place = handle.at();
+              return { names: path.axes.names, unit: path.unit, values: place && pointer.local(place) };
+            },
+            moved: (by, start) => {
+              const [u, v] = pointer.global(start);
+              return pointer.local([u + by[0], v + by[1]]);
+            },
+            edits: (values) => {
+              hold((place = pointer.global(values)));
+              return edits?.(place) ?? [];
+            },
+            end,
+          },
+    );
     return handle;
+  }
+
+  /** Whether the tolerance of a corner is that of all: it has none of its own, or all are to be changed. @param {import("./corner.js").Corner} corner */
+  isOfAll(corner) {
+    return corner.waypoint === null || this.store.options.corners === "all";
   }
 
   /** Every handle at its place on the screen. */
@@ -315,7 +298,7 @@ export class Handles {
     const corners = points
       .filter((p) => p !== null)
       .map((p) =>
-        this.screen(p)
+        this.pointer.screen(p)
           .map((x) => x.toFixed(1))
           .join(),
       );
@@ -325,8 +308,11 @@ export class Handles {
       handle.element.toggleAttribute("hidden", !at);
       if (!at) continue;
       const corner = handle.corner?.();
-      const [x, y] = corner ? beyond(corner, this.screen(at)) : this.screen(at);
+      const apex = this.pointer.screen(at);
+      const [x, y] = corner ? beyond(corner, apex) : apex;
       mark(handle.element, "transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
+      // It belongs to the corner that it does not lie on.
+      if (corner) mark(handle.element.children[1], "d", `M0 0L${(apex[0] - x).toFixed(1)} ${(apex[1] - y).toFixed(1)}`);
     }
   }
 }

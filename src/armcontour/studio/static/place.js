@@ -2,25 +2,24 @@
 
 import { draw, mark } from "./dom.js";
 import { short } from "./format.js";
-import { dragged, Gesture, nudged } from "./gesture.js";
 import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {import("./view2d.js").View2d} View2d */
-/** @typedef {import("./handles.js").Handles} Handles */
+/** @typedef {import("./pointer.js").Pointer} Pointer */
 /** @typedef {[number, number]} Point */
 
 const ARM = 64; // px from the middle of the part to the handle that turns it
 const TURN_STEP = Math.PI / 180;
 
 class PlaceHandle {
-  /** @param {Store} store @param {Link} link @param {View2d} view @param {Handles} handles */
-  constructor(store, link, view, handles) {
+  /** @param {Store} store @param {Link} link @param {View2d} view @param {Pointer} pointer */
+  constructor(store, link, view, pointer) {
     this.store = store;
     this.link = link;
     this.view = view;
-    this.handles = handles;
+    this.pointer = pointer;
     this.group = draw("g", { class: "place", hidden: true });
     this.stem = draw("line", { class: "stem" });
     this.mover = this.shape("Place of the part", [
@@ -34,7 +33,7 @@ class PlaceHandle {
     ]);
     this.group.append(this.stem, this.mover, this.turner);
     view.overlay.append(this.group);
-    /** @type {{about: Point, by: Point, turn: number, gesture: Gesture, seq: number} | null} */
+    /** @type {{about: Point, by: Point, turn: number, seq: number} | null} */
     this.held = null;
     store.on("view", () => this.put());
     for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => this.answered(frame));
@@ -61,60 +60,40 @@ class PlaceHandle {
   }
 
   listen() {
-    /** @type {Point} */
-    let from = [0, 0];
-    dragged(this.mover, {
-      start: (event) => {
-        from = this.handles.plane(event);
-        return this.begin();
-      },
-      move: (event) => {
-        const to = this.handles.plane(event);
-        this.update([to[0] - from[0], to[1] - from[1]], 0, event.timeStamp);
-      },
-      end: (cancelled) => this.end(cancelled),
+    const end = (/** @type {object[]} */ edits) => {
+      if (this.held && edits.length) this.held.seq = this.link.seq;
+      else this.held = null;
+      this.put();
+    };
+    this.pointer.movable(this.mover, {
+      start: () => ({ names: ["right", "up"], unit: this.store.document.path.unit, values: [0, 0] }),
+      moved: (by) => by,
+      edits: ([u, v]) => this.edits([u, v], 0),
+      end,
     });
-    dragged(this.turner, {
-      start: () => this.begin(),
-      move: (event) => this.update([0, 0], this.turnTo(event), event.timeStamp),
-      end: (cancelled) => this.end(cancelled),
-    });
-    nudged(this.mover, {
-      start: () => this.begin(),
-      move: (du, dv, event) => this.update([du, dv], 0, event.timeStamp),
-      end: () => this.end(),
-    });
-    nudged(this.turner, {
-      start: () => this.begin(),
-      move: (du, dv, event) => this.update([0, 0], 1000 * (dv - du) * TURN_STEP, event.timeStamp),
-      end: () => this.end(),
+    this.pointer.movable(this.turner, {
+      step: TURN_STEP,
+      start: () => ({ names: ["turned"], unit: ["°", TURN_STEP], values: [0] }),
+      moved: ([du, dv], start, event) => [event instanceof KeyboardEvent ? 1000 * (dv - du) * TURN_STEP : this.turnTo(event)],
+      edits: ([turn]) => this.edits([0, 0], turn),
+      end,
     });
   }
 
-  /**
-   * Angle from the handle's rest, straight up, to the pointer; with Shift in steps of 5°.
-   * @param {PointerEvent} event @returns {number} rad
-   */
+  /** Angle from the handle's rest, straight up, to the pointer. @param {PointerEvent} event @returns {number} rad */
   turnTo(event) {
-    const [x, y] = this.handles.screen(this.held?.about ?? this.handles.centre);
+    const [x, y] = this.pointer.screen(this.held?.about ?? this.pointer.centre);
     const [px, py] = this.view.within(event);
     const turn = Math.atan2(-(py - y), px - x) - Math.PI / 2;
-    const step = event.shiftKey ? 5 * TURN_STEP : TURN_STEP / 10;
-    return step * Math.round(Math.atan2(Math.sin(turn), Math.cos(turn)) / step);
+    return Math.atan2(Math.sin(turn), Math.cos(turn));
   }
 
-  begin() {
-    this.held = { about: this.handles.centre, by: [0, 0], turn: 0, gesture: new Gesture(this.link), seq: Infinity };
-    return true;
-  }
-
-  /** @param {Point} by @param {number} turn @param {number} at ms */
-  update(by, turn, at) {
-    if (!this.held) return;
-    const { about, gesture } = this.held;
-    this.held = { ...this.held, by, turn };
-    gesture.update([{ do: "place", by, turn, about }], at);
+  /** @param {Point} by @param {number} turn @returns {object[]} */
+  edits(by, turn) {
+    const about = this.held?.about ?? this.pointer.centre;
+    this.held = { about, by, turn, seq: Infinity };
     this.follow();
+    return [{ do: "place", by, turn, about }];
   }
 
   /** What is read aloud. @param {{by: Point, turn: number}} held */
@@ -123,17 +102,6 @@ class PlaceHandle {
     for (const element of [this.mover, this.turner]) element.setAttribute("aria-valuetext", text);
     mark(this.mover, "aria-valuenow", String(Math.round(1000 * Math.hypot(...by))));
     mark(this.turner, "aria-valuenow", String(Math.round((turn * 180) / Math.PI)));
-  }
-
-  /** @param {boolean} [cancelled] */
-  end(cancelled = false) {
-    if (!this.held) return;
-    const { gesture } = this.held;
-    if (cancelled) gesture.cancel();
-    else gesture.end();
-    if (cancelled || !gesture.edits.length) this.held = null;
-    else this.held.seq = this.link.seq;
-    this.put();
   }
 
   /** @param {import("./state.js").Frame | null} frame */
@@ -146,8 +114,8 @@ class PlaceHandle {
     const shown = this.store.options.place && this.store.latest("picture") !== null;
     this.group.toggleAttribute("hidden", !shown);
     if (!shown) return;
-    const { about, by, turn } = this.held ?? { about: this.handles.centre, by: [0, 0], turn: 0 };
-    const [x, y] = this.handles.screen([about[0] + by[0], about[1] + by[1]]);
+    const { about, by, turn } = this.held ?? { about: this.pointer.centre, by: [0, 0], turn: 0 };
+    const [x, y] = this.pointer.screen([about[0] + by[0], about[1] + by[1]]);
     const [tx, ty] = [x - ARM * Math.sin(turn), y - ARM * Math.cos(turn)];
     mark(this.mover, "transform", `translate(${x} ${y})`);
     mark(this.turner, "transform", `translate(${tx} ${ty})`);
@@ -155,7 +123,7 @@ class PlaceHandle {
   }
 }
 
-/** @param {Store} store @param {Link} link @param {View2d} view @param {Handles} handles */
-export function init(store, link, view, handles) {
-  new PlaceHandle(store, link, view, handles);
+/** @param {Store} store @param {Link} link @param {View2d} view @param {Pointer} pointer */
+export function init(store, link, view, pointer) {
+  new PlaceHandle(store, link, view, pointer);
 }

@@ -14,16 +14,16 @@ import { init as textpane } from "./textpane.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {import("./view2d.js").View2d} View2d */
-/** @typedef {import("./handles.js").Handles} Handles */
+/** @typedef {import("./pointer.js").Pointer} Pointer */
 
 /**
  * What makes them.
- * @param {Store} store @param {Link} link @param {View2d} view @param {Handles} handles
+ * @param {Store} store @param {Link} link @param {View2d} view @param {Pointer} pointer
  * @returns {(() => unknown)[]}
  */
-export const regionsOf = (store, link, view, handles) => [
-  () => obstacles(store, link, view, handles),
-  () => place(store, link, view, handles),
+export const regionsOf = (store, link, view, pointer) => [
+  () => obstacles(store, link, view, pointer),
+  () => place(store, link, view, pointer),
   () => tables(store, link),
   () => runs(store, link),
   () => textpane(store, link),

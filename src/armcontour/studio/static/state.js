@@ -1,7 +1,7 @@
 // The store: the newest frames of the server, the shown time, and what the person looks at.
 // Modules read it, listen to it, and never talk to each other in another way.
 //
-// A picture always has the arrays of a plan; they are empty for a long drawing without one (head.planned).
+// A picture always has the arrays of a plan; they are empty for a long drawing without one (head.tier "outline").
 //
 // Events (`store.on(event, listener)` returns a function that ends the listening):
 //   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
@@ -32,6 +32,7 @@
  * @property {"limit" | "speed" | "error"} colour   what colours the path
  * @property {boolean} executed     whether the executed tool is drawn
  * @property {number} magnify       factor of its error; 0 = automatic
+ * @property {"one" | "all"} corners  whose tolerance a drag of a corner changes
  * @property {boolean} place        whether the part is moved as a whole
  * @property {"planned" | "executed"} time   which motion is played
  * @property {"2d" | "both" | "3d"} stage
@@ -52,6 +53,7 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   colour: "limit",
   executed: true,
   magnify: 0,
+  corners: "one",
   place: false,
   time: "planned",
   stage: "2d",

@@ -13,6 +13,7 @@ def figures(x: Request) -> Frame:
     """Figures of a full run, or what the run refuses and where."""
     from armcontour.core.render import frame
     from armcontour.jobs.results import judging_rows
+    from armcontour.studio.preview import Tier
     from armcontour.studio.refusals import refusal_header
 
     try:
@@ -27,6 +28,7 @@ def figures(x: Request) -> Frame:
     data = result.to_data()
     header = {
         "run": result.run.name,
+        "tier": Tier.EXACT,
         "rows": frame(replace(data, rows=judging_rows(result, data.rows))),
         "start": result.trajectory(0.0),
         "warnings": data.warnings,

@@ -1,0 +1,212 @@
+// Values at the pointer: what is dragged, or moved with the arrow keys, snaps to round values, which are shown next to it
+// together with the seconds that they gain. Digits set them exactly.
+
+import { find, make, say } from "./dom.js";
+import { rowOf, seconds, short } from "./format.js";
+import { dragged, Gesture } from "./gesture.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./view2d.js").View2d} View2d */
+/** @typedef {[number, number]} Point */
+/** A unit of the document, and its size in SI units. @typedef {[string, number]} Unit */
+/**
+ * Values that a gesture changes, in SI units.
+ * @typedef {Object} Movable
+ * @property {() => {names: string[], unit: Unit, values: number[] | null}} start   null: it cannot be moved now
+ * @property {(by: Point, start: number[], event: PointerEvent | KeyboardEvent) => number[]} moved   by a way in the plane [m]
+ * @property {(values: number[]) => object[]} edits   shows the values, too
+ * @property {(edits: object[], cancelled: boolean) => void} end   without edits nothing was changed
+ * @property {number} [step]    values are multiples of it; with Alt of a hundredth, with Shift of ten
+ * @property {number} [least]   smallest value; those below a step have one digit
+ */
+
+const STEP = 1e-3; // m
+const SAME = 1e-9; // m
+const ASIDE = 18; // px
+// Arrow keys that follow each other within this time are one gesture.
+const KEYS_WITHIN = 600; // ms
+/** @type {Record<string, Point>} */
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+
+export class Pointer {
+  /** @param {Store} store @param {Link} link @param {View2d} view */
+  constructor(store, link, view) {
+    this.store = store;
+    this.link = link;
+    this.view = view;
+    this.label = make("div", { class: "tip at-pointer", hidden: true, "aria-hidden": "true" });
+    view.region.append(this.label);
+    /**
+     * The gesture that goes on. @type {{what: Movable, names: string[], unit: Unit, start: number[], values: number[], typed: string,
+     *   gesture: Gesture, before: import("./state.js").Frame | null} | null}
+     */
+    this.held = null;
+    for (const event of ["picture", "refusal"]) store.on(event, () => this.tell());
+  }
+
+  get centre() {
+    return this.store.latest("picture")?.head.centre ?? [0, 0];
+  }
+
+  /** @param {Point} uv m in the plane @returns {Point} px */
+  screen(uv) {
+    return this.view.view.toScreen([uv[0] - this.centre[0], uv[1] - this.centre[1]]);
+  }
+
+  /** @param {MouseEvent} event @returns {Point} m in the plane */
+  plane(event) {
+    const [u, v] = this.view.view.toPlane(this.view.within(event));
+    return [u + this.centre[0], v + this.centre[1]];
+  }
+
+  /** A place in the plane by the axes of the file. @param {Point} uv m @returns {Point} m */
+  local([u, v]) {
+    const { origin, x, y } = this.store.document.path.axes;
+    const [a, b] = [u - origin[0], v - origin[1]];
+    return [a * x[0] + b * x[1], a * y[0] + b * y[1]];
+  }
+
+  /** A place by the axes of the file, in the plane. @param {number[]} xy m @returns {Point} m */
+  global([a, b]) {
+    const { origin, x, y } = this.store.document.path.axes;
+    return [origin[0] + a * x[0] + b * y[0], origin[1] + a * x[1] + b * y[1]];
+  }
+
+  /** Have an element change values, by drag, by arrow keys and by digits. @param {SVGElement} element @param {Movable} what */
+  movable(element, what) {
+    /** @type {Point} */
+    let from = [0, 0];
+    let timer = 0;
+    const isHeld = () => this.held?.what === what;
+    const end = (cancelled = false) => {
+      clearTimeout(timer);
+      if (isHeld()) this.end(cancelled);
+    };
+    dragged(element, {
+      start: (event) => {
+        from = this.plane(event);
+        return this.begin(what, this.view.within(event));
+      },
+      move: (event) => {
+        const to = this.plane(event);
+        this.move([to[0] - from[0], to[1] - from[1]], event, this.view.within(event));
+      },
+      end,
+      key: (event) => this.type(event),
+    });
+    element.addEventListener("keydown", (event) => {
+      const arrow = ARROWS[event.key];
+      const ends = isHeld() && (event.key === "Enter" || event.key === "Escape");
+      const { left, top, width } = element.getBoundingClientRect();
+      const place = this.view.within(new MouseEvent("", { clientX: left + width / 2, clientY: top }));
+      if (event.ctrlKey || event.metaKey || element.classList.contains("dragging")) return;
+      if (!isHeld() && (arrow || /^[\d.]$/.test(event.key))) {
+        if (!this.begin(what, place)) return;
+        from = [0, 0];
+      }
+      if (!isHeld()) return;
+      if (arrow) {
+        const step = STEP * (event.shiftKey ? 10 : event.altKey ? 0.01 : 1);
+        from = [from[0] + step * arrow[0], from[1] + step * arrow[1]];
+        this.move(from, event, place);
+      } else if (ends) end(event.key === "Escape");
+      else if (!this.type(event)) return;
+      event.preventDefault();
+      event.stopPropagation();
+      clearTimeout(timer);
+      if (arrow) timer = setTimeout(end, KEYS_WITHIN);
+    });
+    element.addEventListener("blur", () => element.classList.contains("dragging") || end());
+  }
+
+  /** @param {Movable} what @param {Point} place px @returns {boolean} */
+  begin(what, place) {
+    this.end();
+    const { values, ...rest } = what.start();
+    if (!values) return false;
+    this.held = { what, ...rest, start: values, values, typed: "", gesture: new Gesture(this.link), before: this.store.latest("picture") };
+    this.place(place);
+    return true;
+  }
+
+  /** @param {Point} by m @param {PointerEvent | KeyboardEvent} event @param {Point} place px */
+  move(by, event, place) {
+    if (!this.held || this.held.typed) return;
+    const { what, start } = this.held;
+    const step = (what.step ?? STEP) * (event.shiftKey ? 10 : event.altKey ? 0.01 : 1);
+    this.place(place);
+    // What does not move is not rounded.
+    this.set(what.moved(by, start, event).map((x, k) => (Math.abs(x - start[k]) < SAME ? start[k] : snapped(x, step, what.least))), event.timeStamp);
+  }
+
+  /** @param {number[]} values @param {number} at ms */
+  set(values, at) {
+    if (!this.held) return;
+    this.held.values = values;
+    this.held.gesture.update(this.held.what.edits(values), at);
+    this.tell();
+  }
+
+  /** A key of a number, or several. @param {KeyboardEvent} event @returns {boolean} whether it was */
+  type(event) {
+    const { held } = this;
+    const isKey = /^[-\d.,;x ]$/.test(event.key) && (held?.typed || /[-\d.]/.test(event.key));
+    if (!held || !(isKey || (event.key === "Backspace" && held.typed))) return false;
+    event.preventDefault();
+    event.stopPropagation();
+    held.typed = isKey ? held.typed + event.key : held.typed.slice(0, -1);
+    const numbers = held.typed.split(/[,;x ]+/).map((x) => (x && x !== "-" ? exact(Number(x) * held.unit[1]) : NaN));
+    this.set(held.start.map((_, k) => (Number.isFinite(numbers[k]) ? numbers[k] : held.values[k])), event.timeStamp);
+    say(find("#spoken"), `${held.typed} ${held.unit[0]}`);
+    return true;
+  }
+
+  end(cancelled = false) {
+    if (!this.held) return;
+    const { what, gesture } = this.held;
+    this.held = null;
+    if (cancelled) gesture.cancel();
+    else gesture.end();
+    this.label.hidden = true;
+    what.end(gesture.edits, cancelled);
+  }
+
+  /** The label next to the pointer, within the region. @param {Point} place px */
+  place([x, y]) {
+    const { width, height } = this.view.view;
+    const { offsetWidth: wide, offsetHeight: high } = this.label;
+    const left = x + ASIDE + wide < width ? x + ASIDE : x - ASIDE - wide;
+    const top = y + ASIDE + high < height ? y + ASIDE : y - ASIDE - high;
+    this.label.style.transform = `translate(${Math.max(0, left)}px, ${Math.max(0, top)}px)`;
+  }
+
+  /** What the label says: the values, and what they gain. */
+  tell() {
+    if (!this.held) return;
+    const { names, unit, values, typed, before } = this.held;
+    const texts = values.map((x, k) => `${names[k]} ${short(x / unit[1], 6)}`);
+    const now = this.store.latest("picture");
+    const [old, fresh] = [before, now].map((x) => rowOf(x?.head, "duration")?.value);
+    const gained = fresh - old;
+    const parts = [make("span", { class: "value", text: `${typed ? `${typed}▏` : texts.join(", ")} ${unit[0] || "m"}` })];
+    if (this.store.refusal) parts.push(make("span", { class: "worse", text: "refused" }));
+    else if (now !== before && Number.isFinite(gained))
+      parts.push(
+        make("span", { class: gained > 0 ? "worse" : "better", text: `${gained > 0 ? "+" : ""}${seconds(gained)} s` }),
+        make("span", { class: "quiet", text: "preview" }),
+      );
+    this.label.replaceChildren(...parts);
+    this.label.hidden = false;
+  }
+}
+
+/** Free of rounding errors, and of the sign of zero. @param {number} x */
+const exact = (x) => Number(x.toPrecision(15)) + 0;
+
+/** @param {number} value @param {number} step @param {number} [least] @returns {number} */
+function snapped(value, step, least) {
+  const digit = least ? 10 ** Math.floor(Math.log10(Math.max(value, least)) + SAME) : Infinity;
+  const fine = Math.min(step, digit);
+  return Math.max(least ?? -Infinity, exact(fine * Math.round(value / fine)));
+}
