@@ -72,7 +72,9 @@ def done(studio, task):
 
 def cell(result, name):
     """The figure of a name."""
-    return result.locator("tr", has=result.page.locator("th", has_text=name)).first.locator("td")
+    return result.locator(
+        "tr", has=result.page.locator("th[scope=row]", has_text=name)
+    ).first.locator("td")
 
 
 def test_j40_a_dropped_log_is_compared_with_the_plan(shown, robot, log):
