@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from armcontour._checks import LONGEST_NAME
+import numpy as np
+
+from armcontour import _checks
 from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change
@@ -13,7 +15,11 @@ from armcontour.studio.editor import Made
 from armcontour.studio.edits.runs import add_run, remove_run
 from armcontour.studio.gestures import Gestures
 from armcontour.studio.tabs import Said, Tab
+from armcontour.studio.thinning import Detail
 from armcontour.studio.wire import Frame
+
+# Largest width of what is drawn closer, and largest error of its lines [px].
+WIDEST, OF_A_PIXEL = 20_000, 0.25
 
 
 class Acts:
@@ -44,6 +50,7 @@ class Acts:
             "add_run": self._add_run,
             "remove_run": self._remove_run,
             "pose": self._pose,
+            "detail": self._detail,
             "task": self._task,
             "cancel": self._cancel,
             "resume": self._resume,
@@ -153,6 +160,17 @@ class Acts:
         q = self._display.planner.pose(float(t), of)
         self._display.tell(Frame("pose", {"q": q, "t": t, "of": of}), to=tab)
 
+    def _detail(self, tab: Tab, said: Said) -> None:
+        """Draw what a page sees as finely as it sees it."""
+        box = _checks.numbers("box", said.get("box"), "m")
+        if box.shape != (4,):
+            raise InvalidInput("box has four numbers: least u and v, largest u and v.")
+        px = max(
+            _checks.positive("px", said.get("px"), "m"), np.ptp(box.reshape(2, 2), 0).max() / WIDEST
+        )
+        detail = Detail(px * OF_A_PIXEL, box)
+        self._display.planner.detail(detail, lambda frame: self._display.tell(frame, to=tab))
+
     def _task(self, tab: Tab, said: Said) -> None:
         options = said.get("options") or {}
         if not isinstance(options, dict):
@@ -174,6 +192,6 @@ def _word(said: Said, name: str) -> str:
         InvalidInput: It has none, or a long one.
     """
     value = said.get(name)
-    if not isinstance(value, str) or not 0 < len(value) <= LONGEST_NAME:
+    if not isinstance(value, str) or not 0 < len(value) <= _checks.LONGEST_NAME:
         raise InvalidInput(f"The message {said.get('op')} needs {name}, a short text.")
     return value

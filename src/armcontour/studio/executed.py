@@ -27,7 +27,7 @@ from armcontour.evaluation.pieces import Piece
 from armcontour.jobs.run_data import off_drawing
 from armcontour.motion import Execution, Trajectory
 from armcontour.studio.preview import Executed
-from armcontour.studio.thinning import evenly, thin
+from armcontour.studio.thinning import Detail, evenly, thin
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
 
@@ -45,40 +45,68 @@ def executed_frame(executed: Executed, view: View) -> Frame:
         executed: The execution.
         view: How points get on the screen.
     """
-    planned, execution = executed.planned, executed.execution
-    demand = signed_shares("joint_acceleration", planned.run.limits, execution.demand)
+    planned = executed.planned
     header = {
         "run": planned.run.name,
         "rows": frame(_figures(executed)),
         "centre": view.centre,
         "tier": planned.tier,
     }
-    arrays = {**tool_arrays(executed.pieces, view, demand=demand), **_poses(execution)}
-    return Frame("executed", header, arrays)
+    lines = executed_lines(executed, view, _whole(executed.pieces, view))
+    return Frame("executed", header, {**lines, **_poses(executed.execution)})
 
 
-def tool_arrays(pieces: Sequence[Piece], view: View, **columns: FloatArray) -> dict[str, Any]:
-    """Arrays from which the tool is drawn, with its distance from the path.
+def executed_lines(executed: Executed, view: View, detail: Detail) -> dict[str, Any]:
+    """Arrays of where the tool is beside the path that is seen.
+
+    Args:
+        executed: The execution.
+        view: As of `executed_frame`.
+        detail: What is seen, and how finely.
+    """
+    limits, demand = executed.planned.run.limits, executed.execution.demand
+    shares = signed_shares("joint_acceleration", limits, demand)
+    return _tool_lines(executed.pieces, view, detail, demand=shares)
+
+
+def measured_lines(pieces: Sequence[Piece], view: View) -> dict[str, Any]:
+    """Arrays of where the tool was beside the path.
 
     Args:
         pieces: The motion along each contour.
-        view: How points get on the screen.
-        **columns: Further arrays with a row for each sample of the whole motion.
+        view: As of `executed_frame`.
     """
-    which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])
+    return _tool_lines(pieces, view, _whole(pieces, view))
+
+
+def _whole(pieces: Sequence[Piece], view: View) -> Detail:
+    """All of the path is seen."""
+    return Detail.of_whole(view.uv(np.concatenate([x.on_path for x in pieces])))
+
+
+def _tool_lines(
+    pieces: Sequence[Piece], view: View, detail: Detail, **columns: FloatArray
+) -> dict[str, Any]:
+    """The same, with further arrays that have a row for each sample of the whole motion."""
     base = np.concatenate([x.on_path for x in pieces])
-    tool = np.concatenate([x.tool for x in pieces])
-    distance = np.concatenate([x.found.distance for x in pieces])
+    ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
+    seen, ends = detail.seen(view.drawn(base), ends)
+    which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])[seen]
+    base, tool = base[seen], np.concatenate([x.tool for x in pieces])[seen]
+    distance = np.concatenate([x.found.distance for x in pieces])[seen]
     more = {name: values[which] for name, values in columns.items()}
     offset = view.offsets(tool - base)
-    shown = [*offset.T.astype(np.float64), distance, *(y for x in more.values() for y in x.T)]
-    kept = thin(_peaks(distance), shown, MOST_SAMPLES)
-    begins = np.cumsum([0, *(x.which.stop - x.which.start for x in pieces[:-1])])
+    kept = np.arange(len(which))
+    if len(kept) > MOST_SAMPLES:
+        weight = np.where(detail.needed(base, ends), np.inf, 0.0)
+        weight[np.argmax(distance)] = np.inf
+        shown = [*offset.T.astype(np.float64), distance, *(y for x in more.values() for y in x.T)]
+        kept = thin(weight, shown, MOST_SAMPLES)
     return {
         "base": view.drawn(base[kept]),
         "offset": offset[kept],
-        "breaks": np.searchsorted(kept, begins).astype(np.uint32),
-        "t": short(np.concatenate([x.t for x in pieces])[kept]),
+        "breaks": np.searchsorted(kept, ends[:-1]).astype(np.uint32),
+        "t": short(np.concatenate([x.t for x in pieces])[seen][kept]),
         "error": short(distance[kept]),
         **{name: short(values[kept]) for name, values in more.items()},
     }
@@ -112,13 +140,6 @@ def _poses(execution: Execution) -> dict[str, FloatArray]:
         "q": q,
         "xyz": short(in_space(execution.arm.tool_position(q))),
     }
-
-
-def _peaks(distance: FloatArray) -> FloatArray:
-    """Infinite at the largest distance, else zero."""
-    found = np.zeros(len(distance))
-    found[int(np.argmax(distance))] = np.inf
-    return found
 
 
 def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:

@@ -25,11 +25,12 @@ from armcontour.program import Program
 from armcontour.scene import Scene
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.lanes import FastLane, SlowLane, Stale
-from armcontour.studio.picture import drawing_frame, picture_frame
+from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame
 from armcontour.studio.preview import CONFIGURATION, Executed, Preview, Previewer, Tier
 from armcontour.studio.refusals import refusal_header
 from armcontour.studio.robot import arm_frame
 from armcontour.studio.tasks import working
+from armcontour.studio.thinning import Detail
 from armcontour.studio.view import View
 from armcontour.studio.wire import Frame
 
@@ -74,6 +75,7 @@ class Seen:
         parts: Arm and scene that pages have.
         outline: The program that pages see where there is no plan.
         took: How long the last plan of each tier took [s].
+        drawn: The plan or program that pages see, how it gets on the screen, and its number.
         followed: The revision whose preview has taken the configuration of its full run.
     """
 
@@ -82,6 +84,7 @@ class Seen:
     parts: tuple[Arm, Scene | None] | None = None
     outline: Program | None = None
     took: dict[Tier, float] = field(default_factory=dict)
+    drawn: tuple[Preview | Program, View, int] | None = None
     followed: int = 0
 
 
@@ -141,6 +144,7 @@ class Planner:
         rest: float,
     ) -> None:
         self.previewer, self._rest = previewer, rest
+        self._pictures = 0
         self._deliver, self._make = deliver, slow
         self._lock = RLock()
         self._seen = Seen()
@@ -151,6 +155,8 @@ class Planner:
         self._executed_at = 0.0
         self._done = Event()
         self._lane = fast(self._fail)
+        # What is seen is drawn finer while a plan is made.
+        self._details = fast(self._fail)
         self._figures = slow(self._hear)
         # The states whose figures are computed now and next, what was asked, and what is known.
         self._asked: tuple[State, Mapping[str, Any]] | None = None
@@ -198,6 +204,20 @@ class Planner:
                 state.stopped = False
                 self._tell_progress(state, (), None, WORKING)
                 self._lane.submit(partial(self._work, state))
+
+    def detail(self, detail: Detail, deliver: Callable[[Frame], None]) -> None:
+        """Draw what a page sees of the newest picture as finely as it sees it, soon."""
+        seen = self._seen
+
+        def draw(stale: Stale) -> None:
+            if seen.drawn is not None and seen is self._seen:
+                made, view, number = seen.drawn
+                executed = seen.executed if isinstance(made, Preview) else None
+                tier = None if executed is None else executed.planned.tier
+                frame = detail_frame(made, executed, view, detail)
+                deliver(frame.stamped(number=number, tier=tier))
+
+        self._details.submit(draw)
 
     def pose(self, t: float, of: str) -> FloatArray:
         """Joint positions at a time.
@@ -269,6 +289,7 @@ class Planner:
             x.join()
         self._done.set()
         self._lane.close()
+        self._details.close()
 
     # In the thread of previews.
 
@@ -336,7 +357,7 @@ class Planner:
             self._show_arm(state, planned.job)
         state.answered = True
         seen.planned = planned
-        self._deliver(picture_frame(planned, state.view), state)
+        self._draw(picture_frame(planned, state.view), planned, state)
         if first:
             # The first plan is wanted before shapes of links, which may take long.
             self._show_arm(state, planned.job)
@@ -378,8 +399,14 @@ class Planner:
             ArmContourError: There is no path.
         """
         program = self.previewer.drawn(state.data)
-        if self._deliver(drawing_frame(program, state.view, run=state.run), state):
+        if self._draw(drawing_frame(program, state.view, run=state.run), program, state):
             state.seen.outline = program
+
+    def _draw(self, frame: Frame, made: Preview | Program, state: State) -> bool:
+        """Show a picture; whether pages take it."""
+        self._pictures += 1
+        state.seen.drawn = made, state.view, self._pictures
+        return self._deliver(frame.stamped(number=self._pictures), state)
 
     def _show_arm(self, state: State, job: Job) -> None:
         """The arm and what stands in its cell, if pages do not have them."""

@@ -16,7 +16,7 @@ Said: TypeAlias = Mapping[str, Any]
 # Files that are kept for the pages to save, and about how many bytes; the newest is always kept.
 MOST_FILES, MOST_BYTES = 20, 200_000_000
 # Frames of which a page needs only the newest.
-NEWEST_ONLY = {"arm", "document", "executed", "figures", "picture", "pose", "refusal"}
+NEWEST_ONLY = {"arm", "detail", "document", "executed", "figures", "picture", "pose", "refusal"}
 
 # Options of the command line in a sentence, which also names the key of the job file.
 _OPTION = r"--[a-z][a-z-]*(?: (?:'[^']*'|[^\s,.;:()']+))?"
@@ -94,7 +94,9 @@ class Tabs:
         seq = said.get("seq")
         with self._lock:
             is_open = tab in self._numbers
-            if is_open and isinstance(seq, int) and not isinstance(seq, bool):
+            # To look closer is no change that anything answers.
+            counts = is_open and said.get("op") != "detail"
+            if counts and isinstance(seq, int) and not isinstance(seq, bool):
                 self._seqs[self._numbers[tab]] = seq
         return is_open
 

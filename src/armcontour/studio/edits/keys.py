@@ -94,13 +94,15 @@ def _plain(keys: Keys) -> Keys:
 
 def _in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
     """Set a key that the job has, for the run that is shown alone."""
-    changes, here = [], ("runs", state.run, keys[0])
+    changes, here = list[Change](), ("runs", state.run, str(keys[0]))
     shared = value_at(state.data, keys[:1])
     if len(keys) > 1 and keys[0] not in MERGED and isinstance(shared, Mapping):
         # The run's mapping takes the place of the job's.
         changes = [Change(here, deepcopy(shared))]
     own = replace(state, data=change_data(state.data, changes))
-    return changes + _set({"key": list((*here, *keys[1:])), "value": value}, own)
+    # A number has the unit that is shown.
+    value = written(value, value_at(state.data, _plain(keys)), keys)
+    return changes + _set({"key": [*here, *_plain(keys[1:])], "value": value}, own)
 
 
 def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:

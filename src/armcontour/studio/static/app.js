@@ -86,4 +86,5 @@ find(".skip").addEventListener("click", (event) => {
   event.preventDefault();
   find(store.options.stage === "3d" ? "#view3d canvas" : "#view2d").focus();
 });
+store.on("finer", (/** @type {object} */ wish) => link.post({ op: "detail", ...wish }));
 link.open();

@@ -3,7 +3,6 @@
 
 import { draw, make, mark, say } from "./dom.js";
 import { mm, seconds } from "./format.js";
-import { OF_RAPID } from "./layers.js";
 import { indexAt } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -78,8 +77,8 @@ class Marks {
   /** The executed tool with its error as it is drawn. @param {Frame} executed @param {number} t @returns {[number, number]} m */
   toolAt(executed, t) {
     const factor = this.view.layers.magnification(executed, this.view.view.scale);
-    const { points } = this.view.layers.executed(executed, factor);
-    return along(executed.arrays.t, points, t);
+    const [base, offset] = [executed.arrays.base, executed.arrays.offset].map((points) => along(executed.arrays.t, points, t));
+    return [base[0] + factor * offset[0], base[1] + factor * offset[1]];
   }
 
   /** @param {[number, number]} centre */
@@ -101,7 +100,7 @@ class Marks {
 
   /** @param {PointerEvent} event */
   hover(event) {
-    const picture = this.store.latest("picture");
+    const picture = this.view.layers.fine(this.store.latest("picture"));
     if (!picture || event.buttons || event.pointerType === "touch") return this.leave();
     const [x, y] = this.view.within(event);
     const i = this.nearest(picture, x, y);
@@ -173,13 +172,11 @@ function along(xs, points, x) {
 
 /** Place of the tool at a time, on a rapid or at an arc length of the path [m]. @param {Frame} picture @param {number} t @param {number} s @returns {[number, number]} */
 export function pointOf(picture, t, s) {
-  const { rapid, rapid_t: times } = picture.arrays;
-  const first = times?.length ? indexAt(times, t) : 0;
-  const from = first - (first % OF_RAPID);
-  const inside = times?.length && t > times[from] && t < times[from + OF_RAPID - 1];
-  return inside
-    ? along(times.subarray(from, from + OF_RAPID), rapid.subarray(2 * from, 2 * (from + OF_RAPID)), t)
-    : pointAt(picture, s);
+  const { rapid, rapid_t: times, rapid_breaks: breaks } = picture.arrays;
+  const k = breaks ? indexAt(breaks, indexAt(times, t)) : 0;
+  const [from, to] = breaks ? [breaks[k], breaks[k + 1]] : [0, 0];
+  const inside = breaks && t > times[from] && t < times[to - 1];
+  return inside ? along(times.subarray(from, to), rapid.subarray(2 * from, 2 * to), t) : pointAt(picture, s);
 }
 
 /** Place on the path [m]. @param {Frame} picture @param {number} s @returns {[number, number]} */

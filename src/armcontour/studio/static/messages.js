@@ -80,7 +80,7 @@ export function init(store, link) {
     const { steps = [], share, state, tier } = head;
     if (!(head.task in WORK)) return;
     task = head.task;
-    const [isStopped, name] = [state === "stopped", steps.at(-1) ?? "…"];
+    const [isStopped, name] = [state === "stopped", tier === "exact" ? "Exact figures" : WORK[task]];
     work.hidden = state === "done";
     bar.toggleAttribute("hidden", isStopped);
     if (share === null || share === undefined) bar.removeAttribute("value");
@@ -88,7 +88,8 @@ export function init(store, link) {
     button.hidden = task !== OWN;
     mark(button, "data-does", isStopped ? "resume" : "cancel");
     say(button, isStopped ? "Start again" : "Cancel");
-    say(step, isStopped ? (steps[0] ?? `The ${WORK[task]} was stopped.`) : `${tier === "exact" ? "Exact figures" : WORK[task]}: ${name}${share ? `, ${Math.round(100 * share)} %` : ""}`);
+    const how = `: ${steps.at(-1) ?? "…"}${share ? `, ${Math.round(100 * share)} %` : ""}`;
+    say(step, isStopped ? (steps[0] ?? `${name} stopped.`) : name + how);
   });
   // A job that is refused has started, too.
   for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => (work.hidden ||= task === "start" && Boolean(frame)));

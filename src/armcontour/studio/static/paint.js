@@ -34,7 +34,7 @@ export class Painter {
       context.restore();
     }
     context.globalAlpha = this.store.refusal?.head.tier === 1 ? 0.28 : 1;
-    this.inMetres(context, view, () => this.lines(context, view, picture));
+    this.inMetres(context, view, () => this.lines(context, view, this.layers.fine(picture)));
     this.names(context, view, picture);
     context.globalAlpha = 1;
   }
@@ -54,8 +54,7 @@ export class Painter {
   lines(context, view, picture) {
     const { layers, store } = this;
     const px = 1 / view.scale;
-    layers.setScale(view.scale);
-    const executed = store.refusal ? null : store.latest("executed");
+    const executed = layers.fine(store.refusal ? null : store.latest("executed"));
     const band = bandOf(picture);
     const objective = layers.objective(picture);
     if (band * view.scale > 1) stroke(context, objective, themed("--band"), 2 * band);

@@ -48,7 +48,7 @@
 export const READING = 100;
 const OF_A_RUN = new Set(["picture", "executed", "figures"]);
 /** Arrays that a picture of a drawing without a plan lacks. */
-const PLANNED_ARRAYS = ["path", "path_s", "path_t", "speed", "assigned", "binding", "xyz", "t"];
+const PLANNED_ARRAYS = ["path", "path_breaks", "path_s", "path_t", "speed", "assigned", "binding", "xyz", "t"];
 const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   colour: "limit",
   executed: true,
@@ -171,6 +171,7 @@ export class Store {
   /** The connection is new: frames may count from the start again. */
   restart() {
     this.newest = { rev: -1, seq: -1 };
+    this.frames.delete("detail");
   }
 
   /** @param {Frame | null} refusal */
