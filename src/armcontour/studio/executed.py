@@ -52,43 +52,29 @@ def executed_frame(executed: Executed, view: View) -> Frame:
         "centre": view.centre,
         "tier": planned.tier,
     }
-    lines = executed_lines(executed, view, _whole(executed.pieces, view))
-    return Frame("executed", header, {**lines, **_poses(executed.execution)})
+    arrays = {**executed_lines(executed, view), **_poses(executed.execution)}
+    return Frame("executed", header, arrays)
 
 
-def executed_lines(executed: Executed, view: View, detail: Detail) -> dict[str, Any]:
+def executed_lines(executed: Executed, view: View, detail: Detail | None = None) -> dict[str, Any]:
     """Arrays of where the tool is beside the path that is seen.
 
     Args:
         executed: The execution.
         view: As of `executed_frame`.
-        detail: What is seen, and how finely.
+        detail: What is seen, and how finely; by default all.
     """
     limits, demand = executed.planned.run.limits, executed.execution.demand
-    shares = signed_shares("joint_acceleration", limits, demand)
-    return _tool_lines(executed.pieces, view, detail, demand=shares)
+    demand = signed_shares("joint_acceleration", limits, demand)
+    return tool_lines(executed.pieces, view, detail, demand=demand)
 
 
-def measured_lines(pieces: Sequence[Piece], view: View) -> dict[str, Any]:
-    """Arrays of where the tool was beside the path.
-
-    Args:
-        pieces: The motion along each contour.
-        view: As of `executed_frame`.
-    """
-    return _tool_lines(pieces, view, _whole(pieces, view))
-
-
-def _whole(pieces: Sequence[Piece], view: View) -> Detail:
-    """All of the path is seen."""
-    return Detail.of_whole(view.uv(np.concatenate([x.on_path for x in pieces])))
-
-
-def _tool_lines(
-    pieces: Sequence[Piece], view: View, detail: Detail, **columns: FloatArray
+def tool_lines(
+    pieces: Sequence[Piece], view: View, detail: Detail | None = None, **columns: FloatArray
 ) -> dict[str, Any]:
-    """The same, with further arrays that have a row for each sample of the whole motion."""
+    """The same for the motion along each contour; columns have a row for each of all samples."""
     base = np.concatenate([x.on_path for x in pieces])
+    detail = detail or Detail.of_whole(view.uv(base))
     ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
     seen, ends = detail.seen(view.drawn(base), ends)
     which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])[seen]

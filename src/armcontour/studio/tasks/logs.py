@@ -27,12 +27,12 @@ USE_SERVO, NEXT = "Use this servo", "Download next set-points"
 def measured(x: Request) -> Frame:
     """The plan against the last log: contour errors, and the measured motion of the tool."""
     from armcontour.jobs.learning import judge_last
-    from armcontour.studio.executed import measured_lines
+    from armcontour.studio.executed import tool_lines
 
     logs = read_logs(x)
     study = judge_last(x.whole_job, x.run, logs, x.progress)
     times = [error.t_max + study.early for _, error, _ in study.contours]
-    arrays = measured_lines(study.pieces, x.view)
+    arrays = tool_lines(study.pieces, x.view)
     arrays["t"] = arrays["t"] + np.float32(study.early)
     facts = {"run": study.plan.run.name, "times": times}
     return Frame("result", {**facts, **_shown(study.result, logs[-1:])}, arrays)
