@@ -1,9 +1,9 @@
 """Lines as they are drawn, against the exact path, at every zoom."""
 
-import ezdxf
 import numpy as np
 import pytest
 from tests.studio.talking import AtOnce, NoLane, Tab
+from tools.studio_page import write_shapes
 
 from armcontour.studio.document import Document
 from armcontour.studio.preview import Previewer
@@ -20,20 +20,7 @@ def middle_of(k):
 
 def draw(file, count=COLUMNS * ROWS):
     """Circles, squares and ellipses, in rows."""
-    drawing = ezdxf.new()
-    drawing.units = ezdxf.units.MM
-    space = drawing.modelspace()
-    r = 1e3 * RADIUS
-    for k in range(count):
-        x, y = 1e3 * middle_of(k)
-        if k % 3 == 0:
-            space.add_circle((x, y), r)
-        elif k % 3 == 1:
-            corners = [(x - r, y - r), (x + r, y - r), (x + r, y + r), (x - r, y + r)]
-            space.add_lwpolyline(corners, close=True)
-        else:
-            space.add_ellipse((x, y), major_axis=(r, 0, 0), ratio=0.5)
-    drawing.saveas(file)
+    write_shapes(file, count, COLUMNS, 1e3 * PITCH, 1e3 * RADIUS)
 
 
 def shape_of(kind, count=2000):

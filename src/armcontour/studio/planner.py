@@ -49,6 +49,8 @@ LATE = 0.5
 PATIENCE = 2.0
 # Work that is done by then has no progress, and progress is told so often at most [s].
 SOON, OFTEN = 0.7, 0.1
+# The steps of a run, in their order; a preview has the first three.
+STEPS = ("rounding", "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 # What a person can ask for.
 TASKS = tuple(x for x in working.TASKS if x != "figures")
 # Frames after which a task is over.
@@ -342,16 +344,17 @@ class Planner:
             ArmContourError: There is none.
             Superseded: Newer work waits.
         """
-        seen, begin = state.seen, time.monotonic()
+        # Time of the processor: on a busy machine plans that are given up would be worse than late.
+        seen, begin = state.seen, time.thread_time()
 
         def go_on(step: Step) -> None:
-            is_late = tier == Tier.EXACT or time.monotonic() > begin + LATE
+            is_late = tier == Tier.EXACT or time.thread_time() > begin + LATE
             if state.stopped or (is_late and stale()):
                 raise Superseded
             self._tell_progress(state, step.names, step.done)
 
         planned = self.previewer.plan(state.data, state.run, tier=tier, progress=go_on)
-        took = seen.took[tier] = time.monotonic() - begin
+        took = seen.took[tier] = time.thread_time() - begin
         first = not self._has_arm
         if not first:
             self._show_arm(state, planned.job)
@@ -524,6 +527,9 @@ class Planner:
             if state is self._newest and (how or (now >= due and not state.stopped)):
                 state.told = now
                 tier = Tier.EXACT if state.answered else Tier.PREVIEW
+                if steps and steps[-1] in STEPS:
+                    number, count = STEPS.index(steps[-1]) + 1, 7 if state.answered else 3
+                    steps = (*steps[:-1], f"{steps[-1]} (step {number} of {count})")
                 told = {"id": OWN, "task": OWN, "tier": tier, "state": how or WORKING}
                 self._deliver(Frame("progress", {**told, "steps": steps, "share": share}), state)
 
