@@ -29,6 +29,7 @@ from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame
 from armcontour.studio.preview import CONFIGURATION, Executed, Preview, Previewer, Tier
 from armcontour.studio.refusals import refusal_header
 from armcontour.studio.robot import arm_frame
+from armcontour.studio.tasks import working
 from armcontour.studio.thinning import Detail
 from armcontour.studio.view import View
 from armcontour.studio.wire import Frame
@@ -51,7 +52,7 @@ SOON, OFTEN = 0.7, 0.1
 # The steps of a run, in their order; a preview has the first three.
 STEPS = ("rounding", "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 # What a person can ask for.
-TASKS = ("check", "clearance", "certify", "sweep", "place", "export", "report")
+TASKS = tuple(x for x in working.TASKS if x != "figures")
 # Frames after which a task is over.
 LAST = ("figures", "result", "refusal", "failed", "cancelled")
 # Names of exact figures begin so; no task of a page has such a name. Progress of a state has it.

@@ -20,7 +20,8 @@ NEWEST_ONLY = {"arm", "detail", "document", "executed", "figures", "picture", "p
 
 # Options of the command line in a sentence, which also names the key of the job file.
 _OPTION = r"--[a-z][a-z-]*(?: (?:'[^']*'|[^\s,.;:()']+))?"
-_OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|,? or {_OPTION}|, {_OPTION}(?=\))")
+_BEFORE = r",? (?:or|also with|such as)| as"
+_OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|(?:{_BEFORE}) {_OPTION}|, {_OPTION}(?=\))")
 
 
 def without_options(sentence: str) -> str:
