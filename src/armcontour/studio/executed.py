@@ -24,7 +24,7 @@ from armcontour.evaluation.evaluation import (
     settled_row,
 )
 from armcontour.evaluation.pieces import Piece
-from armcontour.jobs.run_data import off_drawing
+from armcontour.jobs.verdict import verdict_rows
 from armcontour.motion import Execution, Trajectory
 from armcontour.studio.preview import Executed
 from armcontour.studio.thinning import Detail, evenly, thin
@@ -106,7 +106,7 @@ def _figures(executed: Executed) -> Data:
     return Data(
         "Preview",
         (
-            off_drawing(planned.rounding_error, planned.tolerance, errors.max),
+            *verdict_rows(planned, errors.max),
             settled_row(executed.settled),
             *error_rows("contour_error", "contour error", errors, FIRST, FIRST),
             demand_row(demand_ratio(execution, limits)),

@@ -66,7 +66,7 @@ makeAll([
   () => dock(store),
   () => splitter(store),
   () => header(store, link),
-  () => figures(store),
+  () => figures(store, link),
   () => viewbar(store, view),
   () => marks(store, view),
   () => form(store, link),
