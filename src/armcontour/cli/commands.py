@@ -139,6 +139,7 @@ def run(
         open_report=options.open_report,
         exports=exports_of(exports),
         simulate=options.simulate,
+        changes=options.changes,
     )
 
 
@@ -158,7 +159,7 @@ def studio(
         FilePath | None,
         typer.Argument(
             help="Job file (.yaml), or a drawing, G-code or waypoints with --cell; by default the "
-            "paper's job."
+            "start page."
         ),
     ] = None,
 ) -> None:

@@ -29,6 +29,7 @@ from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame
 from armcontour.studio.preview import CONFIGURATION, Executed, Preview, Previewer, Tier
 from armcontour.studio.refusals import refusal_header
 from armcontour.studio.robot import arm_frame
+from armcontour.studio.tasks import working
 from armcontour.studio.thinning import Detail
 from armcontour.studio.view import View
 from armcontour.studio.wire import Frame
@@ -51,9 +52,9 @@ SOON, OFTEN = 0.7, 0.1
 # The steps of a run, in their order; a preview has the first three.
 STEPS = ("rounding", "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 # What a person can ask for.
-TASKS = ("check", "clearance", "certify", "sweep", "place", "export", "report")
+TASKS = tuple(x for x in working.TASKS if x != "figures")
 # Frames after which a task is over.
-LAST = ("figures", "result", "refusal", "failed", "cancelled")
+LAST = ("figures", "changes", "result", "refusal", "failed", "cancelled")
 # Names of exact figures begin so; no task of a page has such a name. Progress of a state has it.
 OWN = "#"
 # How the work on a state goes on.
@@ -122,6 +123,10 @@ class State:
     told: float | None = field(default=None, init=False)
 
 
+# A state whose figures or changes are computed, what another process needs for that, and which.
+Asked: TypeAlias = tuple[State, Mapping[str, Any], str]
+
+
 class Planner:
     """Takes the newest state through its tiers, and does tasks.
 
@@ -157,9 +162,11 @@ class Planner:
         self._looks: dict[object, tuple[Detail, Callable[[Frame], None]]] = {}
         self._figures = slow(self._hear)
         # The states whose figures are computed now and next, what was asked, and what is known.
-        self._asked: tuple[State, Mapping[str, Any]] | None = None
-        self._wanted: tuple[State, Mapping[str, Any]] | None = None
+        self._asked: Asked | None = None
+        self._wanted: Asked | None = None
         self._known: tuple[Mapping[str, Any], Frame] | None = None
+        # What to change, which follows the known figures step by step.
+        self._changes: Frame | None = None
         self._count, self._since = 0, 0.0
         self._tasks: SlowLane | None = None
         self._running: set[str] = set()
@@ -437,20 +444,32 @@ class Planner:
         with contextlib.suppress(ArmContourError):
             request = state.request()
             with self._lock:
+                asked = state, request, "figures"
                 if self._known is not None and self._known[0] == request:
-                    self._wanted = None
+                    self._wanted, asked = None, (state, request, "changes")
                     self._tell_figures(state, self._known[1])
-                elif self._asked is None:
-                    self._begin(state, request)
+                    if self._changes is not None:
+                        self._deliver(Frame("changes", self._changes.header), state)
+                    if self._is_told(self._changes):
+                        return
+                if self._asked is None:
+                    self._begin(*asked)
+                elif self._asked[1:] == asked[1:]:
+                    self._asked = asked
                 elif self._asked[0] is not state:
-                    self._wanted = state, request
+                    self._wanted = asked
 
-    def _begin(self, state: State, request: Mapping[str, Any]) -> None:
-        """Have figures computed."""
-        self._asked, self._wanted = (state, request), None
+    @staticmethod
+    def _is_told(changes: Frame | None) -> bool:
+        """Whether all of what to change is known."""
+        return changes is not None and changes.header["share"] >= 1
+
+    def _begin(self, state: State, request: Mapping[str, Any], task: str) -> None:
+        """Have figures, or the next step of what to change, computed."""
+        self._asked, self._wanted = (state, request, task), None
         self._count += 1
         self._since = time.monotonic()
-        self._figures.submit(f"{OWN}{self._count}", "figures", dict(request))
+        self._figures.submit(f"{OWN}{self._count}", task, dict(request))
 
     def _hear(self, frame: Frame) -> None:
         """Take a frame of a process."""
@@ -463,15 +482,21 @@ class Planner:
                 return
             if self._asked is None or id != f"{OWN}{self._count}":
                 return
-            state, request = self._asked
+            state, request, task = self._asked
             if frame.kind not in LAST:
-                if state.answered:
+                if state.answered and task == "figures":
                     self._tell_progress(state, frame.header["steps"], frame.header["share"])
                 return
             self._asked = None
             if frame.kind == "figures":
-                self._known = request, frame
+                self._known, self._changes = (request, frame), None
                 self._tell_figures(state, frame)
+            elif frame.kind == "changes":
+                self._changes = frame
+                self._deliver(Frame("changes", frame.header), state)
+            elif task == "changes":
+                # It is no loss.
+                pass
             elif frame.kind == "refusal":
                 self._deliver(frame, state)
                 self._end_progress(state)
@@ -481,6 +506,9 @@ class Planner:
                 self._tell_progress(state, (str(frame.header["sentence"]),), None, STOPPED)
             if self._wanted is not None:
                 self._begin(*self._wanted)
+            elif frame.kind in ("figures", "changes") and not self._is_told(self._changes):
+                # Steps are short, so that the next figures need not wait for what to change.
+                self._begin(state, request, "changes")
 
     def _tell_figures(self, state: State, frame: Frame) -> None:
         """Tell exact figures, and have the preview follow the configuration of the full run."""

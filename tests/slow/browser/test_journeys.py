@@ -341,6 +341,9 @@ def test_j14_what_is_not_saved_outlives_its_server(browser, tmp_path, arguments,
                 studio.close()
 
     with opened() as studio:
+        if not arguments:
+            with studio.renewing():
+                studio.find("#start [data-card=paper]").click()
         if upload:
             studio.open(elsewhere / upload[0], *upload[1:])
         with studio.renewing():
@@ -375,7 +378,7 @@ def test_j16_the_job_asks_where_it_is_placed_and_keeps_the_question(studio, tmp_
     file = tmp_path / "square.yaml"
     studio.tab("tasks")
     tick = studio.find("form[data-task=place] input[name=as_job]")
-    expect(tick).to_be_disabled()
+    expect(tick).to_have_count(0)
     file.write_text(f"{SQUARE}{asked}")
     with studio.changing():
         studio.open(file)

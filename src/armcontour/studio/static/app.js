@@ -13,13 +13,14 @@ import { Link } from "./link.js";
 import { init as marks } from "./marks.js";
 import { init as messages, notify } from "./messages.js";
 import { init as splitter } from "./splitter.js";
+import { init as start } from "./start.js";
 import { Store } from "./state.js";
 import { init as theme } from "./theme.js";
 import { View2d } from "./view2d.js";
 import { init as viewbar } from "./viewbar.js";
 
 /** Regions that show a plan, or are seen once they are opened. */
-const LATER = ["obstacles", "place", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "tasks"];
+const LATER = ["obstacles", "pen", "place", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "tasks"];
 const store = new Store();
 const link = new Link(store);
 messages(store, link);
@@ -44,7 +45,7 @@ function makeAll(regions) {
 async function makeRest() {
   try {
     const regions = await Promise.all(LATER.map((name) => import(`./${name}.js`)));
-    store.catchUp(() => makeAll(regions.map(({ init }) => () => init(store, link, view, grabbed.pointer))));
+    store.catchUp(() => makeAll(regions.map(({ init }) => () => init(store, link, grabbed.pointer))));
   } catch (error) {
     console.error(error);
     notify("Charts, tables and tasks did not load: load the page again.", "alarm");
@@ -65,11 +66,12 @@ makeAll([
   () => dock(store),
   () => splitter(store),
   () => header(store, link),
-  () => figures(store),
+  () => figures(store, link),
   () => viewbar(store, view),
   () => marks(store, view),
   () => form(store, link),
   () => files(store, link),
+  () => start(store, link),
   () => keys(store, link, view),
 ]);
 document.addEventListener("click", keepPressed);

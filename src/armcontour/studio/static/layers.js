@@ -102,25 +102,26 @@ export class Layers {
     return this.keep("labels", [picture], () => labelsOf(picture));
   }
 
-  /** @param {Frame} executed @param {number} factor */
-  executed(executed, factor) {
-    return this.keep("executed", [executed, factor], () => magnified(executed, factor));
+  /** The tool of an executed or a measured motion. @param {Frame} moved @param {number} factor */
+  executed(moved, factor) {
+    return this.keep(moved.kind, [moved, factor], () => magnified(moved, factor));
   }
 
   /** Largest value of an array of the newest frame of a kind. @param {string} kind @param {string} name @returns {number} */
   most(kind, name) {
     const frame = this.store.latest(kind);
-    return this.keep(`most ${name}`, [frame], () => largest(frame?.arrays[name] ?? []));
+    return this.keep(`most ${kind} ${name}`, [frame], () => largest(frame?.arrays[name] ?? []));
   }
 
   /**
-   * Factor by which errors are magnified: as wished, or such that the largest is well seen.
+   * Factor by which errors are magnified: as wished, or such that the largest is well seen, be it a measured one.
    * @param {number} scale px per m @returns {number}
    */
   magnification(scale) {
     const wished = this.store.options.magnify;
     if (wished > 0) return wished;
-    const most = this.most("executed", "error") * scale;
+    const { measured } = this.store;
+    const most = Math.max(this.most("executed", "error"), measured ? this.most("measured", "error") : 0) * scale;
     if (most * this.factor < TOO_SMALL || most * this.factor > TOO_LARGE) {
       this.factor = FACTORS.findLast((factor) => most * factor <= WISHED) ?? 1;
     }

@@ -73,20 +73,21 @@ export class Painter {
         dash.map((d) => d * px),
       );
     }
-    if (executed && store.options.executed) this.executed(context, view, executed);
+    if (executed && store.options.executed) this.executed(context, view, executed, "--executed");
+    if (store.measured) this.executed(context, view, store.measured, "--measured", [6 * px, 3 * px]);
   }
 
-  /** @param {Context} context @param {Viewport} view @param {Frame} executed */
-  executed(context, view, executed) {
-    const colour = themed("--executed");
+  /** @param {Context} context @param {Viewport} view @param {Frame} moved @param {string} name of its colour @param {number[]} [dash] */
+  executed(context, view, moved, name, dash) {
+    const colour = themed(name);
     const factor = this.layers.magnification(view.scale);
     const px = 1 / view.scale;
-    const { tool, errors } = this.layers.executed(executed, factor);
+    const { tool, errors } = this.layers.executed(moved, factor);
     const alpha = context.globalAlpha;
     context.globalAlpha = 0.35 * alpha;
     stroke(context, errors, colour, 0.8 * px);
     context.globalAlpha = alpha;
-    stroke(context, tool, colour, 1.3 * px);
+    stroke(context, tool, colour, 1.3 * px, dash);
   }
 
   /** @param {Context} context @param {Viewport} view @param {Frame} picture */

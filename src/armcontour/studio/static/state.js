@@ -4,7 +4,7 @@
 // A picture always has the arrays of a plan; they are empty for a long drawing without one (head.tier "outline").
 //
 // Events (`store.on(event, listener)` returns a function that ends the listening):
-//   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
+//   document, arm, picture, executed, figures, changes    a new frame of the shown run: listener(frame)
 //   refusal                 the newest edit is refused, or no longer: listener(frame | null)
 //   dropped                 an edit is refused and was not made: listener(frame)
 //   pose, progress, result, cancelled, failed, saved, conflict, diff, download, notice    listener(frame)
@@ -14,7 +14,11 @@
 //   link                    listener(link state)      see link.js
 //   underlay                what is drawn under the path changed: listener()
 //   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
-//   reset                   another job or drawing is opened; picture, executed and figures are told null
+//   reset                   another job or drawing is opened; those of a run are told null
+//   open                    a file is to be opened: listener({file, log})
+//   log                     a log of the robot is kept: listener(its name)
+//   logs                    other logs are used: listener()
+//   measured                the measured motion of a log: listener(frame)
 //   layout                  listener()                a region may have another size
 
 /** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
@@ -29,6 +33,7 @@
  * @property {boolean} executed     whether the executed tool is drawn
  * @property {number} magnify       factor of its error; 0 = automatic
  * @property {"one" | "all"} corners  whose tolerance a drag of a corner changes
+ * @property {string} pen          the shape that is drawn; "" for none
  * @property {boolean} place        whether the part is moved as a whole
  * @property {"planned" | "executed"} time   which motion is played
  * @property {"2d" | "both" | "3d"} stage
@@ -42,7 +47,7 @@
 
 /** While answers come one after the other, texts change so often at most [ms]. */
 export const READING = 100;
-const OF_A_RUN = new Set(["picture", "executed", "figures"]);
+const OF_A_RUN = new Set(["picture", "executed", "figures", "changes"]);
 /** Arrays that a picture of a drawing without a plan lacks. */
 const PLANNED_ARRAYS = ["path", "path_breaks", "path_s", "path_t", "speed", "assigned", "binding", "xyz", "t"];
 const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
@@ -50,6 +55,7 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   executed: true,
   magnify: 0,
   corners: "one",
+  pen: "",
   place: false,
   time: "planned",
   stage: "2d",
@@ -158,7 +164,7 @@ export class Store {
 
   /** Another job or drawing is opened: nothing of the one before is shown any more. */
   reset() {
-    for (const kind of OF_A_RUN) this.frames.delete(kind);
+    for (const kind of [...OF_A_RUN, "measured"]) this.frames.delete(kind);
     this.setTime(0);
     this.setRefusal(null);
     for (const event of [...OF_A_RUN, "reset"]) this.tell(event, null);
@@ -186,6 +192,12 @@ export class Store {
     if (!frame || !picture || this.refusal?.head.tier === 1) return false;
     const now = this.latest("document")?.rev ?? picture.rev;
     return picture.rev === now && frame.rev === now && (frame.seq ?? -1) >= (picture.seq ?? -1);
+  }
+
+  /** The measured motion of a log, if it is of the plan that is shown. @returns {Frame | null} */
+  get measured() {
+    const [frame, picture] = [this.latest("measured"), this.latest("picture")];
+    return frame && picture && frame.rev === picture.rev && frame.head.run === picture.head.run ? frame : null;
   }
 
   /** Show a time. @param {number} time [s] */
