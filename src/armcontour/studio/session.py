@@ -153,7 +153,7 @@ class Session:
             else:
                 editor.commit(editor.with_changes(opened), f"open {name}")
                 self.display.show_all()
-            return name
+        return name
 
     def unsaved(self) -> str | None:
         """A sentence on changes that are not saved, which are kept in the draft; None without."""
