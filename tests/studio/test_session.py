@@ -241,6 +241,7 @@ def test_a_job_without_a_file_is_a_download(tmp_path, monkeypatch):
     tab = Tab(session)
     try:
         session.begin()
+        tab.say("new", card="paper", arm="ur5e")
         assert tab.last("document")["run"] == "optimal"
         (heard,) = tab.say("save")
         file = session.display.tabs.files[heard.header["file"]]

@@ -61,7 +61,7 @@ class Session:
     ) -> None:
         self.editor = Editor(document, previewer, trusted)
         self.display = Display(self.editor, fast, slow, rest)
-        self._acts = Acts(self.display)
+        self._acts = Acts(self.display, self.confine)
         self._told = told
         self._ending = contextlib.ExitStack()
 
@@ -82,13 +82,14 @@ class Session:
 
     def begin(self) -> None:
         """Show the document for the first time; returns when that is done."""
-        job = self.editor.seen.job
+        handles = self.editor.seen.handles
+        job = None if handles is None else handles.job
         with contextlib.ExitStack() as compiling:
             if job is not None:
                 compiling.enter_context(warm_for_run(job.arm.dimension, self._told))
             with self.display.lock:
                 self.display.show_all()
-            if job is not None:
+            if self.editor.seen.job is not None:
                 self.display.planner.wait()
 
     def join(self, tab: Tab) -> None:
@@ -156,10 +157,8 @@ class Session:
         return name
 
     def unsaved(self) -> str | None:
-        """A sentence on changes that are not saved, which are kept in the draft; None without."""
-        if not (self.document.dirty and self.document.write_draft()):
-            return None
-        return f"Changes of {self.document.source} that were not saved are kept as its draft."
+        """As of `Document.unsaved`."""
+        return self.document.unsaved()
 
     def close(self) -> None:
         """End all work."""

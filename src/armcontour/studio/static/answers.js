@@ -4,7 +4,7 @@ import { RUN_COLOURS, themed } from "./colours.js";
 import { withGaps } from "./chart.js";
 import { rowOf, textOf } from "./format.js";
 import { errorsOf } from "./motion.js";
-import { interpolate } from "./state.js";
+import { along } from "./state.js";
 import { largest } from "./strokes.js";
 
 /** @typedef {import("./state.js").Frame} Frame */
@@ -66,7 +66,7 @@ function measuredAnswer(frame, store) {
   const executed = store.latest("executed");
   if (executed) {
     const simulated = errorsOf(executed);
-    const y = withGaps(t.map((at) => interpolate(simulated.t, simulated.error, at)), factor);
+    const y = withGaps(t.map((at) => along(simulated.t, simulated.error, at)[0]), factor);
     curves.unshift({ label: "simulated", colour: themed("--executed"), dash: [], y });
   }
   const [rms, most] = ["rms", "max"].map((name) => textOf(rowOf(frame.head, `contour_${name}`)));

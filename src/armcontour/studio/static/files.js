@@ -5,6 +5,7 @@ import { find, give, make, mark } from "./dom.js";
 import { hasChanges } from "./header.js";
 import { isLog } from "./logs.js";
 import { notify } from "./messages.js";
+import { chosenArm } from "./start.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -95,6 +96,7 @@ class Files {
       {},
       CELLS.map((cell) => make("option", { value: cell, text: cell || "this job's arm and limits" })),
     );
+    cells.value = chosenArm();
     const skips = make("input", { type: "checkbox" });
     if (drawing) {
       content.push(make("label", { class: "field", text: "Cell: arm, limits and servo " }, [cells]));

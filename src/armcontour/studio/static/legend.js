@@ -38,10 +38,10 @@ function colouringOf(store, layers, picture) {
   const executed = store.refusal ? null : store.latest("executed");
   // Without an execution there are no errors: then limits colour the path.
   if (colour === "limit" || (colour === "error" && !executed)) return kindsOf(picture, store.theme);
-  const most = executed && colour === "error" ? 1000 * layers.mostError(executed) : 0;
+  const most = executed && colour === "error" ? 1000 * layers.most("executed", "error") : 0;
   const shades = Array.from({ length: SHADES }, (_, k) => heat(k / (SHADES - 1), store.theme));
   if (most) return [{ shades, from: `error ${short(most / 10 ** DECADES)}`, to: `${short(most)} mm, logarithmic` }];
-  return [{ shades, from: `${colour} 0`, to: `${mm(layers.mostSpeed(picture), 1)} mm/s` }];
+  return [{ shades, from: `${colour} 0`, to: `${mm(layers.most("picture", "speed"), 1)} mm/s` }];
 }
 
 /**

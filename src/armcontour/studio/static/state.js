@@ -33,6 +33,7 @@
  * @property {boolean} executed     whether the executed tool is drawn
  * @property {number} magnify       factor of its error; 0 = automatic
  * @property {"one" | "all"} corners  whose tolerance a drag of a corner changes
+ * @property {string} pen          the shape that is drawn; "" for none
  * @property {boolean} place        whether the part is moved as a whole
  * @property {"planned" | "executed"} time   which motion is played
  * @property {"2d" | "both" | "3d"} stage
@@ -54,6 +55,7 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   executed: true,
   magnify: 0,
   corners: "one",
+  pen: "",
   place: false,
   time: "planned",
   stage: "2d",
@@ -207,13 +209,13 @@ export class Store {
   /** Show the planned time at an arc length. @param {number} s [m] */
   setPlace(s) {
     const arrays = this.latest("picture")?.arrays;
-    if (arrays?.path_s.length) this.setTime(interpolate(arrays.path_s, arrays.path_t, s));
+    if (arrays?.path_s.length) this.setTime(along(arrays.path_s, arrays.path_t, s)[0]);
   }
 
   /** Arc length of the path at the shown time, as planned [m]. */
   get place() {
     const arrays = this.latest("picture")?.arrays;
-    return arrays?.path_t.length ? interpolate(arrays.path_t, arrays.path_s, this.time) : 0;
+    return arrays?.path_t.length ? along(arrays.path_t, arrays.path_s, this.time)[0] : 0;
   }
 
   /** Change what is looked at. @param {Partial<ViewOptions>} changes */
@@ -246,14 +248,16 @@ export function indexAt(increasing, value) {
 }
 
 /**
- * Linear interpolation in a table.
- * @param {Numbers} xs increasing @param {Numbers} ys @param {number} x @returns {number}
+ * A row of a table on a straight line between its rows, as at the first or last beyond them.
+ * @param {Numbers} xs increasing @param {Numbers} rows @param {number} x @param {number} [width] numbers of a row
+ * @returns {number[]}
  */
-export function interpolate(xs, ys, x) {
+export function along(xs, rows, x, width = 1) {
   const i = indexAt(xs, x);
-  if (i + 1 >= xs.length || x <= xs[0]) return ys[i];
-  const span = xs[i + 1] - xs[i];
-  return span > 0 ? ys[i] + ((x - xs[i]) / span) * (ys[i + 1] - ys[i]) : ys[i];
+  const next = Math.min(i + 1, xs.length - 1);
+  const span = xs[next] - xs[i];
+  const share = span > 0 ? Math.min(1, Math.max(0, (x - xs[i]) / span)) : 0;
+  return Array.from({ length: width }, (_, k) => rows[width * i + k] + share * (rows[width * next + k] - rows[width * i + k]));
 }
 
 /**

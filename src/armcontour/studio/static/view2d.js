@@ -246,7 +246,7 @@ export class View2d {
       duration: rowOf(picture?.head, "duration")?.value ?? "",
       tier: store.isCurrent(executed) ? 2 : picture ? 1 : 0,
       "executed-seq": executed?.seq ?? "",
-      magnify: executed ? this.layers.magnification(executed, this.view.scale) : "",
+      magnify: executed ? this.layers.magnification(this.view.scale) : "",
       stale: store.refusal?.head.tier === 1,
       measured: store.measured?.head.run ?? "",
       scale: this.view.scale,
