@@ -80,9 +80,8 @@ def test_errors_at_the_tool_of_an_arm(good):
 
 
 def test_positions_that_the_arm_cannot_have_are_refused():
-    log, arm = robot_log(1), ac.load_arm("pmk3s")
-    ranges = {"joint_lower": [-3.0, -3.0], "joint_upper": [3.0, 3.0]}
-    arm = arm.replace(limits=arm.limits.replace(**ranges))
+    log, limits = robot_log(1), ac.Limits(joint_lower=[-3.0] * 2, joint_upper=[3.0] * 2)
+    arm = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
     far = dataclasses.replace(log, command=log.command + 60.0, measured=log.measured + 60.0)
     with pytest.raises(ac.InvalidInput, match="degrees"):
         ac.identify(far, ac.ServoFit(kinematics=arm))
