@@ -69,7 +69,11 @@ def outlines(curves: Sequence[FloatArray]) -> FloatArray:
 
 
 def simplify(
-    curves: Sequence[FloatArray], most: int = MOST_DRAWN, *, even: int = EVEN
+    curves: Sequence[FloatArray],
+    most: int = MOST_DRAWN,
+    *,
+    even: int = EVEN,
+    visible: float | None = None,
 ) -> list[IntArray]:
     """Choose points of curves, so that lines between these points show the curves.
 
@@ -81,6 +85,7 @@ def simplify(
         curves: Points, (n, dimension) each.
         most: Largest number of points; the ends of every curve are always chosen.
         even: Approximate number of evenly spaced points that are always chosen.
+        visible: Largest distance that is not visible; by default a share of the size of all curves.
 
     Returns:
         Indices of the chosen points of every curve.
@@ -96,7 +101,8 @@ def simplify(
     ends = np.flatnonzero(kept)
     within = ~np.isin(ends[:-1], lasts - 1)
     start, end = ends[:-1][within], ends[1:][within]
-    invisible = (VISIBLE * float(np.ptp(points, axis=0).max())) ** 2
+    size = float(np.ptp(points, axis=0).max())
+    invisible = (VISIBLE * size if visible is None else visible) ** 2
     room = most - int(kept.sum())
     while room > 0:
         long = end - start > 1

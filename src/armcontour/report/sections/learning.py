@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour.core.render import number
+from armcontour.core.render import figure, number
+from armcontour.core.result import FIRST
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.section import Section, table_of, tiles
+from armcontour.report.section import Front, Section, Tile, table_of
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
@@ -24,30 +25,40 @@ from armcontour.report.style import (
 if TYPE_CHECKING:
     from armcontour.jobs.learning import LearningStudy
 
+# Height of the figures [px].
+HEIGHT = 360
 # Smallest error on a logarithmic axis [mm].
 SMALLEST_ERROR = 1e-6
 # Marks tell joints apart where colours repeat.
 MARKS = ("circle", "square", "diamond", "triangle-up", "cross", "x", "star", "pentagon")
 
 
-def learning(study: LearningStudy) -> Section:
-    """Error over runs, the joints' parts, and contour error before and after, over time.
+def learned(study: LearningStudy) -> Front:
+    """The first screen: the error from run to run, and what comes next.
 
     Args:
         study: The runs, and what was learned from them.
     """
     data = study.result
-    figures = [_over_runs(study), _of_joints(study)]
-    if study.has_path:
-        figures.append(_over_time(study))
+    return Front(
+        verdict=study.notes[0],
+        tiles=tuple(
+            Tile(label=x.label, value=figure(x), note=x.note) for x in data.shown(FIRST)[1:4]
+        ),
+        parts=(_over_runs(study),),
+        sentences=(("What the error is", _introduction(study)),),
+    )
+
+
+def learning(study: LearningStudy) -> Section:
+    """The joints' parts of the error, contour error over time, and a table of the runs."""
+    figures = [_of_joints(study), *([_over_time(study)] if study.has_path else [])]
     return Section(
         key="learning",
-        title="Learning",
-        text=_introduction(study),
-        tiles=((study.plan.run.name, tiles(data)),),
-        figures=tuple(figures),
-        tables=(table_of(data.tables[0]),),
-        notes=tuple(study.notes[:MOST_SENTENCES]),
+        title="Runs",
+        summary="errors of the joints from run to run, and contour error over time",
+        parts=(*figures, table_of(study.result.tables[0], "Runs")),
+        notes=tuple(study.notes[1:MOST_SENTENCES]),
     )
 
 
@@ -66,12 +77,12 @@ def _over_runs(study: LearningStudy) -> Any:
     lesson, count = study.lesson, len(study.lesson.runs)
     errors = np.array([study.errors(k) for k in range(count)]) * 1e3
     numbers = np.arange(1, count + 1)
-    figure = Figure()
+    drawn = Figure()
     for column, name, colour, symbol in (
         (1, "largest", PLANNED_COLOUR, "diamond"),
         (0, "RMS", EXECUTED_COLOUR, "circle"),
     ):
-        figure.add_trace(
+        drawn.add_trace(
             make_trace(
                 "scatter",
                 x=numbers,
@@ -82,14 +93,14 @@ def _over_runs(study: LearningStudy) -> Any:
                 marker={"color": colour, "symbol": symbol, "size": 9},
             )
         )
-    figure.add_trace(_predictions(study))
+    drawn.add_trace(_predictions(study))
     last = count if lesson.finished else count + 1
     if lesson.noise > 0:
         level = np.full(2, max(lesson.noise * 1e3, SMALLEST_ERROR))
-        figure.add_trace(line([1, last], level, "does not repeat", PATH_COLOUR, dash="dash"))
-    figure.update_xaxes(title="run", dtick=max(1, last // 12), range=[0.7, last + 0.3])
-    figure.update_yaxes(title="error of the tool [mm]", type="log")
-    return finish(figure, title="Error of the tool from run to run", height=440)
+        drawn.add_trace(line([1, last], level, "does not repeat", PATH_COLOUR, dash="dash"))
+    drawn.update_xaxes(title="run", dtick=max(1, last // 12), range=[0.7, last + 0.3])
+    drawn.update_yaxes(title="error of the tool [mm]", type="log")
+    return finish(drawn, title="Error of the tool from run to run", height=HEIGHT)
 
 
 def _predictions(study: LearningStudy) -> Any:
@@ -114,10 +125,10 @@ def _of_joints(study: LearningStudy) -> Any:
     """Figure of the RMS error of every joint over runs."""
     runs = study.lesson.runs
     numbers = np.arange(1, len(runs) + 1)
-    figure = Figure()
+    drawn = Figure()
     for j, name in enumerate(study.job.arm.joint_names):
         colour = RUN_COLOURS[j % len(RUN_COLOURS)]
-        figure.add_trace(
+        drawn.add_trace(
             make_trace(
                 "scatter",
                 x=numbers,
@@ -128,14 +139,14 @@ def _of_joints(study: LearningStudy) -> Any:
                 marker={"color": colour, "symbol": MARKS[j % len(MARKS)], "size": 8},
             )
         )
-    figure.update_xaxes(title="run", dtick=max(1, len(runs) // 12), range=[0.7, len(runs) + 0.3])
-    figure.update_yaxes(title="RMS error [mrad]", type="log")
-    return finish(figure, title="The joints' parts", height=440)
+    drawn.update_xaxes(title="run", dtick=max(1, len(runs) // 12), range=[0.7, len(runs) + 0.3])
+    drawn.update_yaxes(title="RMS error [mrad]", type="log")
+    return finish(drawn, title="The joints' parts", height=HEIGHT, span=3)
 
 
 def _over_time(study: LearningStudy) -> Any:
     """Figure of the contour error over time in the first run and in the best."""
-    figure = Figure()
+    drawn = Figure()
     best = study.lesson.best
     shown = {0: PLANNED_COLOUR, best: EXECUTED_COLOUR} if best else {0: PLANNED_COLOUR}
     for k, colour in shown.items():
@@ -147,7 +158,7 @@ def _over_time(study: LearningStudy) -> Any:
         curve = line(t, np.maximum(values, SMALLEST_ERROR), label, colour, width=1.5)
         curve.customdata = s.astype(np.float32)
         curve.hovertemplate = "%{y:.4f} mm at %{x:.3f} s, s = %{customdata:.4f} m<extra></extra>"
-        figure.add_trace(curve)
-    figure.update_xaxes(title="time [s]")
-    figure.update_yaxes(title="contour error [mm]", type="log")
-    return finish(figure, title="Contour error as measured, over time", height=460)
+        drawn.add_trace(curve)
+    drawn.update_xaxes(title="time [s]")
+    drawn.update_yaxes(title="contour error [mm]", type="log")
+    return finish(drawn, title="Contour error as measured, over time", height=HEIGHT, span=3)

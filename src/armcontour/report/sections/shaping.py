@@ -12,8 +12,6 @@ from armcontour.jobs import Study
 from armcontour.report.section import Section, Table, table_of
 from armcontour.report.style import few
 
-# Largest number of rows of the table.
-MOST_ROWS = 20
 STARTS = (ARCS, PARABOLAS, STOPS)
 
 
@@ -24,17 +22,16 @@ def shaping(study: Study) -> Section | None:
         return None
     outcomes = [(label, path.outcome.note) for label, path in found]
     notes = [*few((f"{label}: {note}." for label, note in outcomes if note is not None), "notes")]
-    if len(found) > MOST_ROWS:
-        notes.append(f"The table has the {MOST_ROWS} of {len(found)} contours that gain the most.")
     return Section(
         key="shaping",
         title="Shaped path",
+        summary="least times of each start, and distances from the objective path",
         text=(
             "The shape of the path was found together with its timing: the fastest path within the "
             "tolerance, two-sided: every point of the path is within the tolerance of its place on "
             "the objective path, and every vertex within the tolerance of the path."
         ),
-        tables=(_table(found[:MOST_ROWS]),),
+        parts=(_table(found),),
         notes=tuple(notes),
     )
 
