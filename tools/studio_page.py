@@ -298,7 +298,7 @@ class Studio:
 
     def slider(self, key: str) -> Locator:
         """The row of a quantity that can be set."""
-        return self.find(f"#panel .slider[data-key='{key}']")
+        return self.find(f"#panel .setting[data-key='{key}']")
 
     def type(self, key: str, text: str) -> None:
         """Type a quantity."""

@@ -13,7 +13,7 @@ from typing import Any
 from armcontour._text import make_printable, shorten, show
 
 # Widest line and widest name of a row [characters], and most lines.
-WIDTH, WIDEST_NAME, MOST_LINES = 98, 40, 60
+WIDTH, WIDEST_NAME, MOST_LINES = 98, 60, 60
 GAP = "  "
 # Values of an array, or members of a list, that `repr` writes out.
 FEW = 6

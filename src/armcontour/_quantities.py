@@ -7,7 +7,6 @@ keys of files.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from types import EllipsisType
 from typing import Annotated, Literal
 
@@ -122,8 +121,8 @@ class Named:
 class About:
     """Options and sliders that set a field of a job: annotates the field, once per option.
 
-    `io/job_options.py` makes the short options of the command line from it, and
-    `studio/sliders.py` the sliders; both have labels and texts of the field by default.
+    `io/job_options.py` makes the short options of the command line from it, and `io/job_form.py`
+    the sliders of the Studio.
 
     Args:
         option: The option of the command line, such as "--units"; "" for none.
@@ -131,9 +130,8 @@ class About:
         help: Its help.
         read: The function of `cli/quantities.py` that reads it, if it is no single value.
         key: The key that it sets in the mapping of the field; "*" for the keys that it names.
-        panel: Group of the slider on the page of the Studio; "" for none.
-        usual: Range of the slider, in SI units; from 0 it is linear, otherwise logarithmic.
-        label: Name of the slider.
+        usual: Range of the slider on the page of the Studio, in SI units; from 0 it is linear,
+            otherwise logarithmic. By default there is none.
     """
 
     option: str = ""
@@ -141,13 +139,7 @@ class About:
     help: str = ""
     read: str = ""
     key: str = ""
-    panel: str = ""
     usual: tuple[float, float] = (0.0, 0.0)
-    label: str = ""
-
-
-# Of fields with a slider in the Studio's group of the path.
-AboutPath = partial(About, panel="path")
 
 
 @dataclass(frozen=True, slots=True)

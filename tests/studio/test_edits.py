@@ -1,4 +1,4 @@
-"""Edits, handles and sliders of a job."""
+"""Edits, handles and fields of a job."""
 
 import math
 from functools import cache
@@ -15,8 +15,8 @@ from armcontour.io.job_edits import change_data, change_text
 from armcontour.io.units import parse
 from armcontour.studio.edits import EDITS, EditState, changes_of
 from armcontour.studio.edits.runs import remove_run
+from armcontour.studio.fields import values_of
 from armcontour.studio.handles import handles_of
-from armcontour.studio.sliders import sliders_of
 
 HEAD = "name: a\narm: {arm}\n"
 TAIL = """\
@@ -85,6 +85,7 @@ JSON = st.recursive(
 VALID = (
     {"do": "set", "key": "limits.speed", "value": 0.1},
     {"do": "unset", "key": "limits.speed"},
+    {"do": "tilt", "angle": 10},
     {"do": "move_waypoint", "index": 1, "to": [0.3, 0.2], "step": 1e-4},
     {"do": "set_waypoint", "index": 1, "value": ["1 mm", 2]},
     {"do": "insert_waypoint", "index": 1, "at": [0.3, 0.2]},
@@ -133,7 +134,7 @@ def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     assert set_to("command_interval", "0.001")["runs"]["own"]["command_interval"] == 1e-3
     assert set_to("limits.joint_velocity", None)["limits"]["joint_velocity"] is None
     gone = edited(PLANE, do="unset", key="limits.speed")
-    assert gone["runs"]["own"]["limits"] == {} and gone["limits"]["speed"] == "0.15 m/s"
+    assert "limits" not in gone["runs"]["own"] and gone["limits"]["speed"] == "0.15 m/s"
     assert edited(PLANE, do="unset", key="limits.joint_jerk") == load(PLANE, "")
     assert set_to("servo.kp.1", 30.0)["servo"]["kp"] == ["25 1/s", "30 1/s"]
     listed = PLANE.replace("kp: 25 1/s", "kp: [25 1/s, 26.0]")
@@ -323,10 +324,12 @@ runs: {own: {}}
 """
 
 
-def sliders(run="own", text=TEXT):
-    found = sliders_of(load(text, ""), parse_job(text), run)
-    assert len({x["key"] for x in found}) == len(found)
-    return {x["key"]: x for x in found}
+# What can be chosen of some fields.
+CHOICES = {
+    "timing.method": "conventional",
+    "compensation.method": "none",
+    "corners.shape": "free",
+}
 
 
 # A joint of order delay has no gain to slide.
@@ -338,11 +341,11 @@ MIXED = TEXT.replace(
 @pytest.mark.parametrize(
     ("text", "run"), [(TEXT, "mac"), (TEXT, "own"), (ROBOT, "own"), (MIXED, "mac")]
 )
-def test_every_slider_can_be_set_and_then_has_that_value(text, run):
+def test_every_field_can_be_set_and_then_has_that_value(text, run):
     data, job = load(text, ""), parse_job(text)
     state = EditState(data=data, run=run, handles=handles_of(job, data))
-    for key, x in sliders(run, text).items():
-        wanted = x["choices"][-1] if "choices" in x else 0.8 * x["max"]
+    for key, x in values_of(data, job, run).items():
+        wanted = CHOICES[key] if key in CHOICES else 0.8 * x["max"]
         changes = changes_of({"do": "set", "key": key, "value": wanted}, state)
         new = change_data(data, changes)
         written = change_text(text, changes)
@@ -351,14 +354,14 @@ def test_every_slider_can_be_set_and_then_has_that_value(text, run):
             # These values go with others only.
             continue
         try:
-            found = {y["key"]: y for y in sliders_of(new, parse_job(written), run)}[key]
+            found = values_of(new, parse_job(written), run)[key]
         except InvalidInput as error:
             assert "joint_jerk" in str(error) or "jerk" in str(error)
             continue
         value = found["value"]
-        assert value == (wanted if "choices" in x else pytest.approx(wanted, rel=3e-15))
+        assert value == (wanted if key in CHOICES else pytest.approx(wanted, rel=3e-15))
         assert found["from"] in ("run", "job")
-        if "choices" not in x and x["unit"] not in ("", "%") and found["written"][-1].isalpha():
+        if key not in CHOICES and x["unit"] not in ("", "%") and found["written"][-1].isalpha():
             assert parse(found["written"], unit_in_si(key)) == pytest.approx(wanted)
 
 

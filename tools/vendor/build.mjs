@@ -11,12 +11,14 @@ const out = process.argv[2] ?? join(here, "../../src/armcontour/studio/static/ve
 const LIBRARIES = [
   { name: "three", files: ["three.js"] },
   { name: "uplot", files: ["uplot.js", "uplot.css"] },
+  ...["preact", "@preact/signals", "@preact/signals-core", "htm"].map((name) => ({ name, files: ["preact.js"] })),
 ];
+const BUNDLES = [...new Set(LIBRARIES.map(({ files }) => files[0]))];
 
 mkdirSync(out, { recursive: true });
 await build({
   absWorkingDir: here,
-  entryPoints: LIBRARIES.map((library) => `${library.name}.js`),
+  entryPoints: BUNDLES,
   outdir: out,
   bundle: true,
   format: "esm",
@@ -26,7 +28,7 @@ await build({
   legalComments: "none",
 });
 // What a bundle exports are its types too, of which `make check` finds the packages.
-for (const { name } of LIBRARIES) copyFileSync(join(here, `${name}.js`), join(out, `${name}.d.ts`));
+for (const file of BUNDLES) copyFileSync(join(here, file), join(out, file.replace(/js$/, "d.ts")));
 copyFileSync(join(here, "node_modules/uplot/dist/uPlot.min.css"), join(out, "uplot.css"));
 
 const licences = [];

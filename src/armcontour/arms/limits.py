@@ -6,7 +6,6 @@ import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from armcontour._checks import FloatArray
 from armcontour._describing import brief, digits, line_up, to_html
 from armcontour._quantities import (
     About,
-    AboutPath,
     AccelerationLimit,
     AngularAccelerationLimit,
     AngularSpeedLimit,
@@ -39,8 +37,6 @@ JOINT_RANGE = ("joint_lower", "joint_upper")
 DIRECTED = ("joint_velocity", "joint_acceleration")
 # Limits of jerk, which only the method optimal keeps.
 JERK_LIMITS = ("joint_jerk", "tool_jerk", "path_jerk")
-# Sliders of limits.
-_joint = partial(About, panel="joints")
 
 
 @_checks.explain_calls
@@ -75,17 +71,15 @@ class Limits(Checked):
             that is empty.
     """
 
-    joint_acceleration: Annotated[JointAccelerations | None, _joint(usual=(1e-2, 100.0))] = None
-    joint_velocity: Annotated[JointVelocities | None, _joint(usual=(1e-2, 10.0))] = None
+    joint_acceleration: Annotated[JointAccelerations | None, About(usual=(1e-2, 100.0))] = None
+    joint_velocity: Annotated[JointVelocities | None, About(usual=(1e-2, 10.0))] = None
     joint_torque: JointTorques | None = None
-    joint_jerk: Annotated[JointJerks | None, _joint(usual=(1.0, 1e4))] = None
+    joint_jerk: Annotated[JointJerks | None, About(usual=(1.0, 1e4))] = None
     joint_lower: JointRanges | None = None
     joint_upper: JointRanges | None = None
-    speed: Annotated[SpeedLimit | None, AboutPath("--speed", usual=(1e-3, 2.0))] = None
-    tool_acceleration: Annotated[AccelerationLimit | None, AboutPath(usual=(1e-2, 50.0))] = None
-    centripetal_acceleration: Annotated[AccelerationLimit | None, AboutPath(usual=(1e-2, 20.0))] = (
-        None
-    )
+    speed: Annotated[SpeedLimit | None, About("--speed", usual=(1e-3, 2.0))] = None
+    tool_acceleration: Annotated[AccelerationLimit | None, About(usual=(1e-2, 50.0))] = None
+    centripetal_acceleration: Annotated[AccelerationLimit | None, About(usual=(1e-2, 20.0))] = None
     angular_speed: AngularSpeedLimit | None = None
     angular_acceleration: AngularAccelerationLimit | None = None
     tool_jerk: JerkLimit | None = None

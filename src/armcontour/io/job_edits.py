@@ -207,6 +207,12 @@ def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
         yield group
 
 
+def key_in(sentence: str) -> str:
+    """The key that a refusal of a job names, such as "limits.speed"; "" if there is none."""
+    named = re.search(r": (?:unknown key )?([\w-]+(?:\.[\w-]+)*)", sentence)
+    return named[1] if named else ""
+
+
 def line_of(text: str, sentence: str) -> int | None:
     """The line of a job file, from 1, that a refusal of it names by its keys; None if none.
 
@@ -214,9 +220,8 @@ def line_of(text: str, sentence: str) -> int | None:
         text: The text of the job file.
         sentence: The refusal, such as "job.yaml: limits.speed: must be above 0".
     """
-    named = re.search(r": (?:unknown key )?([\w-]+(?:\.[\w-]+)*)", sentence)
     node, line = yaml.compose(text, Loader=Loader), None
-    for key in named[1].split(".") if named else ():
+    for key in key_in(sentence).split("."):
         if not isinstance(node, yaml.MappingNode):
             break
         found = [(k, v) for k, v in node.value if k.value == key]

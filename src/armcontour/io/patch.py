@@ -36,6 +36,10 @@ CHOICES: dict[Keys, dict[str, str]] = {
 }
 
 
+class Name(str):
+    """A name in a key, such as of a layer; digits do not make it a number."""
+
+
 def parse_set(text: str) -> Patch:
     """The patch of a text such as `corners.tolerance=0.2 mm`, with the value as in a job file.
 
@@ -95,7 +99,7 @@ def place(keys: Keys, data: Any, run: str | None = None) -> Keys:
     for part in keys:
         # A number is a position in a list, or a key of a mapping, unless that has such a text.
         named = isinstance(data, Mapping) and part in data
-        whole = isinstance(part, str) and part.isdecimal() and not named
+        whole = type(part) is str and part.isdecimal() and not named
         numbered.append(int(part) if whole else part)
         data = value_at(data, (numbered[-1],))
     return tuple(numbered)

@@ -12,7 +12,6 @@ from armcontour._checks import FloatArray
 from armcontour._describing import brief, digits, line_up, several
 from armcontour._quantities import (
     About,
-    AboutPath,
     Acceleration,
     AngularDistance,
     AtLeast,
@@ -87,7 +86,7 @@ class Rounding(Checked):
     """
 
     shape: Annotated[str, Choice(SHAPES), About("--corner-shape")] = ARC
-    tolerance: Annotated[Distance | None, AboutPath("--tolerance", usual=(1e-5, 2e-2))] = None
+    tolerance: Annotated[Distance | None, About("--tolerance", usual=(1e-5, 2e-2))] = None
     # Not part of the hash: mappings have none.
     at: Mapping[int, Distance] | None = field(default=None, hash=False)
     line_tolerance: Annotated[Distance | None, About("--line-tolerance")] = None
@@ -238,8 +237,9 @@ class Run(Checked):
         period: Command interval [s].
         until: End of the time over which errors are evaluated [s]; None is when all joints rest.
         experiment: Options of a simulation on rigid bodies; None simulates none.
-        accuracy: Largest contour error with which the run counts as kept [m]; by default a tenth of
-            the smallest tolerance of its corners.
+        accuracy: Largest distance of the tool from the drawing with which the run counts as kept
+            [m]. By default corners may take their tolerances, and the contour error a tenth of the
+            smallest one.
 
     Raises:
         InvalidInput: A command interval out of range, a time that is not above zero, or a rounding

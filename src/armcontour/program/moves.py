@@ -238,6 +238,7 @@ class Program(Checked):
         remarks: Sentences on what was found out or chosen, which nobody has to look at.
         rapid_speed: Largest tool speed of rapids without a path [m/s]; None for the limits of the
             joints only.
+        other_layers: Names of the layers of the drawing that are not run.
 
     Raises:
         InvalidInput: No contour, an object that is no move, an event between contours with an arc
@@ -249,6 +250,7 @@ class Program(Checked):
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     rapid_speed: Speed | None = None
+    other_layers: tuple[str, ...] = ()
 
     def _check_together(self) -> None:
         # They contain text of files, and are printed on terminals.
@@ -546,7 +548,10 @@ class Program(Checked):
             x.layer for x, chosen in zip(self.contours, by_layer, strict=True) if not chosen
         )
         remarks = (*self.remarks, *describe_not_run(others))
-        return dataclasses.replace(self, moves=kept, notes=notes, remarks=remarks)
+        other = (*self.other_layers, *others)
+        return dataclasses.replace(
+            self, moves=kept, notes=notes, remarks=remarks, other_layers=other
+        )
 
     def _chosen(
         self, what: str, wanted: Collection[str] | None, known: Sequence[str]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -47,7 +46,6 @@ PER_JOINT = (
     "logged_acceleration",
 )
 
-_gain = partial(About, panel="servo")
 Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive", endless=True, within=GAINS)]
 FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", within=(0.0, MOST_FEEDFORWARD))]
 AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, np.pi))]
@@ -138,12 +136,12 @@ class ServoModel(Checked):
             interpolation or order is unknown.
     """
 
-    kp: Annotated[Gains, _gain(label="gain kp", usual=(1.0, 500.0))]
-    kv: Annotated[Gains | None, _gain(label="gain kv", usual=(1.0, 2e3))]
+    kp: Annotated[Gains, About(usual=(1.0, 500.0))]
+    kv: Annotated[Gains | None, About(usual=(1.0, 2e3))]
     ki: Annotated[
         FloatArray,
         Quantity("1/s", "5 1/s", within=(0.0, GAINS[1])),
-        _gain(label="gain ki", usual=(0.1, 2e2)),
+        About(usual=(0.1, 2e2)),
     ]
     order: Annotated[str | tuple[str, ...], Choice(ORDERS)]
     dead_time: Annotated[FloatArray, replace(DEAD_TIME, within=(0.0, LONGEST_DEAD_TIME))]

@@ -1,4 +1,4 @@
-"""The document in words and numbers, for pages: file, runs, waypoints, sliders, obstacles."""
+"""The document in words and numbers, for pages: file, runs, waypoints, fields, obstacles."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from armcontour.io.job_edits import line_of
 from armcontour.jobs import Job
 from armcontour.studio.converting import is_convertible
 from armcontour.studio.document import Document
-from armcontour.studio.handles import Handles, obstacles_of
-from armcontour.studio.sliders import sliders_of
+from armcontour.studio.edits.tilt import tilt_of
+from armcontour.studio.fields import values_of
+from armcontour.studio.handles import POINTS, SEGMENTS, SPLINE, Handles, obstacles_of
 from armcontour.studio.wire import Frame
 from armcontour.timing import Optimal
 
+# Keys of a path with its points.
+GEOMETRY = (POINTS, "start", SEGMENTS, SPLINE)
 # What an edit is called in the list of what can be undone.
 LABELS = {
     "move_waypoint": "move waypoint {number}",
@@ -29,6 +32,7 @@ LABELS = {
     "text": "edit the text",
     "set": "set {key}",
     "unset": "leave {key} out",
+    "tilt": "tilt the tool",
 }
 
 
@@ -60,7 +64,7 @@ def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
     words = LABELS[str(first["do"])].format(
         number=index + 1 if isinstance(index, int) else "",
         action=first.get("action", "change"),
-        key=str(first.get("key", "")).rpartition(".")[2].replace("_", " "),
+        key=_name(first.get("key", "")).replace("_", " "),
     )
     return words if len(edits) == 1 else f"{words} and {len(edits) - 1} more"
 
@@ -92,7 +96,10 @@ def describe(document: Document, seen: Seen, run: str, *, draft: str | None) -> 
         "run": run,
         "path": _path(data, handles, seen),
         "waypoints": [] if handles is None else _waypoints(handles),
-        "sliders": [] if seen.job is None else sliders_of(data, seen.job, run),
+        "data": {**data, "path": _options(data.get("path"))},
+        "values": {} if seen.job is None else values_of(data, seen.job, run),
+        "layers": [] if seen.job is None else _layers(seen.job),
+        "tilt": None if handles is None else tilt_of(handles, data),
         "obstacles": [] if seen.job is None else obstacles_of(data),
         "placement": seen.job is not None and bool(seen.job.placement and seen.job.placement.over),
         "text": document.text,
@@ -144,6 +151,25 @@ def _path(data: Mapping[str, Any], handles: Handles | None, seen: Seen) -> dict[
         "why_not": handles.why_not,
         "notes": notes,
     }
+
+
+def _options(path: Any) -> Any:
+    """The path of a job without its points, which may be many."""
+    if not isinstance(path, Mapping):
+        return path
+    return {key: x for key, x in path.items() if key not in GEOMETRY}
+
+
+def _layers(job: Job) -> list[str]:
+    """The layers of the drawing, also those that are not run."""
+    run = (x.layer for x in job.program.contours)
+    return sorted({*run, *job.program.other_layers} - {""})
+
+
+def _name(key: Any) -> str:
+    """The last name of a key, which may be a list of names."""
+    parts = key if isinstance(key, list) else str(key).split(".")
+    return str(next((x for x in reversed(parts) if not str(x).isdecimal()), ""))
 
 
 def _waypoints(handles: Handles) -> list[dict[str, Any]]:

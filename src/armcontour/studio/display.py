@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.io.job_edits import key_in
 from armcontour.studio.described import describe
 from armcontour.studio.editor import Editor, Made
 from armcontour.studio.exact import Asked, Exact, MakeLane
@@ -161,7 +162,7 @@ class Display:
             {
                 **{"tier": 1, "run": self.editor.run, "sentence": str(error)},
                 **{"error": type(error).__name__, "exit": error.exit_code, "at": {}},
-                "dropped": dropped,
+                **{"dropped": dropped, "key": key_in(str(error))},
             },
         )
         if not dropped:

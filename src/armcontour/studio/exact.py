@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import RLock, Thread
 from typing import Any, TypeAlias
 
@@ -21,32 +21,34 @@ PATIENCE = 2.0
 # What a person can ask for.
 TASKS = ("check", "clearance", "certify", "sweep", "place", "export", "report")
 # Frames after which a task is over.
-LAST = ("figures", "result", "refusal", "failed", "cancelled")
+LAST = ("figures", "changes", "result", "refusal", "failed", "cancelled")
 # Names of figures; no task of a page has such a name.
 OWN = "#"
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """Figures that are asked for.
+    """Figures that are asked for, or what to change, which follows them step by step.
 
     Args:
         rev: Revision of the document.
         answers: As of `Shown`.
         request: What is computed.
+        task: "figures" or "changes".
     """
 
     rev: int
     answers: Mapping[int, int]
     request: Mapping[str, Any]
+    task: str = "figures"
 
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Figures that are known: what was computed, and what came of it."""
+    """Figures that are known: what was computed, and the frames that came of it."""
 
     request: Mapping[str, Any]
-    header: Mapping[str, Any]
+    frames: tuple[Frame, ...]
 
 
 class Exact:
@@ -73,8 +75,17 @@ class Exact:
         """Compute figures, in place of others that wait; what is known is told at once."""
         with self._lock:
             if self.latest is not None and self.latest.request == asked.request:
-                self._wanted = None
-                self._deliver(Frame("figures", self.latest.header), asked)
+                *_, last = frames = self.latest.frames
+                for frame in frames:
+                    self._deliver(frame, asked)
+                follows = replace(asked, task="changes")
+                # What to change goes on where it is, or is found from its start.
+                if self._asked is not None and self._asked.request == asked.request:
+                    self._asked, self._wanted = follows, None
+                else:
+                    self._wanted = follows if last.header.get("share", 0.0) < 1 else None
+                if self._asked is None:
+                    self._next()
                 return
             self._wanted = asked
             if self._asked is None:
@@ -129,7 +140,8 @@ class Exact:
         if self._asked is not None:
             self._count += 1
             self._since = time.monotonic()
-            self._figures.submit(f"{OWN}{self._count}", "figures", dict(self._asked.request))
+            request = dict(self._asked.request)
+            self._figures.submit(f"{OWN}{self._count}", self._asked.task, request)
 
     def _hear(self, frame: Frame) -> None:
         """Take a frame of a process."""
@@ -144,7 +156,14 @@ class Exact:
             if asked is None or id != f"{OWN}{self._count}" or frame.kind not in LAST:
                 return
             if frame.kind == "figures":
-                self.latest = Known(asked.request, frame.header)
-            if frame.kind != "cancelled":
+                self.latest = Known(asked.request, (frame,))
+            elif frame.kind == "changes" and self.latest is not None:
+                self.latest = Known(asked.request, (self.latest.frames[0], frame))
+            if frame.kind in ("figures", "changes"):
+                self._deliver(frame, asked)
+                if self._wanted is None and frame.header.get("share", 0.0) < 1:
+                    # Steps are short, so that the next figures need not wait for what to change.
+                    self._wanted = replace(asked, task="changes")
+            elif frame.kind != "cancelled" and asked.task == "figures":
                 self._deliver(frame, asked)
             self._next()

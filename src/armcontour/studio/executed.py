@@ -18,7 +18,7 @@ from armcontour.evaluation.evaluation import (
     saturated_shares,
     settled_row,
 )
-from armcontour.jobs.run_data import off_drawing
+from armcontour.jobs.verdict import verdict_rows
 from armcontour.motion import Execution
 from armcontour.studio.demand import signed_shares
 from armcontour.studio.previewed import Executed
@@ -80,7 +80,7 @@ def _figures(executed: Executed) -> Data:
     return Data(
         "Preview",
         (
-            off_drawing(planned.rounding_error, planned.tolerance, errors.max),
+            *verdict_rows(planned, errors.max),
             settled_row(executed.settled),
             *error_rows("contour_error", "contour error", errors, FIRST, FIRST),
             demand_row(demand_ratio(execution, limits)),

@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.errors import ArmContourError
+from armcontour.io.job_edits import key_in
 from armcontour.studio.previewed import Preview
 from armcontour.studio.view import View, in_space
 
@@ -44,6 +45,6 @@ def refusal_header(
     return {
         **{"tier": tier, "run": run, "sentence": str(error)},
         **{"error": type(error).__name__, "exit": error.exit_code, "limit": error.limit},
-        **{"needed": error.needed, "allowed": error.allowed},
+        **{"needed": error.needed, "allowed": error.allowed, "key": key_in(str(error))},
         "at": {name: x for name, x in at.items() if x is not None},
     }

@@ -16,7 +16,7 @@ Said: TypeAlias = Mapping[str, Any]
 # Files that are kept for the pages to save, and about how many bytes; the newest is always kept.
 MOST_FILES, MOST_BYTES = 20, 200_000_000
 # Frames of which a page needs only the newest.
-NEWEST_ONLY = {"arm", "document", "executed", "figures", "picture", "pose", "refusal"}
+NEWEST_ONLY = {"arm", "changes", "document", "executed", "figures", "picture", "pose", "refusal"}
 
 # Options of the command line in a sentence, which also names the key of the job file.
 _OPTION = r"--[a-z][a-z-]*(?: (?:'[^']*'|[^\s,.;:()']+))?"
@@ -150,7 +150,7 @@ class Tabs:
             old = ["executed", "refusal"]
             # At rest the exact picture may follow the figures of the same edit.
             if any(seq > self._figured.get(number, -1) for number, seq in answers.items()):
-                old.append("figures")
+                old += ["figures", "changes"]
             for kind in old:
                 self._last.pop(kind, None)
         self._last[key] = frame

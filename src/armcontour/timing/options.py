@@ -67,7 +67,7 @@ class PlanOptions(Options):
     """
 
     method: ClassVar[Method]
-    reserve: Annotated[Reserve, About(panel="run", usual=(0.0, 0.9))] = 0.0
+    reserve: Annotated[Reserve, About(usual=(0.0, 0.9))] = 0.0
     branch: str | None = None
     start: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
     fits: Callable[[JointPath], bool] | None = None

@@ -142,6 +142,7 @@ class Walk:
             source=self.source,
             notes=tuple(notes),
             remarks=describe_not_run(self.elsewhere),
+            other_layers=tuple(self.elsewhere),
         )
         return mend(program, self.options)
 

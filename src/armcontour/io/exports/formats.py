@@ -17,7 +17,7 @@ from armcontour.errors import InvalidInput
 from armcontour.io.exports.ros import write_mcap, write_ros_yaml
 from armcontour.io.exports.table import Table, make_table, write_csv, write_npz
 from armcontour.io.exports.template import describe_program, write_template
-from armcontour.io.exports.urscript import write_urscript
+from armcontour.io.exports.urscript import JOINTS, write_urscript
 from armcontour.motion import TaughtData, Trajectory
 
 # Extensions of the files in the folder of a bag; a folder with other files is not replaced.
@@ -35,9 +35,11 @@ class ExportFormat(Checked):
             template kuka always takes.
     """
 
-    # Name of the format, and its file extension, which is empty if any is possible.
+    # Name of the format, and its file extension, which is empty if any is possible; the number of
+    # joints of the arms that it is for.
     kind: ClassVar[str] = ""
     ending: ClassVar[str] = ""
+    joints: ClassVar[int | None] = None
     name: str | None = None
 
     @property
@@ -144,6 +146,7 @@ class URScriptFormat(ExportFormat):
 
     kind: ClassVar[str] = "urscript"
     ending: ClassVar[str] = ".script"
+    joints: ClassVar[int | None] = JOINTS
     outputs: Mapping[str, int | str] | None = None
     analog: Analog | None = None
     call: bool = False
@@ -164,6 +167,7 @@ class TemplateFormat(TableFormat):
     """
 
     kind: ClassVar[str] = "template"
+    joints: ClassVar[int | None] = JOINTS
     template: str | FilePath
     outputs: Mapping[str, int | str] | None = None
 

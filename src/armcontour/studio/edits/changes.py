@@ -14,6 +14,7 @@ from armcontour.studio.edits.keys import set_value, unset_value
 from armcontour.studio.edits.obstacles import obstacle
 from armcontour.studio.edits.placing import place
 from armcontour.studio.edits.state import EditState
+from armcontour.studio.edits.tilt import tilt
 from armcontour.studio.edits.waypoints import (
     insert_waypoint,
     move_waypoint,
@@ -56,6 +57,7 @@ Made: TypeAlias = Callable[[Mapping[str, Any], EditState], Sequence[Change]]
 EDITS: dict[Any, Made] = {
     "set": set_value,
     "unset": unset_value,
+    "tilt": tilt,
     "move_waypoint": move_waypoint,
     "set_waypoint": set_waypoint,
     "insert_waypoint": insert_waypoint,

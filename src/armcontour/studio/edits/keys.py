@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +14,9 @@ from armcontour._checks import FloatArray
 from armcontour._quantities import Quantity
 from armcontour._text import plain_number, show
 from armcontour.errors import InvalidInput
-from armcontour.io.job_edits import Change, Keys, value_at
+from armcontour.io.job_edits import REMOVE, Change, Keys, change_data, value_at
 from armcontour.io.job_model import JobModel
-from armcontour.io.patch import key_of, place, resolve
+from armcontour.io.patch import IN_RUN, MERGED, Name, arm_keys, key_of, place, resolve
 from armcontour.io.si_data import quantity_of
 from armcontour.io.units import unit_of, write_like
 from armcontour.jobs import Job, Run
@@ -23,13 +25,31 @@ from armcontour.studio.edits.state import EditState
 SHARP = "sharp"
 # The tolerance of corners that were sharp before.
 FIRST_TOLERANCE = "1 mm"
+# Mappings that a job has, be they empty.
+NEEDED: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Set a key, to a text as typed, a number in SI units, or null."""
-    keys, value = place(key_of(edit["key"]), state.data, state.run), edit["value"]
+    """Set a key, to a text as typed, a number in SI units, or null.
+
+    With `run` it is set for the run that is shown alone, with `insert` as a new item of a list.
+    """
+    return [replace(x, keys=_plain(x.keys)) for x in _set(edit, state)]
+
+
+def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """The changes that set a key."""
+    keys, value = _place(edit, state), edit["value"]
+    if edit.get("run") is True and keys[0] in IN_RUN:
+        return _in_run(keys, value, state)
     *outer, last = keys
     values = value_at(state.data, tuple(outer))
+    if edit.get("insert") is True:
+        return [Change(keys, value, insert=True)]
+    if keys == ("arm",) and isinstance(value, str) and isinstance(value_at(values, keys), Mapping):
+        # The equipment of the arm stays.
+        new = {"name": REMOVE, "file": REMOVE, **arm_keys(value)}
+        return [Change(("arm", key), x) for key, x in new.items()]
     if keys[-2:] == ("corners", "shape"):
         # Sharp corners are no shape in the file, and have no tolerance.
         if value == SHARP or not isinstance(values, Mapping):
@@ -43,8 +63,40 @@ def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Remove a key."""
-    return [Change(place(key_of(edit["key"]), state.data, state.run))]
+    """Remove a key, and mappings that are empty without it."""
+    keys = _plain(_place(edit, state))
+    while len(keys) > 1 and isinstance(keys[-1], str) and keys[:-1] not in NEEDED:
+        outer = value_at(state.data, keys[:-1])
+        # A run and a layer that is read may be empty.
+        empty = keys[0] == "runs" and len(keys) == 3 or keys[:2] == ("path", "layers")
+        if empty or not isinstance(outer, Mapping) or set(outer) != {keys[-1]}:
+            break
+        keys = keys[:-1]
+    return [Change(keys)]
+
+
+def _place(edit: Mapping[str, Any], state: EditState) -> Keys:
+    """The keys that an edit changes; texts in a list of keys are names."""
+    given = key_of(edit["key"])
+    if not isinstance(edit["key"], str):
+        given = tuple(Name(x) if isinstance(x, str) else x for x in given)
+    return place(given, state.data, state.run)
+
+
+def _plain(keys: Keys) -> Keys:
+    """Keys with plain texts."""
+    return tuple(str(x) if isinstance(x, str) else x for x in keys)
+
+
+def _in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
+    """Set a key that the job has, for the run that is shown alone."""
+    changes, here = [], ("runs", state.run, keys[0])
+    shared = value_at(state.data, keys[:1])
+    if len(keys) > 1 and keys[0] not in MERGED and isinstance(shared, Mapping):
+        # The run's mapping takes the place of the job's.
+        changes = [Change(here, deepcopy(shared))]
+    own = replace(state, data=change_data(state.data, changes))
+    return changes + _set({"key": list((*here, *keys[1:])), "value": value}, own)
 
 
 def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:

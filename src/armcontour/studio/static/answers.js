@@ -69,8 +69,9 @@ function clearanceAnswer({ head, arrays }) {
  * @returns {Answer}
  */
 function sweepAnswer({ head, arrays }, store) {
-  const slider = store.document?.sliders.find((/** @type {any} */ x) => x.key === head.key);
-  const { label = head.key, unit = "", factor = 1 } = slider ?? {};
+  const slider = store.document?.values[head.key];
+  const { unit = "", factor = 1 } = slider ?? {};
+  const label = head.key.split(".").at(-1).replaceAll("_", " ");
   const x = Float64Array.from(arrays.values, (value) => value / factor);
   const axes = { log: slider?.log, x: unit ? `${label} [${unit}]` : label, xUnit: unit };
   const refused = (head.refusals ?? []).filter(Boolean);

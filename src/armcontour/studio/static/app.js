@@ -4,6 +4,7 @@
 import { init as dock } from "./dock.js";
 import { find } from "./dom.js";
 import { init as figures } from "./figures.js";
+import { init as form } from "./form.js";
 import { init as files } from "./files.js";
 import { init as handles } from "./handles.js";
 import { init as header } from "./header.js";
@@ -11,7 +12,6 @@ import { init as keys } from "./keys.js";
 import { Link } from "./link.js";
 import { init as marks } from "./marks.js";
 import { init as messages, notify } from "./messages.js";
-import { init as panel } from "./panel.js";
 import { init as splitter } from "./splitter.js";
 import { Store } from "./state.js";
 import { init as theme } from "./theme.js";
@@ -63,10 +63,10 @@ makeAll([
   () => dock(store),
   () => splitter(store),
   () => header(store, link),
-  () => figures(store),
+  () => figures(store, link),
   () => viewbar(store, view),
   () => marks(store, view),
-  () => panel(store, link),
+  () => form(store, link),
   () => files(store, link),
   () => keys(store, link, view),
 ]);

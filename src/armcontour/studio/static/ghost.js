@@ -2,17 +2,35 @@
 
 import { draw, find, make } from "./dom.js";
 import { mm, quantity, seconds } from "./format.js";
-import { positionOf, STEPS } from "./scales.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {import("./state.js").Numbers} Numbers */
-/** @typedef {import("./scales.js").Slider} Slider */
+/**
+ * A quantity with a usual range, as `fields.py` gives it, with its key and label.
+ * @typedef {{key: string, label: string, value: number | string | null, written: string | null, unit: string,
+ *   factor: number, min: number, max: number, log: boolean, from: string}} Slider
+ */
 /** @typedef {{values: Numbers, duration: Numbers, rms: Numbers}} Sweep */
 
 const AFTER = 450; // ms
 const COUNT = 15;
 const [WIDE, HIGH] = [100, 30];
+/** Positions of a slider are whole numbers from 0 to this. */
+export const STEPS = 1000;
+
+/** @param {Slider} slider @param {number} value SI @returns {number} */
+export function positionOf({ min, max, log }, value) {
+  const share = log ? Math.log(value / min) / Math.log(max / min) : (value - min) / (max - min);
+  return Math.round(STEPS * Math.min(1, Math.max(0, share)));
+}
+
+/** Value at a position, with three digits in the slider's unit. @param {Slider} slider @param {number} position @returns {number} SI */
+export function valueAt({ min, max, log, factor }, position) {
+  const share = position / STEPS;
+  const value = log ? min * (max / min) ** share : min + share * (max - min);
+  return Number((Number((value / factor).toPrecision(3)) * factor).toPrecision(12));
+}
 
 export class Ghost {
   /** @param {Store} store @param {Link} link */
@@ -44,7 +62,7 @@ export class Ghost {
   /** The pointer rests on a slider. @param {Slider} slider @param {HTMLElement} element */
   wish(slider, element) {
     this.leave();
-    if (this.isHeld || slider.choices || !(slider.min < slider.max)) return;
+    if (this.isHeld) return;
     const known = this.known.get(slider.key);
     if (known) return this.show(slider, element, known);
     this.timer = setTimeout(() => {

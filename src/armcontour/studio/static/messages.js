@@ -2,6 +2,7 @@
 
 import { find, make, say } from "./dom.js";
 import { hasMotion } from "./figures.js";
+import { refuseAt } from "./form.js";
 
 /** @typedef {import("./state.js").Store} Store */
 
@@ -77,7 +78,7 @@ export function init(store) {
   for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => (starting.hidden ||= Boolean(frame)));
   /** What was refused, until the job is another one. */
   const dropped = new Passing();
-  store.on("dropped", (/** @type {any} */ frame) => dropped.tell(`${frame.head.sentence} Nothing was changed.`));
+  store.on("dropped", (/** @type {any} */ frame) => refuseAt(frame) || dropped.tell(`${frame.head.sentence} Nothing was changed.`));
   let rev = -1;
   store.on("document", (/** @type {any} */ frame) => {
     if (frame.rev === rev) return;

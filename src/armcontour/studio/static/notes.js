@@ -1,7 +1,7 @@
 // What the server says beside figures: warnings, notes, slow places, where the time goes.
 
 import { find, headings, make, say } from "./dom.js";
-import { percent, rowOf, seconds, textOf } from "./format.js";
+import { headOf } from "./figures.js";
 import { nowAndThen, READING } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -37,11 +37,7 @@ export function init(store) {
     tab.dataset.count = String(warnings.length || "");
     say(tab, warnings.length ? `Notes (${warnings.length})` : "Notes");
     if (region.hidden) return;
-    const shares = (picture.shares ?? []).map((/** @type {any} */ x) => [
-      x.name,
-      seconds(x.time),
-      percent(x.share),
-    ]);
+    const [head = [], ...shares] = headOf(store).time ?? [];
     const slow = (picture.shortfalls ?? []).map((/** @type {any} */ x) => x.sentence);
     const all = JSON.stringify([warnings, notes, shares, slow]);
     if (all === shown) return;
@@ -50,13 +46,12 @@ export function init(store) {
     region.replaceChildren(
       ...section("Warnings", list(warnings)),
       ...section(
-        "What bounds the time",
+        "What takes the time",
         rows.length
           ? [
               make("table", {}, [
-                make("thead", {}, [make("tr", {}, headings(["what", "s", "% of contours"]))]),
+                make("thead", {}, [make("tr", {}, headings(head))]),
                 make("tbody", {}, rows),
-                make("tfoot", {}, [make("tr", {}, cellsOf(["all", textOf(rowOf(picture, "duration")), ""]))]),
               ]),
             ]
           : [],

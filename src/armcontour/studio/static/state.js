@@ -4,7 +4,7 @@
 // A picture always has the arrays of a plan; they are empty for a long drawing without one (head.planned).
 //
 // Events (`store.on(event, listener)` returns a function that ends the listening):
-//   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
+//   document, arm, picture, executed, figures, changes    a new frame of the shown run: listener(frame)
 //   refusal                 the newest edit is refused, or no longer: listener(frame | null)
 //   dropped                 an edit is refused and was not made: listener(frame)
 //   pose, progress, result, cancelled, failed, saved, conflict, diff, download, notice    listener(frame)
@@ -14,7 +14,7 @@
 //   link                    listener(link state)      see link.js
 //   underlay                what is drawn under the path changed: listener()
 //   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
-//   reset                   another job or drawing is opened; picture, executed and figures are told null
+//   reset                   another job or drawing is opened; those of a run are told null
 //   layout                  listener()                a region may have another size
 
 /** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
@@ -41,7 +41,7 @@
 
 /** While answers come one after the other, texts change so often at most [ms]. */
 export const READING = 100;
-const OF_A_RUN = new Set(["picture", "executed", "figures"]);
+const OF_A_RUN = new Set(["picture", "executed", "figures", "changes"]);
 /** Arrays that a picture of a drawing without a plan lacks. */
 const PLANNED_ARRAYS = ["path", "path_s", "path_t", "speed", "assigned", "binding", "xyz", "t"];
 const STARTING_OPTIONS = /** @type {ViewOptions} */ ({

@@ -64,7 +64,7 @@ class Tasks {
   renew() {
     const head = this.store.document;
     const open = this.link.state.state === "open" && head !== null;
-    const known = { sliders: head?.sliders ?? [], placement: head?.placement ?? false };
+    const known = { sliders: Object.entries(head?.values ?? {}).map(([key, x]) => ({ key, label: key.split(".").slice(-2).join(" ").replaceAll("_", " "), ...x })), placement: head?.placement ?? false };
     for (const form of this.forms) form.renew({ open, busy: this.running.size > 0, ...known });
     if (!open) for (const id of [...this.running.keys()]) this.end(id, "failed", "The connection was lost, and this work with it.");
   }

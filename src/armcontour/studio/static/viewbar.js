@@ -32,7 +32,7 @@ class Viewbar {
     const update = oncePerFrame(() => this.updateNow());
     for (const event of ["view", "theme"]) store.on(event, update);
     const follow = nowAndThen(READING, () => this.updateNow());
-    for (const event of ["picture", "executed"]) store.on(event, follow);
+    for (const event of ["picture", "executed", "figures"]) store.on(event, follow);
     view.followers.add(follow);
     this.updateNow();
   }

@@ -14,7 +14,7 @@ from armcontour import _process
 from armcontour._files import reading_below
 from armcontour._progress import Progress, Step
 from armcontour.errors import ArmContourError, InvalidInput
-from armcontour.studio.tasks.figures import figures
+from armcontour.studio.tasks.figures import changes, figures
 from armcontour.studio.tasks.files import certify, export, report
 from armcontour.studio.tasks.judging import check, clearance
 from armcontour.studio.tasks.request import Request
@@ -37,6 +37,7 @@ runs: {one: {}}
 """
 TASKS: dict[str, Callable[[Request], Frame]] = {
     "figures": figures,
+    "changes": changes,
     "check": check,
     "certify": certify,
     "sweep": sweep,

@@ -1,0 +1,37 @@
+// Parts of the page that several regions render.
+
+import { html, useLayoutEffect, useRef } from "./vendor/preact.js";
+
+/**
+ * A line of text that is sent as typed. What somebody types stays when the document changes; what was sent is shown as
+ * the document has it. Escape takes the document's text back.
+ * @param {{value: string, send: (text: string) => void, [attribute: string]: any}} props
+ */
+export function Entry({ value, send, ...more }) {
+  const field = useRef(/** @type {HTMLInputElement | null} */ (null));
+  /** Text that the document gave, or that was sent. */
+  const known = useRef(value);
+  useLayoutEffect(() => {
+    const { current } = field;
+    if (current && (document.activeElement !== current || current.value === known.current)) current.value = known.current = value;
+  });
+  const change = () => {
+    const text = field.current?.value ?? "";
+    known.current = text;
+    if (text.trim() !== value) send(text.trim());
+  };
+  const key = (/** @type {KeyboardEvent} */ event) => {
+    if (event.key !== "Escape" || !field.current) return;
+    field.current.value = value;
+    field.current.select();
+  };
+  return html`<input type="text" autocomplete="off" spellcheck="false" ref=${field} onChange=${change} onKeyDown=${key} ...${more} />`;
+}
+
+/** Heads of columns; a name in brackets is for screen readers only. @param {{names: string[], words?: number}} props */
+export function Heads({ names, words = 0 }) {
+  return html`<thead><tr>${names.map((name, k) => {
+    const unseen = name.startsWith("(") ? name.slice(1, -1) : "";
+    return html`<th scope="col" class=${k < words ? "words" : ""}>${unseen ? html`<span class="unseen">${unseen}</span>` : name}</th>`;
+  })}</tr></thead>`;
+}
