@@ -277,7 +277,8 @@ def test_distances_pairs_and_the_nearest_posture_are_shown():
     )
     arm = plain.arm.with_shapes(cell.ArmShapes(shapes=shapes))
     scene = cell.Scene(obstacles=obstacles)
-    section = clearance(ac.run(dataclasses.replace(plain, arm=arm, scene=scene)))
+    study = ac.run(dataclasses.replace(plain, arm=arm, scene=scene))
+    section = clearance(study)
     ((_, (over_time, posture, planned, executed)),) = section.choices
     assert {"links and cell, planned", "links and cell, executed"} <= set(traces(over_time))
     # The posture is that of the least distance from an obstacle, which is named with its distance.
@@ -287,7 +288,7 @@ def test_distances_pairs_and_the_nearest_posture_are_shown():
     assert bodies == {"forearm", "wrist", "tip", "floor", "box", "wedge"}
     for table in (planned, executed):
         assert all(row[-1] == "-" for row in table.rows) and len(table.rows) > 3
-    assert any(x.startswith("Run taught: Clear: ") for x in section.notes)
+    assert any(x.startswith("Run taught: Clear: ") for x in sections.notes(study).notes)
 
 
 @pytest.fixture(scope="module")

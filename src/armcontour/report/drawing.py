@@ -18,7 +18,7 @@ from armcontour.geometry import RoundedPath
 from armcontour.jobs import Job, RunResult
 from armcontour.program import Process, cut_parts
 from armcontour.report.outline import fine_places, simplify
-from armcontour.timing.explanation import BETWEEN
+from armcontour.timing.explanation import BETWEEN, RAPIDS, LimitShare
 
 # Width, largest and smallest height, and margin of the drawing [px].
 WIDTH, HEIGHT, FLATTEST, EDGE = 800.0, 440.0, 190.0, 34.0
@@ -89,7 +89,7 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
         *_leads(result, sheet),
     ]
     if rapids:
-        parts.append(_line(sheet, rapids, f'class="limit" {look_of("rapids between contours")}'))
+        parts.append(_line(sheet, rapids, f'class="limit" {look_of(RAPIDS)}'))
     for kind, curves in _pieces(result, sheet).items():
         parts.append(_line(sheet, curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
     marks = {
@@ -258,24 +258,18 @@ def kind_of(limit: str) -> str:
 
 def legend_of(result: RunResult) -> tuple[Entry, ...]:
     """What takes the time of a motion, by kinds of limits, the longest first."""
-    why = result.explanation
-    if why is None:
-        return ()
-    times: defaultdict[str, defaultdict[str, float]] = defaultdict(lambda: defaultdict(float))
-    for x in why.bindings:
-        times[kind_of(x.limit)][x.name.removesuffix(f" {x.limit}")] += x.t[1] - x.t[0]
-    idle = {"rapid": "rapids between contours", "dwell": "dwells"}
-    for span in result.trajectory.spans:
-        if span.kind in idle:
-            times[idle[span.kind]][""] += span.t[1] - span.t[0]
-    duration = result.trajectory.duration
+    why, kinds = result.explanation, defaultdict[str, list[LimitShare]](list)
+    for x in () if why is None else why.shares:
+        kinds[x.kind].append(x)
     found = []
-    for kind, names in times.items():
-        time, parts = sum(names.values()), sorted(names.items(), key=lambda x: -x[1])
-        if time < LEAST_SHARE * duration:
+    for kind, parts in kinds.items():
+        share = sum(x.of_time for x in parts)
+        if share < LEAST_SHARE:
             continue
-        words = ", ".join(f"{x} {number(y, 's')}" for x, y in parts) if len(parts) > 1 else ""
-        found.append(Entry(word_of(kind), time, time / duration, look_of(kind), words))
+        names = [f"{x.name.removesuffix(f' {kind}')} {number(x.time, 's')}" for x in parts]
+        words = ", ".join(names) if len(parts) > 1 else ""
+        time = sum(x.time for x in parts)
+        found.append(Entry(word_of(kind), time, share, look_of(kind), words))
     return tuple(sorted(found, key=lambda x: -x.time))
 
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from armcontour._text import capitalise
-from armcontour.core.render import figure, number, verdict
+from armcontour.core.render import number, verdict
 from armcontour.core.result import TABLE, VERDICT, Data
 from armcontour.identification import BodyIdentification, Identification
 from armcontour.report.figure import make_subplots, render_page
-from armcontour.report.section import Chapter, Front, Section, Table, Tile, table_of
+from armcontour.report.section import Chapter, Front, Section, Table, Tile, table_of, tiles
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
@@ -60,7 +60,7 @@ def _front(found: Identification | BodyIdentification, data: Data) -> Front:
     return Front(
         verdict=capitalise(verdict(data).removeprefix(f"{data.title}: ")),
         good=bool(first.value),
-        tiles=(*(Tile(label=x.label, value=figure(x), note=x.note) for x in rows[:2]), joints),
+        tiles=(*tiles(rows[:2]), joints),
         tables=(shown,),
         sentences=tuple(("Weakest point", x) for x in notes[:1]),
     )

@@ -26,15 +26,11 @@ CHORDS = 96
 
 def outline_points(program: Program) -> FloatArray:
     """Points that draw the contours of a program, with a gap (NaN) after each contour."""
-    each = DRAWN_PLACES // len(program.contours)
-    return outlines([finely(x.path, least=each) for x in program.contours])
-
-
-def finely(
-    path: Path, start: float = 0.0, end: float | None = None, *, least: int = 0
-) -> FloatArray:
-    """Points along a path: those at `fine_places`."""
-    return path(fine_places(path, start, end, least=least))
+    least = DRAWN_PLACES // len(program.contours)
+    curves = [x.path(fine_places(x.path, least=least)) for x in program.contours]
+    gap = np.full((1, program.dimension), np.nan)
+    kept = simplify(curves)
+    return np.concatenate([y for x, few in zip(curves, kept, strict=True) for y in (x[few], gap)])
 
 
 def fine_places(
@@ -59,13 +55,6 @@ def fine_places(
     places = np.union1d(path.breaks, np.concatenate(inner)) if inner else path.breaks
     kept = places[(places > start) & (places < last)]
     return np.concatenate([[start], kept, [last]])
-
-
-def outlines(curves: Sequence[FloatArray]) -> FloatArray:
-    """Join several curves to one with gaps (NaN) between them, and simplify them."""
-    kept = simplify(curves)
-    gap = np.full((1, curves[0].shape[1]), np.nan)
-    return np.concatenate([y for x, few in zip(curves, kept, strict=True) for y in (x[few], gap)])
 
 
 def simplify(

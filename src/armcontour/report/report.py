@@ -43,7 +43,9 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
     if certificate is None:
         return _page(study.job, sections.front(study), found, source=source)
     front = sections.certified(study, certificate)
-    return _page(study.job, front, [sections.certificate(certificate), *found], source=source)
+    # Its contours are in the table of the certificate.
+    others = [x for x in found if x.key != "contours"]
+    return _page(study.job, front, [sections.certificate(certificate), *others], source=source)
 
 
 def render_demo(studies: Sequence[Study]) -> str:

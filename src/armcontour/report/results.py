@@ -70,12 +70,6 @@ def draw_result(result: Result, kind: str) -> Any:
     return figure.update_layout(template="plotly_white", margin={"t": 60}, width=None)
 
 
-def _draw_joints(study: Study) -> Figure:
-    name, result = next(iter(study.runs.items()))
-    drawn: Figure = draw_joints(name, result)
-    return drawn
-
-
 def _draw_error(study: Study) -> Figure:
     if not study.simulated:
         raise InvalidInput("A plan has no contour error: execute and evaluate it first.")
@@ -85,7 +79,7 @@ def _draw_error(study: Study) -> Figure:
 
 KINDS: dict[str, Callable[[Study], Figure]] = {
     "path": draw_path,
-    "joints": _draw_joints,
+    "joints": lambda study: draw_joints(*next(iter(study.runs.items()))),
     "speed": lambda study: draw_over_time(study, speed),
     "error": _draw_error,
 }

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from armcontour.core import result
 from armcontour.core.render import cells, compare, figure
-from armcontour.core.result import TABLE, Data
+from armcontour.core.result import TABLE, Data, Row
 from armcontour.report.drawing import Drawing
 
 # Longer values are sentences [characters].
 LONGEST = 40
-# Widest table that takes half of the page [characters], and longest one in one column.
-NARROW, MOST_ROWS = 88, 10
+# Widest tables that take a third and half of the page [characters], and longest in one column.
+NARROWEST, NARROW, MOST_ROWS = 58, 88, 10
 # States of a verdict, as the palette has them.
 STATES = {True: "kept", False: "not kept", None: ""}
 
@@ -31,19 +31,17 @@ class Table:
     def span(self) -> int:
         """Its width in a section, in sixths."""
         columns = [x for x in zip(self.header, *self.rows, strict=True) if x[0]]
-        return 3 if sum(max(map(len, x)) + 3 for x in columns) <= NARROW else 6
+        # Headers are wrapped.
+        width = sum(max(map(len, (*x[0].split(), *x[1:]))) + 3 for x in columns)
+        return 2 if width <= NARROWEST and all(self.header) else 3 if width <= NARROW else 6
 
     @property
     def halves(self) -> tuple[Table, ...]:
         """A long table as two that are side by side."""
-        n = len(self.rows)
-        if n <= MOST_ROWS:
+        if len(self.rows) <= MOST_ROWS:
             return (self,)
-        half = -(-n // 2)
-        return tuple(
-            Table(header=self.header, rows=x, caption=self.caption)
-            for x in (self.rows[:half], self.rows[half:])
-        )
+        half = -(-len(self.rows) // 2)
+        return tuple(replace(self, rows=x) for x in (self.rows[:half], self.rows[half:]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,16 +119,9 @@ class Chapter:
     title: str = ""
 
 
-def tiles(data: Data, *names: str) -> tuple[Tile, ...]:
-    """Figures in large print, of those that are known.
-
-    Args:
-        data: The result.
-        names: The names of the figures.
-    """
-    rows = {x.name: x for x in data.shown()}
-    found = [rows[name] for name in names if name in rows]
-    return tuple(Tile(label=x.label, value=figure(x), note=x.note) for x in found)
+def tiles(rows: Iterable[Row]) -> tuple[Tile, ...]:
+    """Figures in large print."""
+    return tuple(Tile(label=x.label, value=figure(x), note=x.note) for x in rows)
 
 
 def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str = "") -> Table:

@@ -151,28 +151,3 @@ def switching_labels(figure: Any, times: FloatArray) -> None:
         labels.append({"x": float(t), "y": 1, **label, **at})
     figure.add_shapes(shapes)
     figure.add_annotations(labels)
-
-
-def shaded(spans: Iterable[tuple[float, float]], axis: int) -> list[dict[str, Any]]:
-    """Shades of intervals of time in which a joint is saturated, in one of several plots.
-
-    Args:
-        spans: The intervals [s].
-        axis: Number of the plot, from 1.
-    """
-    number = "" if axis == 1 else str(axis)
-    return [
-        {
-            "type": "rect",
-            "x0": start,
-            "x1": end,
-            "y0": 0.0,
-            "y1": 1.0,
-            "xref": f"x{number}",
-            "yref": f"y{number} domain",
-            "fillcolor": SATURATION_COLOUR,
-            "line": {"width": 0},
-            "layer": "below",
-        }
-        for start, end in spans
-    ]

@@ -1,34 +1,30 @@
 """Sections of the report: each function makes data for the template from a study."""
 
-from armcontour.report.sections.batch import batch, counted
-from armcontour.report.sections.certificate import certificate, certified
-from armcontour.report.sections.clearance import clearance
-from armcontour.report.sections.contours import contours
-from armcontour.report.sections.front import all_figures, front, notes
-from armcontour.report.sections.joints import joints
-from armcontour.report.sections.learning import learned, learning
-from armcontour.report.sections.motion import over_time, time_stamps
-from armcontour.report.sections.path import paths
-from armcontour.report.sections.placement import placed, placement
-from armcontour.report.sections.shaping import shaping
-
-__all__ = [
-    "all_figures",
-    "batch",
-    "certificate",
-    "certified",
-    "clearance",
-    "contours",
-    "counted",
-    "front",
-    "joints",
-    "learned",
-    "learning",
-    "notes",
-    "over_time",
-    "paths",
-    "placed",
-    "placement",
-    "shaping",
-    "time_stamps",
-]
+from armcontour.report.sections.batch import batch as batch
+from armcontour.report.sections.batch import counted as counted
+from armcontour.report.sections.certificate import (
+    certificate as certificate,
+)
+from armcontour.report.sections.certificate import (
+    certified as certified,
+)
+from armcontour.report.sections.clearance import clearance as clearance
+from armcontour.report.sections.contours import contours as contours
+from armcontour.report.sections.front import (
+    all_figures as all_figures,
+)
+from armcontour.report.sections.front import (
+    front as front,
+)
+from armcontour.report.sections.front import (
+    notes as notes,
+)
+from armcontour.report.sections.joints import joints as joints
+from armcontour.report.sections.learning import learned as learned
+from armcontour.report.sections.learning import learning as learning
+from armcontour.report.sections.motion import over_time as over_time
+from armcontour.report.sections.motion import time_stamps as time_stamps
+from armcontour.report.sections.path import paths as paths
+from armcontour.report.sections.placement import placed as placed
+from armcontour.report.sections.placement import placement as placement
+from armcontour.report.sections.shaping import shaping as shaping

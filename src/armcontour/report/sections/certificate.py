@@ -11,7 +11,7 @@ from armcontour.core import result as core
 from armcontour.core.render import figure
 from armcontour.report.drawing import draw_plan
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.section import Front, Section, Table, side_by_side, table_of, tiles
+from armcontour.report.section import Front, Section, side_by_side, table_of, tiles
 from armcontour.report.sections.contours import MOST_ROWS
 from armcontour.report.style import RUN_COLOURS, finish, line, thin
 
@@ -32,9 +32,9 @@ def certified(study: Study, found: Certificate) -> Front:
     ]  # fmt: skip
     words = "Certified" if kept.value else "Not certified"
     return Front(
-        verdict=f"{words}: at most {figure(off)} {off.label} ({off.note}); {kept.note}.",
+        verdict=f"{words}: {figure(off)} {off.label}; {kept.note}.",
         good=kept.value,
-        tiles=tiles(data, "duration", "off_drawing", "budget.left"),
+        tiles=tiles(rows[x] for x in ("duration", "off_drawing", "budget.left")),
         drawing=draw_plan(next(iter(study.runs.values())), study.job),
         sentences=tuple(sentences),
     )
@@ -43,44 +43,34 @@ def certified(study: Study, found: Certificate) -> Front:
 def certificate(found: Certificate) -> Section:
     """The certificate, what it costs, and its derating."""
     data, several = found.to_data(), _several(found)
+    contours = sorted(found.contours, key=lambda x: x.budget.left)
+    worst = [x.to_data() for x in contours[:MOST_ROWS]]
     return Section(
         key="certificate",
         title="Certificate",
         summary="parts of the error, derating, and the plan without a certificate",
-        text=f"{TEXT} {found.model}." + (OF_PROGRAMS if several else ""),
+        text=OF_PROGRAMS if several else "",
         parts=(
             _parts(found),
             _derating(found),
-            *([_contours(found)] if several else []),
-            side_by_side({found.run.name: data}, caption="Figures"),
             side_by_side(found.comparison, caption="Compared"),
+            *(
+                [table_of(core.Table.of("contours", worst), "Contours, the least left first")]
+                if several
+                else []
+            ),
+            side_by_side({found.run.name: data}, caption="Figures"),
         ),
         notes=(*data.notes, *data.warnings),
     )
-
-
-def _contours(found: Certificate) -> Table:
-    """The contours in order; of many those with the least left."""
-    contours, caption = found.contours, "Contours in order"
-    if len(contours) > MOST_ROWS:
-        caption = (
-            f"The {MOST_ROWS} of {len(contours)} contours with the least left; all are in "
-            "summary.json"
-        )
-        contours = tuple(sorted(contours, key=lambda x: x.budget.left)[:MOST_ROWS])
-    return table_of(core.Table.of("contours", [x.to_data() for x in contours]), caption)
 
 
 # Height of the figures [px].
 HEIGHT = 240
 # Smallest range of the axis of derated limits [%].
 LEAST_RANGE = 1.0
-TEXT = (
-    "The fastest plan found whose execution keeps the tolerance. It does not cover collisions, "
-    "flexibility, or any model but this one:"
-)
 OF_PROGRAMS = (
-    " Every contour is certified while the process is on, in the execution of the whole program; "
+    "Every contour is certified while the process is on, in the execution of the whole program; "
     "rapids only keep the limits of the joints."
 )
 
@@ -135,4 +125,4 @@ def _derating(found: Certificate) -> Any:
     if least > 100 - LEAST_RANGE:
         # Rounding errors must not fill the height of the figure.
         figure.update_yaxes(range=[100 - LEAST_RANGE, 100 + LEAST_RANGE / 10])
-    return finish(figure, title="Derating of limits", height=HEIGHT, span=4)
+    return finish(figure, title="Derating of limits", height=HEIGHT, span=2)

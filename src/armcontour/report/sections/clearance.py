@@ -60,14 +60,7 @@ def clearance(study: Study) -> Section | None:
         text="The clearance is proven: at no time bodies are nearer. Distances at single times are "
         "computed; dashed lines are margins.",
         choices=tuple((name, tuple(_parts(study.job, x))) for name, x in runs.items()),
-        notes=tuple(
-            x
-            for x in (
-                *(_note(name, x) for name, x in runs.items()),
-                f"Pairs that are not looked at: {left}." if reasons else None,
-            )
-            if x is not None
-        ),
+        notes=(f"Pairs that are not looked at: {left}.",) if reasons else (),
     )
 
 
@@ -82,13 +75,6 @@ def _parts(job: Job, result: RunResult) -> Iterator[Any]:
         if found is not None:
             pairs = next(x for x in found.to_data().tables if x.name == "pairs")
             yield table_of(replace(pairs, rows=pairs.rows[:MOST_ROWS]), f"Nearest pairs, {how}")
-
-
-def _note(name: str, result: RunResult) -> str:
-    """How near a run comes to anything, as a sentence."""
-    found = result.clearance
-    assert found is not None
-    return result.clearance_note or f"Run {name}: {found.sentence}"
 
 
 def _nearest(job: Job, found: Clearance) -> PairClearance | None:

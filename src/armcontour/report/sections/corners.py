@@ -17,7 +17,6 @@ from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.jobs import Study
 from armcontour.motion import Execution
-from armcontour.program import Program
 from armcontour.report.figure import make_subplots
 from armcontour.report.style import (
     EXPERIMENT_DASH,
@@ -136,14 +135,12 @@ class Tool(NamedTuple):
         name: Name in the legend.
         done: The execution.
         evaluation: Its errors; None without.
-        path: The program that it follows.
         look: Colour and other options of the line.
     """
 
     name: str
     done: Execution
     evaluation: Evaluation | None
-    path: Program
     look: dict[str, Any]
 
 
@@ -153,11 +150,11 @@ def tools_of(study: Study) -> list[Tool]:
     found = []
     for name, result in study.runs.items():
         look: dict[str, Any] = {"colour": colours[name], "width": widths[name]}
-        found.append(Tool(name, result.motion, result.evaluation, result.path, look))
+        found.append(Tool(name, result.motion, result.evaluation, look))
         if (x := result.experiment) is not None:
             look = {"colour": colours[name], "dash": EXPERIMENT_DASH, "width": 1.5}
             label = f"{name}, experiment"
-            found.append(Tool(label, x.execution, x.evaluation, result.path, look))
+            found.append(Tool(label, x.execution, x.evaluation, look))
     return found
 
 
@@ -166,7 +163,7 @@ def _replaced_paths(study: Study) -> dict[str, Replaced]:
     which, found = _shown(study), dict[str, Replaced]()
     for name, result in study.runs.items():
         path = result.path.contours[which].path
-        if isinstance(path, Replaced) and not any(_alike(path, x) for x in found.values()):
+        if isinstance(path, Replaced) and not any(alike(path, x) for x in found.values()):
             found[name] = path
     kinds = {name: _kind(x) for name, x in found.items()}
     alone = [kind for kind, count in Counter(kinds.values()).items() if count == 1]
@@ -190,7 +187,7 @@ def _shown(study: Study) -> int:
     return 0
 
 
-def _alike(first: Path, second: Path) -> bool:
+def alike(first: Path, second: Path) -> bool:
     """Whether two paths have the same vertices."""
     return np.array_equal(first.breaks, second.breaks) and np.array_equal(
         first.vertices, second.vertices

@@ -5,19 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from armcontour._text import capitalise, list_some
-from armcontour.core.render import figure, number
-from armcontour.core.result import Data
+from armcontour.core.render import figure
+from armcontour.core.result import Data, Row
 from armcontour.jobs import RunResult, Study, warnings_of
 from armcontour.jobs.quantities import assumed_numbers
 from armcontour.report.drawing import draw_plan
 from armcontour.report.section import Front, Section, Table, side_by_side, tiles
 from armcontour.report.style import few
 
-# Figures in large print; those of a plan that was not simulated lack the second.
-TILES = ("duration", "off_drawing", "time_limit")
+# Figures in large print, of which the first three that are known are shown.
+TILES = ("duration", "off_drawing", "time_limit", "speed")
 # Columns of the table of several runs, and figures in them.
-COLUMNS = {"motion": "duration", "off the drawing": "off_drawing", "limits the time": "time_limit"}
-WORDS = {True: "kept", False: "NOT KEPT", None: "not judged"}
+COLUMNS = {
+    "verdict": "kept",
+    "motion": "duration",
+    "off the drawing": "off_drawing",
+    "limits the time": "time_limit",
+}
 ON_BODIES = "experiment."
 
 
@@ -29,11 +33,17 @@ def front(study: Study) -> Front:
     return Front(
         verdict=(f"Run {name}: " if several else "") + _verdict(study, data),
         good=data["kept"].value,
-        tiles=() if several else tiles(data, *TILES, "speed")[:3],
+        tiles=() if several else tiles(_large(data)),
         tables=(_compared(study),) if several else (),
         drawing=draw_plan(result, study.job),
         sentences=tuple(_sentences(study, result)),
     )
+
+
+def _large(data: Data) -> list[Row]:
+    """The figures in large print."""
+    rows = {x.name.removeprefix(ON_BODIES): x for x in data.shown()}
+    return [rows[x] for x in TILES if x in rows][:3]
 
 
 def _shown(study: Study) -> str:
@@ -48,12 +58,12 @@ def _verdict(study: Study, data: Data) -> str:
     """Whether the run is as near to the drawing as it may be."""
     if not study.simulated:
         return "Plan only: no servo was simulated, so that there are no errors."
-    kept, rows = data["kept"], {x.name: x for x in data.shown()}
-    off = rows["off_drawing"]
+    rows = {x.name: x for x in data.shown()}
+    off, kept = rows["off_drawing"], rows.get("kept")
     words = f"{figure(off)} {off.label}"
-    if kept.value is None:
-        return f"{capitalise(words)}: the job states no accuracy and no corner tolerance."
-    return f"{'Kept' if kept.value else 'Not kept'}: {words} ({kept.note})."
+    if kept is None:
+        return f"{words}: the job states no accuracy and no corner tolerance."
+    return f"{capitalise(figure(kept))}: {words}; {kept.note}."
 
 
 def _compared(study: Study) -> Table:
@@ -61,22 +71,23 @@ def _compared(study: Study) -> Table:
     rows = []
     for name, data in study.figures.items():
         found = {x.name.removeprefix(ON_BODIES): figure(x) for x in data.shown()}
-        cells = (found.get(x, "-") for x in COLUMNS.values())
-        rows.append((name, WORDS[data["kept"].value], *cells))
-    return Table(header=("run", "verdict", *COLUMNS), rows=tuple(rows))
+        rows.append((name, *(found.get(x, "-") for x in COLUMNS.values())))
+    return Table(header=("run", *COLUMNS), rows=tuple(rows))
 
 
 def _sentences(study: Study, result: RunResult) -> Iterator[tuple[str, str]]:
-    """Why the motion takes so long, and what is assumed."""
+    """Why the motion takes so long, what to change, and what is assumed."""
     why = result.explanation
-    if why is not None and why.longest is not None:
-        slowest = min(why.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
-        text = "" if slowest is None else f" Slowest place: {slowest.sentence}."
-        limit, share = why.longest
-        yield (
-            "Why it takes this long",
-            f"{capitalise(limit)} restricts the speed for {number(share, '1')} of the time.{text}",
-        )
+    slowest = [] if why is None else sorted(why.shortfalls, key=lambda x: x.speed / x.assigned)
+    if slowest:
+        yield "Why it takes this long", f"Slowest place: {slowest[0].sentence}."
+    if result.advice is not None:
+        label = "What to change"
+        for x in result.advice.improvements:
+            yield label, f"{x.label}: {x.effect}" + f", if {x.condition}" * bool(x.condition)
+            label = ""
+        if result.advice.note:
+            yield label, result.advice.note
     found = warnings_of([result])
     if found:
         more = f" {len(found) - 1} more under Warnings and notes." if len(found) > 1 else ""

@@ -21,9 +21,9 @@ from armcontour.report.style import (
     EXPERIMENT_COLOUR,
     LIMIT_COLOUR,
     PLANNED_COLOUR,
+    SATURATION_COLOUR,
     finish,
     line,
-    shaded,
     thin,
 )
 
@@ -73,7 +73,6 @@ def draw_joints(name: str, result: RunResult) -> Any:
         vertical_spacing=0.15 / n,
     )
     bounds = _bounds(result, n)
-    shapes: list[dict[str, Any]] = []
     for order in range(3):
         curves = _curves(result, order)
         for j in range(n):
@@ -95,20 +94,18 @@ def draw_joints(name: str, result: RunResult) -> Any:
             low, high = (float(x[j]) for x in bounds[order])
             seen = _range([(k, v[:, j]) for k, (_, v, _) in curves.items()], low, high, order)
             figure.update_yaxes(range=seen, nticks=4, **place)
-            shapes += _limits(j * 3 + order + 1, (low, high), seen)
-        if order == 2 and (x := result.execution) is not None:
-            shapes += [
-                y
-                for j in range(n)
-                for y in shaded(find_saturation(x.t, x.demand[:, j], x.ddq[:, j]), j * 3 + 3)
-            ]
+            for value in (low, high):
+                if seen[0] < value < seen[1]:
+                    figure.add_hline(value, {"color": LIMIT_COLOUR, "width": 1}, **place)
     for j in range(n):
+        x = result.motion
+        for span in find_saturation(x.t, x.demand[:, j], x.ddq[:, j]):
+            figure.add_vspan(span, SATURATION_COLOUR, row=j + 1, col=3)
         # Names are in the table: they are longer than a plot is high.
         title = {"text": f"joint {j + 1}", "font": {"size": 11}}
         figure.update_yaxes(title=title, row=j + 1, col=1)
     for column in range(3):
         figure.update_xaxes(title="time [s]", row=n, col=column + 1)
-    figure.add_shapes(shapes)
     finish(figure, title=f"Run {name}: joints", height=HEIGHT * n + 150)
     figure.update_layout(
         margin={"t": 50, "b": 90}, legend={"traceorder": "reversed"}, showlegend=True
@@ -173,25 +170,6 @@ def _range(
     if order > 0 and np.isfinite(high) and size > WORTH_SHOWING * min(high, -low):
         bottom, top = min(bottom, 1.15 * low), max(top, 1.15 * high)
     return [bottom, top]
-
-
-def _limits(axis: int, ends: tuple[float, float], seen: list[float]) -> list[dict[str, Any]]:
-    """Limits as lines across one small figure, if they lie in it."""
-    number = "" if axis == 1 else str(axis)
-    return [
-        {
-            "type": "line",
-            "xref": f"x{number} domain",
-            "yref": f"y{number}",
-            "x0": 0,
-            "x1": 1,
-            "y0": value,
-            "y1": value,
-            "line": {"color": LIMIT_COLOUR, "width": 1},
-        }
-        for value in ends
-        if seen[0] < value < seen[1]
-    ]
 
 
 def find_saturation(t: Any, demand: Any, given: Any) -> list[tuple[float, float]]:

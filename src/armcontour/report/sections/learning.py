@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour.core.render import figure, number
+from armcontour.core.render import number
 from armcontour.core.result import FIRST
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.section import Front, Section, Tile, table_of
+from armcontour.report.section import Front, Section, table_of, tiles
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
@@ -17,6 +18,7 @@ from armcontour.report.style import (
     PATH_COLOUR,
     PLANNED_COLOUR,
     RUN_COLOURS,
+    WHOLE,
     finish,
     line,
     thin,
@@ -42,9 +44,7 @@ def learned(study: LearningStudy) -> Front:
     data = study.result
     return Front(
         verdict=study.notes[0],
-        tiles=tuple(
-            Tile(label=x.label, value=figure(x), note=x.note) for x in data.shown(FIRST)[1:4]
-        ),
+        tiles=tiles(data.shown(FIRST)[1:4]),
         parts=(_over_runs(study),),
         sentences=(("What the error is", _introduction(study)),),
     )
@@ -75,73 +75,58 @@ def _introduction(study: LearningStudy) -> str:
 def _over_runs(study: LearningStudy) -> Any:
     """Figure of RMS and largest error over runs, with predictions and noise."""
     lesson, count = study.lesson, len(study.lesson.runs)
-    errors = np.array([study.errors(k) for k in range(count)]) * 1e3
-    numbers = np.arange(1, count + 1)
-    drawn = Figure()
-    for column, name, colour, symbol in (
-        (1, "largest", PLANNED_COLOUR, "diamond"),
-        (0, "RMS", EXECUTED_COLOUR, "circle"),
-    ):
-        drawn.add_trace(
-            make_trace(
-                "scatter",
-                x=numbers,
-                y=np.maximum(errors[:, column], SMALLEST_ERROR),
-                name=name,
-                mode="lines+markers",
-                line={"color": colour, "width": 2},
-                marker={"color": colour, "symbol": symbol, "size": 9},
-            )
-        )
-    drawn.add_trace(_predictions(study))
-    last = count if lesson.finished else count + 1
+    errors = np.array([study.errors(k) for k in range(count)])
+    numbers = range(1, count + 1)
+    found = [
+        (k, x.predicted)
+        for k, x in zip(numbers, lesson.runs, strict=True)
+        if x.predicted is not None
+    ]
+    if not lesson.finished:
+        found.append((count + 1, lesson.predicted))
+    at, predicted = zip(*found, strict=True) if found else ((), ())
+    name, last = "RMS that was predicted", count if lesson.finished else count + 1
+    drawn = Figure(
+        _marked(numbers, errors[:, 1], "largest", PLANNED_COLOUR, "diamond"),
+        _marked(numbers, errors[:, 0], "RMS", EXECUTED_COLOUR, "circle"),
+        _marked(at, predicted, name, LIMIT_COLOUR, "circle-open", mode="markers"),
+    )
     if lesson.noise > 0:
         level = np.full(2, max(lesson.noise * 1e3, SMALLEST_ERROR))
         drawn.add_trace(line([1, last], level, "does not repeat", PATH_COLOUR, dash="dash"))
-    drawn.update_xaxes(title="run", dtick=max(1, last // 12), range=[0.7, last + 0.3])
-    drawn.update_yaxes(title="error of the tool [mm]", type="log")
-    return finish(drawn, title="Error of the tool from run to run", height=HEIGHT)
-
-
-def _predictions(study: LearningStudy) -> Any:
-    """Markers of predicted RMS errors."""
-    lesson = study.lesson
-    found = [
-        (k, x.predicted) for k, x in enumerate(lesson.runs, start=1) if x.predicted is not None
-    ]
-    if not lesson.finished:
-        found.append((len(lesson.runs) + 1, lesson.predicted))
-    return make_trace(
-        "scatter",
-        x=[number for number, _ in found],
-        y=np.maximum(1e3 * np.array([x for _, x in found]), SMALLEST_ERROR),
-        name="RMS that was predicted",
-        mode="markers",
-        marker={"color": LIMIT_COLOUR, "symbol": "circle-open", "size": 13},
-    )
+    return _over_numbers(drawn, last, "error of the tool [mm]", "Error of the tool from run to run")
 
 
 def _of_joints(study: LearningStudy) -> Any:
     """Figure of the RMS error of every joint over runs."""
-    runs = study.lesson.runs
-    numbers = np.arange(1, len(runs) + 1)
-    drawn = Figure()
+    runs, drawn = study.lesson.runs, Figure()
     for j, name in enumerate(study.job.arm.joint_names):
-        colour = RUN_COLOURS[j % len(RUN_COLOURS)]
-        drawn.add_trace(
-            make_trace(
-                "scatter",
-                x=numbers,
-                y=np.maximum([1e3 * x.joint_rms[j] for x in runs], SMALLEST_ERROR),
-                name=name,
-                mode="lines+markers",
-                line={"color": colour, "width": 1.5},
-                marker={"color": colour, "symbol": MARKS[j % len(MARKS)], "size": 8},
-            )
-        )
-    drawn.update_xaxes(title="run", dtick=max(1, len(runs) // 12), range=[0.7, len(runs) + 0.3])
-    drawn.update_yaxes(title="RMS error [mrad]", type="log")
-    return finish(drawn, title="The joints' parts", height=HEIGHT, span=3)
+        colour, mark = RUN_COLOURS[j % len(RUN_COLOURS)], MARKS[j % len(MARKS)]
+        values = [x.joint_rms[j] for x in runs]
+        drawn.add_trace(_marked(range(1, len(runs) + 1), values, name, colour, mark))
+    return _over_numbers(drawn, len(runs), "RMS error [mrad]", "The joints' parts", 3)
+
+
+def _marked(
+    x: Sequence[int], y: Any, name: str, colour: str, symbol: str, mode: str = "lines+markers"
+) -> Any:
+    """Errors over numbers of runs, in thousandths."""
+    return make_trace(
+        "scatter",
+        x=list(x),
+        y=np.maximum(1e3 * np.asarray(y), SMALLEST_ERROR),
+        name=name,
+        mode=mode,
+        line={"color": colour, "width": 2},
+        marker={"color": colour, "symbol": symbol, "size": 9},
+    )
+
+
+def _over_numbers(drawn: Figure, last: int, unit: str, title: str, span: int = WHOLE) -> Any:
+    """The layout of a figure over numbers of runs."""
+    drawn.update_xaxes(title="run", dtick=max(1, last // 12), range=[0.7, last + 0.3])
+    drawn.update_yaxes(title=unit, type="log")
+    return finish(drawn, title=title, height=HEIGHT, span=span)
 
 
 def _over_time(study: LearningStudy) -> Any:

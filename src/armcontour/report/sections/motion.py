@@ -16,13 +16,13 @@ from armcontour.core.render import number
 from armcontour.core.result import Row
 from armcontour.jobs import RunResult, Study
 from armcontour.jobs.results import unknown_notes
+from armcontour.jobs.verdict import allowed_error
 from armcontour.report.drawing import kind_of, word_of
 from armcontour.report.figure import make_subplots, make_trace
 from armcontour.report.section import Section, Table, table_of
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     LIMIT_COLOUR,
-    few,
     finish,
     line,
     run_colours,
@@ -40,11 +40,12 @@ SQUEEZED = 0.5
 MOST_BARS = 1200
 # Times at which assigned velocities are drawn.
 PLACES = 4000
+# Largest number of listed places below the assigned velocity per plan.
+MOST_PLACES = 50
 # Heights of plots, of the bars of a plan, and of everything else in a figure [px].
-HEIGHT, BARS, AROUND = 160, 28, 125
+HEIGHT, BARS, AROUND = 150, 28, 125
 # Times of a part of a plan [s], the kind of the limit there, and its name.
 Bar = tuple[float, float, str, str]
-GAP = np.array([np.nan])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,20 +74,24 @@ def over_time(study: Study) -> Section:
     if any(x.experiment is not None for x in study.runs.values()):
         text += "Dotted curves are experiments on the arm's rigid bodies. "
         notes = unknown_notes(study)
-    places = [
-        f"{name + ': ' if len(study.runs) > 1 else ''}{y.sentence} ({y.kind})."
-        for name, x in _plans(study).items()
-        if x.explanation is not None
-        for y in sorted(x.explanation.shortfalls, key=lambda z: z.speed / z.assigned)
-    ]
+    tables, places = [], []
+    for name, result in _plans(study).items():
+        why, run = result.explanation, f"{name}: " if len(study.runs) > 1 else ""
+        assert why is not None
+        tables.append(table_of(why.time_table, f"{run}what takes the time"))
+        worst = sorted(why.shortfalls, key=lambda x: x.speed / x.assigned)[:MOST_PLACES]
+        places += [(f"{run}{x.sentence} ({x.kind})",) for x in worst]
+    if places:
+        header = (f"{len(places)} slowest places below the assigned velocity",)
+        tables.append(Table(header=header, rows=tuple(places)))
     return Section(
         key="time",
         title="Over time",
         summary="tool speed, the limit that restricts it"
         + (", contour error" if study.simulated else ""),
         text=text,
-        parts=(draw_over_time(study, speed, limits, error),),
-        notes=(*few(places, "places below the assigned velocity"), *notes),
+        parts=(draw_over_time(study, speed, limits, error), *tables),
+        notes=notes,
     )
 
 
@@ -207,8 +212,9 @@ def error(study: Study) -> Panel | None:
             t, values = thin(e.t, e.values * 1e3)
             values = np.maximum(values, SMALLEST_ERROR)
             traces.append(line(t, values, label, colours[name], **look))
-        if result.accuracy is not None and result.evaluation is not None:
-            allowed.add((result.accuracy, result.trajectory.duration))
+        most = allowed_error(result)
+        if most is not None and result.evaluation is not None:
+            allowed.add((most, result.trajectory.duration))
     for value, end in allowed:
         name, dashed = f"allowed {number(value, 'm')}", {"dash": "dash", "width": 1}
         traces.append(line([0, end], [1e3 * value] * 2, name, LIMIT_COLOUR, **dashed))
@@ -236,53 +242,42 @@ def _is_squeezed(study: Study) -> bool:
 
 
 def _largest_on_contours(study: Study) -> float:
-    """The largest executed tool speed along contours [m/s]."""
-    largest = 0.0
-    for result in study.runs.values():
-        x = result.motion
-        on = np.zeros(len(x.t), dtype=bool)
-        for span in result.trajectory.spans:
-            if span.kind == "contour":
-                on |= (x.t >= span.t[0]) & (x.t <= span.t[1])
-        if not result.trajectory.spans:
-            on[:] = True
-        largest = max(largest, float(x.tool_speed[on].max()))
-    return largest
+    """The largest planned tool speed along contours [m/s]; infinite without paths."""
+    motions = [y.trajectory for x in study.runs.values() for y in x.trajectory.contour_spans]
+    speeds = [x.s(x.breaks, 1).max() for x in motions if x is not None and x.path is not None]
+    return float(max(speeds, default=np.inf))
 
 
 def _assigned(study: Study) -> Iterator[Any]:
     """Curves of assigned velocities over time; runs with the same constant velocity share one."""
     steps: dict[str, tuple[FloatArray, FloatArray]] = {}
     for name, result in study.runs.items():
-        assigned = _assigned_speeds(result)
-        if assigned is None:
+        t, value = _assigned_speeds(result)
+        known = value[np.isfinite(value)]
+        if not len(known):
             continue
         label = f"assigned velocity, {name}" if len(study.runs) > 1 else "assigned velocity"
-        # After the last contour there is a gap.
-        t, value = assigned[0][:-1], assigned[1][:-1] * 1e3
-        if np.ptp(value[np.isfinite(value)]) == 0:
-            label = f"assigned velocity {number(assigned[1][0], 'm/s')}"
-        if label not in steps or t[-1] > steps[label][0][-1]:
-            steps[label] = t, value
+        if np.ptp(known) == 0:
+            label = f"assigned velocity {number(known[0], 'm/s')}"
+        if label not in steps or t[-2] > steps[label][0][-2]:
+            steps[label] = t, value * 1e3
     for label, both in steps.items():
         t, value = thin(*both)
         yield line(t, value, label, LIMIT_COLOUR, dash="dash", width=1)
 
 
-def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray] | None:
-    """Times and assigned velocities, with gaps (NaN); None if no velocity is assigned."""
+def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
+    """Times and assigned velocities, NaN after each contour and where none is assigned."""
     most = np.inf if result.run.limits.speed is None else result.run.limits.speed
-    found, count = [], len(result.path.contours)
+    parts, count = [np.empty((0, 2))], len(result.path.contours)
     for x, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
         if span.trajectory is not None:
             times = np.linspace(*span.t, 2 + PLACES // count)
             s = span.trajectory.s(times - span.t[0])
             value = np.fmin(x.path.speeds[x.path.locate(s)], most)
-            found.append((times, np.where(np.isfinite(value), value, np.nan)))
-    if not any(np.isfinite(x[1]).any() for x in found):
-        return None
-    t, values = (np.concatenate([y for x in found for y in (x[i], GAP)]) for i in (0, 1))
-    return t, values
+            parts += [np.column_stack([times, value]), np.full((1, 2), np.nan)]
+    t, values = np.concatenate(parts).T
+    return t, np.where(np.isfinite(values), values, np.nan)
 
 
 def marked_run(study: Study) -> RunResult | None:

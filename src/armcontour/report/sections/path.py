@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.geometry import Path
 from armcontour.jobs import RunResult, Study
 from armcontour.motion import Execution
-from armcontour.program import Program
 from armcontour.report.figure import Figure, Node, make_trace
 from armcontour.report.outline import outline_points, simplify
 from armcontour.report.section import Section
@@ -86,7 +84,7 @@ def executed_points(tool: Tool) -> FloatArray:
     x, points = tool.done, tool.done.tool
     peak = -1.0 if tool.evaluation is None else tool.evaluation.contour_error.t_max
     worst = int(np.searchsorted(x.t, peak))
-    spans = [(a, b) for _, a, b in executed_contours(x, tool.path)]
+    spans = executed_contours(x)
     parts = simplify([points[a:b] for a, b in spans], MOST_POINTS, even=EVEN)
     gap, found = np.full((1, points.shape[1]), np.nan), []
     for (a, b), few in zip(spans, parts, strict=True):
@@ -95,19 +93,19 @@ def executed_points(tool: Tool) -> FloatArray:
     return np.concatenate(found[:-1])
 
 
-def executed_contours(execution: Execution, program: Program) -> list[tuple[Path, int, int]]:
-    """The path of every contour, and the indices of its first and after its last executed sample.
+def executed_contours(execution: Execution) -> list[tuple[int, int]]:
+    """Indices of the first and after the last executed sample of every contour.
 
     Samples before and after the motion belong to the first and the last contour.
     """
     trajectory, last = execution.taught.trajectory, len(execution.t)
     found = []
-    for x, span in zip(program.contours, trajectory.contour_spans, strict=True):
+    for span in trajectory.contour_spans:
         start, end = np.searchsorted(execution.t, span.t).tolist()
         # At least two samples, also of a very short contour.
         start = 0 if span.t[0] <= 0 else min(start, last - 2)
         end = last if span.t[1] >= trajectory.duration else max(end + 1, start + 2)
-        found.append((x.path, start, end))
+        found.append((start, end))
     return found
 
 
@@ -147,16 +145,12 @@ def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
 
 
 def _along(result: RunResult) -> FloatArray:
-    """Joint positions at points along every contour, or along some of many contours, (n, dof)."""
-    spans, contours = result.trajectory.contour_spans, result.path.contours
+    """Joint positions along every contour, or along some of many contours, (n, dof)."""
+    spans = result.trajectory.contour_spans
     every = -(-len(spans) // STICKS)
     each = max(2, STICKS * every // len(spans))
-    found = []
-    for x, contour in zip(spans[::every], contours[::every], strict=True):
-        assert x.trajectory is not None
-        places = np.linspace(0, contour.path.length, each)
-        found.append(x.trajectory(x.trajectory.time_at(places)))
-    return np.concatenate(found)
+    times = [np.linspace(*x.t, each) for x in spans[::every]]
+    return result.trajectory(np.minimum(np.concatenate(times), result.trajectory.duration))
 
 
 def _separate(start: FloatArray, end: FloatArray) -> FloatArray:

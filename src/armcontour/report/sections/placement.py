@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.core.render import figure, scale
+from armcontour.core.render import scale
 from armcontour.core.result import VERDICT, Row
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.section import Front, Section, Table, Tile, side_by_side
+from armcontour.report.section import Front, Section, Table, side_by_side, tiles
 from armcontour.report.style import EXECUTED_COLOUR, PLANNED_COLOUR, finish
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def placed(found: Placement) -> Front:
     sentences += [("Weakest point", x) for x in found.notes[:1]]
     return Front(
         verdict=f"Best place of the {found.what}: {found.refined}",
-        tiles=tuple(Tile(label=x.label, value=figure(x), note=x.note) for x in rows),
+        tiles=tiles(rows),
         parts=maps[0][1] if maps else (),
         sentences=tuple(sentences),
     )
