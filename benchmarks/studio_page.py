@@ -11,6 +11,7 @@ import argparse
 import compileall
 import math
 import os
+import shutil
 import sys
 import tempfile
 import time
@@ -23,7 +24,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from tools.studio_page import SQUARE, Studio, browsing, serving, write_job
+from tools.studio_page import SQUARE, Studio, browsing, serving, write_job, write_shapes
 
 import armcontour
 from benchmarks.commands import gcode
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
 # How long each motion of the mouse lasts [s], and how often it moves [Hz].
 SECONDS, RATE = 5.0, 60.0
-LINES, SEGMENTS = 150_000, 10_000
+LINES, SEGMENTS, CONTOURS = 150_000, 10_000, 2_000
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,62 @@ def segments(browser: Browser, folder: FilePath) -> Iterator[Found]:
             yield Found(what, rate, 30.0, "frames/s", least=True, more=slowest)
 
 
+def corner(browser: Browser, folder: FilePath) -> Iterator[Found]:
+    """A corner of a motion of 54 s is dragged, while its exact figures are computed."""
+    strokes = 24
+    points = [[0.1 * ((k + 1) // 2 % 2), 4e-3 * (k // 2), 0.0] for k in range(2 * strokes)]
+    job = folder / "long.yaml"
+    head, _, rest = SQUARE.partition("  points:")
+    rest = rest.partition("\n")[2].replace("speed: 0.25", "speed: 0.05")
+    job.write_text(f"{head}  points: {points}\n{rest}")
+    with _studio(browser, job) as studio, _measuring(studio) as drawn:
+        studio.find("#view2d").hover()
+        _circle(studio, 8, 10.0, "corner")
+    yield from _latencies("drag a corner, 54 s", drawn, 150.0, math.inf, rate=None)
+
+
+def contours(browser: Browser, folder: FilePath) -> Iterator[Found]:
+    """A drawing of 2,000 contours is opened, edited, panned and zoomed."""
+    file = write_shapes(folder / "shapes.dxf", CONTOURS, 50, 8.0, 2.5)
+    with serving(file, "--cell", "ur5e", folder=folder) as server:
+        begin = time.perf_counter()
+        studio = Studio(browser, server)
+        studio.wait_for("#messages .work:not([hidden])")
+        yield Found("2,000 contours: progress", time.perf_counter() - begin, 1.0, "s")
+        studio.begin()
+        studio.wait_for("#view2d[data-tier='1']")
+        yield Found("its outline", time.perf_counter() - begin, None, "s")
+        studio.wait_for("#messages [data-does=cancel]:not([hidden])")
+        studio.find("#messages [data-does=cancel]").click()
+        studio.wait_for("#messages [data-does=resume]")
+        begin = time.perf_counter()
+        studio.find("#messages [data-does=resume]").click()
+        studio.wait_for("#messages [data-does=cancel]")
+        yield Found("progress of work that is resumed", time.perf_counter() - begin, 1.0, "s")
+        studio.wait_for("[data-figure=duration]:not([data-value=''])", timeout=6e5)
+        yield Found("its plan", time.perf_counter() - begin, None, "s")
+        for name, wheel in (("all of it", 0), ("closer", -900)):
+            studio.page.wait_for_timeout(3000)
+            yield from _panned(studio, f"pan, {name}", wheel)
+        studio.close()
+
+
+def _panned(studio: Studio, what: str, wheel: float) -> Iterator[Found]:
+    """Frames of the screen while the drawing is panned."""
+    x, y = studio.middle(studio.find("#view2d"))
+    mouse = studio.page.mouse
+    mouse.move(x, y)
+    mouse.wheel(0, wheel)
+    studio.page.wait_for_timeout(1500)
+    mouse.down()
+    frames = _frames(
+        studio, lambda t: mouse.move(x + 80 * math.sin(3 * t), y + 60 * math.cos(2 * t))
+    )
+    mouse.up()
+    more = f"p50 {_share(frames, 0.5):.0f}, max {max(frames):.0f}"
+    yield Found(f"{what}: frames, p95", _share(frames, 0.95), 50.0, "ms", more=more)
+
+
 def program(browser: Browser, folder: FilePath) -> Iterator[Found]:
     """G-code of 150,000 lines is opened."""
     job = write_job(folder / "job.yaml", "optimal")
@@ -144,8 +201,10 @@ def start(browser: Browser, folder: FilePath) -> Iterator[Found]:
     # As a package that was installed; a source tree may be kept from being compiled.
     compileall.compile_dir(FilePath(armcontour.__file__).parent, quiet=2)
     usable, planned, whole = [], [], []
+    paper = folder / "paper.yaml"
+    shutil.copy(FilePath(armcontour.__file__).parent / "jobs" / "library" / "paper.yaml", paper)
     for _ in range(4):
-        with serving(folder=folder) as server:
+        with serving(paper, folder=folder) as server:
             studio = Studio(browser, server)
             studio.wait("body", link="open")
             usable.append(time.perf_counter() - server.begin)
@@ -164,6 +223,8 @@ MEASURES: dict[str, Measure] = {
     "paper": paper,
     "square": square,
     "segments": segments,
+    "corner": corner,
+    "contours": contours,
     "program": program,
     "start": start,
 }
@@ -239,9 +300,9 @@ def _every_frame(act: Callable[[float], None]) -> None:
             return
 
 
-def _circle(studio: Studio, waypoint: int, radius: float) -> None:
-    """Drag a waypoint in a circle [px]."""
-    with studio.grabbing(studio.handle("waypoint", waypoint)) as (x, y):
+def _circle(studio: Studio, index: int, radius: float, kind: str = "waypoint") -> None:
+    """Drag a handle in a circle [px]."""
+    with studio.grabbing(studio.handle(kind, index)) as (x, y):
         mouse = studio.page.mouse
         _every_frame(
             lambda t: mouse.move(

@@ -62,7 +62,7 @@ OPTIONS = {
     "command_interval": (
         "command_interval|period",
         "(io|files)/(exports|stored_run)|cli/(exporting|options)|timing/options"
-        "|studio/preview_run|(control/)?(compensation|learning)"
+        "|studio/preview|(control/)?(compensation|learning)"
         "|certification|simulation|robustness|servo|robot|report|motion|jobs/study|studio/tasks",
     ),
     # `with_reserve` subtracts it.

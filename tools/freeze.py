@@ -4,6 +4,9 @@ Both trees run the same work on this machine with the same environment: all exam
 commands, drawings of the tests and drawings with random changes, and `check` on random
 trajectories. Recorded are exit codes, the class and data of errors, and all numbers and keys of
 results; sentences are not. Records of a commit are kept in `.armcontour/freeze`.
+
+`--renamed FILE` lists what was renamed since that commit, a line each: the old name, a tab, the new
+one. Keys, values, options and names of files are compared under the new names.
 """
 
 from __future__ import annotations
@@ -24,9 +27,10 @@ import signal
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import distributions
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -40,6 +44,7 @@ REFUSED = (2, 3, 4, 5, 6, 8)  # exit codes of errors; the others are answers
 RELATIVE, METRES = 1e-9, 1e-10  # largest differences: relative, and of contour errors [m]
 # Keys of JSON whose values depend on the machine or the day.
 UNSTABLE = re.compile(r"armcontour|version|elapsed|seconds|progress|files|source|made_from")
+NAME = re.compile(r"(?:--)?\w(?:[\w-]*\w)?")  # of keys, options, files and their parts
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
 # A result below `run` is an input of later commands of the same group.
 OVER = "--over 'x: -100 mm .. 100 mm, 3' --over 'yaw: 0 deg .. 90 deg, 2' --workers 0"
@@ -140,7 +145,23 @@ def _given(limits: Any) -> Iterator[tuple[str, Any]]:
             yield name, getattr(limits, name)
 
 
-def record(tree: Path, folder: Path, part: int) -> None:
+def renamed(value: Any, names: Mapping[str, str]) -> Any:
+    """A record, or a command line, with other names.
+
+    Args:
+        value: The record or the text.
+        names: New names by the old ones.
+    """
+    if isinstance(value, dict):
+        return {renamed(key, names): renamed(x, names) for key, x in value.items()}
+    if isinstance(value, list):
+        return [renamed(x, names) for x in value]
+    if isinstance(value, str):
+        return NAME.sub(lambda x: names.get(x[0], x[0]), value)
+    return value
+
+
+def record(tree: Path, folder: Path, part: int, names: Mapping[str, str]) -> None:
     """Run one part of the work with the package of this process, and write its record."""
     signal.signal = lambda *_: None  # type: ignore[assignment]
     warnings.simplefilter("ignore")
@@ -163,7 +184,8 @@ def record(tree: Path, folder: Path, part: int) -> None:
             found[name] = _run_example(item)
         else:
             for line in item:
-                found[f"{name}: {line}"] = _run_command(shlex.split(line.format(**places)))
+                arguments = shlex.split(renamed(line, names).format(**places))
+                found[f"{name}: {line}"] = _run_command(arguments)
         if place != folder:
             found[f"{name}: files"] = {
                 str(x.relative_to(place)): read(x) for x in sorted(place.rglob("*")) if x.is_file()
@@ -182,18 +204,19 @@ def _run_example(file: Path) -> dict[str, Any]:
 
 def _run_command(arguments: list[str]) -> dict[str, Any]:
     """Exit code, printed JSON, and the last error."""
-    from armcontour import errors
+    import armcontour
     from armcontour.cli import main
 
     raised: list[BaseException] = []
-    made = errors.ArmContourError.__init__
+    base = armcontour.ArmContourError
+    made = base.__init__  # type: ignore[misc]
 
     def keep(self: Any, *args: Any, **data: Any) -> None:
         made(self, *args, **data)
         raised[:] = [self]
 
     printed, sys.argv = io.StringIO(), ["armcontour", *arguments]
-    errors.ArmContourError.__init__ = keep  # type: ignore[method-assign]
+    base.__init__ = keep  # type: ignore[method-assign]
     code: Any = 0
     try:
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
@@ -201,7 +224,7 @@ def _run_command(arguments: list[str]) -> dict[str, Any]:
     except SystemExit as end:
         code = end.code or 0
     finally:
-        errors.ArmContourError.__init__ = made  # type: ignore[method-assign]
+        base.__init__ = made  # type: ignore[method-assign]
     found: dict[str, Any] = {"code": code}
     with contextlib.suppress(ValueError):
         found["printed"] = json.loads(printed.getvalue())
@@ -260,8 +283,10 @@ def _is_sentence(value: Any) -> bool:
     return isinstance(value, str) and " " in value
 
 
-def record_of(tree: Path, name: str, *, again: bool) -> dict[str, Any]:
-    """The record of a tree, from the store if it is there."""
+def record_of(
+    tree: Path, name: str, *, again: bool, names: Mapping[str, str] = MappingProxyType({})
+) -> dict[str, Any]:
+    """The record of a tree, from the store if it is there; names of its commands by new ones."""
     file = STORE / f"{name}.json"
     if file.exists() and not again:
         return json.loads(file.read_text())  # type: ignore[no-any-return]
@@ -275,7 +300,9 @@ def record_of(tree: Path, name: str, *, again: bool) -> dict[str, Any]:
     subprocess.check_call([sys.executable, "-m", "armcontour", "warm"], env=environment)
     command = [sys.executable, "-m", "tools.freeze", "--record", str(tree), str(folder)]
     running = [
-        subprocess.Popen([*command, str(part)], cwd=folder, env=environment)
+        subprocess.Popen(
+            [*command, str(part), json.dumps(dict(names))], cwd=folder, env=environment
+        )
         for part in range(PARTS)
     ]
     if any([process.wait() for process in running]):
@@ -316,11 +343,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.freeze", description=__doc__)
     parser.add_argument("--against", default="HEAD", help="the earlier commit (default: HEAD)")
     parser.add_argument("--again", action="store_true", help="record that commit again")
-    parser.add_argument("--record", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--record", nargs=4, help=argparse.SUPPRESS)
+    parser.add_argument("--renamed", type=Path, help="file of old and new names, with tabs between")
     given = parser.parse_args()
     if given.record:
-        tree, folder, part = given.record
-        record(Path(tree), Path(folder), int(part))
+        tree, folder, part, names = given.record
+        record(Path(tree), Path(folder), int(part), json.loads(names))
         return 0
 
     def git(*arguments: str) -> str:
@@ -332,7 +360,12 @@ def main() -> int:
     if not tree.exists():
         git("worktree", "add", "--detach", str(tree), commit)
     subprocess.check_call(["git", "checkout", "-q", "--detach", "-f", commit], cwd=tree)
-    old = record_of(tree, f"{commit[:12]}-{_environment()}", again=given.again)
+    rows = given.renamed.read_text("utf-8").splitlines() if given.renamed else []
+    names = dict(x.split("\t") for x in rows if x)
+    state = hashlib.sha256("\n".join(rows).encode()).hexdigest()[:6]
+    before = {new: old for old, new in names.items()}
+    name = f"{commit[:12]}-{_environment()}-{state}"
+    old = renamed(record_of(tree, name, again=given.again, names=before), names)
     new = record_of(ROOT, "now", again=True)
     found = list(differences(old, new))
     print(*found, sep="\n")

@@ -336,6 +336,26 @@ class Studio:
         return waiting.value.suggested_filename, FilePath(waiting.value.path()).read_bytes()
 
 
+def write_shapes(file: FilePath, count: int, columns: int, pitch: float, radius: float) -> FilePath:
+    """A drawing of circles, squares and ellipses, in rows from left to right [mm]."""
+    import ezdxf
+
+    drawing = ezdxf.new()
+    drawing.units = ezdxf.units.MM
+    space, r = drawing.modelspace(), radius
+    for k in range(count):
+        x, y = pitch * (k % columns), pitch * (k // columns)
+        if k % 3 == 0:
+            space.add_circle((x, y), r)
+        elif k % 3 == 1:
+            corners = [(x - r, y - r), (x + r, y - r), (x + r, y + r), (x - r, y + r)]
+            space.add_lwpolyline(corners, close=True)
+        else:
+            space.add_ellipse((x, y), major_axis=(r, 0, 0), ratio=0.5)
+    drawing.saveas(file)
+    return file
+
+
 def write_job(file: FilePath, *runs: str, changes: Sequence[tuple[str, str]] = ()) -> FilePath:
     """The paper's job with some of its runs, set-points every 4 ms and no experiment.
 

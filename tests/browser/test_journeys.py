@@ -379,3 +379,40 @@ def test_j35_a_drawing_with_wide_corners_is_not_kept(studio):
     # What rapids take is in the legend, in the words of the table.
     rapids = next(x for x in shares(studio) if x[0] == "rapids between contours")
     expect(studio.find("#legend")).to_contain_text(f"{rapids[0]} {rapids[2]}")
+
+
+def test_j36_a_change_is_made_by_its_button_and_undone(studio):
+    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
+    studio.rest()
+    text, before = studio.text, studio.figure("duration")
+    studio.wait("#figures", changes="3")
+    button = studio.find("#changes button").first
+    effect = button.locator("b").inner_text()
+    unit, saved = effect.split()[2], float(effect.split()[1])
+    assert effect.startswith("saves ") and unit == "s" and saved > 1
+    with studio.changing():
+        button.click()
+    studio.rest()
+    # By the button the motion is as much shorter as it says, to its last digit.
+    assert before - studio.figure("duration") == pytest.approx(saved, abs=5.01e-5)
+    assert studio.text != text
+    with studio.changing():
+        studio.find("#undo").click()
+    assert studio.text == text
+    studio.rest()
+    assert studio.figure("duration") == before
+    # What was planned before is known.
+    studio.wait("#figures", changes="3")
+
+
+def test_j37_a_run_that_is_not_kept_is_repaired_by_its_button(studio):
+    studio.open(DRAWINGS / "gasket.dxf", "ur5e")
+    with studio.changing():
+        studio.type("corners.tolerance", "10 mm")
+    verdict = studio.find("[data-figure=kept] .value")
+    expect(verdict).to_have_text("✗ NOT KEPT")
+    studio.wait("#figures", changes="1")
+    with studio.changing():
+        studio.find("#changes button").click()
+    expect(verdict).to_have_text("✓ kept")
+    assert studio.figure("off_drawing") <= 0.5e-3

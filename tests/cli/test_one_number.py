@@ -17,7 +17,7 @@ from armcontour.batches.columns import RUN, figures_of
 from armcontour.core.result import nest
 from armcontour.studio.handles import handles_of
 from armcontour.studio.picture import picture_frame
-from armcontour.studio.preview import Previewer
+from armcontour.studio.preview import Previewer, Tier
 from armcontour.studio.tasks.working import do
 from armcontour.studio.view import View
 
@@ -128,7 +128,7 @@ def studio(text, folder, run):
     previewer = Previewer(folder)
     data = yaml.safe_load(text)
     handles = handles_of(previewer.job(data, run), data)
-    planned = previewer.plan(data, run, exact=True)
+    planned = previewer.plan(data, run, tier=Tier.EXACT)
     picture = picture_frame(planned, View(handles.plane, handles.centre))
     assert frame.header["time"] == picture.header["time"]
     return nest([(x["name"], x["value"]) for x in frame.header["rows"]]), frame.header["time"]

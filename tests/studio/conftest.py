@@ -6,13 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.cli.conftest import command
 from tests.studio.talking import JOB, Tab, session_of
 from tools.studio_page import SQUARE
 
 from armcontour._yaml import load
-from armcontour.studio import screen
+from armcontour.studio import planner
 from armcontour.studio.preview import Previewer
 from armcontour.studio.view import View
+
+__all__ = ["command"]
 
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 PAPER = load(files("armcontour.jobs.library").joinpath("paper.yaml").read_text(), "paper")
@@ -38,7 +41,8 @@ def home(tmp_path_factory, monkeypatch):
 @pytest.fixture
 def no_hurry(monkeypatch):
     """Plans are quick however busy the machine is."""
-    monkeypatch.setattr(screen, "QUICK", 1e6)
+    monkeypatch.setattr(planner, "QUICK", 1e6)
+    monkeypatch.setattr(planner, "SLOW", 1e6)
 
 
 @pytest.fixture

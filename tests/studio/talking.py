@@ -44,14 +44,15 @@ class NoLane:
 
 
 class AtOnce:
-    """A fast lane that works where it is asked to."""
+    """A fast lane that works where it is asked to; newer work comes before anything rests."""
+
+    rests = False
 
     def __init__(self, deliver):
         self.deliver = deliver
 
     def submit(self, work):
-        for frame in work(lambda: False):
-            self.deliver(frame)
+        work(lambda within=0.0: within > 0 and not self.rests)
 
     def close(self):
         pass
@@ -66,6 +67,12 @@ class Held(AtOnce):
 
     def submit(self, work):
         self.works.append(work)
+
+
+class Resting(AtOnce):
+    """A fast lane in which everything rests at once."""
+
+    rests = True
 
 
 class Tab:

@@ -1,6 +1,7 @@
 """Plans and executions while a person edits, as frames."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,9 +20,8 @@ from armcontour.io import parse_job
 from armcontour.jobs import run
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.line import NOTHING
-from armcontour.studio.picture import MOST_POINTS, drawing_frame, picture_frame
-from armcontour.studio.preview import CONFIGURATION, Previewer
-from armcontour.studio.preview_run import MOVING_SAMPLES
+from armcontour.studio.picture import drawing_frame, picture_frame
+from armcontour.studio.preview import CONFIGURATION, MOVING_SAMPLES, Previewer, Tier
 from armcontour.studio.refusals import refusal_header
 from armcontour.studio.thinning import thin
 from armcontour.studio.wire import TYPES, Frame
@@ -138,15 +138,15 @@ def test_the_arm_is_played_closely(plans, gasket_plan, view):
 
 def test_contours_and_rapids_are_parts_with_their_own_colours(gasket, view):
     planned, frame = gasket
-    contours, a, given = frame.header["contours"], frame.arrays, planned.path.contours
-    assert contours[0]["from"] == 0 and contours[-1]["to"] == len(a["path"])
-    for x, contour in zip(contours, given, strict=True):
-        own = a["path"][x["from"] : x["to"]] + view.centre
+    a, given = frame.arrays, planned.path.contours
+    starts = a["path_breaks"]
+    assert starts[0] == 0 and starts[-1] == len(a["path"])
+    for begin, end, contour in zip(starts, starts[1:], given, strict=False):
+        own = a["path"][begin:end] + view.centre
         ends = contour.path(np.array([0.0, contour.path.length]))
         near(own[[0, -1]], uv(view, ends), 1e-7)
-        assert x["name"] == contour.name
     breaks = a["objective_breaks"]
-    assert len(breaks) == len(contours) + 1 and breaks[-1] == len(a["objective"])
+    assert len(breaks) == len(starts) == len(given) + 1 and breaks[-1] == len(a["objective"])
     count = sum(x.kind == "rapid" for x in planned.trajectory.spans)
     assert len(a["rapid_breaks"]) == count + 1
     rapids = np.split(a["rapid_xyz"], a["rapid_breaks"][1:-1])
@@ -154,8 +154,9 @@ def test_contours_and_rapids_are_parts_with_their_own_colours(gasket, view):
         near(rapid[0], before.path(before.path.length), 1e-6)
         near(rapid[-1], after.path(0.0), 1e-6)
     names, a = [x["name"] for x in frame.header["limits"]], frame.arrays
-    for x, span in zip(frame.header["contours"], planned.trajectory.contour_spans, strict=True):
-        own = a["binding"][x["from"] : x["to"] - 1]
+    spans = planned.trajectory.contour_spans
+    for begin, end, span in zip(starts, starts[1:], spans, strict=False):
+        own = a["binding"][begin : end - 1]
         told = {y.name for y in planned.explanation.bindings if span.s[0] <= y.s[0] < span.s[1]}
         assert {names[k] if k != NOTHING else "nothing" for k in own} == told
     path_s, starts = a["path_s"].astype(float), planned.path.breaks
@@ -220,8 +221,8 @@ def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view)
     assert previewer.is_long(data) and not previewer.is_long(paper)
     frame = packed(drawing_frame(previewer.drawn(data), view))
     points = frame.arrays["objective"]
-    assert 1000 < len(points) <= MOST_POINTS * 1.01
-    assert frame.header["rows"] == [] and frame.header["planned"] is False
+    assert len(points) == len(given), "every corner is drawn"
+    assert frame.header["rows"] == [] and frame.header["tier"] == "outline"
     for extreme in (np.min, np.max):
         near(extreme(points + view.centre, axis=0), extreme(uv(view, given), axis=0), 1e-7)
 
@@ -369,9 +370,9 @@ class TestResults:
     def test_bodies_judge_set_points_that_are_for_them(self, previewer, paper):
         job = previewer.job(paper, "inverse-dynamics")
         judged = run(job).runs["inverse-dynamics"].judged.contour_error
-        for moving in (False, True):
-            planned = previewer.plan(paper, "inverse-dynamics", moving=moving)
-            executed = previewer.execute(planned, moving=moving)
+        for tier in (Tier.PREVIEW, Tier.MOVING):
+            planned = previewer.plan(paper, "inverse-dynamics", tier=tier)
+            executed = previewer.execute(planned)
             assert executed.errors.max < 3 * judged.max < 1e-5
 
 
@@ -380,9 +381,10 @@ class TestWhatIsDoneAgain:
         for name in ("optimal", "proposed"):
             previewer.execute(previewer.plan(paper, name))
         planned = previewer.plan(paper, "optimal")
-        assert not planned.seconds and not previewer.execute(planned).seconds
+        assert previewer.plan(paper, "optimal").trajectory is planned.trajectory
+        assert previewer.execute(planned).execution is previewer.execute(planned).execution
         previewer.forget()
-        assert "arm" in previewer.plan(paper, "optimal").seconds
+        assert previewer.plan(paper, "optimal").trajectory is not planned.trajectory
 
 
 class TestDifferences:
@@ -404,9 +406,7 @@ def test_a_motion_of_minutes_is_planned_but_not_simulated(previewer, paper):
     paper["limits"]["speed"] = "1e-4 m/s"
     planned = previewer.plan(paper, "optimal")
     assert planned.trajectory.duration > 3000
-    with pytest.raises(InvalidInput) as found:
-        previewer.execute(planned)
-    assert found.value.needed == planned.trajectory.duration > found.value.allowed
+    assert not previewer.may_execute(planned) and not previewer.may_be_exact(planned)
 
 
 def test_set_points_are_made_as_for_the_experiment(previewer, paper):
@@ -423,14 +423,15 @@ def test_set_points_are_farther_apart_unless_gains_need_short_intervals(previewe
     planned = previewer.plan(paper, "optimal")
     assert planned.run.period == 4e-3
     assert planned.differs == ("set-points come every 4 ms, and in a run every 0.2 ms.",)
-    assert previewer.plan(paper, "optimal", exact=True).run.period == 0.2e-3
+    assert previewer.plan(paper, "optimal", tier=Tier.EXACT).run.period == 0.2e-3
     stiff = paper | {"servo": {"kp": 25, "kv": 300_000}}
     assert previewer.plan(stiff, "optimal").run.period == 0.2e-3
 
 
 def test_while_something_moves_errors_are_those_at_fewer_samples(previewer, paper):
     planned = previewer.plan(paper, "optimal")
-    every, fewer = previewer.execute(planned), previewer.execute(planned, moving=True)
+    moving = replace(planned, tier=Tier.MOVING)
+    every, fewer = previewer.execute(planned), previewer.execute(moving)
     assert 3 * MOVING_SAMPLES < len(every.execution.t)
     assert MOVING_SAMPLES <= len(fewer.execution.t) < 2 * MOVING_SAMPLES
     own = np.searchsorted(every.errors.t, fewer.errors.t)

@@ -38,16 +38,16 @@ def test_of_works_that_wait_only_the_latest_is_done():
     begun, go, heard = Event(), Event(), Heard()
 
     def first(stale):
-        assert not stale()
+        assert not stale() and not stale(within=1e-6)
         begun.set()
         go.wait()
-        assert stale()
-        yield Frame("picture", {"id": 1})
+        assert stale() and stale(within=1e6)
+        heard(Frame("picture", {"id": 1}))
 
     def other(n):
         def work(stale):
             assert not stale()
-            yield Frame("picture", {"id": n})
+            heard(Frame("picture", {"id": n}))
 
         return work
 
@@ -62,11 +62,27 @@ def test_of_works_that_wait_only_the_latest_is_done():
     assert [x.header["id"] for x in heard.frames] == [1, 4]
 
 
+def test_work_that_rests_goes_on_when_newer_work_comes():
+    begun, heard = Event(), Heard()
+
+    def resting(stale):
+        begun.set()
+        assert stale(within=1e6)
+        heard(Frame("picture", {"id": 1}))
+
+    lane = FastLane(heard)
+    lane.submit(resting)
+    begun.wait()
+    lane.submit(lambda stale: heard(Frame("picture", {"id": 2})))
+    heard.wait(2, "picture")
+    lane.close()
+    assert [x.header["id"] for x in heard.frames] == [1, 2]
+
+
 def test_errors_are_told_and_the_lane_goes_on():
     def failing(error):
         def work(stale):
             raise error
-            yield
 
         return work
 

@@ -63,10 +63,9 @@ Field: TypeAlias = dict[str, Any]
 
 def form_text() -> str:
     """The form as the JSON that the page reads at its start."""
+    programs = {x: FilePath(file.removesuffix(".j2")).suffix for x, file in SHIPPED.items()}
     formats = [[x, f"{x} ({of.ending})", of.joints] for x, of in FORMATS.items() if of.ending]
-    for name, file in SHIPPED.items():
-        ending = FilePath(file.removesuffix(".j2")).suffix
-        formats.append([f"template {name}", f"{name} ({ending})", TemplateFormat.joints])
+    formats += [[f"template {x}", f"{x} ({y})", TemplateFormat.joints] for x, y in programs.items()]
     form = {
         "groups": [{"title": title, "fields": x} for title, x in _groups().items()],
         "in_run": [x.name for x in fields(RunModel)],
@@ -75,7 +74,7 @@ def form_text() -> str:
         "cells": cell_names(),
         "drawings": sorted(READERS),
         "jobs": [*YAML, ".urdf"],
-        "formats": formats,
+        "formats": sorted(formats, key=lambda x: x[2] is None),
     }
     return json.dumps(form, indent=0, separators=(",", ":"), ensure_ascii=False) + "\n"
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,7 +25,6 @@ class Reuse:
     def __init__(self, size: int = RESULTS) -> None:
         self.size = size
         self._known: dict[str, list[tuple[Any, Any]]] = {}
-        self.seconds: dict[str, float] = {}
 
     def get(
         self,
@@ -53,20 +50,12 @@ class Reuse:
                 known.insert(0, known.pop(k))
                 found: T = value
                 return found
-        begin = time.perf_counter()
         value = make()
-        self.seconds[step] = time.perf_counter() - begin
         known.insert(0, (made_of, value))
         del known[self.size if most is None else most :]
         while len(known) > 1 and sum(samples(x) for _, x in known) > MOST_SAMPLES:
             del known[-1]
         return value
-
-    @contextmanager
-    def timed(self) -> Iterator[dict[str, float]]:
-        """Collect the times of the steps that are done meanwhile [s]."""
-        self.seconds = {}
-        yield self.seconds
 
 
 def comparable(value: Any) -> Any:

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path as FilePath
 
-from armcontour._checks import LONGEST_NAME
+import numpy as np
+
+from armcontour import _checks
+from armcontour._files import reading_below
 from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change
 from armcontour.studio.display import Display
+from armcontour.studio.document import Document
 from armcontour.studio.editor import Made
 from armcontour.studio.edits.runs import add_run, remove_run
 from armcontour.studio.gestures import Gestures
+from armcontour.studio.starting import find_recent, new_document, open_file, remember, start_frame
 from armcontour.studio.tabs import Said, Tab
+from armcontour.studio.thinning import Detail
 from armcontour.studio.wire import Frame
+
+# Largest width of what is drawn closer, and largest error of its lines [px].
+WIDEST, OF_A_PIXEL = 20_000, 0.25
 
 
 class Acts:
@@ -21,12 +31,16 @@ class Acts:
 
     Args:
         display: Shows the document that is edited.
+        confine: Confines reading to the folder of the document, and to files elsewhere.
 
     Attributes:
         gestures: The edits that go on.
     """
 
-    def __init__(self, display: Display) -> None:
+    def __init__(
+        self, display: Display, confine: Callable[[Sequence[FilePath]], None] = lambda named: None
+    ) -> None:
+        self._confine = confine
         self._display, self._editor = display, display.editor
         self.gestures = Gestures(display)
         self._known: dict[str, Callable[[Tab, Said], None]] = {
@@ -44,8 +58,13 @@ class Acts:
             "add_run": self._add_run,
             "remove_run": self._remove_run,
             "pose": self._pose,
+            "detail": self._detail,
             "task": self._task,
             "cancel": self._cancel,
+            "resume": self._resume,
+            "start": self._start,
+            "new": self._new,
+            "open_recent": self._open_recent,
         }
 
     def do(self, tab: Tab, said: Said) -> None:
@@ -99,13 +118,14 @@ class Acts:
             tell(Frame("conflict", {"sentence": sentence, "diff": document.conflict()}), to=tab)
             return
         document.save(force=force)
+        remember(document.file, None)
         tell(Frame("saved", {"file": str(document.file)}))
         self._display.show_document()
 
     def _reload(self, tab: Tab, said: Said) -> None:
         self._editor.reload()
         # Files that the job names may have changed, too.
-        self._display.exact.forget()
+        self._display.planner.forget_figures()
         self._display.show_all()
 
     def _revert(self, tab: Tab, said: Said) -> None:
@@ -129,6 +149,38 @@ class Acts:
     def _diff(self, tab: Tab, said: Said) -> None:
         self._display.tell(Frame("diff", {"text": self._editor.document.diff()}), to=tab)
 
+    # Other jobs.
+
+    def _start(self, tab: Tab, said: Said) -> None:
+        self._display.tell(start_frame(), to=tab)
+
+    def _new(self, tab: Tab, said: Said) -> None:
+        card, arm, editor = _word(said, "card"), _word(said, "arm"), self._editor
+        before = editor.document
+        editor.open(new_document(card, arm, editor.uploads, before))
+        self._opened(before)
+
+    def _open_recent(self, tab: Tab, said: Said) -> None:
+        """Open what the user has opened before, wherever it is."""
+        known, editor = find_recent(_word(said, "id")), self._editor
+        draft, cell = known.get("draft"), known.get("cell")
+        file = FilePath(known["file"]) if draft is None else FilePath(draft.folder, draft.name)
+        named, before = [file, *([FilePath(cell)] if cell else [])], editor.document
+        with reading_below((file.parent, editor.uploads.root), named):
+            if draft is None:
+                editor.open(open_file(file, cell))
+            else:
+                editor.restore(draft)
+        self._confine(named)
+        self._opened(before)
+
+    def _opened(self, before: Document) -> None:
+        """Show another document, and say where changes of the one before are."""
+        self._display.open()
+        sentence = before.unsaved()
+        if sentence is not None:
+            self._display.tell(Frame("notice", {"sentence": sentence}))
+
     # Runs.
 
     def _select(self, tab: Tab, said: Said) -> None:
@@ -149,18 +201,32 @@ class Acts:
         t, of = said.get("t"), str(said.get("of"))
         if isinstance(t, bool) or not isinstance(t, int | float):
             raise InvalidInput("A pose needs a time in seconds.")
-        q = self._display.screen.pose(float(t), of)
+        q = self._display.planner.pose(float(t), of)
         self._display.tell(Frame("pose", {"q": q, "t": t, "of": of}), to=tab)
+
+    def _detail(self, tab: Tab, said: Said) -> None:
+        """Draw what a page sees as finely as it sees it."""
+        box = _checks.numbers("box", said.get("box"), "m")
+        if box.shape != (4,):
+            raise InvalidInput("box has four numbers: least u and v, largest u and v.")
+        px = max(
+            _checks.positive("px", said.get("px"), "m"), np.ptp(box.reshape(2, 2), 0).max() / WIDEST
+        )
+        detail = Detail(px * OF_A_PIXEL, box)
+        self._display.planner.detail(detail, lambda frame: self._display.tell(frame, to=tab))
 
     def _task(self, tab: Tab, said: Said) -> None:
         options = said.get("options") or {}
         if not isinstance(options, dict):
             raise InvalidInput("The options of a task are a mapping.")
         id, task = _word(said, "id"), _word(said, "task")
-        self._display.exact.do(id, task, self._display.request(options))
+        self._display.planner.do(id, task, self._display.request(options))
 
     def _cancel(self, tab: Tab, said: Said) -> None:
-        self._display.exact.cancel(_word(said, "id"))
+        self._display.planner.cancel(_word(said, "id"))
+
+    def _resume(self, tab: Tab, said: Said) -> None:
+        self._display.planner.resume()
 
 
 def _word(said: Said, name: str) -> str:
@@ -170,6 +236,6 @@ def _word(said: Said, name: str) -> str:
         InvalidInput: It has none, or a long one.
     """
     value = said.get(name)
-    if not isinstance(value, str) or not 0 < len(value) <= LONGEST_NAME:
+    if not isinstance(value, str) or not 0 < len(value) <= _checks.LONGEST_NAME:
         raise InvalidInput(f"The message {said.get('op')} needs {name}, a short text.")
     return value

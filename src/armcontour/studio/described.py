@@ -7,13 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from armcontour.errors import InvalidInput
-from armcontour.io.job_edits import line_of
+from armcontour.io.job_edits import line_of, value_at
+from armcontour.io.patch import place
+from armcontour.io.units import unit_of
 from armcontour.jobs import Job
 from armcontour.studio.converting import is_convertible
+from armcontour.studio.disk import START
 from armcontour.studio.document import Document
 from armcontour.studio.edits.tilt import tilt_of
 from armcontour.studio.fields import values_of
-from armcontour.studio.handles import POINTS, SEGMENTS, SPLINE, Handles, obstacles_of
+from armcontour.studio.handles import LENGTH, POINTS, SEGMENTS, SPLINE, Handles, obstacles_of
 from armcontour.studio.wire import Frame
 from armcontour.timing import Optimal
 
@@ -29,6 +32,7 @@ LABELS = {
     "place": "place the part",
     "to_waypoints": "make waypoints of the drawing",
     "obstacle": "{action} an obstacle",
+    "draw": "draw",
     "text": "edit the text",
     "set": "set {key}",
     "unset": "leave {key} out",
@@ -80,8 +84,6 @@ def describe(document: Document, seen: Seen, run: str, *, draft: str | None) -> 
     """
     data, handles = seen.data, seen.handles
     header: dict[str, Any] = {
-        # Frames of another job or drawing are shown no longer.
-        "id": f"{document.id} {'' if handles is None else handles.file}",
         "name": data.get("name"),
         "title": data.get("title") or data.get("name"),
         "file": None if document.file is None else str(document.file),
@@ -94,7 +96,7 @@ def describe(document: Document, seen: Seen, run: str, *, draft: str | None) -> 
         "redo_label": document.redo_label,
         "runs": runs_of(data),
         "run": run,
-        "path": _path(data, handles, seen),
+        "path": _path(data, handles, seen, run),
         "waypoints": [] if handles is None else _waypoints(handles),
         "data": {**data, "path": _options(data.get("path"))},
         "values": {} if seen.job is None else values_of(data, seen.job, run),
@@ -104,6 +106,7 @@ def describe(document: Document, seen: Seen, run: str, *, draft: str | None) -> 
         "placement": seen.job is not None and bool(seen.job.placement and seen.job.placement.over),
         "text": document.text,
         "draft": draft,
+        "start": document.key == START,
         "sentence": None if seen.error is None else str(seen.error),
         "line": None if seen.error is None else line_of(document.text, str(seen.error)),
     }
@@ -137,13 +140,18 @@ def _method(given: Any, otherwise: str) -> str:
     return str(given.get("method", otherwise) if isinstance(given, Mapping) else otherwise)
 
 
-def _path(data: Mapping[str, Any], handles: Handles | None, seen: Seen) -> dict[str, Any]:
+def _path(data: Mapping[str, Any], handles: Handles | None, seen: Seen, run: str) -> dict[str, Any]:
     """Where the path comes from, and whether its points can be moved."""
     if handles is None:
         why = "" if seen.error is None else str(seen.error)
         return {"editable": False, "convertible": False, "why_not": why, "notes": []}
     notes = [] if seen.job is None else list(seen.job.program.notes)
+    tolerance = place(("corners", "tolerance"), data, run)
+    coordinates = handles.waypoints[0].written if handles.waypoints else (None,)
     return {
+        "axes": handles.axes,
+        "unit": unit_of(coordinates[0], LENGTH),
+        "tolerance_unit": unit_of(value_at(data, tolerance), LENGTH),
         "kind": handles.kind,
         "file": handles.file,
         "editable": handles.editable,

@@ -1,49 +1,40 @@
-"""What pages see of the document that is edited: itself, its picture, and its exact figures."""
+"""What pages see of the document that is edited: itself, its states, and what others compute."""
 
 from __future__ import annotations
 
-import contextlib
-import time
 from collections.abc import Callable, Mapping
-from threading import RLock, Timer
+from functools import partial
+from threading import RLock
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.io.job_edits import key_in
 from armcontour.studio.described import describe
 from armcontour.studio.editor import Editor, Made
-from armcontour.studio.exact import Asked, Exact, MakeLane
+from armcontour.studio.handles import is_blank
 from armcontour.studio.lanes import FastLane
-from armcontour.studio.preview import CONFIGURATION
-from armcontour.studio.screen import Screen, Shown
+from armcontour.studio.picture import drawing_frame
+from armcontour.studio.planner import MakeLane, Planner, State
 from armcontour.studio.tabs import Tab, Tabs
 from armcontour.studio.view import View
 from armcontour.studio.wire import Frame
 
-# How often to look whether the first plan is drawn [s]: what computes exact figures would take the
-# processor from it.
-SOON = 0.05
-# Motions whose starts differ by more are in different configurations [rad].
-SAME = 0.01
-
 
 class Display:
-    """Shows the document of an editor on pages, and what others compute of it.
+    """Shows the document of an editor on pages.
 
     Args:
         editor: The editor.
-        fast: Makes the lane of previews.
-        slow: Makes the lane of everything else.
-        rest: How long nothing changes before the exact figures are computed [s].
+        fast: As of `Planner`.
+        slow: As of `Planner`.
+        rest: As of `Planner`.
 
     Attributes:
         lock: Who changes the document holds it.
         tabs: The pages.
-        screen: Plans and executes what is shown.
-        exact: Computes exact figures and tasks.
+        planner: Plans and executes what is shown, and does tasks.
     """
 
     def __init__(
@@ -56,22 +47,10 @@ class Display:
         self.editor = editor
         self.lock = RLock()
         self.tabs = Tabs()
-        # One timer waits for the rest of all edits: to begin a thread for each takes long.
-        self._rest, self._due = rest, 0.0
-        self._timer: Timer | None = None
         # What is shown, with the edits of a gesture.
         self._made = Made({})
-        # The revision whose preview has taken the configuration of its full run.
-        self._followed = 0
         self._on_disk = ""
-        self.screen = Screen(editor.previewer, self._tell_picture, fast)
-        self.exact = Exact(self._tell_exact, slow)
-
-    def close(self) -> None:
-        """End all work."""
-        self._stop_waiting()
-        self.exact.close()
-        self.screen.close()
+        self.planner = Planner(editor.previewer, self._tell_state, fast, slow, rest)
 
     def show_all(self) -> None:
         """Show the document and its run as they are now."""
@@ -87,16 +66,14 @@ class Display:
         editor = self.editor
         self._on_disk = editor.document.on_disk()
         frame = describe(editor.document, editor.seen, editor.run, draft=editor.draft)
-        self.tell(frame, to=to)
+        logs = list(editor.uploads.logs)
+        self.tell(frame.stamped(id=editor.id, logs=logs), to=to)
 
-    def show(
-        self, made: Made | None = None, *, told: Frame | None = None, moving: bool = False
-    ) -> None:
-        """Show a state on all pages, and compute its exact figures when nothing changes.
+    def show(self, made: Made | None = None, *, moving: bool = False) -> None:
+        """Show a state on all pages.
 
         Args:
             made: What edits have made of the document; None for the document.
-            told: A frame that follows.
             moving: Whether the next state is wanted soon.
         """
         editor = self.editor
@@ -105,27 +82,28 @@ class Display:
         if handles is None:
             self.tell_refusal(editor.seen.error or InvalidInput("There is no job yet."))
             return
-        self.screen.show(
-            Shown(
+        view = View(handles.plane, handles.centre)
+        if is_blank(made.data):
+            self.planner.forget()
+            self.tell(drawing_frame(None, view, run=editor.run))
+            return
+        self.planner.show(
+            State(
                 data=made.data,
                 run=editor.run_of(made.data),
-                view=View(handles.plane, handles.centre),
+                view=view,
+                document=editor.id,
                 rev=editor.rev,
                 answers=self.tabs.answers,
+                request=partial(editor.request, made, {}),
                 waypoints=np.array([x.uv for x in handles.waypoints]).reshape(-1, 2),
-                told=told,
                 moving=moving,
             )
         )
-        self._due = time.monotonic() + self._rest
-        if self._timer is None:
-            self._wait(self._rest)
 
     def open(self) -> None:
         """Show another document, which the editor has opened."""
-        # Of the document before; a document that cannot be shown has no rest.
-        self._stop_waiting()
-        self.screen.forget()
+        self.planner.forget()
         self.show_all()
 
     def look(self) -> None:
@@ -148,7 +126,7 @@ class Display:
             frame: What is told.
             to: The page; by default all.
         """
-        self.tabs.tell(frame.stamped(rev=self.editor.rev), to=to)
+        self.tabs.tell(frame.stamped(rev=self.editor.rev, document=self.editor.id), to=to)
 
     def tell_refusal(self, error: ArmContourError, *, dropped: bool = False) -> None:
         """Say that an edit is not possible.
@@ -157,77 +135,24 @@ class Display:
             error: Why.
             dropped: Whether it was to be made: then the document is shown as it is.
         """
-        told = Frame(
-            "refusal",
-            {
-                **{"tier": 1, "run": self.editor.run, "sentence": str(error)},
-                **{"error": type(error).__name__, "exit": error.exit_code, "at": {}},
-                **{"dropped": dropped, "key": key_in(str(error))},
-            },
-        )
-        if not dropped:
-            self.tell(told)
-            return
-        self.show_document()
-        self.show(told=told)
+        if dropped:
+            self.show_document()
+        told = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
+        about = {"error": type(error).__name__, "exit": error.exit_code, "dropped": dropped}
+        self.tell(Frame("refusal", {**told, **about, "key": key_in(str(error))}))
+        if dropped:
+            self.show()
 
-    def _wait(self, seconds: float) -> None:
-        """Look after a time whether nothing has changed meanwhile."""
-        self._timer = Timer(seconds, self._at_rest)
-        self._timer.daemon = True
-        self._timer.start()
-
-    def _stop_waiting(self) -> None:
-        """Do not look any more whether nothing changes, until something is shown."""
-        timer, self._timer = self._timer, None
-        if timer is not None:
-            timer.cancel()
-
-    def _at_rest(self) -> None:
-        """If nothing has changed for a while, compute what takes longer."""
-        with self.lock:
-            if self._timer is None:
-                return
-            left = self._due - time.monotonic()
-            if left > 0 or not self.screen.has_drawn:
-                self._wait(max(left, SOON))
-                return
-            self._timer = None
-            self.screen.rest()
-            with contextlib.suppress(ArmContourError):
-                request = self.request({})
-                self.exact.ask(Asked(self.editor.rev, self.tabs.answers, request))
-
-    def _tell_picture(self, frame: Frame, shown: Shown) -> bool:
-        """Pass a frame of the screen on, unless the document has changed since."""
-        if shown.rev != self.editor.rev:
-            return False
-        self.tabs.tell(frame.stamped(rev=shown.rev), answers=shown.answers)
-        return True
-
-    def _tell_exact(self, frame: Frame, asked: Asked | None) -> None:
-        """Pass a frame of another process on; figures only of the present document."""
-        if asked is None:
+    def _tell_state(self, frame: Frame, state: State | None) -> bool:
+        """Pass a frame of the planner on, unless the document has changed since."""
+        if state is None:
             self.tell(self._with_file(frame))
-            return
-        if asked.rev == self.editor.rev:
-            self.tabs.tell(frame.stamped(rev=asked.rev), answers=asked.answers)
-            if frame.kind == "figures" and frame.header.get("start") is not None:
-                # Who calls here has locks of its own.
-                Timer(0.0, self._follow, (asked.rev, frame.header["start"])).start()
-
-    def _follow(self, rev: int, start: Any) -> None:
-        """Show the configuration that the full run takes, if the preview has stayed in another."""
-        with self.lock:
-            planned = self.screen.planned
-            if rev != self.editor.rev or rev == self._followed or planned is None:
-                return
-            if np.abs(planned.start - np.asarray(start)).max() > SAME:
-                self._followed = rev
-                if CONFIGURATION in planned.differs:
-                    self.tell(Frame("notice", {"sentence": _other(planned.start, start)}))
-                self.editor.previewer.keep_start(planned.job, np.asarray(start))
-                self.show(self._made)
+            return True
+        if state.rev != self.editor.rev or is_blank(self._made.data):
+            return False
+        about = {"rev": state.rev, "document": state.document}
+        self.tabs.tell(frame.stamped(**about), answers=state.answers)
+        return True
 
     def _with_file(self, frame: Frame) -> Frame:
         """The same frame; a file in it is kept for the pages to save."""
@@ -236,12 +161,3 @@ class Display:
         header, content = frame.header, frame.arrays["content"].tobytes()
         number = self.tabs.keep_file(str(header["name"]), str(header["type"]), content)
         return Frame("result", {**header, "file": number})
-
-
-def _other(old: npt.ArrayLike, new: npt.ArrayLike) -> str:
-    """The sentence on a change that makes another configuration of the arm the fastest one."""
-    before, after = (", ".join(f"{x:z.1f}" for x in np.degrees(q)) for q in (old, new))
-    return (
-        f"The arm is in another configuration now, in which the motion is faster: it starts at "
-        f"{after} deg, and started at {before} deg before. `start` in the job file fixes one."
-    )

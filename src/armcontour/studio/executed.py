@@ -1,13 +1,18 @@
-"""The picture of an execution, as a frame for the screen.
+"""The picture of an execution as a frame for the screen, and what joints need over time.
 
 Errors are magnified on the screen, so that they are computed here, in 64 bits.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.arms import Arm, Limits
+from armcontour.arms.limit_use import use_of
 from armcontour.core.render import frame
 from armcontour.core.result import FIRST, Data
 from armcontour.evaluation.error_profile import error_rows
@@ -18,16 +23,19 @@ from armcontour.evaluation.evaluation import (
     saturated_shares,
     settled_row,
 )
+from armcontour.evaluation.pieces import Piece
 from armcontour.jobs.verdict import verdict_rows
-from armcontour.motion import Execution
-from armcontour.studio.demand import signed_shares
-from armcontour.studio.previewed import Executed
-from armcontour.studio.thinning import evenly, thin
+from armcontour.motion import Execution, Trajectory
+from armcontour.studio.preview import Executed
+from armcontour.studio.thinning import Detail, evenly, thin
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
 
 # About the largest number of samples of an execution.
 MOST_SAMPLES = 4_000
+# Largest number of breaks that are looked at, and about that of times that are drawn because of
+# what happens there, besides those that are spread evenly.
+MOST_BREAKS, MOST_TIMES = 2_000, 1_000
 
 
 def executed_frame(executed: Executed, view: View) -> Frame:
@@ -37,39 +45,57 @@ def executed_frame(executed: Executed, view: View) -> Frame:
         executed: The execution.
         view: How points get on the screen.
     """
-    planned, execution = executed.planned, executed.execution
-    which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in executed.pieces])
-    base = np.concatenate([x.on_path for x in executed.pieces])
-    tool = np.concatenate([x.tool for x in executed.pieces])
-    distance = np.concatenate([x.found.distance for x in executed.pieces])
-    demand = signed_shares("joint_acceleration", planned.run.limits, execution.demand[which])
-    offset = view.offsets(tool - base)
-    kept = thin(
-        _peaks(distance),
-        [*offset.T.astype(np.float64), distance, *demand.T],
-        MOST_SAMPLES,
-    )
-    begins = np.cumsum([0, *(x.which.stop - x.which.start for x in executed.pieces[:-1])])
-    at = which[kept]
+    planned = executed.planned
     header = {
         "run": planned.run.name,
         "rows": frame(_figures(executed)),
         "centre": view.centre,
-        "ms": {name: x * 1e3 for name, x in executed.seconds.items()},
+        "tier": planned.tier,
     }
-    return Frame(
-        "executed",
-        header,
-        {
-            "base": view.drawn(base[kept]),
-            "offset": offset[kept],
-            "breaks": np.searchsorted(kept, begins).astype(np.uint32),
-            "t": short(execution.t[at]),
-            "error": short(distance[kept]),
-            "demand": short(demand[kept]),
-            **_poses(execution),
-        },
-    )
+    arrays = {**executed_lines(executed, view), **_poses(executed.execution)}
+    return Frame("executed", header, arrays)
+
+
+def executed_lines(executed: Executed, view: View, detail: Detail | None = None) -> dict[str, Any]:
+    """Arrays of where the tool is beside the path that is seen.
+
+    Args:
+        executed: The execution.
+        view: As of `executed_frame`.
+        detail: What is seen, and how finely; by default all.
+    """
+    limits, demand = executed.planned.run.limits, executed.execution.demand
+    demand = signed_shares("joint_acceleration", limits, demand)
+    return tool_lines(executed.pieces, view, detail, demand=demand)
+
+
+def tool_lines(
+    pieces: Sequence[Piece], view: View, detail: Detail | None = None, **columns: FloatArray
+) -> dict[str, Any]:
+    """The same for the motion along each contour; columns have a row for each of all samples."""
+    base = np.concatenate([x.on_path for x in pieces])
+    detail = detail or Detail.of_whole(view.uv(base))
+    ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
+    seen, ends = detail.seen(view.drawn(base), ends)
+    which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])[seen]
+    base, tool = base[seen], np.concatenate([x.tool for x in pieces])[seen]
+    distance = np.concatenate([x.found.distance for x in pieces])[seen]
+    more = {name: values[which] for name, values in columns.items()}
+    offset = view.offsets(tool - base)
+    kept = np.arange(len(which))
+    if len(kept) > MOST_SAMPLES:
+        weight = np.where(detail.needed(base, ends), np.inf, 0.0)
+        weight[np.argmax(distance)] = np.inf
+        shown = [*offset.T.astype(np.float64), distance, *(y for x in more.values() for y in x.T)]
+        kept = thin(weight, shown, MOST_SAMPLES)
+    return {
+        "base": view.drawn(base[kept]),
+        "offset": offset[kept],
+        "breaks": np.searchsorted(kept, ends[:-1]).astype(np.uint32),
+        "t": short(np.concatenate([x.t for x in pieces])[seen][kept]),
+        "error": short(distance[kept]),
+        **{name: short(values[kept]) for name, values in more.items()},
+    }
 
 
 def _figures(executed: Executed) -> Data:
@@ -102,8 +128,41 @@ def _poses(execution: Execution) -> dict[str, FloatArray]:
     }
 
 
-def _peaks(distance: FloatArray) -> FloatArray:
-    """Infinite at the largest distance, else zero."""
-    found = np.zeros(len(distance))
-    found[int(np.argmax(distance))] = np.inf
-    return found
+def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
+    """Arrays of joint positions over time, and of the shares of limits that joints use.
+
+    Args:
+        trajectory: The motion.
+        arm: The arm.
+        limits: The limits.
+    """
+    breaks = trajectory.breaks
+    if len(breaks) > MOST_BREAKS:
+        breaks = breaks[np.linspace(0, len(breaks) - 1, MOST_BREAKS).astype(np.intp)]
+    # The arm is played on straight lines between these, and few breaks are in a rapid.
+    even = evenly(trajectory.duration)
+    # Accelerations jump: both sides of every break, the one before it first.
+    t = np.concatenate([breaks[1:], breaks[:-1], even])
+    order = np.argsort(t, kind="stable")
+    sides = trajectory.motion(breaks[1:], side="left"), trajectory.motion(t[len(breaks) - 1 :])
+    t, is_even = t[order], order >= 2 * (len(breaks) - 1)
+    q, dq, ddq = (np.concatenate(x)[order] for x in zip(*sides, strict=True))
+    shares = {
+        "usage_v": signed_shares("joint_velocity", limits, dq),
+        "usage_a": signed_shares("joint_acceleration", limits, ddq),
+    }
+    if limits.joint_torque is not None and arm.has_bodies:
+        shares["usage_torque"] = signed_shares("joint_torque", limits, arm.torque(q, dq, ddq))
+    rows = [x for share in shares.values() for x in share.T]
+    is_even[thin(np.zeros(len(t)), rows, MOST_TIMES)] = True
+    kept = np.flatnonzero(is_even)
+    return {
+        "t": short(t[kept]),
+        "q": np.ascontiguousarray(q[kept]),
+        **{name: short(x[kept]) for name, x in shares.items()},
+    }
+
+
+def signed_shares(name: str, limits: Limits, values: FloatArray) -> FloatArray:
+    """Shares of a limit of joints with the signs of the values, (n, dof)."""
+    return np.copysign(use_of(name, limits, values).ratio, values)

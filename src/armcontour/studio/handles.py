@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,12 +12,13 @@ import numpy.typing as npt
 from armcontour._checks import FloatArray, lock_floats
 from armcontour._quantities import Quantity
 from armcontour.frames import Frame
+from armcontour.io.cell import OWN_PATH
 from armcontour.io.job_arm import frame_of
-from armcontour.io.job_edits import Keys
+from armcontour.io.job_edits import Change, Keys, change_data
 from armcontour.io.job_model import FrameModel, PathModel
 from armcontour.io.scene import BodiesModel, SceneModel
 from armcontour.io.si_data import in_si
-from armcontour.io.units import write_like
+from armcontour.io.units import unit_of, write_like
 from armcontour.jobs import Job
 
 # A point of a job file: its role, its keys, its place in the frame of the path [m] unless it is
@@ -35,6 +36,8 @@ BODIES = tuple(x.name for x in fields(BodiesModel))
 EXACT = 1e-13
 POINTS, SEGMENTS, SPLINE, FILE = "points", "segments", "spline", "file"
 POINT, VIA, CENTER, END = "point", "via", "center", "end"
+# A path on which nothing is drawn yet, and the box in which its picture is centred [m].
+BLANK, BLANK_SIDE = "blank", 0.2
 FROM_FILE = "The contours come from {file}, so that their points stay as drawn."
 COMPUTED = "This end follows from the centre and the angle of its arc: move the centre."
 
@@ -108,7 +111,7 @@ class Handles:
 
     Args:
         job: The job.
-        kind: What the job file gives: "points", "segments", "spline" or "file".
+        kind: What the job file gives: "points", "segments", "spline", "file", or "blank".
         file: The name of the drawing, if it is a file.
         frame: The frame of the path.
         plane: The plane of the picture.
@@ -135,6 +138,21 @@ class Handles:
     def ends(self) -> tuple[Waypoint, ...]:
         """The waypoints through which the path goes, in order."""
         return tuple(x for x in self.waypoints if x.role in (POINT, END))
+
+    @property
+    def origin(self) -> Waypoint:
+        """The origin of the file, as a point that new ones are written like."""
+        at, written = self.frame.position, ("0 mm",) * self.job.arm.dimension
+        return Waypoint(index=0, keys=(), point=at, uv=self.plane.uv(at), written=written)
+
+    @property
+    def axes(self) -> dict[str, Any]:
+        """Axes in the picture along which places are read: of the file, or else of the picture."""
+        rotation = self.frame.rotation
+        if abs(abs(self.plane.normal @ rotation[:, 2]) - 1) > FLAT:
+            return {"names": ["right", "up"], "origin": [0, 0], "x": [1, 0], "y": [0, 1]}
+        x, y = self.plane.uv(self.plane.origin + rotation.T[:2])
+        return {"names": ["x", "y"], "origin": self.plane.uv(self.frame.position), "x": x, "y": y}
 
     def is_removable(self, point: Waypoint) -> bool:
         """Whether the path can do without a point."""
@@ -208,6 +226,29 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
     )
 
 
+def is_blank(data: Mapping[str, Any]) -> bool:
+    """Whether nothing is drawn on the path of a job yet."""
+    path = data.get("path")
+    return isinstance(path, Mapping) and not any(path.get(x) for x in (*OWN_PATH, FILE))
+
+
+def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Handles:
+    """What can be drawn on, of a job on whose path nothing is drawn yet.
+
+    Args:
+        data: The data of its file, as written.
+        make_job: Makes a job of data.
+
+    Raises:
+        InvalidInput: The data make no job with any path.
+    """
+    # A line takes the place of what will be drawn; only points in space have an orientation.
+    dimension = 3 if "orientation" in data["path"] else 2
+    line = [[0.0] * dimension, [BLANK_SIDE, BLANK_SIDE, 0.0][:dimension]]
+    drawn = change_data(data, [Change(("path", POINTS), line)])
+    return replace(handles_of(make_job(drawn), drawn), kind=BLANK, waypoints=())
+
+
 def obstacles_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The obstacles that a job file gives itself, without those of other files.
 
@@ -216,15 +257,20 @@ def obstacles_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
 
     Returns:
         Per obstacle its `kind`, which is the key of its list, its `index` in the list, its keys in
-        SI units, and its keys as `written`.
+        SI units, its keys as `written`, and the unit of its lengths with its size in SI units.
     """
     scene = data.get("scene") or {}
     si = in_si(scene, SceneModel)
     return [
-        {**x, "kind": kind, "index": k, "written": scene[kind][k]}
+        {**x, "kind": kind, "index": k, "written": scene[kind][k], "unit": _unit(scene[kind][k])}
         for kind in BODIES
         for k, x in enumerate(si.get(kind) or [])
     ]
+
+
+def _unit(body: Mapping[str, Any]) -> tuple[str, float]:
+    """The unit in which the lengths of a body are written, and its size in SI units."""
+    return unit_of((body.get("at") or body.get("size") or [body.get("radius")])[0], LENGTH)
 
 
 def _given(kind: str, path: Mapping[str, Any], si: Mapping[str, Any]) -> Iterator[Given]:

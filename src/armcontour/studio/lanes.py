@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
 from functools import partial
 from threading import Condition, Thread
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 from armcontour._pool import ProcessPool
 from armcontour._process import ProcessEnded
@@ -16,18 +16,22 @@ from armcontour.errors import ArmContourError
 from armcontour.studio.tasks.working import WARM, Given, work
 from armcontour.studio.wire import Frame
 
-Stale: TypeAlias = Callable[[], bool]
-Work: TypeAlias = Callable[[Stale], Iterator[Frame]]
+
+class Stale(Protocol):
+    """Whether newer work waits."""
+
+    def __call__(self, within: float = 0.0) -> bool:
+        """Whether newer work waits, or comes within a time [s]."""
+
+
+Work: TypeAlias = Callable[[Stale], None]
 
 
 class FastLane:
     """One thread for previews: of works that wait, only the latest is done.
 
-    Frames are delivered in the order of the works, so that an older answer never comes after a
-    newer one.
-
     Args:
-        deliver: Called in the thread with every frame.
+        deliver: Called in the thread with a notice of each error.
     """
 
     def __init__(self, deliver: Callable[[Frame], None]) -> None:
@@ -35,15 +39,10 @@ class FastLane:
         self._news = Condition()
         self._waiting: Work | None = None
         self._newest, self._open = 0, True
-        self._thread = Thread(target=self._run, name="studio previews", daemon=True)
-        self._thread.start()
+        Thread(target=self._run, name="studio previews", daemon=True).start()
 
     def submit(self, work: Work) -> None:
-        """Do some work next, in place of what waits.
-
-        Args:
-            work: Yields frames; it is told whether newer work waits.
-        """
+        """Do some work next, in place of what waits; it can ask whether newer work waits."""
         with self._news:
             self._waiting, self._newest = work, self._newest + 1
             self._news.notify()
@@ -64,14 +63,18 @@ class FastLane:
             if work is None:
                 return
             try:
-                for frame in work(lambda number=number: self._newest > number):  # type: ignore[misc]
-                    self._deliver(frame)
+                work(partial(self._is_stale, number))
             except ArmContourError as error:
                 self._deliver(Frame("notice", {"sentence": str(error)}))
             except Exception as error:
                 # The lane goes on: the next edit may do without what failed here.
                 told = f"The preview failed: {type(error).__name__}: {error}"
                 self._deliver(Frame("notice", {"sentence": told}))
+
+    def _is_stale(self, number: int, within: float = 0.0) -> bool:
+        """Whether there is newer work than that of a number."""
+        with self._news:
+            return self._news.wait_for(lambda: self._newest > number, max(0.0, within))
 
 
 class SlowLane:

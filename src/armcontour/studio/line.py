@@ -13,12 +13,16 @@ from armcontour._checks import FloatArray, IntArray
 from armcontour.geometry import Path
 from armcontour.jobs import Run
 from armcontour.motion import LawAlongPath
-from armcontour.studio.previewed import Preview
-from armcontour.studio.thinning import bends, thin
+from armcontour.studio.preview import Preview
+from armcontour.studio.thinning import Detail, thin
+from armcontour.studio.view import View
 from armcontour.timing import Explanation
 
-# Curves are drawn with points that are not farther apart than this [rad], and at most so many.
-TURN, MOST_PER_ARC = 0.06, 120
+# About the largest number of points that are drawn for the speed alone; a short path needs fewer,
+# with so many more for each place that makes its curves look smooth.
+MOST_POINTS, LEAST_POINTS, PER_PLACE = 20_000, 1_200, 8
+# Where another limit binds for so many largest errors of the line, that is seen.
+SEEN = 8.0
 # Where no limit binds, or it is not known.
 NOTHING = 255
 
@@ -33,7 +37,8 @@ class Line:
         t: Times at which the tool is there [s], (n,).
         speed: Its speeds there [m/s], (n,).
         assigned: Assigned velocities there, NaN for none [m/s], (n,).
-        ends: Index of the first place of each contour, and the number of places.
+        ends: Index of the first place of each line, and the number of places.
+        shape: Number of places that make curves look smooth.
     """
 
     points: FloatArray
@@ -42,18 +47,24 @@ class Line:
     speed: FloatArray
     assigned: FloatArray
     ends: IntArray
+    shape: int
 
     @classmethod
-    def of(cls, planned: Preview) -> Line:
-        """The places of a plan: points of curves, and where the plan changes."""
+    def of(cls, planned: Preview, view: View, detail: Detail) -> Line:
+        """The places of a plan that are seen: points of curves, and where the plan changes."""
         rows: list[tuple[FloatArray, ...]] = []
+        shape = 0
         for contour, span in zip(
             planned.path.contours, planned.trajectory.contour_spans, strict=True
         ):
             path = contour.path
+            if not detail.has(view.box, path):
+                continue
             assert span.trajectory is not None
             laws = [x.s for x in span.trajectory.laws if isinstance(x, LawAlongPath)]
-            s = np.clip(np.unique(np.concatenate([places_of(path), *laws])), 0.0, path.length)
+            smooth = detail.places(path)
+            shape += len(smooth)
+            s = np.clip(np.unique(np.concatenate([smooth, *laws])), 0.0, path.length)
             rows.append(
                 (
                     path(s),
@@ -64,22 +75,31 @@ class Line:
                 )
             )
         ends = np.cumsum([0, *(len(x[0]) for x in rows)])
+        if not rows:
+            rows = [(np.empty((0, planned.path.dimension)), *[np.empty(0)] * 4)]
         points, s, t, speed, assigned = (np.concatenate(x) for x in zip(*rows, strict=True))
-        return cls(points, s, t, speed, assigned, ends)
+        line = cls(points, s, t, speed, assigned, ends, shape)
+        if detail.box is None:
+            return line
+        k, ends = detail.seen(view.drawn(points), ends)
+        return cls(points[k], s[k], t[k], speed[k], assigned[k], ends, shape)
 
-    def thinned(self, binding: npt.NDArray[np.uint8], most: int) -> IntArray:
-        """Indices of places to draw: ends, corners, changes of what binds, extremes of the speed.
+    def thinned(self, binding: npt.NDArray[np.uint8], detail: Detail) -> IntArray:
+        """Indices of places to draw: their shape, changes of what binds, extremes of the speed.
 
         Args:
             binding: Which limit binds from each place on, (n,).
-            most: About the largest number of them.
+            detail: How finely they are drawn.
         """
-        weight = bends(self.points)
+        most = min(MOST_POINTS, LEAST_POINTS + PER_PLACE * self.shape)
+        if len(self.s) <= most:
+            return np.arange(len(self.s))
+        weight = np.where(detail.needed(self.points, self.ends), np.inf, 0.0)
         changes = np.flatnonzero(np.diff(binding)) + 1
         # What a change is worth is the length up to the next one.
         lengths = np.diff(self.s[np.append(changes, len(self.s) - 1)])
+        lengths[lengths > SEEN * detail.error] = np.inf
         weight[changes] = np.maximum(weight[changes], lengths)
-        weight[self.ends[:-1]] = weight[self.ends[1:] - 1] = np.inf
         return thin(weight, [*self.points.T, self.speed], most)
 
     def binding(
@@ -93,17 +113,6 @@ class Line:
         known = np.array([index.get(x.name, NOTHING) for x in explanation.bindings], np.uint8)
         which = np.searchsorted(starts, self.s, side="right") - 1
         return known[np.clip(which, 0, len(known) - 1)]
-
-
-def places_of(path: Path) -> FloatArray:
-    """Arc lengths of the ends of all segments, and of points on curves that look smooth [m]."""
-    turns = np.abs(path.curvatures) * path.lengths
-    parts = np.clip(np.ceil(turns / TURN), 1, MOST_PER_ARC).astype(np.intp)
-    if len(path) == parts.sum():
-        return path.breaks
-    i = np.repeat(np.arange(len(path)), parts)
-    k = np.arange(len(i)) - np.repeat(np.cumsum(parts) - parts, parts)
-    return np.append(path.breaks[i] + path.lengths[i] * (k / parts[i]), path.length)
 
 
 def _assigned(path: Path, s: FloatArray, this: Run) -> FloatArray:

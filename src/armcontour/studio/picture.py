@@ -16,20 +16,16 @@ from armcontour.jobs import Rounding
 from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.jobs.verdict import time_limit_row
 from armcontour.program import Program, cut_parts
-from armcontour.studio.demand import demand_of
-from armcontour.studio.line import NOTHING, Line, places_of
-from armcontour.studio.previewed import Preview
-from armcontour.studio.thinning import bends, thin
+from armcontour.studio.executed import demand_of, executed_lines
+from armcontour.studio.line import MOST_POINTS, NOTHING, Line
+from armcontour.studio.preview import Executed, Preview, Tier
+from armcontour.studio.thinning import Detail
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
 from armcontour.timing import Explanation
 
-# About the largest number of points of a path.
-MOST_POINTS = 20_000
-# A short path needs fewer, with so many more for each place that makes its curves look smooth.
-LEAST_POINTS, PER_PLACE = 1_200, 8
-# Points of a drawn rapid.
-OF_RAPID = 16
+# Points of a drawn rapid, and about the largest number of those of all.
+OF_RAPID, MOST_OF_RAPIDS = 16, 50_000
 # Longest lists in headers: corners have handles, and sentences are read.
 MOST_CORNERS, MOST_SHORTFALLS = 400, 100
 # Smallest share of the time in the legend.
@@ -43,130 +39,136 @@ def picture_frame(planned: Preview, view: View) -> Frame:
         planned: The plan.
         view: How points get on the screen.
     """
-    line = Line.of(planned)
-    limits = _limits(planned.explanation)
-    binding = line.binding(planned.explanation, limits)
-    places = sum(len(places_of(x.path)) for x in planned.path.contours)
-    kept = line.thinned(binding, min(MOST_POINTS, LEAST_POINTS + PER_PLACE * places))
-    points, s = line.points[kept], line.s[kept]
-    kerfs, cut = _kerf(planned, view)
+    detail, flat = _whole(planned.path, view)
+    header, arrays = _drawn(planned, view, detail)
     duration = duration_row(planned.trajectory.duration)
-    header = {
+    header |= {
         "run": planned.run.name,
         "rows": frame(Data("Plan", (duration, *time_limit_row(planned.explanation)))),
         **view.header,
-        "contours": _contours(planned.path, line.ends, kept),
-        "limits": limits,
         **time_header(planned.explanation),
         "shortfalls": _shortfalls(planned, view),
         "corners": _corners(planned, view),
-        "kerfs": kerfs,
         "warnings": [*planned.warnings, *filter(None, [planned.below_base])],
         "notes": _notes(planned),
-        "ms": {name: x * 1e3 for name, x in planned.seconds.items()},
-        "planned": True,
+        "tier": planned.tier,
     }
-    header["plane"]["flat"] = view.is_flat(line.points)
-    return Frame(
-        "picture",
-        header,
-        {
-            **_objective(planned.objective, view),
-            **cut,
-            "path": view.drawn(points),
-            "path_s": short(s),
-            "path_t": short(line.t[kept]),
-            "speed": short(line.speed[kept]),
-            "assigned": short(line.assigned[kept]),
-            "binding": binding[kept],
-            "xyz": short(in_space(points)),
-            **_rapids(planned, view),
-            **demand_of(planned.trajectory, planned.job.arm, planned.run.limits),
-        },
-    )
+    header["plane"]["flat"] = flat
+    rest = demand_of(planned.trajectory, planned.job.arm, planned.run.limits)
+    return Frame("picture", header, {**arrays, **_rapids(planned, view), **rest})
 
 
-def drawing_frame(program: Program, view: View, *, run: str = "", note: str = "") -> Frame:
+def drawing_frame(program: Program | None, view: View, *, run: str = "") -> Frame:
     """The picture of a program that is not planned yet; without speeds and times.
 
     Args:
-        program: The program.
+        program: The program; None if nothing is drawn yet.
         view: How points get on the screen.
         run: Name of the run that is shown.
-        note: Why it is not planned.
     """
-    points, first = _outline(program)
-    arrays = _thinned_outline(points, first, view)
-    header = {
-        "run": run,
-        "rows": [],
-        **view.header,
-        "contours": [],
-        "limits": [],
-        **time_header(None),
-        "shortfalls": [],
-        "corners": [],
-        "kerfs": [],
-        "warnings": [],
-        "notes": [*program.notes, *([note] if note else [])],
-        "ms": {},
-        "planned": False,
+    header: dict[str, Any] = {"error": 0.0, "limits": [], "kerfs": []}
+    arrays: dict[str, Any] = {
+        "objective": short(np.empty(0)),
+        "objective_breaks": np.zeros(1, np.uint32),
     }
-    header["plane"]["flat"] = view.is_flat(points)
+    flat = True
+    if program is not None:
+        detail, flat = _whole(program, view)
+        header, arrays = _drawn(program, view, detail)
+    lists = ("rows", "shortfalls", "corners", "warnings")
+    header |= {name: [] for name in lists} | view.header | time_header(None)
+    notes = () if program is None else program.notes
+    header |= {"run": run, "notes": notes, "tier": Tier.OUTLINE}
+    header["plane"]["flat"] = flat
     return Frame("picture", header, arrays)
 
 
-def _outline(program: Program) -> tuple[FloatArray, IntArray]:
-    """Points of all contours [m], and the index of the first point of each, and their number."""
-    return _join([x.path(places_of(x.path)) for x in program.contours])
+def detail_frame(
+    made: Preview | Program, executed: Executed | None, view: View, detail: Detail
+) -> Frame:
+    """The part of a picture that is seen, and of its execution, drawn as finely as it is seen.
+
+    Args:
+        made: The plan, or the program without one.
+        executed: The execution; None without one.
+        view: How points get on the screen.
+        detail: What is seen, and how finely.
+    """
+    header, arrays = _drawn(made, view, detail)
+    if executed is not None:
+        arrays |= executed_lines(executed, view, detail)
+    return Frame("detail", {**header, "box": detail.box}, arrays)
 
 
-def _join(parts: Sequence[FloatArray]) -> tuple[FloatArray, IntArray]:
-    """Points of all parts, and the index of the first point of each, and their number."""
-    return np.concatenate(parts), np.cumsum([0, *(len(x) for x in parts)])
+def _whole(program: Program, view: View) -> tuple[Detail, bool]:
+    """Enough to see all of a program at once, and whether it is flat."""
+    smooth = Detail(np.inf)
+    points = np.concatenate([x.path(smooth.places(x.path)) for x in program.contours])
+    return Detail.of_whole(view.uv(points)), view.is_flat(points)
 
 
-def _objective(objective: Program, view: View) -> dict[str, Any]:
-    return _thinned_outline(*_outline(objective), view)
+def _drawn(
+    made: Preview | Program, view: View, detail: Detail
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Header and arrays of all lines."""
+    planned = made if isinstance(made, Preview) else None
+    objective = made if isinstance(made, Program) else made.objective
+    header: dict[str, Any] = {"error": detail.error, "limits": [], "kerfs": []}
+    paths = [x.path for x in objective.contours if detail.has(view.box, x.path)]
+    arrays, _ = _lines("objective", [x(detail.places(x)) for x in paths], view, detail)
+    if planned is None:
+        return header, arrays
+    header["limits"] = limits = _limits(planned.explanation)
+    header["kerfs"], kerf = _kerf(planned, view, detail)
+    line = Line.of(planned, view, detail)
+    binding = line.binding(planned.explanation, limits)
+    kept = line.thinned(binding, detail)
+    points, s = line.points[kept], line.s[kept]
+    return header, {
+        **arrays,
+        **kerf,
+        "path": view.drawn(points),
+        "path_breaks": np.searchsorted(kept, line.ends).astype(np.uint32),
+        "path_s": short(s),
+        "path_t": short(line.t[kept]),
+        "speed": short(line.speed[kept]),
+        "assigned": short(line.assigned[kept]),
+        "binding": binding[kept],
+        "xyz": short(in_space(points)),
+    }
 
 
-def _kerf(planned: Preview, view: View) -> tuple[list[float], dict[str, Any]]:
-    """The kerf of each part that is cut [m], and arrays of these parts and of what is drawn."""
-    process, parts = planned.job.process, cut_parts(planned.path, planned.job.process)
+def _lines(
+    name: str, parts: Sequence[FloatArray], view: View, detail: Detail
+) -> tuple[dict[str, Any], IntArray]:
+    """Arrays of the lines through some points [m], and the part that each line is of."""
+    points = np.concatenate(parts) if parts else np.empty((0, 2))
+    starts = np.cumsum([0, *map(len, parts)])
+    seen, ends = detail.seen(view.drawn(points), starts)
+    kept = np.arange(len(seen))
+    if len(kept) > MOST_POINTS:
+        kept = np.flatnonzero(detail.needed(points[seen], ends))
+    arrays = {
+        name: view.drawn(points[seen[kept]]),
+        f"{name}_breaks": np.searchsorted(kept, ends).astype(np.uint32),
+    }
+    return arrays, np.searchsorted(starts, seen[ends[:-1]], side="right") - 1
+
+
+def _kerf(planned: Preview, view: View, detail: Detail) -> tuple[list[float], dict[str, Any]]:
+    """The kerf of each line that is cut [m], and arrays of these lines and of what is drawn."""
+    process = planned.job.process
+    parts = [x for x in cut_parts(planned.path, process) if detail.has(view.box, x[0])]
     if not parts:
         return [], {}
     cut = []
     for path, begin, end, _ in parts:
-        s = places_of(path)
+        s = detail.places(path)
         cut.append(path(np.concatenate([[begin], s[(s > begin) & (s < end)], [end]])))
-    given = [x for x in planned.job.program.contours if process.of_layer(x.layer).kerf]
-    drawn = _join([x.path(places_of(x.path)) for x in given])
-    return [kerf for *_, kerf in parts], {
-        **_thinned_outline(*_join(cut), view, "cut"),
-        **_thinned_outline(*drawn, view, "drawn"),
-    }
-
-
-def _thinned_outline(
-    points: FloatArray, ends: IntArray, view: View, name: str = "objective"
-) -> dict[str, Any]:
-    """Arrays of lines of a name, by default the path before corners are rounded."""
-    weight = bends(points)
-    weight[ends[:-1]] = weight[ends[1:] - 1] = np.inf
-    kept = thin(weight, list(points.T), MOST_POINTS)
-    return {
-        name: view.drawn(points[kept]),
-        f"{name}_breaks": np.searchsorted(kept, ends).astype(np.uint32),
-    }
-
-
-def _contours(program: Program, ends: IntArray, kept: IntArray) -> list[dict[str, Any]]:
-    """First point of each contour, the one after its last, its name and its layer."""
-    first = np.searchsorted(kept, ends).tolist()
-    return [
-        {"from": begin, "to": end, "name": x.name, "tag": x.layer or x.path.tags[0]}
-        for x, begin, end in zip(program.contours, first[:-1], first[1:], strict=True)
-    ]
+    given = [x.path for x in planned.job.program.contours if process.of_layer(x.layer).kerf]
+    drawn = [x(detail.places(x)) for x in given if detail.has(view.box, x)]
+    arrays, owners = _lines("cut", cut, view, detail)
+    return [parts[k][3] for k in owners], arrays | _lines("drawn", drawn, view, detail)[0]
 
 
 def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
@@ -266,16 +268,16 @@ def _notes(planned: Preview) -> list[str]:
 def _rapids(planned: Preview, view: View) -> dict[str, Any]:
     """Arrays of the ways of the tool between contours."""
     spans = [x.t for x in planned.trajectory.spans if x.kind == "rapid"]
-    spans = spans[: MOST_POINTS // OF_RAPID]
     if not spans:
         return {}
+    each = max(2, min(OF_RAPID, MOST_OF_RAPIDS // len(spans)))
     begin, end = np.array(spans).T
-    t = np.linspace(begin, end, OF_RAPID, axis=1).ravel()
+    t = np.linspace(begin, end, each, axis=1).ravel()
     duration = planned.trajectory.duration
     points = planned.job.arm.tool_position(planned.trajectory(np.minimum(t, duration)))
     return {
         "rapid": view.drawn(points),
         "rapid_xyz": short(in_space(points)),
         "rapid_t": short(t),
-        "rapid_breaks": np.arange(0, len(points) + 1, OF_RAPID, dtype=np.uint32),
+        "rapid_breaks": np.arange(0, len(points) + 1, each, dtype=np.uint32),
     }

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -24,23 +26,17 @@ from armcontour.io.job_file import job_on, model_of
 from armcontour.io.job_model import JobModel
 from armcontour.io.job_path import part_of, placed_path, unplaced_path
 from armcontour.io.scene import scene_of
-from armcontour.jobs import Job, Run
+from armcontour.jobs import Experiment, Job, Run
 from armcontour.jobs.alternatives import below_base
+from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.planning import explain_plan, plan_one
 from armcontour.jobs.results import Planned
 from armcontour.jobs.reuse import LARGE_RESULTS, Reuse, comparable
-from armcontour.jobs.study import teach_run
-from armcontour.motion import Execution
+from armcontour.jobs.study import execute_run, teach_run
+from armcontour.motion import Execution, TaughtData
 from armcontour.program import Program
 from armcontour.scene import Scene
-from armcontour.studio.preview_run import (
-    coarser_run,
-    execute_judged,
-    experiment_of,
-    with_fewer_samples,
-    with_one_run,
-)
-from armcontour.studio.previewed import Executed, Preview
+from armcontour.timing import Optimal, intervals_of
 
 # Most set-points of an exact preview.
 MOST_SET_POINTS = 200_000
@@ -49,9 +45,73 @@ MOST_SET_POINTS = 200_000
 LONGEST = 2400.0
 # A program of more segments is drawn without a plan first.
 LONG = 5_000
+# Smallest command interval of a preview [s].
+PERIOD = 4e-3
+# Grid intervals of each contour while a handle moves; in a run they are 4000 or more. Durations
+# differ by less than a thousandth, and nothing needs half as long.
+MOVING_INTERVALS = 600
+# Samples of an execution while a handle moves, at least.
+MOVING_SAMPLES = 1500
+# Cycle of the drives of simulated bodies while a handle moves, at least [s].
+MOVING_STEP = 1e-3
+ARCS = (
+    "corners of the shape free are drawn with arcs of the same tolerance: their shape is searched "
+    "at rest."
+)
 CONFIGURATION = (
     "previews keep the configuration of the arm; exact figures are of the fastest configuration."
 )
+
+
+class Tier(StrEnum):
+    """How exact something is that pages show, the quickest first."""
+
+    OUTLINE = "outline"
+    # While a handle moves, the next plan is wanted soon.
+    MOVING = "moving"
+    PREVIEW = "preview"
+    # As a full run has it.
+    EXACT = "exact"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Preview(Planned):
+    """The plan of a run of a document.
+
+    Args:
+        job: The job, with this run only.
+        start: Joint positions at the start of the motion [rad], (dof,).
+        tier: How exact it is.
+        differs: Sentences on what a full run may do in another way.
+        below_base: A sentence on links that come below the base; None if none does.
+    """
+
+    job: Job
+    start: FloatArray
+    tier: Tier = Tier.PREVIEW
+    differs: tuple[str, ...] = ()
+    below_base: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Executed:
+    """The simulated execution of a plan.
+
+    Args:
+        planned: The plan.
+        taught: The set-points.
+        execution: The executed motion.
+        pieces: The execution along each contour.
+        errors: The contour error.
+        settled: Time after which the tool is at rest [s].
+    """
+
+    planned: Preview
+    taught: TaughtData
+    execution: Execution
+    pieces: tuple[Piece, ...]
+    errors: ErrorProfile
+    settled: float
 
 
 class Previewer:
@@ -86,10 +146,12 @@ class Previewer:
         job = planned.job
         (own,) = job.runs
         searches = isinstance(job.arm, SerialArm) and job.start is None
-        if searches or CONFIGURATION in planned.differs:
-            return False
         few = planned.trajectory.duration <= MOST_SET_POINTS * own.period
-        return bool(planned.differs) and few
+        return bool(planned.differs) and not searches and few and self.may_execute(planned)
+
+    def may_execute(self, planned: Preview) -> bool:
+        """Whether a motion is so short that its execution is simulated in seconds."""
+        return planned.trajectory.duration * planned.job.arm.dof <= LONGEST
 
     def keep_start(self, job: Job, start: FloatArray) -> None:
         """Stay in a configuration from now on.
@@ -134,8 +196,7 @@ class Previewer:
         data: Mapping[str, Any],
         run: str | None = None,
         *,
-        moving: bool = False,
-        exact: bool = False,
+        tier: Tier = Tier.PREVIEW,
         progress: Progress | None = None,
     ) -> Preview:
         """Plan a run.
@@ -143,44 +204,38 @@ class Previewer:
         Args:
             data: The job file as parsed.
             run: Name of the run; by default the first one.
-            moving: Whether the next plan is wanted soon, so that a coarser grid is enough.
-            exact: Whether to plan as `run` does, in whatever time that takes.
+            tier: How exact the plan is: EXACT is that of `run`, in whatever time that takes.
             progress: As of `run`.
 
         Raises:
             ArmContourError: As `run`.
         """
-        with self._reuse.timed() as seconds:
-            job = self.job(data, run)
-            (own,) = job.runs
-            with locate_errors(f"Run {own.name}"):
-                this, differs = (own, ()) if exact else coarser_run(job, own, moving)
-                found, kept = self._plan(job, this, exact, moving, progress)
-                explanation = explain_plan(job, found.trajectory, self._reuse)
+        job = self.job(data, run)
+        (own,) = job.runs
+        with locate_errors(f"Run {own.name}"):
+            this, differs = (own, ()) if tier == Tier.EXACT else coarser_run(job, own, tier)
+            found, kept = self._plan(job, this, tier, progress)
+            explanation = explain_plan(job, found.trajectory, self._reuse)
         return Preview.of(
             found,
             job=job,
             explanation=explanation,
             below_base=below_base(job, found.trajectory),
             start=found.trajectory(0.0),
-            seconds=seconds,
+            tier=tier,
             differs=(*differs, *kept),
         )
 
-    def execute(self, planned: Preview, *, moving: bool = False) -> Executed:
+    def execute(self, planned: Preview) -> Executed:
         """Compensate and execute a plan, and find its contour errors.
-
-        Args:
-            planned: The plan.
-            moving: Whether the next one is wanted soon, so that some of the samples are enough.
 
         Raises:
             ArmContourError: As `run`.
         """
         job, this, get = planned.job, planned.run, self._reuse.get
-        _refuse_too_long(planned)
+        moving = planned.tier == Tier.MOVING
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
-        with self._reuse.timed() as seconds, locate_errors(f"Run {this.name}"):
+        with locate_errors(f"Run {this.name}"):
             how = (comparable(this.compensation), this.period, servos[0])
             taught = get(
                 "compensation",
@@ -188,16 +243,16 @@ class Previewer:
                 lambda: teach_run(job, this, planned.trajectory),
                 samples=lambda x: len(x.q),
             )
-            bodies = experiment_of(this, moving)
+            bodies = _experiment_of(this, moving)
             execution = get(
                 "execution",
                 (taught, servos[1], comparable(this.limits), comparable(bodies)),
-                lambda: execute_judged(job, this, taught, bodies),
+                lambda: _execute_judged(job, this, taught, bodies),
                 most=LARGE_RESULTS,
                 samples=lambda x: len(x.t),
             )
             if moving and planned.path.single_path is not None:
-                execution = with_fewer_samples(execution)
+                execution = _with_fewer_samples(execution)
             pieces, errors, settled = get(
                 "evaluation",
                 (execution, planned.path, this.until),
@@ -212,11 +267,10 @@ class Previewer:
             pieces=pieces,
             errors=errors,
             settled=settled,
-            seconds=seconds,
         )
 
     def _make_job(self, data: Mapping[str, Any], run: str | None) -> Job:
-        model = with_one_run(self._model(data), run)
+        model = _with_one_run(self._model(data), run)
         arm, path = self._arm_and_path(model, data)
         scene: Scene | None = None
         if model.scene is not None:
@@ -254,14 +308,14 @@ class Previewer:
         return arm, path
 
     def _plan(
-        self, job: Job, this: Run, exact: bool, moving: bool, progress: Progress | None
+        self, job: Job, this: Run, tier: Tier, progress: Progress | None
     ) -> tuple[Planned, tuple[str, ...]]:
         """Plan in the configuration of the last plan if there is one, else in the fastest.
 
         Returns:
             The plan, and a sentence if it is in the configuration of the last plan.
         """
-        searches = not exact and job.start is None
+        searches = tier != Tier.EXACT and job.start is None
         if searches and isinstance(job.arm, SerialArm) and self._arm is job.arm:
             here = dataclasses.replace(job, start=self._start)
             try:
@@ -271,7 +325,7 @@ class Previewer:
                 # Another configuration may reach it; else its error is the one to tell.
                 pass
         # While a handle moves, the first place that is out of reach is enough.
-        found = plan_one(job, this, self._reuse, progress, clear=False, brief=moving)
+        found = plan_one(job, this, self._reuse, progress, clear=False, brief=tier == Tier.MOVING)
         if searches:
             self.keep_start(job, found.trajectory(0.0))
         return found, ()
@@ -282,25 +336,6 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
     if not isinstance(data, Mapping):
         raise InvalidInput("A job must be a mapping of keys such as name, arm, path and runs.")
     return model_of(JobModel, data, "job")
-
-
-def _refuse_too_long(planned: Preview) -> None:
-    """Refuse to simulate what takes minutes, in which nothing else would be shown.
-
-    Raises:
-        InvalidInput: The motion is too long.
-    """
-    duration, joints = planned.trajectory.duration, planned.job.arm.dof
-    longest = LONGEST / joints
-    if duration > longest:
-        raise InvalidInput(
-            f"Run {planned.run.name}: the motion of {duration:.4g} s is not simulated here, as it "
-            f"is longer than {longest:.4g} s with {joints} joints: take a higher speed, or run the "
-            "job on the command line.",
-            limit="duration",
-            needed=duration,
-            allowed=longest,
-        )
 
 
 def _contour_errors(
@@ -315,3 +350,88 @@ def _contour_errors(
 def _part(data: Mapping[str, Any]) -> Any:
     """Where the part is, as written; scenes may be placed with it."""
     return data["path"].get("frame")
+
+
+def _with_one_run(model: JobModel, run: str | None) -> JobModel:
+    """The keys with one run only, by default the first, and without what may name others.
+
+    Raises:
+        InvalidInput: The job has no such run.
+    """
+    name = next(iter(model.runs)) if run is None else run
+    if name not in model.runs:
+        raise InvalidInput(f"The job has no run {name}: it has {', '.join(model.runs)}.")
+    asked, experiment = model.placement, model.experiment
+    # The set-points depend on the experiment of the run.
+    if experiment is not None:
+        judged = name in (experiment.runs or [name])
+        experiment = dataclasses.replace(experiment, runs=None) if judged else None
+    return dataclasses.replace(
+        model,
+        runs={name: model.runs[name]},
+        certificate=None,
+        placement=None if asked is None else dataclasses.replace(asked, run=None),
+        experiment=experiment,
+    )
+
+
+def coarser_run(job: Job, own: Run, tier: Tier) -> tuple[Run, tuple[str, ...]]:
+    """The run of a preview, and sentences on what is different in it.
+
+    Args:
+        job: The job.
+        own: The run as the job has it.
+        tier: How exact the plan is.
+    """
+    this, differs, period = own, [], max(own.period, PERIOD)
+    try:
+        for x in (job.servo, job.plant_servo):
+            x.refuse_too_fast(period)
+    except InvalidInput:
+        # Gains as large as these need short intervals.
+        period = own.period
+    if period != own.period:
+        this = dataclasses.replace(this, period=period)
+        differs.append(
+            f"set-points come every {period * 1e3:g} ms, and in a run every "
+            f"{own.period * 1e3:g} ms."
+        )
+    if this.rounding is not None and this.rounding.free:
+        this = dataclasses.replace(this, rounding=this.rounding.with_arcs)
+        differs.append(ARCS)
+    if tier == Tier.MOVING and isinstance(this.timing, Optimal) and this.timing.intervals is None:
+        few = min(MOVING_INTERVALS, intervals_of(job.program) or MOVING_INTERVALS)
+        timing = dataclasses.replace(this.timing, intervals=few)
+        this = dataclasses.replace(this, timing=timing)
+        differs.append(f"while it moves, the timing is found on a grid of {few} intervals.")
+    return this, tuple(differs)
+
+
+def _experiment_of(this: Run, moving: bool) -> Experiment | None:
+    """The experiment that judges a run, if any; while a handle moves, drives have longer cycles."""
+    found = this.judge
+    if found is None or not moving:
+        return found
+    return dataclasses.replace(found, step=max(found.step, MOVING_STEP))
+
+
+def _execute_judged(
+    job: Job, this: Run, taught: TaughtData, bodies: Experiment | None
+) -> Execution:
+    """The execution that judges a run: on rigid bodies, or on the servo model."""
+    plant = None if bodies is None else build_plant(bodies, job.arm, job.plant_servo, this.limits)
+    return execute_run(job, taught, plant)
+
+
+def _with_fewer_samples(execution: Execution) -> Execution:
+    """The execution at every second of its samples, or third and so on; largest demands stay.
+
+    Intermediate samples are discarded.
+    """
+    step = len(execution.t) // MOVING_SAMPLES
+    if step < 2:
+        return execution
+    names = ("t", "q", "dq", "ddq", "demand", "torque", "torque_demand", "motor_q")
+    known = {x: getattr(execution, x) for x in names}
+    fewer = {name: x[::step] for name, x in known.items() if x is not None}
+    return dataclasses.replace(execution, **fewer, plant=None)

@@ -9,7 +9,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.errors import ArmContourError
 from armcontour.io.job_edits import key_in
-from armcontour.studio.previewed import Preview
+from armcontour.studio.preview import Preview
 from armcontour.studio.view import View, in_space
 
 

@@ -1,16 +1,24 @@
-"""Fewer points of long rows, with what stands out kept."""
+"""Fewer points of long rows and lines, with what stands out kept."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour.geometry import Path
 
 # Times of a motion that are drawn, whatever happens between them, are so close [s], and at most so
 # many: on straight lines between them an arm that accelerates by 20 rad/s² is off by 0.3 mrad.
 CLOSE, MOST_EVEN = 10e-3, 2_000
+# A picture of all lines is as fine as this part of its size, and no size is below this [m].
+FINENESS, SMALLEST = 5_000, 1e-4
+# Curves are drawn with points that are not farther apart than this [rad], and at most so many.
+TURN, MOST_PER_ARC = 0.06, 20_000
+# At such turns drawn lines keep a point [rad], unless these points are too many.
+KEPT_TURN, MOST_CORNERS = 0.4, 100_000
 # Charts of short motions have so many at least.
 FEWEST_EVEN = 200
 
@@ -57,13 +65,106 @@ def thin(weight: FloatArray, rows: Sequence[FloatArray], most: int) -> IntArray:
     return np.flatnonzero(stays)
 
 
-def bends(points: FloatArray) -> FloatArray:
-    """Distance of every point from the line through its neighbours, 0 at the ends [m], (n,)."""
-    found = np.zeros(len(points))
-    if len(points) < 3:
-        return found
-    chord, away = points[2:] - points[:-2], points[1:-1] - points[:-2]
+@dataclass(frozen=True, slots=True, eq=False)
+class Detail:
+    """How finely lines are drawn, and the part of them that is.
+
+    Args:
+        error: Largest distance of the path from the drawn line [m].
+        box: Least and largest u and v of what is seen, from the centre [m], (4,); None for all.
+    """
+
+    error: float
+    box: FloatArray | None = None
+
+    @classmethod
+    def of_whole(cls, uv: FloatArray) -> Detail:
+        """Enough to see all points of a path at once."""
+        size = float(np.ptp(uv, axis=0).max(initial=0.0))
+        return cls(max(size, SMALLEST) / FINENESS)
+
+    def has(self, box_of: Callable[[Path], FloatArray], path: Path) -> bool:
+        """Whether something of a path may be seen; its box is only computed if that matters."""
+        if self.box is None:
+            return True
+        box = box_of(path)
+        return bool((box[2:] >= self.box[:2]).all() and (box[:2] <= self.box[2:]).all())
+
+    def places(self, path: Path) -> FloatArray:
+        """Arc lengths of the ends of all segments, and of points on smooth curves [m]."""
+        bend = np.abs(path.curvatures)
+        coarse = np.maximum(bend * path.lengths / TURN, path.lengths * np.sqrt(bend / self.error))
+        parts = np.clip(np.ceil(coarse), 1, MOST_PER_ARC).astype(np.intp)
+        if len(path) == parts.sum():
+            return path.breaks
+        i = np.repeat(np.arange(len(path)), parts)
+        k = np.arange(len(i)) - np.repeat(np.cumsum(parts) - parts, parts)
+        return np.append(path.breaks[i] + path.lengths[i] * (k / parts[i]), path.length)
+
+    def seen(self, uv: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray]:
+        """Indices of the ends of pieces in the box, and among them the first of each line.
+
+        Args:
+            uv: Points from the centre [m], (n, 2).
+            ends: First point of each line, and the number of points.
+        """
+        if self.box is None or len(uv) < 2:
+            return np.arange(len(uv)), ends
+        low, high = np.minimum(uv[:-1], uv[1:]), np.maximum(uv[:-1], uv[1:])
+        inside = ((high >= self.box[:2]) & (low <= self.box[2:])).all(axis=1)
+        inside[ends[1:-1] - 1] = False
+        begins = np.append(inside, False)
+        ends_here = np.append(False, inside)
+        kept = np.flatnonzero(begins | ends_here)
+        first = np.flatnonzero((begins & ~ends_here)[kept])
+        return kept, np.append(first, len(kept))
+
+    def needed(self, points: FloatArray, ends: IntArray) -> BoolArray:
+        """Which points lines are drawn through, so that all others are within the error, (n,).
+
+        Corners stay, and so does a point of curves for every turn by `KEPT_TURN`: a square stays a
+        square, and a circle is no polygon of a few corners, however small they are.
+
+        Args:
+            points: The points [m], (n, dimension).
+            ends: As in `seen`.
+        """
+        kept = np.zeros(len(points), dtype=bool)
+        kept[ends[:-1]] = kept[ends[1:] - 1] = True
+        turned = np.floor(_turns(points, ends) / KEPT_TURN)
+        corners = 1 + np.flatnonzero(np.diff(turned))
+        # Far more corners are a hatching, whose lines are nearer than what is seen.
+        if len(corners) <= MOST_CORNERS:
+            kept[corners] = True
+        left = np.flatnonzero(~kept)
+        while len(left):
+            places = np.flatnonzero(kept)
+            which = np.searchsorted(places, left) - 1
+            off = _from_piece(points[left], points[places[which]], points[places[which + 1]])
+            worst = np.zeros(len(places))
+            np.maximum.at(worst, which, off)
+            far = worst[which] > self.error
+            kept[left[far & (off == worst[which])]] = True
+            left = left[far & (off < worst[which])]
+        return kept
+
+
+def _turns(points: FloatArray, ends: IntArray) -> FloatArray:
+    """By how much the direction has turned up to each point, over all lines [rad], (n,)."""
+    step = np.diff(points, axis=0)
+    length = np.linalg.norm(step, axis=1, keepdims=True)
+    along = step / np.where(length > 0, length, 1.0)
+    cosine = np.einsum("ij,ij->i", along[1:], along[:-1])
+    turn = np.zeros(len(points))
+    turn[1:-1] = np.arccos(np.clip(cosine, -1.0, 1.0))
+    turn[ends[:-1]] = turn[ends[1:] - 1] = 0.0
+    return np.cumsum(turn)
+
+
+def _from_piece(points: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Distances of points from pieces of lines [m], (n,)."""
+    chord, away = end - begin, points - begin
     square = np.einsum("ij,ij->i", chord, chord)
     along = np.einsum("ij,ij->i", away, chord) / np.where(square > 0, square, 1.0)
-    found[1:-1] = np.linalg.norm(away - along[:, None] * chord, axis=1)
-    return found
+    off = away - np.clip(along, 0.0, 1.0)[:, None] * chord
+    return np.asarray(np.linalg.norm(off, axis=1))

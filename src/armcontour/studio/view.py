@@ -6,12 +6,16 @@ relative to a centre, so that 32 bits are enough.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
 from armcontour._checks import FloatArray
+from armcontour.geometry import Path
+
+# Points at which a path is looked at for its box, beside the ends of its segments.
+LOOKS = 41
 
 
 class Plane(Protocol):
@@ -41,6 +45,8 @@ class View:
 
     plane: Plane
     centre: FloatArray
+    # Boxes of paths by their identity; the paths are kept so that no other one has it.
+    _boxes: dict[int, tuple[Path, FloatArray]] = field(default_factory=dict, init=False)
 
     def uv(self, points: FloatArray) -> FloatArray:
         """Points in the plane [m], (n, 2)."""
@@ -50,6 +56,16 @@ class View:
     def drawn(self, points: FloatArray) -> FloatArray:
         """Points relative to the centre, for the screen, (n, 2)."""
         return np.asarray(self.uv(points) - self.centre, dtype=np.float32)
+
+    def box(self, path: Path) -> FloatArray:
+        """Least and largest u and v of a path, and some more, from the centre [m], (4,)."""
+        if id(path) not in self._boxes:
+            s = np.linspace(0.0, path.length, LOOKS)
+            uv = self.uv(path(np.union1d(path.breaks, s))) - self.centre
+            # No point is farther from all of these than half a piece.
+            more = np.full(2, path.length / (LOOKS - 1) / 2)
+            self._boxes[id(path)] = path, np.append(uv.min(0) - more, uv.max(0) + more)
+        return self._boxes[id(path)][1]
 
     def offsets(self, vectors: FloatArray) -> FloatArray:
         """Vectors in the plane, for the screen, (n, 2)."""

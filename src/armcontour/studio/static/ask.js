@@ -10,7 +10,7 @@ import { find, make } from "./dom.js";
 export function show(title, content, buttons) {
   const dialog = /** @type {HTMLDialogElement} */ (find("#question"));
   if (dialog.open) dialog.close("");
-  const actions = buttons.map(({ value, text }, k) => make("button", { value, text, class: k === 0 ? "usual" : "" }));
+  const actions = buttons.map(({ value, text }, k) => make("button", { value, text, formnovalidate: !value, class: k === 0 ? "usual" : "" }));
   const form = make("form", { method: "dialog" }, [
     make("h2", { id: "question-title", text: title }),
     ...content,

@@ -9,7 +9,8 @@ import { mm } from "./format.js";
  *   allowed: number | null, radius: number, reason: string}} Corner
  */
 
-const LEAST_TOLERANCE = 1e-6; // m
+/** Smallest tolerance of a drag; smaller ones are typed. */
+export const LEAST_TOLERANCE = 1e-5; // m
 // The handle is beyond the apex by this, so that it does not lie on the waypoint.
 const BEYOND = 20; // px
 /** How far names may be from the path, to its left, the nearest first [px]. */
@@ -39,27 +40,18 @@ export function toleranceEdits(corner, value, all = false) {
 }
 
 /**
- * What dragging the apex to a place changes: the tolerance is its distance from the corner.
- * @param {Corner} corner @param {Point} to m @param {boolean} all whether of all corners
- * @returns {{edits: object[], shown: Point}}
+ * How far a way leads away from a corner, along its bisector; with arrow keys up and right do.
+ * @param {Corner} corner @param {Point} by m @param {boolean} byKeys @returns {number} m
  */
-export function toleranceAt(corner, to, all) {
-  const [du, dv] = bisectorOf(corner);
-  const along = (to[0] - corner.corner[0]) * du + (to[1] - corner.corner[1]) * dv;
-  const value = Math.max(LEAST_TOLERANCE, Number(along.toPrecision(3)));
-  return {
-    edits: toleranceEdits(corner, value, all),
-    shown: [corner.corner[0] + value * du, corner.corner[1] + value * dv],
-  };
+export function along(corner, [du, dv], byKeys) {
+  const [bu, bv] = bisectorOf(corner);
+  return byKeys ? du + dv : du * bu + dv * bv;
 }
 
-/**
- * Where arrow keys move the apex: up and right make the tolerance larger.
- * @param {Corner} corner @param {Point} start @param {number} du @param {number} dv m @returns {Point}
- */
-export function nudgedApex(corner, start, du, dv) {
-  const [bu, bv] = bisectorOf(corner);
-  return [start[0] + (du + dv) * bu, start[1] + (du + dv) * bv];
+/** The apex of a corner with a tolerance that is used up. @param {Corner} corner @param {number} value m @returns {Point} */
+export function apexAt(corner, value) {
+  const [du, dv] = bisectorOf(corner);
+  return [corner.corner[0] + value * du, corner.corner[1] + value * dv];
 }
 
 /** Where the handle of an apex is drawn. @param {Corner} corner @param {Point} apex px @returns {Point} px */

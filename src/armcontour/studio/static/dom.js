@@ -49,17 +49,6 @@ function put(element, name, value) {
 }
 
 /**
- * Heads of columns; a name in brackets is for screen readers only, as the content tells what it is.
- * @param {string[]} names @param {(k: number) => string} [classOf]
- */
-export function headings(names, classOf = () => "") {
-  return names.map((name, k) => {
-    const [text, unseen] = name.startsWith("(") ? ["", name.slice(1, -1)] : [name, ""];
-    return make("th", { scope: "col", class: classOf(k) }, [text, make("span", { class: "unseen", text: unseen })]);
-  });
-}
-
-/**
  * Set an attribute only where it differs: setting one makes the browser lay out and paint again.
  * @param {Element} element @param {string} name @param {string} value
  */

@@ -144,14 +144,14 @@ export function headOf(store) {
 /** Whether a motion is shown, be it the last good one. @param {Store} store @returns {boolean} */
 export function hasMotion(store) {
   const picture = store.latest("picture");
-  return picture !== null && picture.head.planned !== false;
+  return picture !== null && picture.head.tier !== "outline";
 }
 
 /** How true the figures are, in a word. @param {Store} store @returns {string} */
 export function exactnessOf(store) {
   if (store.isOffline) return "not connected";
   if (store.refusal?.head.tier === 1) return hasMotion(store) ? "refused, the last" : "refused";
-  if (store.latest("picture")?.head.planned !== true && !hasMotion(store)) return "not planned yet";
+  if (!hasMotion(store)) return "not planned yet";
   return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
 

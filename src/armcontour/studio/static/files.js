@@ -3,14 +3,16 @@
 import { difference, show } from "./ask.js";
 import { find, give, make, mark } from "./dom.js";
 import { hasChanges } from "./header.js";
+import { isLog } from "./logs.js";
 import { notify } from "./messages.js";
+import { chosenArm } from "./start.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
 
 const LARGEST = 64 * 2 ** 20; // bytes, as the server's limit
 const DRAWINGS = /\.(dxf|svg|nc|ngc|gcode|tap|cnc|csv|txt)$/i;
-const ACCEPTED = ".yaml,.yml,.dxf,.svg,.nc,.ngc,.gcode,.tap,.cnc,.csv,.txt,.urdf";
+const ACCEPTED = ".yaml,.yml,.dxf,.svg,.nc,.ngc,.gcode,.tap,.cnc,.csv,.txt,.urdf,.log,.mcap,.db3";
 const CELLS = ["", "pmk3s", "ur5e", "ur10e", "panda", "fr3"];
 
 class Files {
@@ -31,6 +33,7 @@ class Files {
       if (file) this.open(file);
     });
     this.listenToDrops();
+    store.on("open", (/** @type {any} */ { file, log }) => this.open(file, log));
     store.on("saved", (/** @type {any} */ frame) => notify(`Saved ${frame.head.file}.`));
     store.on("download", (/** @type {any} */ frame) => this.download(frame.head));
     store.on("diff", (/** @type {any} */ frame) => this.showDiff(frame.head.text));
@@ -53,8 +56,8 @@ class Files {
     });
   }
 
-  /** @param {File} file */
-  async open(file) {
+  /** @param {File} file @param {boolean} [log] whether it is a log of the robot; by its name and first line otherwise */
+  async open(file, log) {
     if (file.size > LARGEST)
       return notify(
         `${file.name} has ${Math.round(file.size / 2 ** 20)} MB; at most 64 MB can be opened here.`,
@@ -62,13 +65,15 @@ class Files {
       );
     if (!this.store.document) return notify("The Studio is starting: open the file in a moment.", "alarm");
     const drawing = DRAWINGS.test(file.name);
-    const how = await this.askHow(file.name, drawing);
+    log ??= await isLog(file);
+    const how = log ? { log: "1" } : await this.askHow(file.name, drawing);
     if (how === null) return;
     const query = new URLSearchParams({ name: file.name, ...how });
     document.body.dataset.opening = "true";
     try {
       const answer = await this.link.request(`/open?${query}`, { method: "POST", body: file });
       if (!answer.ok) notify(await sentenceOf(answer), "alarm");
+      else if (log) this.store.tell("log", (await answer.json()).name);
     } catch {
       notify("The server does not answer, so the file was not opened.", "alarm");
     } finally {
@@ -91,6 +96,7 @@ class Files {
       {},
       CELLS.map((cell) => make("option", { value: cell, text: cell || "this job's arm and limits" })),
     );
+    cells.value = chosenArm();
     const skips = make("input", { type: "checkbox" });
     if (drawing) {
       content.push(make("label", { class: "field", text: "Cell: arm, limits and servo " }, [cells]));

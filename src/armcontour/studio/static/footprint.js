@@ -5,8 +5,8 @@ import { place, poseOf } from "./kinematics.js";
 /** @typedef {[number, number]} Point */
 /** @typedef {[number, number, number]} Vector */
 /**
- * An obstacle of the job, in SI units.
- * @typedef {{kind: string, index: number, name?: string, at?: number[], rpy?: number[], quaternion?: number[],
+ * An obstacle of the job, in SI units; the file has another unit.
+ * @typedef {{kind: string, index: number, unit: [string, number], name?: string, at?: number[], rpy?: number[], quaternion?: number[],
  *   size?: number[], radius?: number, length?: number, fixed_to?: string}} Obstacle
  */
 /** @typedef {{origin: number[], x: number[], y: number[]}} Plane */

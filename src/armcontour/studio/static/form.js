@@ -6,7 +6,7 @@ import { isPlain, quantity } from "./format.js";
 import { Gesture } from "./gesture.js";
 import { Ghost, positionOf, STEPS, valueAt } from "./ghost.js";
 import { Entry } from "./parts.js";
-import { html, render, signal, useComputed, useRef, useSignal } from "./vendor/preact.js";
+import { computed, html, render, signal, useComputed, useRef, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -37,10 +37,14 @@ const forRun = signal(false);
 const help = signal("");
 /** Sentences of refused edits, by key. */
 const refusals = signal(/** @type {Record<string, string>} */ ({}));
-/** Edits that were refused: they are made with the next one of their mapping. @type {any[]} */
+/**
+ * Edits of a key.
+ * @typedef {{key: string, edits: object[], outer: string}} Wish `outer` is what was refused of them
+ */
+/** What was refused because of other keys of `outer`: it is sent again with the next edit there. @type {Wish[]} */
 let waiting = [];
-/** Key of the edit that has no answer. */
-let sent = "";
+/** What has no answer, and what was sent with it. @type {{wish: Wish, more: Wish[]} | null} */
+let sent = null;
 /** @type {any} */
 let form = null;
 /** @type {Link} */
@@ -64,9 +68,18 @@ function writtenAt(key) {
 /** @param {Key} key @returns {Slider | undefined} */
 const rowAt = (key) => head.value.values[key.join(".")];
 
-/** @param {Key} key @returns {Key[]} keys of joints that have values of their own */
-const jointsAt = (key) =>
-  Object.keys(head.value.values).filter((x) => x.startsWith(`${key.join(".")}.`) && /\.\d+$/.test(x)).map((x) => [...key, Number(x.split(".").at(-1))]);
+/** Joints that have values of their own, by the key of all. */
+const joints = computed(() => {
+  const found = /** @type {Record<string, number[]>} */ ({});
+  for (const key of Object.keys(head.value?.values ?? {})) {
+    const [, all, joint] = /^(.*)\.(\d+)$/.exec(key) ?? [];
+    if (all) (found[all] ??= []).push(Number(joint));
+  }
+  return found;
+});
+
+/** @param {Key} key @returns {Key[]} keys of its joints */
+const jointsAt = (key) => (joints.value[key.join(".")] ?? []).map((joint) => [...key, joint]);
 
 /** A value as text. @param {any} x @returns {string} */
 function textOf(x) {
@@ -90,45 +103,65 @@ function readAs(f, text) {
   return f.list && !f.open ? [one(text)] : one(text);
 }
 
-/** Send edits of a key, with those of its mapping that were refused before. @param {Key} key @param {object[]} edits */
-function send(key, edits) {
-  const outer = key.slice(0, -1).join(".");
-  const kept = waiting.filter((x) => x.outer === outer && x.key !== key.join("."));
-  waiting = [...kept, ...edits.map((edit) => ({ edit, outer, key: key.join(".") }))];
-  sent = key.join(".");
-  refusals.value = {};
-  link.edit(waiting.map((x) => x.edit));
+/** Send edits of a key, with those that wait for it. @param {Key} at @param {object[]} edits */
+function send(at, edits) {
+  const key = at.join(".");
+  waiting = waiting.filter((x) => x.key !== key);
+  const more = waiting.filter((x) => key.startsWith(`${x.outer}.`));
+  sent = { wish: { key, edits, outer: "" }, more };
+  link.edit([...more.flatMap((x) => x.edits), ...edits]);
 }
 
 /** @param {Key} key @param {any} value */
 function set(key, value) {
   const own = forRun.value && form.in_run.includes(key[0]);
-  send(key, value === "" ? [{ do: "unset", key }] : [{ do: "set", key, value, run: own }]);
+  send(key, value === "" ? [{ do: "unset", key }] : [...listed(key), { do: "set", key, value, run: own }]);
+}
+
+/** Edits that list all layers that are run, before one of them has values of its own: others would not be run. @param {Key} key @returns {object[]} */
+function listed(key) {
+  const { written } = writtenAt(READ.split("."));
+  if (key.slice(0, 2).join(".") !== READ || key.length < 3 || (written && !Array.isArray(written))) return [];
+  const value = Object.fromEntries((written ?? head.value.layers).map((/** @type {string} */ x) => [x, {}]));
+  return [{ do: "set", key: READ.split("."), value }];
 }
 
 /** @param {Key} key */
-const unset = (key) => send(key, [{ do: "unset", key }]);
+const unset = (key) => send(key, [...listed(key), { do: "unset", key }]);
 
 /**
  * Show a refusal at its field. @param {import("./state.js").Frame} frame
  * @returns {boolean} whether there is such a field
  */
 export function refuseAt({ head: { key, sentence } }) {
-  const place = [key, sent].find((x) => sent && x && find("#panel").querySelector(`[data-key="${CSS.escape(x)}"]`));
-  if (place) refusals.value = { [place]: sentence };
-  sent = "";
+  if (!sent) return false;
+  const { wish, more } = sent;
+  sent = more.length ? { wish, more: [] } : null;
+  // Together they are refused: the new edit may be possible alone.
+  if (sent) link.edit(wish.edits);
+  if (sent) return true;
+  const place = [key, wish.key].find((x) => x && find("#panel").querySelector(`[data-key="${CSS.escape(x)}"]`));
+  if (wish.key.startsWith(`${key}.`)) waiting.push({ ...wish, outer: key });
+  if (place) refusals.value = { ...refusals.value, [place]: sentence };
   return place !== undefined;
+}
+
+/** The job has changed: what was sent is made; what a change of others refused is forgotten. */
+function accept() {
+  const made = sent ? [sent.wish, ...sent.more] : waiting;
+  waiting = waiting.filter((x) => !made.includes(x));
+  refusals.value = Object.fromEntries(Object.entries(refusals.value).filter(([key]) => waiting.some((x) => x.key === key || x.outer === key)));
+  sent = null;
 }
 
 /** @param {string} text */
 const words = (text) => text.charAt(0).toUpperCase() + text.slice(1).replaceAll("_", " ");
 
-/** @param {Field} f @returns {boolean} whether a search finds it */
-function isFound(f) {
-  const text = wanted.value.toLowerCase();
-  const own = `${f.name.replaceAll("_", " ")} ${f.name} ${f.label ?? ""} ${f.text ?? ""}`.toLowerCase();
-  return own.includes(text) || [...(f.fields ?? []), ...(f.items ?? []), ...(f.each ? [f.each] : [])].some(isFound);
-}
+/** @param {Field} f @returns {boolean} whether a search finds its own words */
+const isNamed = (f) => `${f.name.replaceAll("_", " ")} ${f.name} ${f.label ?? ""} ${f.text ?? ""}`.toLowerCase().includes(wanted.value.toLowerCase());
+
+/** @param {Field} f @returns {boolean} whether a search finds it, or a field in it */
+const isFound = (f) => isNamed(f) || [...(f.fields ?? []), ...(f.items ?? []), ...(f.each ? [f.each] : [])].some(isFound);
 
 /** Whether a field is written, or usual. @param {Field} f @param {Key} key */
 const isSet = (f, key) => writtenAt(key).written !== undefined || rowAt(key) !== undefined || jointsAt(key).length > 0;
@@ -174,7 +207,7 @@ function One({ f, at, label = f.name }) {
       (x) => html`<option value=${String(x)} selected=${String(x) === String(now)}>${String(x).replaceAll("_", " ")}</option>`,
     )}</select>`;
   }
-  const slider = row && typeof row.min === "number" && row.min < row.max ? { ...row, key, label: name } : null;
+  const slider = row && typeof row.min === "number" && row.min < row.max ? { ...row, key, label: name.toLowerCase() } : null;
   // A plain number of the file stays one; its unit is told beside it.
   const unit = isPlain(value) || (f.list && !row) ? (row?.unit ?? f.unit) : "";
   return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)}
@@ -191,7 +224,7 @@ function One({ f, at, label = f.name }) {
 /** @param {Field} f @returns {string} */
 function hintOf(f) {
   const example = f.example ? `e.g. ${f.example}` : "";
-  return f.default === undefined ? (f.needed ? example : ["none", example].filter(Boolean).join(", ")) : String(f.default);
+  return f.default === undefined ? example || (f.needed ? "" : "none") : String(f.default);
 }
 
 /** @param {{at: Key, name: string}} props */
@@ -235,13 +268,9 @@ function Part({ f, at, label = f.label ?? f.name, more = null }) {
   return html`<details class="part" data-key=${at.join(".")} open=${isOpen} onToggle=${(/** @type {any} */ e) => (open.value = e.target.open)}>
     <summary title=${f.text}>${words(label)}${count.value > 0 && html` <small>${count.value} set</small>`}</summary>
     <${Refusal} at=${at} />
-    ${isOpen && html`${more}<${Fields} fields=${f.fields ?? []} at=${at} />${!needed && html`<p class="acts"><button type="button" onClick=${() => unset(at)}>Leave ${label.replaceAll("_", " ")} out</button></p>`}`}
+    ${isOpen && html`${more}${(f.fields ?? []).filter((x) => !wanted.value || isNamed(f) || isFound(x)).map((x) => html`<${Any} key=${x.name} f=${x} at=${[...at, x.name]} />`)}${!needed && html`<p class="acts"><button type="button" onClick=${() => unset(at)}>Leave ${label.replaceAll("_", " ")} out</button></p>`}`}
   </details>`;
 }
-
-/** @param {{fields: Field[], at: Key}} props */
-const Fields = ({ fields, at }) =>
-  html`${fields.filter((f) => !wanted.value || isFound(f)).map((f) => html`<${Any} key=${f.name} f=${f} at=${[...at, f.name]} />`)}`;
 
 /** @param {Props} props */
 function Any({ f, at, label }) {
@@ -283,7 +312,7 @@ function Named({ f, at }) {
   const entry = (/** @type {string} */ name) => {
     if (!each.fields) return html`<${Leaf} key=${name} f=${{ ...each, unit: f.unit, text: f.text }} at=${[...at, name]} label=${name} />`;
     const isRun = written === undefined || given.includes(name);
-    const tick = html`<label class="field"><input type="checkbox" checked=${isRun} onChange=${() => setRun(written, layers, name, !isRun)} /> run this layer</label>`;
+    const tick = html`<label class="field"><input type="checkbox" checked=${isRun} onChange=${() => (isRun ? unset([...at, name]) : set([...at, name], {}))} /> run this layer</label>`;
     return html`<${Part} key=${name} f=${{ ...each, needed: key === READ, text: f.text }} at=${[...at, name]} label=${name} more=${key === READ && tick} />`;
   };
   const add = (/** @type {any} */ event) => {
@@ -298,16 +327,6 @@ function Named({ f, at }) {
     <${Refusal} at=${at} />
     ${isOpen && html`${names.map(entry)}${!layers.length && html`<form class="acts" onSubmit=${add}><input type="text" aria-label=${`New name of ${words(f.name).toLowerCase()}`} placeholder="name" /><button type="submit">Add</button></form>`}`}
   </details>`;
-}
-
-/** Run a layer or not, when all are listed. @param {any} written @param {string[]} layers @param {string} name @param {boolean} isRun */
-function setRun(written, layers, name, isRun) {
-  const at = READ.split(".");
-  if (written && !Array.isArray(written)) return isRun ? set([...at, name], {}) : unset([...at, name]);
-  const all = Object.fromEntries((written ?? layers).map((/** @type {string} */ x) => [x, {}]));
-  if (isRun) all[name] = {};
-  else delete all[name];
-  set(at, all);
 }
 
 /** The tilt of the tool, which follows from the orientation. */
@@ -338,12 +357,18 @@ function Group({ title, fields }) {
   });
   const set = shown.value.split(" ").filter(Boolean);
   // A group in which nothing is written has all its fields.
-  const listed = fields.filter((f) => (wanted.value ? isFound(f) : all || !set.length || set.includes(f.at ?? "")));
+  const isWanted = wanted.value && title.toLowerCase().includes(wanted.value.toLowerCase());
+  const listed = fields.filter((f) => (wanted.value ? isWanted || isFound(f) : all || !set.length || set.includes(f.at ?? "")));
   if (!listed.length) return null;
   const isOpen = open.value || Boolean(wanted.value);
   const rest = fields.length - listed.length;
   const isTilted = fields.some((f) => f.at === "path.orientation") && !wanted.value;
-  return html`<details class="group" data-group=${title} open=${isOpen} onToggle=${(/** @type {any} */ e) => (open.value = e.target.open)}>
+  const toggle = (/** @type {any} */ { target }) => {
+    open.value = target.open;
+    // Fields do not go once one of them is written.
+    if (target.open && !set.length) more.value = true;
+  };
+  return html`<details class="group" data-group=${title} open=${isOpen} onToggle=${toggle}>
     <summary>${title}</summary>
     ${isOpen && html`${isTilted && html`<${Tilt} />`}${listed.map((f) => html`<${Any} key=${f.at} f=${f} at=${f.at?.split(".")} label=${f.label} />`)}
       ${rest > 0 && html`<button type="button" class="rest" onClick=${() => (more.value = true)}>${rest} more</button>`}`}
@@ -357,8 +382,8 @@ function Form() {
     html`<button type="button" title=${title} aria-pressed=${String(of.value === is)} onClick=${() => (of.value = is)}>${text}</button>`;
   return html`<div class="seek">
       <input type="search" aria-label="Search settings" placeholder="Search settings" value=${wanted} onInput=${(/** @type {any} */ e) => (wanted.value = e.target.value.trim())} />
-      <span class="group choice" role="group" aria-label="Settings that are shown">${choice(everything, false, "Set", "Only what is set or usual")}${choice(everything, true, "All", "All settings of the job")}</span>
-      <span class="group choice" role="group" aria-label="Changes are for">${choice(forRun, false, "Job", "Changes are for all runs that have no value of their own")}${choice(forRun, true, "Run", "Changes are for the shown run alone")}</span>
+      <span class="group choice" role="group" aria-label="Settings that are shown">${choice(everything, false, "What is set", "Only what is set or usual")}${choice(everything, true, "All", "All settings of the job")}</span>
+      <span class="group choice" role="group" aria-label="Changes are for">${choice(forRun, false, "For job", "Changes are for all runs that have no value of their own")}${choice(forRun, true, "For run", "Changes are for the shown run alone")}</span>
     </div>
     ${form.groups.map((/** @type {any} */ x) => html`<${Group} key=${x.title} ...${x} />`)}
     <p class="help quiet">${help}</p>`;
@@ -375,9 +400,7 @@ export async function init(store, to) {
   store.on("document", (/** @type {any} */ frame) => {
     if (frame.rev !== rev) {
       rev = frame.rev;
-      waiting = [];
-      sent = "";
-      if (Object.keys(refusals.value).length) refusals.value = {};
+      accept();
     }
     head.value = frame.head;
   });

@@ -36,10 +36,10 @@ export function difference(a, b) {
   return `${Number(text) > 0 ? "+" : ""}${text} ${a.unit}`;
 }
 
-/** A number with about four significant digits, without needless zeros. @param {number} x @returns {string} */
-export function short(x) {
+/** A number with about four significant digits, without needless zeros. @param {number} x @param {number} [digits] @returns {string} */
+export function short(x, digits = 4) {
   if (!Number.isFinite(x)) return NONE;
-  return String(Number(x.toPrecision(4)));
+  return String(Number(x.toPrecision(digits)));
 }
 
 const NUMBER = String.raw`[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?`;

@@ -3,10 +3,6 @@
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {{x: number, y: number, alt: boolean, shift: boolean, at: number}} Place  px within the region; `at` ms */
 
-// Arrow keys that follow each other within this time are one gesture.
-const KEYS_WITHIN = 600; // ms
-/** @type {Record<string, [number, number]>} */
-const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 /** Browsers hold "pointermove" back for the next frame of the screen; some tell the same at once, too. */
 const MOVED = "onpointerrawupdate" in globalThis ? "pointerrawupdate" : "pointermove";
 
@@ -40,7 +36,8 @@ export class Gesture {
 /**
  * Drag an element with any pointer; meanwhile it has the class "dragging". A lost pointer ends the gesture; Escape cancels it.
  * @param {Element} element
- * @param {{start: (event: PointerEvent) => boolean, move: (event: PointerEvent) => void, end: (cancelled: boolean) => void}} on
+ * @param {{start: (event: PointerEvent) => boolean, move: (event: PointerEvent) => void, end: (cancelled: boolean) => void,
+ *   key?: (event: KeyboardEvent) => void}} on
  *   `start` returns whether it is a drag; `move` may be called many times in a frame of the screen
  */
 export function dragged(element, on) {
@@ -66,43 +63,10 @@ export function dragged(element, on) {
     listen(element, "pointercancel", () => finish(false));
     listen(window, "blur", () => finish(false));
     listen(window, "keydown", (e) => {
-      if (e.key !== "Escape") return;
+      if (e.key !== "Escape" && e.key !== "Enter") return on.key?.(e);
       e.preventDefault();
       e.stopPropagation();
-      finish(true);
+      finish(e.key === "Escape");
     });
   });
-}
-
-/**
- * Move something with the arrow keys: 1 mm, with Alt 0.1 mm, with Shift 10 mm.
- * @param {Element} element
- * @param {{start: () => void, move: (du: number, dv: number, event: KeyboardEvent) => void, end: () => void}} on metres since the start
- */
-export function nudged(element, on) {
-  let timer = 0;
-  let total = [0, 0];
-  const end = () => {
-    if (!timer) return;
-    clearTimeout(timer);
-    timer = 0;
-    on.end();
-  };
-  element.addEventListener("keydown", (first) => {
-    const event = /** @type {KeyboardEvent} */ (first);
-    const arrow = ARROWS[event.key];
-    if (!arrow || event.ctrlKey || event.metaKey) return;
-    event.preventDefault();
-    event.stopPropagation();
-    if (!timer) {
-      total = [0, 0];
-      on.start();
-    }
-    clearTimeout(timer);
-    timer = setTimeout(end, KEYS_WITHIN);
-    const step = event.shiftKey ? 0.01 : event.altKey ? 0.0001 : 0.001;
-    total = [total[0] + step * arrow[0], total[1] + step * arrow[1]];
-    on.move(total[0], total[1], event);
-  });
-  element.addEventListener("blur", end);
 }

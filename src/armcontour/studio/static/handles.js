@@ -1,26 +1,20 @@
 // Handles over the drawing: waypoints, apexes of corners, the middles of lines where a waypoint may be
 // inserted. A handle follows the pointer at once; what the server answers is drawn when it comes.
 
-import { beyond, handledOf, nudgedApex, toleranceAt, wordsOf } from "./corner.js";
+import { along, apexAt, beyond, handledOf, LEAST_TOLERANCE, toleranceEdits, wordsOf } from "./corner.js";
 import { draw, mark } from "./dom.js";
 import { mm } from "./format.js";
-import { dragged, Gesture, nudged } from "./gesture.js";
-import { oncePerFrame } from "./state.js";
+import { Pointer } from "./pointer.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {import("./view2d.js").View2d} View2d */
 /** @typedef {[number, number]} Point */
+/** @typedef {import("./pointer.js").Movable} Movable */
 /**
- * Something to grab: `at` says where it is (metres in the plane, null: not there), `move` what its edits are
- * when it is dragged to a place.
- * @typedef {Object} Handle
- * @property {SVGGElement} element
- * @property {() => Point | null} at
- * @property {(to: Point, event: MouseEvent | KeyboardEvent) => {edits: object[], shown: Point}} move
- * @property {() => void} describe   sets what is read aloud
- * @property {() => any} [corner]    the corner whose apex it is
- * @property {number} [inserts]      the waypoint that it inserts
+ * Something to grab: `at` says where it is (metres in the plane, null: not there).
+ * @typedef {Movable & {element: SVGGElement, at: () => Point | null, describe: () => void, corner?: () => any}} Handle
+ *   `describe` sets what is read aloud; `corner` is the one whose apex it is
  */
 
 // Beyond this number only handles in view are made.
@@ -34,36 +28,22 @@ export class Handles {
     this.store = store;
     this.link = link;
     this.view = view;
+    this.pointer = new Pointer(store, link, view);
     this.polygon = draw("polyline", { class: "polygon", "aria-hidden": "true" });
     this.groups = ["middle", "corner", "waypoint"].map((name) => draw("g", { class: name }));
     view.overlay.append(this.polygon, ...this.groups);
     /** @type {Map<string, Handle>} */
     this.handles = new Map();
-    /** Places of handles that were moved and are not yet in the document, by name. @type {Map<string, {at: Point, seq: number}>} */
-    this.held = new Map();
     this.inserted = NOTHING;
-    store.on("document", (/** @type {any} */ frame) => this.answered(frame));
-    store.on("picture", (/** @type {any} */ frame) => this.answered(frame ?? { kind: "picture", seq: null }));
-    // What was not made is not shown.
-    store.on("link", (/** @type {any} */ link) => {
-      if (link.state === "open") return;
-      this.held.clear();
-      this.place();
-    });
-    store.on("refusal", (/** @type {any} */ frame) => frame && this.answered(frame));
+    for (const event of ["document", "picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => this.answered(frame));
     view.followers.add(() => this.place());
   }
 
-  /** The server knows of the change: its places are used again. @param {import("./state.js").Frame} frame */
+  /** What can be grabbed may be another now, or elsewhere. @param {import("./state.js").Frame | null} frame */
   answered(frame) {
-    for (const [name, { seq }] of this.held) {
-      const corner = name.startsWith("corner");
-      if (frame.kind !== "refusal" && (frame.kind === "picture") !== corner) continue;
-      if (frame.seq === null || frame.seq >= seq) this.held.delete(name);
-    }
     this.build();
     this.place();
-    if (frame.kind !== "document" || frame.seq === null || frame.seq < this.inserted.seq) return;
+    if (frame?.kind !== "document" || frame.seq === null || frame.seq < this.inserted.seq) return;
     const { index, count } = this.inserted;
     if (this.store.document.waypoints.length > count) this.handles.get(`waypoint ${index}`)?.element.focus();
     this.inserted = NOTHING;
@@ -123,42 +103,25 @@ export class Handles {
 
   /** @param {Point} uv @returns {boolean} */
   inView(uv) {
-    const [x, y] = this.screen(uv);
+    const [x, y] = this.pointer.screen(uv);
     return x > 0 && y > 0 && x < this.view.view.width && y < this.view.view.height;
-  }
-
-  get centre() {
-    return this.store.latest("picture")?.head.centre ?? [0, 0];
-  }
-
-  /** @param {Point} uv m in the plane @returns {Point} px */
-  screen(uv) {
-    return this.view.view.toScreen([uv[0] - this.centre[0], uv[1] - this.centre[1]]);
-  }
-
-  /** @param {MouseEvent} event @returns {Point} m in the plane */
-  plane(event) {
-    const [u, v] = this.view.view.toPlane(this.view.within(event));
-    return [u + this.centre[0], v + this.centre[1]];
   }
 
   /** Where a waypoint is shown. @param {number} index @returns {Point | null} */
   waypointAt(index) {
-    const held = this.held.get(`waypoint ${index}`);
-    return held?.at ?? this.store.document?.waypoints[index]?.uv ?? null;
+    return this.handles.get(`waypoint ${index}`)?.at() ?? this.store.document?.waypoints[index]?.uv ?? null;
   }
 
   /** @param {number} index @returns {Handle} */
   waypoint(index) {
     const element = this.shape("waypoint", index, [draw("circle", { r: 6, class: "seen" })]);
-    const handle = {
-      element,
-      at: () => this.waypointAt(index),
-      move: (/** @type {Point} */ to) => ({ edits: [{ do: "move_waypoint", index, to }], shown: to }),
-      describe: () => this.describeWaypoint(element, index),
-    };
     element.addEventListener("keydown", (event) => this.waypointKey(event, index));
-    return this.movable(`waypoint ${index}`, handle);
+    return this.movable({
+      element,
+      at: () => this.store.document?.waypoints[index]?.uv ?? null,
+      edits: (values) => [{ do: "move_waypoint", index, to: this.pointer.global(values) }],
+      describe: () => this.describeWaypoint(element, index),
+    });
   }
 
   /** @param {SVGGElement} element @param {number} index */
@@ -195,38 +158,46 @@ export class Handles {
       "aria-label": `Insert a waypoint before waypoint ${index + 1}`,
     });
     element.append(draw("circle", { r: 12, class: "target" }), draw("path", { d: "M-4 0H4M0-4V4", class: "seen" }));
-    /** @type {Handle} */
-    const handle = {
-      element,
-      inserts: index,
-      at: () => {
-        const [a, b] = [this.waypointAt(index - 1), this.waypointAt(index)];
-        return a && b ? [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2] : null;
-      },
-      move: (to) => ({ edits: [{ do: "insert_waypoint", index, at: to }], shown: to }),
-      describe: () => {},
+    const insert = (/** @type {Point | null} */ at) => [{ do: "insert_waypoint", index, at }];
+    const middle = () => {
+      const [a, b] = [this.waypointAt(index - 1), this.waypointAt(index)];
+      return a && b ? /** @type {Point} */ ([(a[0] + b[0]) / 2, (a[1] + b[1]) / 2]) : null;
     };
-    return this.movable(`middle ${index}`, handle);
+    return this.movable({
+      element,
+      at: middle,
+      edits: (values) => insert(this.pointer.global(values)),
+      end: (made, cancelled) => {
+        if (cancelled) return;
+        // A click inserts as well.
+        if (!made.length) this.link.edit(insert(middle()));
+        this.expect(index);
+      },
+      describe: () => {},
+    });
   }
 
   /** The apex of a rounded corner. @param {number} index @returns {Handle} */
   corner(index) {
-    const element = this.shape("corner", index, [draw("path", { d: "M0-6 6 0 0 6-6 0Z", class: "seen" })]);
-    const told = () => this.store.latest("picture")?.head.corners.find((/** @type {any} */ x) => x.index === index);
-    /** @type {Handle} */
-    const handle = {
+    const element = this.shape("corner", index, [draw("path", { class: "stem" }), draw("path", { d: "M0-6 6 0 0 6-6 0Z", class: "seen" })]);
+    const corner = () => this.store.latest("picture")?.head.corners.find((/** @type {any} */ x) => x.index === index);
+    const isOfAll = () => corner().waypoint === null || this.store.options.corners === "all";
+    return this.movable({
       element,
-      at: () => this.held.get(`corner ${index}`)?.at ?? told()?.apex ?? null,
-      move: (to, event) => toleranceAt(told(), to, event instanceof MouseEvent && event.altKey),
-      corner: told,
+      corner,
+      answer: "picture",
+      least: LEAST_TOLERANCE,
+      at: () => corner()?.apex ?? null,
+      shown: ([value]) => apexAt(corner(), value),
+      start: () => ({ names: [isOfAll() ? "tolerance of all corners" : "tolerance"], unit: this.store.document.path.tolerance_unit, values: [corner().error] }),
+      moved: (by, [value], event) => [value + along(corner(), by, event instanceof KeyboardEvent)],
+      edits: ([value]) => toleranceEdits(corner(), value, isOfAll()),
       describe: () => {
-        const corner = told();
-        if (!corner) return;
-        mark(element, "aria-valuenow", mm(corner.error));
-        mark(element, "aria-valuetext", wordsOf(corner));
+        if (!corner()) return;
+        mark(element, "aria-valuenow", mm(corner().error));
+        mark(element, "aria-valuetext", wordsOf(corner()));
       },
-    };
-    return this.movable(`corner ${index}`, handle);
+    });
   }
 
   /** @param {string} kind @param {number} index @param {SVGElement[]} parts @returns {SVGGElement} */
@@ -244,65 +215,26 @@ export class Handles {
     return element;
   }
 
-  /** By pointer and by arrow keys. @param {string} name @param {Handle} handle @returns {Handle} */
-  movable(name, handle) {
-    /** @type {Gesture | null} */
-    let gesture = null;
-    /** @type {Point} */
-    let start = [0, 0];
-    /** @type {Point} */
-    let grip = [0, 0];
-    const begin = () => {
-      const at = handle.at();
-      if (!at) return false;
-      start = at;
-      gesture = new Gesture(this.link);
-      return true;
-    };
-    const follow = oncePerFrame(() => {
-      this.place();
-      handle.describe();
-    });
-    const to = (/** @type {Point} */ place, /** @type {any} */ event) => {
-      const { edits, shown } = handle.move(place, event);
-      this.held.set(name, { at: shown, seq: Infinity });
-      gesture?.update(edits, event.timeStamp);
-      follow();
-    };
-    const end = (cancelled = false) => {
-      const index = cancelled ? undefined : handle.inserts;
-      // A click inserts as well.
-      if (index && !gesture?.edits.length) gesture?.update([{ do: "insert_waypoint", index, at: start }], performance.now());
-      if (cancelled) gesture?.cancel();
-      else gesture?.end();
-      if (index) this.expect(index);
-      if (cancelled || !gesture?.edits.length) this.held.delete(name);
-      else this.held.set(name, { at: this.held.get(name)?.at ?? start, seq: this.link.seq });
-      gesture = null;
-      this.place();
-    };
-    const nudgedTo = (/** @type {number} */ du, /** @type {number} */ dv) => {
-      const corner = handle.corner?.();
-      return corner ? nudgedApex(corner, start, du, dv) : /** @type {Point} */ ([start[0] + du, start[1] + dv]);
-    };
-    dragged(handle.element, {
-      start: (event) => {
-        if (!begin()) return false;
-        const at = this.plane(event);
-        grip = [start[0] - at[0], start[1] - at[1]];
-        return true;
+  /**
+   * By pointer and by keys; without more, its values are its place by the axes of the file.
+   * @param {Partial<Handle> & Pick<Handle, "element" | "at" | "edits" | "describe"> & {shown?: (values: number[]) => Point}} given @returns {Handle}
+   */
+  movable({ at, shown = (values) => this.pointer.global(values), ...given }) {
+    const { pointer, store } = this;
+    /** @type {Handle} */
+    const handle = {
+      start: () => {
+        const [{ axes, unit }, place] = [store.document.path, at()];
+        return { names: axes.names, unit, values: place && pointer.local(place) };
       },
-      move: (event) => {
-        const at = this.plane(event);
-        to([at[0] + grip[0], at[1] + grip[1]], event);
+      moved: (by, start) => pointer.turned(by).map((x, k) => start[k] + x),
+      ...given,
+      at: () => {
+        const values = pointer.held(handle);
+        return values ? shown(values) : at();
       },
-      end,
-    });
-    nudged(handle.element, {
-      start: begin,
-      move: (du, dv, event) => to(nudgedTo(du, dv), event),
-      end,
-    });
+    };
+    pointer.movable(handle.element, handle);
     return handle;
   }
 
@@ -315,7 +247,7 @@ export class Handles {
     const corners = points
       .filter((p) => p !== null)
       .map((p) =>
-        this.screen(p)
+        this.pointer.screen(p)
           .map((x) => x.toFixed(1))
           .join(),
       );
@@ -324,9 +256,13 @@ export class Handles {
       const at = handle.at();
       handle.element.toggleAttribute("hidden", !at);
       if (!at) continue;
+      if (handle === this.pointer.going?.what) handle.describe();
       const corner = handle.corner?.();
-      const [x, y] = corner ? beyond(corner, this.screen(at)) : this.screen(at);
+      const apex = this.pointer.screen(at);
+      const [x, y] = corner ? beyond(corner, apex) : apex;
       mark(handle.element, "transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
+      // It belongs to the corner that it does not lie on.
+      if (corner) mark(handle.element.children[1], "d", `M0 0L${(apex[0] - x).toFixed(1)} ${(apex[1] - y).toFixed(1)}`);
     }
   }
 }

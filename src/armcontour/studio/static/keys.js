@@ -12,10 +12,11 @@ const HELP = [
   [
     "Drawing",
     [
-      ["drag, arrow keys", "move a waypoint, or a corner's tolerance; 1 mm, with Alt 0.1 mm, with Shift 10 mm"],
-      ["Alt + drag a corner", "the tolerance of all corners"],
+      ["drag, arrow keys", "move a handle in steps of 1 mm or 1°; with Alt 0.01, with Shift 10"],
+      ["digits on a handle", "the exact value, also during a drag: 12.5 or 350, 120; Enter ends, Escape undoes"],
       ["drag a +, or Insert", "insert a waypoint"],
-      ["Delete", "remove the waypoint"],
+      ["Delete", "remove the waypoint or the obstacle"],
+      ["F2, double click", "name and height of an obstacle"],
       ["Tab, Shift+Tab", "the next handle, the one before"],
       ["Escape", "undo a drag that is under way"],
       ["wheel, + and −", "zoom; drag the ground or Shift+arrows to pan"],

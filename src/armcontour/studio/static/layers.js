@@ -5,11 +5,9 @@ import { labelsOf, largest, magnified, polyline, startsOf, strokesByHeat, stroke
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
 
-// Points of each rapid in a picture.
-export const OF_RAPID = 16;
 const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
-// Shorter pieces of lines are not seen.
-const SHORTEST = 0.7; // px
+// Lines that are farther from the path are drawn finer.
+const COARSE = 0.4; // px
 // The magnified error should be about this large on the screen; the factor changes outside of the range.
 const WISHED = 34; // px
 const TOO_SMALL = 13;
@@ -18,19 +16,37 @@ const TOO_LARGE = 70;
 export const DECADES = 3;
 
 export class Layers {
-  /** @param {Store} store */
-  constructor(store) {
+  /** @param {Store} store @param {import("./viewport.js").Viewport} view */
+  constructor(store, view) {
     this.store = store;
+    this.view = view;
     /** @type {Map<string, {keys: any[], value: any}>} */
     this.kept = new Map();
     this.factor = 1;
-    /** Shorter pieces of lines are not seen [m]. */
-    this.least = 0;
   }
 
-  /** The view shows so many px per m; lines are made again where that doubles. @param {number} scale */
-  setScale(scale) {
-    this.least = SHORTEST / 2 ** Math.ceil(Math.log2(scale));
+  /** Whether lines are as fine as they are seen, and all of them are there that are seen. @param {Frame} lines */
+  isFine({ head }) {
+    const [left, bottom, right, top] = head.box ?? [-Infinity, -Infinity, Infinity, Infinity];
+    const [from, to] = [this.view.toPlane([0, this.view.height]), this.view.toPlane([this.view.width, 0])];
+    return from[0] >= left && from[1] >= bottom && to[0] <= right && to[1] <= top && head.error * this.view.scale <= COARSE;
+  }
+
+  /**
+   * A frame with the finer lines of what is seen, if there are any.
+   * @template {Frame | null} T
+   * @param {T} frame @returns {T}
+   */
+  fine(frame) {
+    const detail = this.store.latest("detail");
+    const picture = this.store.latest("picture");
+    if (!frame || !detail || detail.head.number !== picture?.head.number || !this.isFine(detail)) return frame;
+    if (frame.kind === "executed" && detail.head.tier !== frame.head.tier) return frame;
+    return this.keep(`fine ${frame.kind}`, [frame, detail], () => ({
+      ...frame,
+      head: { ...frame.head, limits: detail.head.limits, kerfs: detail.head.kerfs },
+      arrays: { ...frame.arrays, ...detail.arrays },
+    }));
   }
 
   /**
@@ -46,29 +62,22 @@ export class Layers {
     return value;
   }
 
-  /** @param {Frame} picture @returns {Path2D} */
-  objective(picture) {
-    const { objective, objective_breaks: breaks } = picture.arrays;
-    return this.keep("objective", [picture, this.least], () =>
-      polyline(objective, breaks, this.least),
-    );
-  }
-
-  /** Contours with a kerf as they are drawn. @param {Frame} picture @returns {Path2D} */
-  drawn(picture) {
-    const { drawn = new Float32Array(0), drawn_breaks: breaks } = picture.arrays;
-    return this.keep("drawn", [picture, this.least], () =>
-      polyline(drawn, breaks, this.least),
-    );
+  /**
+   * Lines of a name: the objective, contours with a kerf as they are drawn, ways between contours.
+   * @param {Frame} picture @param {"objective" | "drawn" | "rapid"} name @returns {Path2D}
+   */
+  lines(picture, name) {
+    const { [name]: points = new Float32Array(0), [`${name}_breaks`]: breaks } = picture.arrays;
+    return this.keep(name, [points], () => polyline(points, breaks));
   }
 
   /** Parts of the tool path that are cut, by kerf. @param {Frame} picture @returns {{kerf: number, path: Path2D}[]} */
   cuts(picture) {
     const { cut, cut_breaks: breaks } = picture.arrays;
-    return this.keep("cuts", [picture, this.least], () =>
+    return this.keep("cuts", [picture], () =>
       picture.head.kerfs.map((/** @type {number} */ kerf, /** @type {number} */ k) => ({
         kerf,
-        path: polyline(cut.subarray(2 * breaks[k], 2 * breaks[k + 1]), [], this.least),
+        path: polyline(cut.subarray(2 * breaks[k], 2 * breaks[k + 1]), []),
       })),
     );
   }
@@ -77,35 +86,15 @@ export class Layers {
   strokes(picture, executed) {
     const { theme, options } = this.store;
     const errors = options.colour === "error" ? executed : null;
-    return this.keep("strokes", [picture, errors, theme, options.colour, this.least], () => {
-      if (errors)
-        return strokesByHeat(
-          errors.arrays.base,
-          errors.arrays.error,
-          this.mostError(errors),
-          theme,
-          this.least,
-          new Set(errors.arrays.breaks),
-          (x) => 1 + Math.log10(x) / DECADES,
-        );
-      if (options.colour === "speed")
-        return strokesByHeat(
-          picture.arrays.path,
-          picture.arrays.speed,
-          this.mostSpeed(picture),
-          theme,
-          this.least,
-          startsOf(picture),
-        );
-      return strokesByLimit(picture, theme, this.least);
+    return this.keep("strokes", [picture, errors, theme, options.colour], () => {
+      if (errors) {
+        const { base, error, breaks } = errors.arrays;
+        const share = (/** @type {number} */ x) => 1 + Math.log10(x) / DECADES;
+        return strokesByHeat(base, error, this.most("executed", "error"), theme, new Set(breaks), share);
+      }
+      if (options.colour !== "speed") return strokesByLimit(picture, theme);
+      return strokesByHeat(picture.arrays.path, picture.arrays.speed, this.most("picture", "speed"), theme, startsOf(picture));
     });
-  }
-
-  /** Ways between contours. @param {Frame} picture @returns {Path2D} */
-  rapids(picture) {
-    const rapid = picture.arrays.rapid ?? new Float32Array(0);
-    const starts = Array.from({ length: rapid.length / 2 / OF_RAPID }, (_, k) => k * OF_RAPID);
-    return this.keep("rapids", [picture], () => polyline(rapid, starts, 0));
   }
 
   /** @param {Frame} picture */
@@ -113,31 +102,26 @@ export class Layers {
     return this.keep("labels", [picture], () => labelsOf(picture));
   }
 
-  /** @param {Frame} executed @param {number} factor */
-  executed(executed, factor) {
-    return this.keep("executed", [executed, factor, this.least], () =>
-      magnified(executed, factor, this.least),
-    );
+  /** The tool of an executed or a measured motion. @param {Frame} moved @param {number} factor */
+  executed(moved, factor) {
+    return this.keep(moved.kind, [moved, factor], () => magnified(moved, factor));
   }
 
-  /** @param {Frame} picture @returns {number} m/s */
-  mostSpeed(picture) {
-    return this.keep("most speed", [picture], () => largest(picture.arrays.speed));
-  }
-
-  /** @param {Frame} executed @returns {number} m */
-  mostError(executed) {
-    return this.keep("most error", [executed], () => largest(executed.arrays.error));
+  /** Largest value of an array of the newest frame of a kind. @param {string} kind @param {string} name @returns {number} */
+  most(kind, name) {
+    const frame = this.store.latest(kind);
+    return this.keep(`most ${kind} ${name}`, [frame], () => largest(frame?.arrays[name] ?? []));
   }
 
   /**
-   * Factor by which errors are magnified: as wished, or such that the largest is well seen.
-   * @param {Frame} executed @param {number} scale px per m @returns {number}
+   * Factor by which errors are magnified: as wished, or such that the largest is well seen, be it a measured one.
+   * @param {number} scale px per m @returns {number}
    */
-  magnification(executed, scale) {
+  magnification(scale) {
     const wished = this.store.options.magnify;
     if (wished > 0) return wished;
-    const most = this.mostError(executed) * scale;
+    const { measured } = this.store;
+    const most = Math.max(this.most("executed", "error"), measured ? this.most("measured", "error") : 0) * scale;
     if (most * this.factor < TOO_SMALL || most * this.factor > TOO_LARGE) {
       this.factor = FACTORS.findLast((factor) => most * factor <= WISHED) ?? 1;
     }

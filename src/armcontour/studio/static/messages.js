@@ -1,11 +1,15 @@
 // Sentences of the server: refusals, notices, what failed; and the state of the connection.
 
-import { find, make, say } from "./dom.js";
+import { find, make, mark, say } from "./dom.js";
 import { hasMotion } from "./figures.js";
 import { refuseAt } from "./form.js";
 
 /** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./link.js").Link} Link */
 
+/** Work whose progress is shown here: the start, and that on the newest state, with its name in messages. */
+const OWN = "#";
+const WORK = /** @type {Record<string, string>} */ ({ start: "Starting", [OWN]: "Preview" });
 const SHOWN_FOR = 9000; // ms
 const MOST = 4;
 
@@ -52,8 +56,8 @@ export function tellEarly(sentence) {
   early.tell(sentence);
 }
 
-/** @param {Store} store */
-export function init(store) {
+/** @param {Store} store @param {Link} link */
+export function init(store, link) {
   store.on("picture", () => early.clear());
   const refused = make("div", { class: "message alarm refusal", hidden: true }, [
     make("span"),
@@ -67,15 +71,28 @@ export function init(store) {
     say(/** @type {Element} */ (refused.firstChild), frame.head.sentence);
     say(/** @type {Element} */ (refused.lastChild), frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "");
   });
-  const starting = make("div", { class: "message starting", hidden: true });
-  find("#messages").append(starting);
+  const [step, bar] = [make("span"), make("progress", { max: 1, "aria-label": "Progress" })];
+  const button = make("button", { type: "button", onclick: () => link.send(button.dataset.does === "resume" ? { op: "resume" } : { op: "cancel", id: OWN }) });
+  const work = make("div", { class: "message work", hidden: true }, [step, bar, button]);
+  find("#messages").append(work);
+  let task = "";
   store.on("progress", (/** @type {any} */ { head }) => {
-    if (head.task !== "start") return;
-    starting.hidden = false;
-    say(starting, `Starting: ${(head.steps ?? []).at(-1) ?? "the first plan"} …`);
+    const { steps = [], share, state, tier } = head;
+    if (!(head.task in WORK)) return;
+    task = head.task;
+    const [isStopped, name] = [state === "stopped", tier === "exact" ? "Exact figures" : WORK[task]];
+    work.hidden = state === "done";
+    bar.toggleAttribute("hidden", isStopped);
+    if (share === null || share === undefined) bar.removeAttribute("value");
+    else bar.value = share;
+    button.hidden = task !== OWN;
+    mark(button, "data-does", isStopped ? "resume" : "cancel");
+    say(button, isStopped ? "Start again" : "Cancel");
+    const how = `: ${steps.at(-1) ?? "…"}${share ? `, ${Math.round(100 * share)} %` : ""}`;
+    say(step, isStopped ? (steps[0] ?? `${name} stopped.`) : name + how);
   });
   // A job that is refused has started, too.
-  for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => (starting.hidden ||= Boolean(frame)));
+  for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => (work.hidden ||= task === "start" && Boolean(frame)));
   /** What was refused, until the job is another one. */
   const dropped = new Passing();
   store.on("dropped", (/** @type {any} */ frame) => refuseAt(frame) || dropped.tell(`${frame.head.sentence} Nothing was changed.`));

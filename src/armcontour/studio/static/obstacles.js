@@ -1,44 +1,38 @@
 // Obstacles over the drawing: they are moved, boxes are sized, all by drag or by arrow keys.
 
-import { draw, find, mark } from "./dom.js";
+import { show } from "./ask.js";
+import { draw, find, make, mark } from "./dom.js";
 import { axesOf, dot, outlineOf, planeOf, standing } from "./footprint.js";
 import { mm } from "./format.js";
-import { dragged, Gesture, nudged } from "./gesture.js";
 import { tellEarly } from "./messages.js";
-import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
-/** @typedef {import("./view2d.js").View2d} View2d */
-/** @typedef {import("./handles.js").Handles} Handles */
+/** @typedef {import("./pointer.js").Pointer} Pointer */
 /** @typedef {import("./footprint.js").Obstacle} Obstacle */
 /** @typedef {[number, number]} Point */
 /** What a drag of an obstacle changes. @typedef {"at" | "size"} What */
 
 const NEW_SIDE = 60; // px
 const LEAST_SIZE = 1e-3; // m
+// From the part to a new obstacle: the radius of a wrist of usual arms, and what they may not come nearer than.
+const BESIDE = 0.08; // m
+/** Free of rounding errors. @param {number} metres */
+const round = (metres) => Number(metres.toFixed(9));
 
 class Obstacles {
-  /** @param {Store} store @param {Link} link @param {View2d} view @param {Handles} handles */
-  constructor(store, link, view, handles) {
+  /** @param {Store} store @param {Pointer} pointer */
+  constructor(store, pointer) {
     this.store = store;
-    this.link = link;
-    this.view = view;
-    this.handles = handles;
+    this.link = pointer.link;
+    this.view = pointer.view;
+    this.pointer = pointer;
     this.group = draw("g", { class: "obstacles" });
-    view.overlay.prepend(this.group);
-    /** @type {{body: SVGGElement, shape: SVGElement, sizer: SVGGElement}[]} */
+    this.view.overlay.prepend(this.group);
+    /** @type {{body: SVGGElement, shape: SVGElement, sizer: SVGGElement, held: Record<What, import("./pointer.js").Movable>}[]} */
     this.elements = [];
-    /** The obstacle that is changed now. @type {Obstacle | null} */
-    this.held = null;
     find("#add-obstacle").addEventListener("click", () => this.add());
-    store.on("document", () => {
-      this.held = null;
-      this.place();
-    });
-    store.on("refusal", () => (this.held = null));
-    view.followers.add(() => this.place());
-    this.follow = oncePerFrame(() => this.place());
+    store.on("document", () => this.place());
+    this.view.followers.add(() => this.place());
   }
 
   /** The plane of the picture. @returns {any} */
@@ -46,27 +40,73 @@ class Obstacles {
     return planeOf(this.store);
   }
 
-  /** Obstacles as they are drawn: the one that is held where it is held. @returns {Obstacle[]} */
+  /** Obstacles as they are drawn: one that is held where it is held. @returns {Obstacle[]} */
   list() {
-    return standing(this.store).map((x) => (this.held?.kind === x.kind && this.held.index === x.index ? this.held : x));
+    return standing(this.store).map((x, k) => {
+      const { at, size } = this.elements[k]?.held ?? {};
+      return { ...x, at: (at && this.pointer.held(at)) ?? x.at, size: (size && this.pointer.held(size)) ?? x.size };
+    });
   }
 
-  /** A box in the middle of the view. */
-  add() {
-    const { plane } = this;
-    if (!plane) return tellEarly("No obstacle can be added yet: no path has been shown.");
-    const side = Number((NEW_SIDE / this.view.view.scale).toPrecision(1));
-    const { u, v } = this.view.view.place;
-    const at = this.lift([u + this.handles.centre[0], v + this.handles.centre[1]], 1e-3);
-    this.link.edit([{ do: "obstacle", action: "add", kind: "box", size: [side, side, side], at }]);
+  /** A box that stands on the plane beside the part, where no other obstacle is. */
+  async add() {
+    const { box, view } = this.view;
+    if (!this.plane || !box) return tellEarly("No obstacle can be added yet: no path has been shown.");
+    const side = Number((NEW_SIDE / view.scale).toPrecision(1));
+    const answer = await this.ask("Add an obstacle", "box", side);
+    if (!answer) return;
+    const { name, height = side } = answer;
+    const spot = this.spotBeside(box, side);
+    this.link.edit([{ do: "obstacle", action: "add", kind: "box", name, size: [side, side, height], at: this.lift(spot, height / 2, 1e-3) }]);
+    const isSeen = ([x, y] = this.pointer.screen(spot)) => x > NEW_SIDE && y > NEW_SIDE && x < view.width - NEW_SIDE && y < view.height - NEW_SIDE;
+    for (let k = 0; k < 9 && !isSeen(); k += 1) this.view.zoomBy(1 / 1.4);
   }
 
-  /** A point of the plane in space, on round numbers. @param {Point} uv @param {number} [step] m @returns {number[]} */
-  lift([u, v], step = 1e-6) {
+  /**
+   * A place beside the part that is no other obstacle's; the arm has most room where it is far from the base.
+   * @param {import("./viewport.js").Box} box of the part, from its middle @param {number} side m @returns {Point} m
+   */
+  spotBeside({ left, right, bottom, top }, side) {
+    const [u, v] = this.pointer.centre;
     const { origin, x, y } = this.plane;
-    return [0, 1, 2]
-      .map((k) => step * Math.round((origin[k] + u * x[k] + v * y[k]) / step))
-      .map((c) => Number(c.toPrecision(12)));
+    const away = side / 2 + BESIDE;
+    const far = (/** @type {Point} */ [a, b]) => Math.hypot(dot(origin, x) + a, dot(origin, y) + b);
+    const spots = [[1, 0], [-1, 0], [0, 1], [0, -1]].map(
+      ([a, b]) => /** @type {Point} */ ([u + (left + right) / 2 + a * ((right - left) / 2 + away), v + (bottom + top) / 2 + b * ((top - bottom) / 2 + away)]),
+    );
+    spots.sort((p, q) => far(q) - far(p));
+    const others = this.list().flatMap((other) => outlineOf(other, this.plane) ?? []);
+    return spots.find(([a, b]) => others.every((p) => Math.abs(p[0] - a) > side || Math.abs(p[1] - b) > side)) ?? spots[0];
+  }
+
+  /**
+   * Name and height of an obstacle. @param {string} title @param {string} name @param {number} [height] m
+   * @returns {Promise<{name: string, height?: number} | null>} null: cancelled
+   */
+  async ask(title, name, height) {
+    const field = (/** @type {string} */ text, /** @type {Record<string, any>} */ how) => make("label", { class: "field", text }, [make("input", how)]);
+    const fields = [field("Name", { type: "text", value: name, required: true })];
+    if (height !== undefined) fields.push(field("Height [mm]", { type: "number", min: 1, step: "any", value: mm(height, 2).replace(/\.?0+$/, "") }));
+    const answer = await show(title, fields, [{ value: "ok", text: "OK" }, { value: "", text: "Cancel" }]);
+    const [named, high] = fields.map((x) => /** @type {HTMLInputElement} */ (x.lastChild).value);
+    if (answer !== "ok") return null;
+    return { name: named.trim() || name, ...(high && { height: Number((Number(high) / 1000).toPrecision(12)) }) };
+  }
+
+  /** Name and height of one that is there; its bottom stays. @param {Obstacle} obstacle */
+  async change({ kind, index, name = "", size, at = [0, 0, 0] }) {
+    const answer = await this.ask("Obstacle", name, kind === "boxes" ? size?.[2] : undefined);
+    if (!answer) return;
+    const { height } = answer;
+    const grown = height !== undefined && size ? { size: [size[0], size[1], height], at: [at[0], at[1], round(at[2] + (height - size[2]) / 2)] } : {};
+    this.link.edit([{ do: "obstacle", action: "change", kind, index, name: answer.name, ...grown }]);
+  }
+
+  /** A point in space from one of the plane, which has round numbers there. @param {Point} uv @param {number} above m @param {number} step m @returns {number[]} */
+  lift([u, v], above, step) {
+    const { origin, x, y } = this.plane;
+    const across = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+    return [0, 1, 2].map((k) => round(step * Math.round((origin[k] + u * x[k] + v * y[k]) / step) + above * across[k]));
   }
 
   place() {
@@ -89,7 +129,7 @@ class Obstacles {
     body.toggleAttribute("hidden", !outline);
     sizer.toggleAttribute("hidden", !outline || obstacle.kind !== "boxes");
     if (!outline) return;
-    const points = outline.map((p) => this.handles.screen(p));
+    const points = outline.map((p) => this.pointer.screen(p));
     mark(shape, "points", points.map((p) => p.map((x) => x.toFixed(1)).join()).join(" "));
     const corner = points.reduce((best, p) => (p[0] - p[1] > best[0] - best[1] ? p : best));
     mark(sizer, "transform", `translate(${corner[0].toFixed(1)} ${corner[1].toFixed(1)})`);
@@ -113,55 +153,38 @@ class Obstacles {
       draw("rect", { x: -4, y: -4, width: 8, height: 8, class: "seen" }),
     );
     this.group.append(body, sizer);
-    this.movable(body, k, "at");
-    this.movable(sizer, k, "size");
-    body.addEventListener("keydown", (event) => {
-      if (event.key !== "Delete" && event.key !== "Backspace") return;
-      event.preventDefault();
-      const { kind, index } = this.list()[k];
-      this.link.edit([{ do: "obstacle", action: "remove", kind, index }]);
-    });
-    return { body, shape, sizer };
-  }
-
-  /** @param {SVGGElement} element @param {number} k @param {What} what */
-  movable(element, k, what) {
-    /** @type {{gesture: Gesture, from: Obstacle, grip: Point} | null} */
-    let under = null;
-    const start = (/** @type {Point} */ grip) => {
-      under = { gesture: new Gesture(this.link), from: this.list()[k], grip };
-      return true;
-    };
-    const by = (/** @type {number} */ du, /** @type {number} */ dv, /** @type {Event} */ event) => {
-      if (!under) return;
-      const { kind, index } = under.from;
-      const value = what === "at" ? this.moved(under.from, du, dv) : this.sized(under.from, du, dv);
-      this.held = { ...under.from, [what]: value };
-      under.gesture.update([{ do: "obstacle", action: "change", kind, index, [what]: value }], event.timeStamp);
-      this.follow();
-    };
-    const end = (cancelled = false) => {
-      if (cancelled) under?.gesture.cancel();
-      else under?.gesture.end();
-      if (cancelled) this.held = null;
-      under = null;
-      this.place();
-    };
-    dragged(element, {
-      start: (event) => start(this.handles.plane(event)),
-      move: (event) => {
-        const at = this.handles.plane(event);
-        if (under) by(at[0] - under.grip[0], at[1] - under.grip[1], event);
+    /** @type {Obstacle} as it was when it was grabbed */
+    let from;
+    const movable = (/** @type {What} */ what, /** @type {string[]} */ names, /** @type {number} */ least, /** @type {(du: number, dv: number) => number[]} */ moved) => ({
+      ...(least && { least }),
+      start: () => {
+        from = this.list()[k];
+        return { names, unit: from.unit, values: from[what] ?? (what === "at" ? [0, 0, 0] : null) };
       },
-      end,
+      moved: (/** @type {Point} */ by) => moved(...by),
+      edits: (/** @type {number[]} */ values) => [{ do: "obstacle", action: "change", kind: from.kind, index: from.index, [what]: values }],
     });
-    nudged(element, { start: () => start([0, 0]), move: by, end });
+    const held = {
+      at: movable("at", ["x", "y", "z"], 0, (du, dv) => this.moved(from, du, dv)),
+      size: movable("size", ["size", "by", "by"], LEAST_SIZE, (du, dv) => this.sized(from, du, dv)),
+    };
+    this.pointer.movable(body, held.at);
+    this.pointer.movable(sizer, held.size);
+    body.addEventListener("dblclick", () => this.change(this.list()[k]));
+    body.addEventListener("keydown", (event) => {
+      const obstacle = this.list()[k];
+      if (event.key === "F2") this.change(obstacle);
+      else if (event.key === "Delete" || event.key === "Backspace") this.link.edit([{ do: "obstacle", action: "remove", kind: obstacle.kind, index: obstacle.index }]);
+      else return;
+      event.preventDefault();
+    });
+    return { body, shape, sizer, held };
   }
 
   /** @param {Obstacle} from @param {number} du @param {number} dv @returns {number[]} m */
   moved({ at = [0, 0, 0] }, du, dv) {
     const { x, y } = this.plane;
-    return [0, 1, 2].map((k) => Number(((at[k] ?? 0) + du * x[k] + dv * y[k]).toFixed(6)));
+    return [0, 1, 2].map((k) => round((at[k] ?? 0) + du * x[k] + dv * y[k]));
   }
 
   /** The middle stays where it is. @param {Obstacle} from @param {number} du @param {number} dv @returns {number[]} m */
@@ -172,12 +195,12 @@ class Obstacles {
     const grip = [0, 1, 2].map((k) => x[k] - y[k]);
     return axesOf(from).map((axis, k) => {
       const grown = 2 * dot(by, axis) * Math.sign(dot(grip, axis));
-      return Number(Math.max(LEAST_SIZE, (from.size?.[k] ?? 0) + grown).toFixed(6));
+      return (from.size?.[k] ?? 0) + grown;
     });
   }
 }
 
-/** @param {Store} store @param {Link} link @param {View2d} view @param {Handles} handles */
-export function init(store, link, view, handles) {
-  new Obstacles(store, link, view, handles);
+/** @param {Store} store @param {import("./link.js").Link} _link @param {Pointer} pointer */
+export function init(store, _link, pointer) {
+  new Obstacles(store, pointer);
 }

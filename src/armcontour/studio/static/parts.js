@@ -25,7 +25,7 @@ export function Entry({ value, send, ...more }) {
     field.current.value = value;
     field.current.select();
   };
-  return html`<input type="text" autocomplete="off" spellcheck="false" ref=${field} onChange=${change} onKeyDown=${key} ...${more} />`;
+  return html`<input type="text" autocomplete="off" spellcheck=${false} ref=${field} onChange=${change} onKeyDown=${key} ...${more} />`;
 }
 
 /** Heads of columns; a name in brackets is for screen readers only. @param {{names: string[], words?: number}} props */
@@ -34,4 +34,15 @@ export function Heads({ names, words = 0 }) {
     const unseen = name.startsWith("(") ? name.slice(1, -1) : "";
     return html`<th scope="col" class=${k < words ? "words" : ""}>${unseen ? html`<span class="unseen">${unseen}</span>` : name}</th>`;
   })}</tr></thead>`;
+}
+
+/** Head and body of a table; the first cell of a row is its head. @param {{columns: string[], rows: any[][]}} props */
+export const Tabular = ({ columns, rows }) => html`<${Heads} names=${columns} />
+  <tbody>${rows.map((row) => html`<tr>${row.map((x, k) => (k ? html`<td>${x}</td>` : html`<th scope="row">${x}</th>`))}</tr>`)}</tbody>`;
+
+/** An element that is no component. @param {{element: Element}} props */
+export function Host({ element }) {
+  const place = useRef(/** @type {HTMLElement | null} */ (null));
+  useLayoutEffect(() => place.current?.replaceChildren(element), [element]);
+  return html`<div ref=${place}></div>`;
 }

@@ -1,113 +1,61 @@
 // The runs of the job in a table, with differences of duration and errors to the shown run.
 
 import { ask } from "./ask.js";
-import { find, headings, make, whileSeen } from "./dom.js";
+import { find, whileSeen } from "./dom.js";
 import { knownOf } from "./figures.js";
 import { difference, textOf } from "./format.js";
+import { Heads } from "./parts.js";
+import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {Map<string, import("./figures.js").Row>} Known */
 
 const EVENTS = ["document", "picture", "executed", "figures"];
-const COLUMNS = [
-  "(name)",
-  "timing",
-  "compensation",
-  "corners",
-  "cycle time",
-  "Δ",
-  "error RMS",
-  "Δ",
-  "largest",
-  "(actions)",
-];
-
-class Runs {
-  /** @param {Store} store @param {Link} link */
-  constructor(store, link) {
-    this.store = store;
-    this.link = link;
-    this.body = make("tbody");
-    /** Figures of the runs that were shown with this text, by name. @type {Map<string, Known>} */
-    this.known = new Map();
-    this.text = "";
-    this.shown = "";
-    const head = headings(COLUMNS, (k) => (k < 4 ? "words" : ""));
-    find("#tab-runs").append(
-      make("p", { class: "acts" }, [this.button("New run like this one", () => this.add())]),
-      make("table", {}, [
-        make("caption", { text: "Runs", class: "unseen" }),
-        make("thead", {}, [make("tr", {}, head)]),
-        this.body,
-      ]),
-    );
-    for (const event of EVENTS) store.on(event, () => this.learn());
-    whileSeen(store, find("#tab-runs"), EVENTS, () => this.update());
-  }
-
-  /** @param {string} text @param {() => void} act @param {string} [label] */
-  button(text, act, label) {
-    return make("button", { type: "button", text, onclick: act, "aria-label": label });
-  }
-
-  update() {
-    const head = this.store.document;
-    if (!head) return;
-    const rows = head.runs.map((/** @type {any} */ run) => this.cells(run, head.run));
-    const shown = JSON.stringify([head.run, rows]);
-    if (shown === this.shown) return;
-    this.shown = shown;
-    this.body.replaceChildren(...rows.map((/** @type {string[]} */ cells) => this.row(cells, head.run)));
-  }
-
-  /** Keep the figures of the shown run until the text changes. */
-  learn() {
-    const { document, refusal } = this.store;
-    if (!document) return;
-    if (document.text !== this.text) this.known.clear();
-    this.text = document.text;
-    const run = this.store.latest("picture")?.head.run;
-    if (run === undefined || refusal) return;
-    const { exact, executed, rows } = knownOf(this.store);
-    const isWhole = exact || executed?.run === run;
-    this.known.set(run, isWhole ? rows : new Map([...rows].filter(([name]) => name === "duration")));
-  }
-
-  /** @param {any} run @param {string} current @returns {string[]} */
-  cells({ name, timing, compensation, corners }, current) {
-    const [its, mine] = [name, current].map((x) => this.known.get(x));
-    const [duration, rms, largest] = ["duration", "contour_error.rms", "contour_error.max"].map((x) => its?.get(x));
-    const delta = (/** @type {any} */ row) => (name === current ? "" : difference(row, mine?.get(row?.name)));
-    return [
-      ...[name, timing, compensation, corners],
-      ...[textOf(duration), delta(duration), textOf(rms), delta(rms), textOf(largest)],
-    ];
-  }
-
-  /** @param {string[]} cells @param {string} current */
-  row([name, ...rest], current) {
-    const act = (/** @type {string} */ text, /** @type {string} */ op, /** @type {object} */ more) =>
-      this.button(text, () => this.link.send({ op, ...more }), `${text} run ${name}`);
-    const acts = [
-      ...(name === current ? [] : [act("Show", "select", { run: name })]),
-      ...(this.store.document.runs.length > 1 ? [act("Remove", "remove_run", { name })] : []),
-    ];
-    return make("tr", { "aria-current": name === current ? "true" : false }, [
-      make("th", { scope: "row", text: name }),
-      ...rest.map((text, k) => make("td", { class: k < 3 ? "words" : "", text })),
-      make("td", { class: "acts" }, acts),
-    ]);
-  }
-
-  async add() {
-    const run = this.store.document.run;
-    const name = await ask(`A new run like ${run}`, "Its name", `${run}-2`);
-    if (name) this.link.send({ op: "add_run", name, like: run });
-  }
-}
+const COLUMNS = ["(name)", "timing", "compensation", "corners", "cycle time", "Δ", "error RMS", "Δ", "largest", "(actions)"];
 
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
-  new Runs(store, link);
+  const region = find("#tab-runs");
+  /** Figures of the runs that were shown with this text, by name. @type {Map<string, Known>} */
+  const known = new Map();
+  let text = "";
+  /** Keep the figures of the shown run until the text changes. */
+  const learn = () => {
+    const { document, refusal } = store;
+    if (!document) return;
+    if (document.text !== text) known.clear();
+    text = document.text;
+    const run = store.latest("picture")?.head.run;
+    if (run === undefined || refusal) return;
+    const { exact, executed, rows } = knownOf(store);
+    const isWhole = exact || executed?.run === run;
+    known.set(run, isWhole ? rows : new Map([...rows].filter(([name]) => name === "duration")));
+  };
+  const add = async () => {
+    const { run } = store.document;
+    const name = await ask(`A new run like ${run}`, "Its name", `${run}-2`);
+    if (name) link.send({ op: "add_run", name, like: run });
+  };
+  const row = (/** @type {any} */ { name, timing, compensation, corners }) => {
+    const { run, runs } = store.document;
+    const isShown = name === run;
+    const [duration, rms, largest] = ["duration", "contour_error.rms", "contour_error.max"].map((x) => known.get(name)?.get(x));
+    const delta = (/** @type {any} */ x) => (isShown ? "" : difference(x, known.get(run)?.get(x?.name)));
+    const act = (/** @type {string} */ title, /** @type {any} */ message) => html`<button type="button" aria-label=${`${title} run ${name}`} onClick=${() => link.send(message)}>${title}</button>`;
+    return html`<tr key=${name} aria-current=${isShown && "true"}>
+      <th scope="row">${name}</th>${[timing, compensation, corners].map((x) => html`<td class="words">${x}</td>`)}
+      ${[textOf(duration), delta(duration), textOf(rms), delta(rms), textOf(largest)].map((x) => html`<td>${x}</td>`)}
+      <td class="acts">${!isShown && act("Show", { op: "select", run: name })}${runs.length > 1 && act("Remove", { op: "remove_run", name })}</td>
+    </tr>`;
+  };
+  for (const event of EVENTS) store.on(event, learn);
+  whileSeen(store, region, EVENTS, () => {
+    if (!store.document) return;
+    render(
+      html`<p class="acts"><button type="button" onClick=${add}>New run like this one</button></p>
+        <table><caption class="unseen">Runs</caption><${Heads} names=${COLUMNS} words=${4} /><tbody>${store.document.runs.map(row)}</tbody></table>`,
+      region,
+    );
+  });
 }

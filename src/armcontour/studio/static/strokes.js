@@ -19,36 +19,31 @@ const SIGNS = /** @type {Record<string, string>} */ ({
 });
 
 /**
- * Lines through points; a new one starts at every break. Points nearer than `least` to the last one are left out.
- * @param {Numbers} points pairs @param {Iterable<number>} [breaks] indices of first points @param {number} [least] m
- * @returns {Path2D}
+ * Lines through points; a new one starts at every break.
+ * @param {Numbers} points pairs @param {Iterable<number>} [breaks] indices of first points @returns {Path2D}
  */
-export function polyline(points, breaks = [], least = 0) {
-  const starts = new Set([0, ...breaks]);
-  return buckets(points, () => 0, starts, least).get(0) ?? new Path2D();
+export function polyline(points, breaks = []) {
+  return buckets(points, () => 0, new Set([0, ...breaks])).get(0) ?? new Path2D();
 }
 
 /**
  * One way per bucket of the pieces between successive points.
  * @param {Numbers} points pairs @param {(i: number) => number} bucketOf of the piece from point i to i + 1; below 0: not drawn
- * @param {Set<number>} starts first points of lines @param {number} least m
+ * @param {Set<number>} starts first points of lines
  * @returns {Map<number, Path2D>}
  */
-function buckets(points, bucketOf, starts, least) {
+function buckets(points, bucketOf, starts) {
   /** @type {Map<number, Path2D>} */
   const all = new Map();
   const count = points.length / 2;
   let last = -1;
-  let [u, v] = [0, 0];
   for (let i = 0; i + 1 < count; i++) {
     const bucket = starts.has(i + 1) ? -1 : bucketOf(i);
     if (bucket >= 0) {
       let path = all.get(bucket);
       if (!path) all.set(bucket, (path = new Path2D()));
-      if (bucket !== last) path.moveTo((u = points[2 * i]), (v = points[2 * i + 1]));
-      const [x, y] = [points[2 * i + 2], points[2 * i + 3]];
-      const ends = i + 2 >= count || starts.has(i + 2) || bucketOf(i + 1) !== bucket;
-      if (ends || Math.abs(x - u) + Math.abs(y - v) >= least) path.lineTo((u = x), (v = y));
+      if (bucket !== last) path.moveTo(points[2 * i], points[2 * i + 1]);
+      path.lineTo(points[2 * i + 2], points[2 * i + 3]);
     }
     last = bucket;
   }
@@ -62,7 +57,7 @@ export function bandOf(picture) {
 
 /** First points of the contours on the path. @param {Frame} picture @returns {Set<number>} */
 export function startsOf(picture) {
-  return new Set(picture.head.contours.map((/** @type {any} */ contour) => contour.from));
+  return new Set(picture.arrays.path_breaks);
 }
 
 /**
@@ -74,8 +69,8 @@ export function kindAt(picture, i) {
   return picture.head.limits[picture.arrays.binding[i]]?.kind ?? BETWEEN;
 }
 
-/** @param {Frame} picture @param {Theme} theme @param {number} least m @returns {Stroke[]} */
-export function strokesByLimit(picture, theme, least) {
+/** @param {Frame} picture @param {Theme} theme @returns {Stroke[]} */
+export function strokesByLimit(picture, theme) {
   const { path } = picture.arrays;
   const kinds = /** @type {string[]} */ ([]);
   const found = buckets(
@@ -86,7 +81,6 @@ export function strokesByLimit(picture, theme, least) {
       return kinds.indexOf(kind);
     },
     startsOf(picture),
-    least,
   );
   return [...found].map(([k, way]) => {
     const { colour, dash } = styleOf(kinds[k], theme);
@@ -99,10 +93,10 @@ const same = (x) => x;
 
 /**
  * @param {Numbers} points pairs @param {Numbers} values one per point @param {number} most value of the last shade
- * @param {Theme} theme @param {number} least m @param {Set<number>} [starts] first points of lines
+ * @param {Theme} theme @param {Set<number>} [starts] first points of lines
  * @returns {Stroke[]}
  */
-export function strokesByHeat(points, values, most, theme, least, starts = new Set(), shareOf = same) {
+export function strokesByHeat(points, values, most, theme, starts = new Set(), shareOf = same) {
   const found = buckets(
     points,
     (i) => {
@@ -110,7 +104,6 @@ export function strokesByHeat(points, values, most, theme, least, starts = new S
       return Number.isNaN(share) ? -1 : Math.round(share * (SHADES - 1));
     },
     starts,
-    least,
   );
   return [...found].map(([k, path]) => ({ path, colour: heat(k / (SHADES - 1), theme), dash: [] }));
 }
@@ -151,10 +144,9 @@ function besides(points, i) {
 
 /**
  * The executed tool with its error magnified, and lines from the path to it.
- * @param {Frame} executed @param {number} magnify @param {number} least m
- * @returns {{tool: Path2D, errors: Path2D, points: Float32Array}}
+ * @param {Frame} executed @param {number} magnify @returns {{tool: Path2D, errors: Path2D}}
  */
-export function magnified(executed, magnify, least) {
+export function magnified(executed, magnify) {
   const { base, offset } = executed.arrays;
   const points = new Float32Array(base.length);
   for (let i = 0; i < base.length; i++) points[i] = base[i] + magnify * offset[i];
@@ -164,8 +156,7 @@ export function magnified(executed, magnify, least) {
     errors.moveTo(base[2 * i], base[2 * i + 1]);
     errors.lineTo(points[2 * i], points[2 * i + 1]);
   }
-  const breaks = /** @type {Uint32Array} */ (executed.arrays.breaks ?? []);
-  return { tool: polyline(points, breaks, least), errors, points };
+  return { tool: polyline(points, executed.arrays.breaks), errors };
 }
 
 /** Largest positive number, or 0. @param {Iterable<number | null>} values @returns {number} */

@@ -1,136 +1,231 @@
-// Long work by buttons: check, clearance, certificate, placement, sweep, export, report.
+// Long work by buttons: check, clearance, certificate, placement, sweep, export, report, logs; and what came of it.
 
-import { find, make, say } from "./dom.js";
+import { answerOf } from "./answers.js";
+import { Chart } from "./chart.js";
+import { find, give, say } from "./dom.js";
+import { known } from "./form.js";
+import { init as hear, logOptions, Logs, logs } from "./logs.js";
+import { Host, Tabular } from "./parts.js";
 import { PlacementMap } from "./placement.js";
-import { Result } from "./result.js";
-import { TASKS, Form } from "./taskforms.js";
+import { html, render, signal, useComputed, useEffect, useMemo, useRef, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./link.js").Link} Link */
-
-/** So many results are kept. */
-const MOST_RESULTS = 12;
-
 /**
- * Fill the region of the tasks.
- * @param {Store} store
- * @param {Link} link
+ * One choice of a task; text and numbers by default. Texts are quantities with a unit, which the server reads.
+ * @typedef {{name: string, label: string, type?: string, value?: string | number | boolean, choices?: [string, string][], min?: number,
+ *   max?: number, unit?: string}} Choice
  */
-export function init(store, link) {
-  const tasks = new Tasks(find("#tasks"), store, link);
-  store.on("progress", (/** @type {Frame} */ x) => tasks.progress(x.head));
-  store.on("result", (/** @type {Frame} */ x) => tasks.finish(x));
-  store.on("cancelled", (/** @type {Frame} */ x) => tasks.end(x.head.id, "cancelled", "Cancelled."));
-  store.on("failed", (/** @type {Frame} */ x) => tasks.end(x.head.id, "failed", x.head.sentence));
-  for (const event of ["document", "arm"]) store.on(event, () => tasks.renew());
-  store.on("picture", () => tasks.map.redraw());
-  store.on("link", () => tasks.renew());
-  store.on("reset", () => tasks.clear());
+/** @typedef {{task: string, title: string, what: string, onLogs?: boolean, choices?: Choice[], options?: (values: Record<string, any>, rows: any) => object}} Task */
+/**
+ * What came of a task.
+ * @typedef {{id: string, task: string, title: string, time: string, state: "running" | "done" | "refused" | "cancelled" | "failed",
+ *   rev?: number, told?: {steps: string[], share: number | null, eta: number | null}, frame?: Frame, sentence?: string}} Result
+ */
+/** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
+
+/** So many results are kept, rows of a table shown at once, and points of a sweep computed. */
+const [MOST_RESULTS, MOST_ROWS, SWEPT] = [12, 200, 15];
+/** Places to both sides of the part's own; without an entry they are those of the job's key `placement`. @type {Choice[]} */
+const PLACE = [
+  { name: "as_job", label: "as in the job (placement)", type: "checkbox", value: true },
+  { name: "x", label: "x ±", value: 200, min: 0, max: 5000, unit: "mm" },
+  { name: "y", label: "y ±", value: 200, min: 0, max: 5000, unit: "mm" },
+  { name: "steps", label: "places a side", value: 9, min: 2, max: 60 },
+  { name: "yaw", label: "turn ±", value: 0, min: 0, max: 180, unit: "°" },
+  { name: "objective", label: "best is", choices: [["cycle", "the shortest cycle"], ["clearance", "the most clearance"], ["manipulability", "the best manipulability"], ["torque", "the most torque to spare"]] },
+  { name: "every", label: "plan every place", type: "checkbox" },
+];
+
+/** @type {Task} */
+const COMPARE = { task: "measured", title: "Compare", what: "Plan against the last log: contour errors, and the measured tool in the drawing.", onLogs: true, options: logOptions };
+
+const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
+/** Joints of the arm, keys that can be swept, whether the job says where to place, and whether the server hears. */
+const [joints, rows, placed, isOpen] = [signal(0), signal(/** @type {Record<string, any>} */ ({})), signal(false), signal(false)];
+/** The newest first. */
+const results = signal(/** @type {Result[]} */ ([]));
+
+/** All tasks, in the order of their buttons. @returns {Task[]} */
+const tasks = () => [
+  { task: "check", title: "Check", what: "Looks at every limit of the planned and the executed motion." },
+  { task: "clearance", title: "Clearance", what: "How near the arm comes to itself and to obstacles, at any time." },
+  {
+    task: "certify", title: "Certify", what: "Finds the fastest plan whose execution is proved to keep the tolerance.",
+    choices: [{ name: "tolerance", label: "tolerance", value: "", min: 0, unit: "mm, or as in the job" }, { name: "plant", label: "robot", choices: [["", "as in the job"], ["servo", "independent servos"], ["rigid_body", "rigid bodies"]] }],
+    options: ({ tolerance, plant }) => ({ ...(tolerance > 0 && { tolerance: tolerance / 1000 }), ...(plant && { plant }) }),
+  },
+  { task: "place", title: "Place", what: "Finds where the part lies best, and maps all places under the drawing.", choices: PLACE, options: placeOptions },
+  {
+    task: "sweep", title: "Sweep", what: "Cycle time and contour error over the range of one quantity.",
+    choices: [{ name: "key", label: "over", choices: Object.keys(rows.value).filter((key) => rows.value[key].min < rows.value[key].max).map((key) => [key, key.replace(/^\w+\.(?=\D)/, "").replaceAll(/[_.]/g, " ")]) }],
+    options: ({ key }, { [key]: { min, max, log } }) => ({ key, min, max, log, count: SWEPT }),
+  },
+  {
+    task: "export", title: "Export", what: "Set-points for a robot controller, or tables.",
+    choices: [
+      { name: "format", label: "format", choices: formats.value.filter((x) => [null, joints.value].includes(x[2])).map(([name, label]) => [name, label]) },
+      { name: "of", label: "of", choices: [["taught", "the set-points"], ["planned", "the plan"], ...(logs().length ? [/** @type {[string, string]} */ (["learned", "the next set-points, by logs"])] : [])] },
+    ],
+    options: ({ format, of }) => ({ ...(format.startsWith("template ") ? { format: "template", template: format.slice(9) } : { format }), of, ...(of === "learned" && logOptions()) }),
+  },
+  { task: "report", title: "Report", what: "The page with all figures, to keep and to print." },
+  COMPARE,
+  { task: "identify", title: "Identify", what: "Finds the servo of every joint from the logs.", onLogs: true, options: logOptions },
+  { task: "learn", title: "Learn", what: "Makes the set-points of the next run, with a smaller error.", onLogs: true, options: logOptions },
+];
+
+/** @param {Record<string, any>} values @returns {Record<string, any>} */
+function placeOptions({ as_job, x, y, yaw, steps, objective, every }) {
+  if (as_job) return {};
+  const turn = (yaw * Math.PI) / 180;
+  const over = {
+    ...(x > 0 && { x: [-x / 1000, x / 1000, steps] }),
+    ...(y > 0 && { y: [-y / 1000, y / 1000, steps] }),
+    ...(turn > 0 && { yaw: [-turn, turn, Math.min(steps, 13)] }),
+  };
+  return { as_job: false, over, objective, every: Boolean(every) };
 }
 
-/** The buttons, the work under way and the results. */
-class Tasks {
-  /**
-   * @param {HTMLElement} region
-   * @param {Store} store
-   * @param {Link} link
-   */
-  constructor(region, store, link) {
-    this.region = region;
-    this.store = store;
-    this.link = link;
-    /** @type {Map<string, Result>} */
-    this.running = new Map();
-    /** @type {Result[]} the newest first */
-    this.kept = [];
-    this.map = new PlacementMap(store, link);
-    this.forms = TASKS.map((task) => new Form(task, (options) => this.start(task.task, task.title, options)));
-    this.hint = make("p", { class: "quiet", text: "Results of tasks appear here: sentences, tables, and files to download." });
-    this.results = make("div", { class: "task-results", role: "log", "aria-label": "Results" }, [this.hint]);
-    const list = make("div", { class: "task-list", role: "group", "aria-label": "Tasks" }, this.forms.map((x) => x.element));
-    region.append(list, this.results);
-    this.renew();
-  }
+/** A task's button, sentence and choices. @param {Task & {start: (task: Task, options: object) => void}} props */
+function Form({ start, ...task }) {
+  const { title, what, choices = [], options = () => ({}) } = task;
+  const isBusy = useComputed(() => !isOpen.value || results.value.some((x) => x.state === "running"));
+  const asJob = useSignal(true);
+  const isOff = task.task === "place" && placed.value && asJob.value;
+  const submit = (/** @type {any} */ event) => {
+    event.preventDefault();
+    if (isBusy.value) return;
+    const numbers = new Set(choices.filter((x) => !x.choices && !x.type).map((x) => x.name));
+    const entries = [...new FormData(event.target)].map(([name, x]) => [name, numbers.has(name) ? Number(x) : x]);
+    start(task, options(Object.fromEntries(entries), rows.value));
+  };
+  const choice = (/** @type {Choice} */ { name, label, type = "number", value = "", choices, unit, ...more }) => {
+    if (name === "as_job" && !placed.value) return null;
+    const disabled = isOff && name !== "as_job";
+    if (choices) return html`<label class="field">${label} <select name=${name} disabled=${disabled}>${choices.map(([key, text]) => html`<option value=${key}>${text}</option>`)}</select></label>`;
+    if (type === "checkbox") return html`<label class="field"><input type="checkbox" name=${name} disabled=${disabled} defaultChecked=${Boolean(value)} onChange=${(/** @type {any} */ e) => name === "as_job" && (asJob.value = e.target.checked)} /> ${label}</label>`;
+    return html`<label class="field">${label} <input type=${type} name=${name} defaultValue=${value} disabled=${disabled} step="any" size="8" ...${more} />${unit && ` ${unit}`}</label>`;
+  };
+  // A button that waits keeps the focus.
+  return html`<form class="task" data-task=${task.task} aria-label=${title} onSubmit=${submit}>
+    <div class="task-head"><button type="submit" aria-disabled=${String(isBusy.value)} title=${isBusy.value ? "One task at a time: wait, or cancel it" : ""}>${title}</button><p class="quiet">${what}</p></div>
+    ${choices.length > 0 && html`<div class="task-fields">${choices.map(choice)}</div>`}
+  </form>`;
+}
 
-  /** Results of another job go. */
-  clear() {
-    for (const old of this.kept.splice(0)) old.close();
-    this.running.clear();
-    this.tell();
-  }
+/** @param {{result: Result, store: Store, link: Link, map: PlacementMap}} props */
+function Outcome({ result: { id, task, title, time, state, told, frame, sentence }, store, link, map }) {
+  const { steps = [], share, eta } = told ?? {};
+  const { sentences, tables = [], graphs = [] } = useMemo(() => (frame ? answerOf(task, frame, store) : { sentences: sentence ? [sentence] : [] }), [frame, sentence]);
+  const step = told ? `${steps.join(", ")}${eta ? `, about ${Math.ceil(eta)} s left` : ""}` : "Starting";
+  return html`<article class="task-result" data-task=${task} data-id=${id} data-state=${state} data-share=${share ?? ""}>
+    <h3>${title} <span class="quiet">${time}</span></h3>
+    ${state === "running" && html`<div class="task-progress"><progress max="1" value=${share ?? undefined} aria-label=${`${title}: progress`} /><span class="quiet">${step}</span>
+      <button type="button" onClick=${() => link.send({ op: "cancel", id })}>Cancel</button></div>`}
+    <div class="task-body">
+      ${sentences.map((text) => html`<p class="task-sentence">${text}</p>`)}
+      ${frame?.head.fixes?.map((/** @type {any} */ { label, edits }) => html`<p class="task-file"><button type="button" onClick=${() => link.edit(edits)}>${label}</button></p>`)}
+      ${frame?.head.file && html`<${Download} file=${frame.head} link=${link} />`}
+      ${graphs.filter((x) => x.content.x.length).map((x) => html`<${Graph} key=${x.name} graph=${x} store=${store} />`)}
+      ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all, times }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>
+        <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MOST_ROWS).map((row, k) => (times ? [html`<button type="button" title="Show the time of its largest error" onClick=${() => store.setTime(times[k])}>${row[0]}</button>`, ...row.slice(1)] : row))} /></table>
+        ${all.length > MOST_ROWS && html`<p class="quiet">And ${all.length - MOST_ROWS} more rows.</p>`}</div>`)}
+      ${task === "place" && frame && map.from && results.value.find((x) => x.task === task && x.frame)?.id === id && html`<${Host} element=${map.element} />`}
+    </div>
+  </article>`;
+}
 
-  /** What can be chosen may have changed. */
-  renew() {
-    const head = this.store.document;
-    const open = this.link.state.state === "open" && head !== null;
-    const known = { sliders: Object.entries(head?.values ?? {}).map(([key, x]) => ({ key, label: key.split(".").slice(-2).join(" ").replaceAll("_", " "), ...x })), placement: head?.placement ?? false };
-    for (const form of this.forms) form.renew({ open, busy: this.running.size > 0, ...known });
-    if (!open) for (const id of [...this.running.keys()]) this.end(id, "failed", "The connection was lost, and this work with it.");
-  }
+/** A chart; one over time has the cursor of all. @param {{graph: import("./answers.js").Graph, store: Store}} props */
+function Graph({ graph: { name, axes, content, time }, store }) {
+  const place = useRef(/** @type {HTMLElement | null} */ (null));
+  useEffect(() => {
+    const chart = new Chart(name, axes, (t) => time && store.setTime(t));
+    chart.show(content);
+    place.current?.append(chart.element);
+    const ends = [store.on("theme", () => chart.repaint()), ...(time ? [store.on("time", () => chart.point(store.time))] : [])];
+    return () => ends.forEach((end) => end());
+  }, []);
+  return html`<div ref=${place}></div>`;
+}
 
-  /**
-   * Start a task.
-   * @param {string} task
-   * @param {string} title
-   * @param {Record<string, any>} options
-   */
-  start(task, title, options) {
+/** A file to download, and to open where it can be. @param {{file: Kept, link: Link}} props */
+function Download({ file: { file, name, bytes, open, label = `Download ${name}` }, link }) {
+  const said = useSignal("");
+  const size = `${Math.max(1, Math.round(bytes / 1000))} kB`;
+  const download = async () => {
+    try {
+      const answer = await link.request(`/files/${encodeURIComponent(file)}`);
+      if (!answer.ok) throw new Error(`the server answers ${answer.status}`);
+      give(await answer.blob(), name);
+      said.value = "Downloaded.";
+    } catch (error) {
+      said.value = `It could not be downloaded: ${error instanceof Error ? error.message : error}. Start the task again.`;
+    }
+  };
+  return html`<p class="task-file"><button type="button" title=${size} data-file=${name} onClick=${download}>${label}</button>
+    ${open && html`<a href=${open} target="_blank" rel="noopener" class="button">Open</a>`}<span class="quiet">${size}</span><span class="quiet" role="status">${said}</span></p>`;
+}
+
+/** Fill the region of the tasks. @param {Store} store @param {Link} link */
+export function init(store, link) {
+  const region = find("#tasks");
+  const map = new PlacementMap(store, link);
+  /** @param {string} id @param {Partial<Result>} more */
+  const renew = (id, more) => {
+    const old = results.value.find((x) => x.id === id);
+    if (!old || old.state !== "running") return;
+    results.value = results.value.map((x) => (x === old ? { ...x, ...more } : x));
+    if (more.told) return;
+    tell();
+    if (results.value.every((x) => x.state !== "running")) say(find("#spoken"), region.querySelector(".task-sentence")?.textContent ?? "");
+  };
+  const tell = () => (region.dataset.running = results.value.filter((x) => x.state === "running").map((x) => x.id).join(" "));
+  /** @param {Task} task @param {object} options */
+  const start = ({ task, title }, options) => {
     // Several pages may ask at once.
     const id = `t${crypto.randomUUID().slice(0, 8)}`;
-    const result = new Result(id, task, title, this.store, this.link, () => this.link.send({ op: "cancel", id }));
-    this.hint.remove();
-    this.results.prepend(result.element);
+    const time = new Date().toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
+    const isSent = link.send({ op: "task", id, task, options }) >= 0;
+    const how = /** @type {Partial<Result>} */ (isSent ? { state: "running" } : { state: "failed", sentence: "There is no connection to the server." });
+    results.value = /** @type {Result[]} */ ([{ id, task, title, time, rev: store.latest("document")?.rev, ...how }, ...results.value].slice(0, MOST_RESULTS));
+    tell();
     // In a narrow page the results are below the forms.
-    result.element.scrollIntoView({ block: "nearest" });
-    this.kept.unshift(result);
-    for (const old of this.kept.splice(MOST_RESULTS)) old.close();
-    if (this.link.send({ op: "task", id, task, options }) < 0) {
-      result.end("failed", "There is no connection to the server.");
-      return;
-    }
-    this.running.set(id, result);
-    this.tell();
-  }
-
-  /** @param {{id: string, steps: string[], share: number | null, eta: number | null}} told */
-  progress(told) {
-    this.running.get(told.id)?.progress(told);
-  }
-
-  /** @param {Frame} frame */
-  finish(frame) {
-    const { id, task } = frame.head;
-    const result = this.running.get(id);
-    if (!result) return;
-    result.finish(frame);
-    if (task === "place") {
-      this.map.show(frame);
-      result.addMap(this.map);
-    }
-    this.remove(id);
-  }
-
-  /**
-   * @param {string} id
-   * @param {"cancelled" | "failed"} state
-   * @param {string} sentence
-   */
-  end(id, state, sentence) {
-    this.running.get(id)?.end(state, sentence);
-    this.remove(id);
-  }
-
-  /** @param {string} id */
-  remove(id) {
-    this.running.delete(id);
-    this.tell();
-  }
-
-  tell() {
-    this.region.dataset.running = [...this.running.keys()].join(" ");
-    const spoken = document.getElementById("spoken");
-    if (spoken && this.running.size === 0) say(spoken, this.results.querySelector(".task-sentence")?.textContent ?? "");
-    this.renew();
-  }
+    requestAnimationFrame(() => region.querySelector(".task-result")?.scrollIntoView({ block: "nearest" }));
+  };
+  store.on("progress", (/** @type {Frame} */ { head }) => renew(head.id, { told: /** @type {any} */ (head) }));
+  store.on("result", (/** @type {Frame} */ frame) => {
+    const { id, task, kept, verdict } = frame.head;
+    const asked = results.value.find((x) => x.id === id);
+    if (task === "place" && asked) map.show(frame);
+    // It is drawn as long as the document is the one that it was asked for.
+    if (task === "measured" && asked) store.put({ ...frame, kind: "measured", rev: asked.rev ?? -1 });
+    renew(id, { state: kept === false || verdict === "violated" ? "refused" : "done", frame });
+  });
+  store.on("cancelled", (/** @type {Frame} */ x) => renew(x.head.id, { state: "cancelled", sentence: "Cancelled." }));
+  store.on("failed", (/** @type {Frame} */ x) => renew(x.head.id, { state: "failed", sentence: x.head.sentence }));
+  store.on("picture", () => map.redraw());
+  store.on("reset", () => {
+    results.value = [];
+    tell();
+  });
+  const update = () => {
+    const { values = {}, placement = false } = store.document ?? {};
+    rows.value = values;
+    placed.value = placement;
+    joints.value = store.latest("arm")?.head.joints.length ?? 0;
+    isOpen.value = link.state.state === "open" && store.document !== null;
+    if (!isOpen.value) for (const { id } of results.value) renew(id, { state: "failed", sentence: "The connection was lost, and this work with it." });
+  };
+  for (const event of ["document", "arm", "link"]) store.on(event, update);
+  update();
+  known.then((form) => (formats.value = form.formats));
+  hear(store, () => start(COMPARE, logOptions()));
+  render(html`<${Page} store=${store} link=${link} map=${map} start=${start} />`, region);
 }
+
+/** @param {{store: Store, link: Link, map: PlacementMap, start: (task: Task, options: object) => void}} props */
+const Page = ({ start, ...more }) => html`<div class="task-list" role="group" aria-label="Tasks">${tasks().map((x) => html`${x === COMPARE && html`<${Logs} ...${more} />`}${(!x.onLogs || logs().length > 0) && html`<${Form} key=${x.task} ...${x} start=${start} />`}`)}</div>
+  <div class="task-results" role="log" aria-label="Results">${results.value.map((x) => html`<${Outcome} key=${x.id} result=${x} ...${more} />`)}
+    ${!results.value.length && html`<p class="quiet">Results of tasks appear here: sentences, tables, and files to download.</p>`}</div>`;

@@ -94,13 +94,16 @@ function* runsOf({ of, trail, trailTimes }, picture) {
     yield { points: trail, times: trailTimes, rapid: false };
     return;
   }
-  for (const { from, to } of picture.head.contours) {
-    yield { points: trail.subarray(3 * from, 3 * to), times: trailTimes.subarray(from, to), rapid: false };
-  }
-  const { rapid_xyz: points, rapid_t: times, rapid_breaks: breaks } = picture.arrays;
-  for (let k = 0; breaks && k + 1 < breaks.length; k += 1) {
+  const { path_breaks, rapid_xyz, rapid_t, rapid_breaks = [] } = picture.arrays;
+  yield* partsOf(trail, trailTimes, path_breaks, false);
+  yield* partsOf(rapid_xyz, rapid_t, rapid_breaks, true);
+}
+
+/** @param {Numbers} points @param {Numbers} times @param {Numbers | number[]} breaks @param {boolean} rapid @returns {Generator<Stretch>} */
+function* partsOf(points, times, breaks, rapid) {
+  for (let k = 0; k + 1 < breaks.length; k += 1) {
     const [from, to] = [breaks[k], breaks[k + 1]];
-    yield { points: points.subarray(3 * from, 3 * to), times: times.subarray(from, to), rapid: true };
+    yield { points: points.subarray(3 * from, 3 * to), times: times.subarray(from, to), rapid };
   }
 }
 

@@ -5,7 +5,7 @@ import { draw, find, make, mark } from "./dom.js";
 import { rowOf } from "./format.js";
 import { Layers } from "./layers.js";
 import { Painter } from "./paint.js";
-import { oncePerFrame } from "./state.js";
+import { nowAndThen, oncePerFrame, READING } from "./state.js";
 import { boxOf, Viewport } from "./viewport.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -28,7 +28,7 @@ export class View2d {
     this.region.append(this.canvas, this.overlay);
     this.context = /** @type {CanvasRenderingContext2D} */ (this.canvas.getContext("2d", { alpha: false }));
     this.view = new Viewport();
-    this.layers = new Layers(store);
+    this.layers = new Layers(store, this.view);
     this.painter = new Painter(store, this.layers);
     this.fitted = "";
     /** Whether all is shown, as it stays when the region is resized. */
@@ -51,6 +51,9 @@ export class View2d {
     this.measured = {};
     this.measures = 0;
     this.redraw = oncePerFrame(() => this.drawNow());
+    /** What finer lines were asked for last. */
+    this.asked = "";
+    this.refine = nowAndThen(READING, () => this.askFiner());
     /** Whether an answer was drawn since the last frame of the screen. */
     this.isFresh = false;
     this.listen();
@@ -64,7 +67,7 @@ export class View2d {
       this.follow();
     });
     for (const event of ["picture", "executed"]) store.on(event, () => this.show());
-    for (const event of ["refusal", "theme", "view", "underlay"]) store.on(event, () => this.rest());
+    for (const event of ["detail", "refusal", "theme", "view", "underlay", "measured"]) store.on(event, () => this.rest());
     new ResizeObserver(() => this.resize()).observe(this.region);
     this.overlay.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     this.overlay.addEventListener("pointerdown", (event) => this.grab(event));
@@ -189,6 +192,21 @@ export class View2d {
     this.context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
     this.painter.paint(this.context, this.view);
     this.drawn = this.view.place;
+    this.refine();
+  }
+
+  /** Ask for lines as fine as they are seen, and somewhat beyond the view, where those that are there are coarse. */
+  askFiner() {
+    const { store, view, layers } = this;
+    const picture = store.latest("picture");
+    if (!picture || this.moving || layers.isFine(layers.fine(picture)) || layers.isFine(picture)) return;
+    const [left, bottom] = view.toPlane([-view.width / 2, 1.5 * view.height]);
+    const [right, top] = view.toPlane([1.5 * view.width, -view.height / 2]);
+    const wish = { box: [left, bottom, right, top], px: 1 / view.scale };
+    const asked = JSON.stringify([wish, picture.head.number, store.latest("executed")?.head.tier]);
+    if (asked === this.asked) return;
+    this.asked = asked;
+    store.tell("finer", wish);
   }
 
   /** Whether the picture takes long to draw. */
@@ -228,8 +246,9 @@ export class View2d {
       duration: rowOf(picture?.head, "duration")?.value ?? "",
       tier: store.isCurrent(executed) ? 2 : picture ? 1 : 0,
       "executed-seq": executed?.seq ?? "",
-      magnify: executed ? this.layers.magnification(executed, this.view.scale) : "",
+      magnify: executed ? this.layers.magnification(this.view.scale) : "",
       stale: store.refusal?.head.tier === 1,
+      measured: store.measured?.head.run ?? "",
       scale: this.view.scale,
     };
     for (const [name, value] of Object.entries(told)) mark(region, `data-${name}`, String(value));

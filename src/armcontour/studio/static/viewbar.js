@@ -11,6 +11,7 @@ import { nowAndThen, oncePerFrame, READING } from "./state.js";
 
 const COLOURINGS = { limit: "Limit", speed: "Speed", error: "Error" };
 const LEGEND_EVERY = 250; // ms
+const CORNERS = { one: "One corner", all: "All" };
 const STAGES = { "2d": "2D", both: "Both", "3d": "3D" };
 
 class Viewbar {
@@ -59,6 +60,7 @@ class Viewbar {
     this.place = this.toggle("Place part", "Move and turn the part as a whole (M)", () =>
       store.setView({ place: !store.options.place }),
     );
+    this.corners = this.choice("A drag of a tolerance changes", CORNERS, (corners) => store.setView({ corners }));
     this.stages = this.choice("View", STAGES, (stage) => store.setView({ stage }));
     const button = (/** @type {string} */ text, /** @type {string} */ title, /** @type {() => void} */ act) =>
       make("button", { type: "button", text, title, "aria-label": `${text}: ${title}`, onclick: act });
@@ -66,6 +68,7 @@ class Viewbar {
       this.colours.element,
       this.executed,
       make("span", { class: "group magnify" }, [this.factor, this.times, this.auto]),
+      this.corners.element,
       this.place,
       // Those of regions that are loaded later.
       make("button", {
@@ -73,7 +76,7 @@ class Viewbar {
         id: "add-obstacle",
         "data-later": true,
         text: "Add obstacle",
-        title: "A box in the middle of the view; move it, drag its corner, or change it in the job file",
+        title: "A box beside the part, with a name and a height; drag it or its corner, press F2 to change them",
       }),
       make("span", { class: "spring" }),
       make("span", { class: "group" }, [
@@ -115,6 +118,15 @@ class Viewbar {
     const { magnify } = this.view.region.dataset;
     this.colours?.show(options.colour);
     this.stages?.show(options.stage);
+    const corners = this.store.latest("picture")?.head.corners ?? [];
+    const single = corners.some((/** @type {any} */ x) => x.waypoint !== null);
+    this.corners?.show(single ? options.corners : "all");
+    if (this.corners) {
+      this.corners.element.hidden = !corners.length;
+      const one = /** @type {HTMLButtonElement} */ (this.corners.element.firstChild);
+      one.disabled = !single;
+      one.title = single ? "A drag changes the tolerance of its corner" : "Corners of several contours have one tolerance: corners.tolerance, or that of a layer";
+    }
     const pressed = [[this.executed, options.executed], [this.place, options.place], [this.auto, options.magnify === 0]];
     for (const [button, is] of /** @type {[HTMLElement | undefined, boolean][]} */ (pressed))
       if (button) mark(button, "aria-pressed", String(is));

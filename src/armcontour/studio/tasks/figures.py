@@ -23,8 +23,10 @@ _advising: dict[tuple[str, str | None], Generator[float, None, Advice]] = {}
 def figures(x: Request) -> Frame:
     """Figures of a full run, or what the run refuses and where."""
     from armcontour.core.render import frame
+    from armcontour.jobs.advice import advising, is_small
     from armcontour.jobs.results import judging_rows
     from armcontour.studio.picture import time_header
+    from armcontour.studio.preview import Tier
     from armcontour.studio.refusals import refusal_header
 
     try:
@@ -39,16 +41,16 @@ def figures(x: Request) -> Frame:
     data = result.to_data()
     header = {
         "run": result.run.name,
+        "tier": Tier.EXACT,
         "rows": frame(replace(data, rows=judging_rows(result, data.rows))),
         **time_header(result.explanation),
         "start": result.trajectory(0.0),
         "warnings": data.warnings,
         "notes": [*data.notes, *x.job.arm.notes],
     }
-    from armcontour.jobs.advice import advising
-
     _advising.clear()
-    _advising[x.text, x.run] = advising(x.job, result)
+    if is_small(x.job, MOST_SEGMENTS):
+        _advising[x.text, x.run] = advising(x.job, result)
     return Frame("figures", header)
 
 

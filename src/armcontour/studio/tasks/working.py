@@ -17,6 +17,7 @@ from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.studio.tasks.figures import changes, figures
 from armcontour.studio.tasks.files import certify, export, report
 from armcontour.studio.tasks.judging import check, clearance
+from armcontour.studio.tasks.logs import identify, learn, measured
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.tasks.searching import place, sweep
 from armcontour.studio.wire import Frame
@@ -45,6 +46,9 @@ TASKS: dict[str, Callable[[Request], Frame]] = {
     "clearance": clearance,
     "export": export,
     "report": report,
+    "measured": measured,
+    "identify": identify,
+    "learn": learn,
 }
 
 
@@ -114,7 +118,7 @@ class _Telling:
 def _be_ready() -> None:
     """Load what tasks need, without taking processors from previews; end with the parent."""
     if _process.is_other() and hasattr(os, "nice"):
-        os.nice(5)
+        os.nice(10)
         threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     figures(Request(text=SMALL))
 

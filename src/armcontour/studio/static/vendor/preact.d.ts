@@ -1,4 +1,4 @@
 export { render } from "preact";
-export { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
-export { batch, computed, effect, signal, useComputed, useSignal } from "@preact/signals";
+export { useEffect, useLayoutEffect, useMemo, useRef } from "preact/hooks";
+export { computed, signal, useComputed, useSignal } from "@preact/signals";
 export { html } from "htm/preact";

@@ -1,0 +1,228 @@
+"""Settings are changed by mouse and keys in the form of the page, and the plan follows."""
+
+import numpy as np
+import pytest
+from playwright.sync_api import expect
+from tools.studio_page import serving
+
+from armcontour._yaml import load
+from armcontour.io import parse_job
+
+DRAWING = """\
+0
+SECTION
+2
+HEADER
+9
+$INSUNITS
+70
+4
+0
+ENDSEC
+0
+SECTION
+2
+ENTITIES
+0
+CIRCLE
+8
+CUT
+10
+0
+20
+0
+40
+10
+0
+CIRCLE
+8
+FINE
+10
+30
+20
+0
+40
+6
+0
+ENDSEC
+0
+EOF
+"""
+JOB = """\
+name: plate
+arm: ur5e                     # the cell's arm
+path:
+  file: plate.dxf
+  frame: {position: [420 mm, -20 mm, 100 mm]}
+  orientation: {axis: [0, 0, -1]}   # down
+limits: {speed: 50 mm/s}
+corners: {tolerance: 0.2 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+command_interval: 4 ms
+runs: {own: {}}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("plate")
+
+
+@pytest.fixture(scope="module")
+def server(folder):
+    (folder / "plate.dxf").write_text(DRAWING)
+    file = folder / "job.yaml"
+    file.write_text(JOB)
+    with serving(file, folder=folder) as found:
+        yield found
+
+
+@pytest.fixture
+def studio(pages, server):
+    found = pages(server)
+    found.begin()
+    found.wait("#view2d", run="own")
+    yield found
+    # Every change is undone byte by byte.
+    while found.find("#undo").is_enabled():
+        with found.renewing():
+            found.find("#undo").click()
+    assert found.text == JOB
+
+
+def open_group(studio, title, *keys):
+    """Open a group, all its fields, and mappings in it."""
+    group = studio.find(f"#panel details[data-group='{title}']")
+    if group.get_attribute("open") is None:
+        group.locator("summary").first.click()
+    if group.locator("button.rest").count():
+        group.locator("button.rest").click()
+    for key in keys:
+        part = studio.find(f"#panel details[data-key='{key}']")
+        if part.get_attribute("open") is None:
+            part.locator("summary").first.click()
+
+
+def planned(studio):
+    """Wait for the plan of the document, exact or not; returns its duration [s]."""
+    studio.wait("#view2d", rev=studio.told("body", "rev"), stale="false")
+    assert studio.told("body", "refused") != "true", studio.refusal
+    return float(studio.told("#view2d", "duration"))
+
+
+def change(studio, **values):
+    """Type values of keys, of which the last one changes the job; returns data and duration."""
+    keys = [x.replace("__", ".") for x in values]
+    with studio.renewing():
+        for key, value in zip(keys, values.values(), strict=True):
+            studio.type(key, value)
+    return load(studio.text, ""), planned(studio)
+
+
+def test_kerf_and_lead_in(studio, judge, folder):
+    before = planned(studio)
+    open_group(studio, "Process", "process.lead_in")
+    data, duration = change(studio, process__kerf="2")
+    # The tool goes outside of the circles by half of the kerf.
+    assert data["process"] == {"kerf": "2 mm"} and duration > before
+    data, longer = change(studio, process__lead_in__length="3 mm")
+    assert data["process"]["lead_in"] == {"length": "3 mm"} and longer > duration
+    assert "# the cell's arm" in studio.text and "# down" in studio.text
+    studio.rest()
+    assert judge(studio, "own", folder).trajectory.duration == studio.figure("duration")
+
+
+def test_pierce_and_tabs_need_other_keys_and_are_sent_with_them(studio):
+    before = planned(studio)
+    open_group(studio, "Process", "process.pierce", "process.tabs", "process.switch")
+    studio.type("process.pierce.time", "0.5 s")
+    expect(studio.slider("process.pierce.time").locator(".refused")).to_contain_text("switch")
+    data, duration = change(studio, process__switch__name="laser")
+    assert data["process"] == {"pierce": {"time": "0.5 s"}, "switch": {"name": "laser"}}
+    # Both contours are pierced.
+    assert duration == pytest.approx(before + 1.0, abs=0.1)
+    studio.type("process.tabs.width", "2 mm")
+    refused = studio.find("#panel details[data-key='process.tabs'] > .refused")
+    expect(refused).to_contain_text("count")
+    data, _ = change(studio, process__tabs__count="2")
+    assert data["process"]["tabs"] == {"width": "2 mm", "count": 2}
+    expect(refused).to_have_count(0)
+    leave = studio.find("#panel details[data-key='process.tabs'] .acts button")
+    with studio.renewing():
+        leave.click()
+    assert "tabs" not in studio.text
+
+
+def test_weave(studio):
+    before = planned(studio)
+    open_group(studio, "Process", "process.weave")
+    studio.type("process.weave.width", "2 mm")
+    expect(studio.find("#panel details[data-key='process.weave'] > .refused")).to_be_visible()
+    data, duration = change(studio, process__weave__pitch="6 mm")
+    assert data["process"]["weave"] == {"width": "2 mm", "pitch": "6 mm"} and duration > before
+
+
+def test_tilt_of_the_tool(studio, judge, folder):
+    planned(studio)
+    open_group(studio, "Tool and tilt")
+    data, _ = change(studio, tilt="10")
+    axis = data["path"]["orientation"]["axis"]
+    assert axis == pytest.approx([np.sin(np.pi / 18), 0, -np.cos(np.pi / 18)], abs=1e-8)
+    expect(studio.slider("tilt").locator("input")).to_have_value("10")
+    studio.rest()
+    motion = judge(studio, "own", folder).trajectory
+    _, rotation = parse_job(studio.text, folder=folder).arm.pose(motion(motion.duration / 2))
+    assert rotation[:, 2] == pytest.approx(axis, abs=1e-6)
+
+
+def test_another_arm_keeps_its_equipment(studio):
+    before = planned(studio)
+    open_group(studio, "Arm and limits")
+    data, duration = change(studio, arm="ur10e")
+    assert data["arm"] == "ur10e" and duration != before
+    studio.wait_for("#view3d, #view2d")
+    known = studio.slider("arm").locator("option").evaluate_all("all => all.map(x => x.value)")
+    assert {"ur5e", "ur10e", "panda", "fr3", "pmk3s"} <= set(known)
+
+
+def test_settings_of_another_layer(studio):
+    before = planned(studio)
+    open_group(studio, "Layers and order", "process.by_layer", "process.by_layer.FINE")
+    data, twice = change(studio, process__by_layer__FINE__passes="2")
+    assert data["process"]["by_layer"] == {"FINE": {"passes": 2}} and twice > before
+    open_group(studio, "Layers and order", "path.layers", "path.layers.FINE")
+    data, slow = change(studio, path__layers__FINE__speed="20 mm/s")
+    # The other layer is run as before.
+    assert data["path"]["layers"] == {"CUT": {}, "FINE": {"speed": "20 mm/s"}} and slow > twice
+    with studio.renewing():
+        studio.find("#panel details[data-key='path.layers.FINE'] > label input").click()
+    assert load(studio.text, "")["path"]["layers"] == {"CUT": {}} and planned(studio) < before
+
+
+def test_a_change_is_for_the_job_or_for_the_run(studio):
+    planned(studio)
+    data, slow = change(studio, limits__speed="40 mm/s")
+    assert data["limits"] == {"speed": "40 mm/s"}
+    studio.find("#panel .seek").get_by_role("button", name="For run").click()
+    data, slower = change(studio, limits__speed="30")
+    assert data["runs"]["own"] == {"limits": {"speed": "30 mm/s"}} and slower > slow
+    row = studio.slider("limits.speed")
+    expect(row.locator(".from")).to_have_text("run")
+    with studio.renewing():
+        row.locator(".unset").click()
+    expect(row.locator("input[type=text]")).to_have_value("40 mm/s")
+    data, _ = change(studio, corners__tolerance="0.1 mm")
+    assert data["runs"]["own"]["corners"] == {"tolerance": "0.1 mm"}
+    studio.find("#panel .seek").get_by_role("button", name="For job").click()
+
+
+def test_settings_are_found_by_names_and_descriptions(studio):
+    planned(studio)
+    seek = studio.find("#panel .seek input")
+    seek.fill("pierce")
+    expect(studio.slider("process.pierce.height")).to_be_visible()
+    seek.fill("dead time")
+    expect(studio.slider("servo.dead_time")).to_be_visible()
+    expect(studio.slider("limits.speed")).to_have_count(0)
+    seek.fill("")
+    expect(studio.slider("limits.speed")).to_be_visible()

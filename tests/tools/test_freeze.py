@@ -1,0 +1,19 @@
+"""Records of an earlier commit are compared under the names of this one."""
+
+from tools.freeze import differences, renamed
+
+NAMES = {"taught": "set_points", "--taught": "--set-points", "mac": "paper"}
+
+
+def test_names_are_replaced_as_a_whole_in_keys_values_options_and_files():
+    old = {"taught": [{"method": "mac", "taught_again": 1.0}], "files": {"taught/a.csv": "macro"}}
+    new = {
+        "set_points": [{"method": "paper", "taught_again": 1.0}],
+        "files": {"set_points/a.csv": "macro"},
+    }
+    assert renamed(old, NAMES) == new
+    assert list(differences(renamed(old, NAMES), new)) == []
+    assert len(list(differences(old, new))) > 0
+    assert renamed("check out/taught.csv --taught x", NAMES) == (
+        "check out/set_points.csv --set-points x"
+    )
