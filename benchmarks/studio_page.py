@@ -11,6 +11,7 @@ import argparse
 import compileall
 import math
 import os
+import shutil
 import sys
 import tempfile
 import time
@@ -200,8 +201,10 @@ def start(browser: Browser, folder: FilePath) -> Iterator[Found]:
     # As a package that was installed; a source tree may be kept from being compiled.
     compileall.compile_dir(FilePath(armcontour.__file__).parent, quiet=2)
     usable, planned, whole = [], [], []
+    paper = folder / "paper.yaml"
+    shutil.copy(FilePath(armcontour.__file__).parent / "jobs" / "library" / "paper.yaml", paper)
     for _ in range(4):
-        with serving(folder=folder) as server:
+        with serving(paper, folder=folder) as server:
             studio = Studio(browser, server)
             studio.wait("body", link="open")
             usable.append(time.perf_counter() - server.begin)

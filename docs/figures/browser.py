@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import shutil
 import sys
 import tempfile
@@ -82,6 +83,13 @@ def show_demo(studio: Studio) -> None:
     studio.wait("body", refused="false")
 
 
+def show_start(studio: Studio) -> None:
+    """The start page."""
+    studio.wait_for("#start[open]")
+    studio.page.wait_for_timeout(DRAWN)
+    save("studio_start", studio.find("#start").screenshot())
+
+
 def show_gasket(studio: Studio) -> None:
     """A gasket on the UR5e: placed by the map, and seen in space."""
     studio.rest()
@@ -96,8 +104,16 @@ def show_gasket(studio: Studio) -> None:
 
 def show_studio(browser: Browser, folder: Path) -> None:
     """Save the pictures of the Studio."""
-    shutil.copy(GASKET, folder)
-    for show, arguments in ((show_demo, ()), (show_gasket, (GASKET.name, "--cell", "ur5e"))):
+    paper = ROOT / "src" / "armcontour" / "jobs" / "library" / "paper.yaml"
+    # Nothing was opened before.
+    os.environ["XDG_STATE_HOME"] = str(folder / "state")
+    for file in (GASKET, paper):
+        shutil.copy(file, folder)
+    for show, arguments in (
+        (show_start, ()),
+        (show_demo, (paper.name,)),
+        (show_gasket, (GASKET.name, "--cell", "ur5e")),
+    ):
         with serving(*arguments, folder=folder) as server:
             studio = Studio(browser, server, size=(1280, 820))
             studio.begin()

@@ -117,14 +117,14 @@ def _members(value: Any, depth: int) -> str:
 
 
 def digits(value: float, count: int = 4) -> str:
-    """A number with some digits that count, and without an exponent where it is large.
+    """A number with some digits that count, and without an exponent below 10^15.
 
     Args:
         value: The number.
         count: Number of digits.
     """
     text = f"{value:.{count}g}"
-    return f"{value:.0f}" if "e+" in text else text
+    return f"{value:.0f}" if "e+" in text and abs(value) < 1e15 else text
 
 
 def clock(t: float, count: int = 4) -> str:

@@ -1,5 +1,6 @@
 """Edits, handles and fields of a job."""
 
+import json
 import math
 from functools import cache
 
@@ -11,12 +12,13 @@ from hypothesis import strategies as st
 from armcontour._yaml import load
 from armcontour.errors import InvalidInput
 from armcontour.io import parse_job
+from armcontour.io.cell import cell_names, cell_text
 from armcontour.io.job_edits import change_data, change_text
 from armcontour.io.units import parse
 from armcontour.studio.edits import EDITS, EditState, changes_of
 from armcontour.studio.edits.runs import remove_run
 from armcontour.studio.fields import values_of
-from armcontour.studio.handles import handles_of
+from armcontour.studio.handles import blank_handles, handles_of, is_blank
 
 HEAD = "name: a\narm: {arm}\n"
 TAIL = """\
@@ -94,6 +96,7 @@ VALID = (
     {"do": "place", "by": [0.1, 0], "turn": 0.1, "about": [0, 0]},
     {"do": "to_waypoints"},
     {"do": "obstacle", "action": "change", "kind": "box", "index": 0, "size": [1, 1, 1]},
+    {"do": "draw", "start": [0.36, 0.26], "segments": [{"to": [0.3, 0.2]}]},
 )
 BOXED = PLANE + "scene: {boxes: [{name: box, size: [1, 1 m, 1], at: [0, 0, 0]}]}\n"
 
@@ -184,6 +187,50 @@ def test_obstacles_are_added_changed_and_removed():
     for action, more in (("remove", {"index": 1}), ("add", {"kind": "cone"})):
         with pytest.raises(InvalidInput):
             boxes(one, action, **more)
+
+
+@pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])
+def test_the_pen_goes_on_at_the_end_of_a_path(text):
+    before = state_of(text).handles
+    end, count = before.ends[-1].uv, len(before.ends)
+    a, b, c = (end + x for x in ([0.01, 0.02], [0.02, 0.0], [0.0, -0.01]))
+    lines = [{"to": a.tolist()}, {"to": b.tolist()}]
+    job, handles = again(text, do="draw", start=end.tolist(), segments=lines)
+    assert handles.kind == before.kind and len(handles.ends) == count + 2
+    np.testing.assert_allclose([x.uv for x in handles.ends[-2:]], [a, b], atol=1e-12)
+    # A shape elsewhere is reached by a line.
+    arc, circle = {"via": b.tolist(), "to": c.tolist()}, {"center": b.tolist()}
+    job, handles = again(text, do="draw", start=a.tolist(), segments=[arc])
+    path = job.program.contours[0].path
+    assert len(path) == len(state_of(text).handles.job.program.contours[0].path) + 2
+    np.testing.assert_allclose([x.uv for x in handles.ends[-2:]], [a, c], atol=1e-12)
+    job, handles = again(text, do="draw", start=a.tolist(), segments=[circle])
+    path = job.program.contours[0].path
+    assert path.lengths[-1] == pytest.approx(2 * np.pi * np.linalg.norm(b - a), rel=1e-9)
+    np.testing.assert_allclose([x.uv for x in handles.ends[-2:]], [a, a], atol=1e-9)
+    if text == SPACE:
+        assert job.program.contours[0].path.orientation is not None
+
+
+def test_the_pen_begins_a_path_and_does_not_draw_splines_or_files(tmp_path):
+    for arm in cell_names():
+        data = load(cell_text(arm), arm)
+        handles = blank_handles(data, lambda x: parse_job(json.dumps(x)))
+        assert is_blank(data) and handles.editable and not handles.waypoints
+        start = handles.centre + [0.01, 0]
+        corners = [start + x for x in ([0.1, 0], [0.1, 0.05], [0, 0.05], [0, 0])]
+        rectangle = {"start": start, "segments": [{"to": x} for x in corners]}
+        state = EditState(data=data, run="taught", handles=handles)
+        found = change_data(data, changes_of({"do": "draw", **rectangle}, state))
+        drawn = handles_of(parse_job(json.dumps(found)), found)
+        assert not is_blank(found)
+        np.testing.assert_allclose([x.uv for x in drawn.ends], [start, *corners], atol=1e-12)
+        (contour,) = drawn.job.program.contours
+        assert contour.path.length == pytest.approx(0.3)
+    segments = [{"to": [0.3, 0.2]}]
+    spline = PLANE.replace("points: [[", "spline: {points: [[").replace("0.26]]", "0.26]]}")
+    with pytest.raises(InvalidInput, match="spline"):
+        edited(spline, do="draw", start=[0.36, 0.26], segments=segments)
 
 
 @pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])

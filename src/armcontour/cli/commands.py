@@ -159,7 +159,7 @@ def studio(
         FilePath | None,
         typer.Argument(
             help="Job file (.yaml), or a drawing, G-code or waypoints with --cell; by default the "
-            "paper's job."
+            "start page."
         ),
     ] = None,
 ) -> None:

@@ -18,7 +18,7 @@ def open_studio(file: FilePath | None, x: StudioOptions) -> None:
     """Serve the Studio until it is interrupted, or its last page is closed.
 
     Args:
-        file: A job file or a drawing; None opens the paper's job, which has no file of its own.
+        file: A job file or a drawing; None opens the start page.
         x: The options.
 
     Raises:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path as FilePath
 
 import numpy as np
 
 from armcontour import _checks
+from armcontour._files import reading_below
 from armcontour._text import show
 from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change
 from armcontour.studio.display import Display
+from armcontour.studio.document import Document
 from armcontour.studio.editor import Made
 from armcontour.studio.edits.runs import add_run, remove_run
 from armcontour.studio.gestures import Gestures
+from armcontour.studio.starting import find_recent, new_document, open_file, remember, start_frame
 from armcontour.studio.tabs import Said, Tab
 from armcontour.studio.thinning import Detail
 from armcontour.studio.wire import Frame
@@ -27,12 +31,16 @@ class Acts:
 
     Args:
         display: Shows the document that is edited.
+        confine: Confines reading to the folder of the document, and to files elsewhere.
 
     Attributes:
         gestures: The edits that go on.
     """
 
-    def __init__(self, display: Display) -> None:
+    def __init__(
+        self, display: Display, confine: Callable[[Sequence[FilePath]], None] = lambda named: None
+    ) -> None:
+        self._confine = confine
         self._display, self._editor = display, display.editor
         self.gestures = Gestures(display)
         self._known: dict[str, Callable[[Tab, Said], None]] = {
@@ -54,6 +62,9 @@ class Acts:
             "task": self._task,
             "cancel": self._cancel,
             "resume": self._resume,
+            "start": self._start,
+            "new": self._new,
+            "open_recent": self._open_recent,
         }
 
     def do(self, tab: Tab, said: Said) -> None:
@@ -107,6 +118,7 @@ class Acts:
             tell(Frame("conflict", {"sentence": sentence, "diff": document.conflict()}), to=tab)
             return
         document.save(force=force)
+        remember(document.file, None)
         tell(Frame("saved", {"file": str(document.file)}))
         self._display.show_document()
 
@@ -137,6 +149,38 @@ class Acts:
     def _diff(self, tab: Tab, said: Said) -> None:
         self._display.tell(Frame("diff", {"text": self._editor.document.diff()}), to=tab)
 
+    # Other jobs.
+
+    def _start(self, tab: Tab, said: Said) -> None:
+        self._display.tell(start_frame(), to=tab)
+
+    def _new(self, tab: Tab, said: Said) -> None:
+        card, arm, editor = _word(said, "card"), _word(said, "arm"), self._editor
+        before = editor.document
+        editor.open(new_document(card, arm, editor.uploads, before))
+        self._opened(before)
+
+    def _open_recent(self, tab: Tab, said: Said) -> None:
+        """Open what the user has opened before, wherever it is."""
+        known, editor = find_recent(_word(said, "id")), self._editor
+        draft, cell = known.get("draft"), known.get("cell")
+        file = FilePath(known["file"]) if draft is None else FilePath(draft.folder, draft.name)
+        named, before = [file, *([FilePath(cell)] if cell else [])], editor.document
+        with reading_below((file.parent, editor.uploads.root), named):
+            if draft is None:
+                editor.open(open_file(file, cell))
+            else:
+                editor.restore(draft)
+        self._confine(named)
+        self._opened(before)
+
+    def _opened(self, before: Document) -> None:
+        """Show another document, and say where changes of the one before are."""
+        self._display.open()
+        sentence = before.unsaved()
+        if sentence is not None:
+            self._display.tell(Frame("notice", {"sentence": sentence}))
+
     # Runs.
 
     def _select(self, tab: Tab, said: Said) -> None:
@@ -162,14 +206,14 @@ class Acts:
 
     def _detail(self, tab: Tab, said: Said) -> None:
         """Draw what a page sees as finely as it sees it."""
-        box = _checks.numbers("box", said.get("box"), "m")
+        box = _checks.numbers("box", said.get("box") or [], "m")
         if box.shape != (4,):
             raise InvalidInput("box has four numbers: least u and v, largest u and v.")
         px = max(
             _checks.positive("px", said.get("px"), "m"), np.ptp(box.reshape(2, 2), 0).max() / WIDEST
         )
         detail = Detail(px * OF_A_PIXEL, box)
-        self._display.planner.detail(detail, lambda frame: self._display.tell(frame, to=tab))
+        self._display.planner.look(detail, lambda frame: self._display.tell(frame, to=tab), tab)
 
     def _task(self, tab: Tab, said: Said) -> None:
         options = said.get("options") or {}

@@ -12,6 +12,7 @@ from armcontour.io.patch import place
 from armcontour.io.units import unit_of
 from armcontour.jobs import Job
 from armcontour.studio.converting import is_convertible
+from armcontour.studio.disk import START
 from armcontour.studio.document import Document
 from armcontour.studio.edits.tilt import tilt_of
 from armcontour.studio.fields import values_of
@@ -31,6 +32,7 @@ LABELS = {
     "place": "place the part",
     "to_waypoints": "make waypoints of the drawing",
     "obstacle": "{action} an obstacle",
+    "draw": "draw",
     "text": "edit the text",
     "set": "set {key}",
     "unset": "leave {key} out",
@@ -104,6 +106,7 @@ def describe(document: Document, seen: Seen, run: str, *, draft: str | None) -> 
         "placement": seen.job is not None and bool(seen.job.placement and seen.job.placement.over),
         "text": document.text,
         "draft": draft,
+        "start": document.key == START,
         "sentence": None if seen.error is None else str(seen.error),
         "line": None if seen.error is None else line_of(document.text, str(seen.error)),
     }

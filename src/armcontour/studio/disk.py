@@ -16,6 +16,8 @@ from armcontour._staging import put_in_place, unwritable
 from armcontour.errors import InvalidInput
 
 BOM = "\ufeff"
+# Key of the document of a Studio that is started without a file.
+START = "start"
 
 
 def state_folder() -> FilePath:

@@ -13,7 +13,9 @@ from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.io.job_edits import key_in
 from armcontour.studio.described import describe
 from armcontour.studio.editor import Editor, Made
+from armcontour.studio.handles import is_blank
 from armcontour.studio.lanes import FastLane
+from armcontour.studio.picture import drawing_frame
 from armcontour.studio.planner import MakeLane, Planner, State
 from armcontour.studio.tabs import Tab, Tabs
 from armcontour.studio.view import View
@@ -64,7 +66,8 @@ class Display:
         editor = self.editor
         self._on_disk = editor.document.on_disk()
         frame = describe(editor.document, editor.seen, editor.run, draft=editor.draft)
-        self.tell(frame.stamped(id=editor.id), to=to)
+        logs = list(editor.uploads.logs)
+        self.tell(frame.stamped(id=editor.id, logs=logs), to=to)
 
     def show(self, made: Made | None = None, *, moving: bool = False) -> None:
         """Show a state on all pages.
@@ -79,11 +82,16 @@ class Display:
         if handles is None:
             self.tell_refusal(editor.seen.error or InvalidInput("There is no job yet."))
             return
+        view = View(handles.plane, handles.centre)
+        if is_blank(made.data):
+            self.planner.forget()
+            self.tell(drawing_frame(None, view, run=editor.run))
+            return
         self.planner.show(
             State(
                 data=made.data,
                 run=editor.run_of(made.data),
-                view=View(handles.plane, handles.centre),
+                view=view,
                 document=editor.id,
                 rev=editor.rev,
                 answers=self.tabs.answers,
@@ -140,7 +148,7 @@ class Display:
         if state is None:
             self.tell(self._with_file(frame))
             return True
-        if state.rev != self.editor.rev:
+        if state.rev != self.editor.rev or is_blank(self._made.data):
             return False
         about = {"rev": state.rev, "document": state.document}
         self.tabs.tell(frame.stamped(**about), answers=state.answers)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 import secrets
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
@@ -44,6 +45,7 @@ class Document:
         upload: Whether a page has sent the document.
 
     Attributes:
+        key: As above.
         id: Distinguishes the document from others that the session opens.
         earlier: The text that an earlier session has not saved; None if there is none.
 
@@ -66,13 +68,13 @@ class Document:
         self.id = secrets.token_hex(4)
         self._marked = text.startswith(BOM)
         self._saved = saved
-        self._key, self._upload = key or f"file {file}", upload
+        self.key, self._upload = key or f"file {file}", upload
         self.text = self._opened = text.removeprefix(BOM)
         self.saved_text = self.text if saved is not None or file is None else ""
         self._data = self._checked(self.text)
         self._past: list[Step] = []
         self._future: list[Step] = []
-        draft = find_draft(self._key, file)
+        draft = find_draft(self.key, file)
         self.earlier = None if draft is None or draft.text == self._opened else draft.text
 
     @classmethod
@@ -275,14 +277,32 @@ class Document:
         # The job of a drawing is made again as it was opened.
         made = self._saved is None and self.text == self._opened
         if self.dirty and not made:
-            folder = str(self.folder)
-            draft = Draft(self._key, self.source, folder, self._opened, self.text, self._upload)
-            return draft.write()
+            named = (self.source, str(self.folder), self._opened)
+            if self.earlier not in (None, self.text):
+                # Nobody has decided on it: it stays, next to the newer one.
+                Draft(self._earlier_key, *named, self.earlier or "", upload=True).write()
+            return Draft(self.key, *named, self.text, self._upload).write()
         # What nobody has decided on is offered again.
         if self.earlier is not None:
             return True
-        drop_draft(self._key)
+        drop_draft(self.key)
         return False
+
+    def unsaved(self) -> str | None:
+        """A sentence on changes that are not saved, which are kept in the draft; None without."""
+        if not (self.dirty and self.write_draft()):
+            return None
+        return f"Changes of {self.source} that were not saved are kept as its draft."
+
+    def settle(self) -> None:
+        """Drop what an earlier session has not saved: it was taken, or is not wanted."""
+        drop_draft(self._earlier_key)
+        self.earlier = None
+
+    @property
+    def _earlier_key(self) -> str:
+        """Key of the earlier draft, once a newer one has its place."""
+        return f"{self.key}, before {hashlib.sha256((self.earlier or '').encode()).hexdigest()}"
 
     def _checked(self, text: str) -> dict[str, Any]:
         """The data of a text.

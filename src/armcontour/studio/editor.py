@@ -6,6 +6,7 @@ It knows no page. What cannot be made is refused before anything is changed.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
@@ -18,7 +19,7 @@ from armcontour.studio.described import Seen, runs_of
 from armcontour.studio.disk import Draft, all_drafts, drop_draft
 from armcontour.studio.document import Document
 from armcontour.studio.edits import EditState, changes_of
-from armcontour.studio.handles import handles_of
+from armcontour.studio.handles import blank_handles, handles_of, is_blank
 from armcontour.studio.preview import Previewer
 from armcontour.studio.trust import refuse_new_xacro
 from armcontour.studio.uploads import Uploads
@@ -26,7 +27,8 @@ from armcontour.studio.uploads import Uploads
 # The timing of the run that is shown first, if a job has such a run.
 FASTEST = "optimal"
 # Edits after which other things can be grabbed, or elsewhere.
-MOVING = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints")
+MOVING = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints", "draw")
+NOTHING_DRAWN = "Nothing is drawn yet: draw with the pen, or open a drawing."
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,10 +90,14 @@ class Editor:
         Raises:
             InvalidInput: It makes no job.
         """
-        self._job_of(document.data)
-        self.document, self.run, self._other = document, "", None
+        before, self.previewer.folder = self.previewer.folder, document.folder or FilePath.cwd()
         self.previewer.forget()
-        self._changed()
+        seen = self._see(document.data)
+        if seen.job is None and not is_blank(document.data):
+            self.previewer.folder = before
+            raise seen.error or InvalidInput("There is no job.")
+        self.document, self.run, self._other = document, "", None
+        self._changed(seen)
 
     @property
     def id(self) -> str:
@@ -106,27 +112,31 @@ class Editor:
             return self.document.source
         return None if self._other is None else self._other.name
 
-    def restore(self) -> None:
+    def restore(self, draft: Draft | None = None) -> None:
         """Take what an earlier session has not saved.
+
+        Args:
+            draft: A draft; by default that of the document, or one that no command opens again.
 
         Raises:
             InvalidInput: There is nothing, or it makes no job.
         """
-        draft = self._other
-        if self.document.earlier is None and draft is not None:
+        if draft is None and self.document.earlier is None:
+            draft = self._other
+        if draft is not None:
             folder = FilePath(draft.folder)
             self.open(Document.of_text(draft.opened, folder, draft.name, draft.key, upload=True))
         if self.document.earlier is None:
             raise InvalidInput("There is no draft.")
         self.commit(self.of_text(self.document.earlier), "take the draft")
-        self.document.earlier = None
+        self.document.settle()
 
     def discard(self) -> None:
         """Remove what an earlier session has not saved."""
         if self.document.earlier is None and self._other is not None:
             drop_draft(self._other.key)
             self._other = None
-        self.document.earlier = None
+        self.document.settle()
         self.document.write_draft()
 
     def select(self, run: str) -> None:
@@ -244,7 +254,7 @@ class Editor:
             options: Options of the work.
 
         Raises:
-            InvalidInput: The changes cannot be made in the text.
+            InvalidInput: The changes cannot be made in the text, or a log is not kept.
         """
         text = self.document.text if made.text is None else made.text
         if made.changes:
@@ -258,6 +268,7 @@ class Editor:
             "allowed": [str(x) for x in self.folders],
             "named": [str(x) for x in self.named],
             "options": dict(options),
+            "logs": self.uploads.find_logs(options.get("logs") or []),
         }
 
     def _find_other(self) -> Draft | None:
@@ -287,6 +298,10 @@ class Editor:
             job = self._job_of(data)
             return Seen(data, job, handles_of(job, data))
         except InvalidInput as error:
+            if is_blank(data):
+                with suppress(InvalidInput):
+                    handles = blank_handles(data, self._job_of)
+                    return Seen(data, None, handles, InvalidInput(NOTHING_DRAWN))
             # What is seen of the last job stays, greyed, until the text makes a job again.
             return Seen(data, None, self.seen.handles, error)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,8 +12,9 @@ import numpy.typing as npt
 from armcontour._checks import FloatArray, lock_floats
 from armcontour._quantities import Quantity
 from armcontour.frames import Frame
+from armcontour.io.cell import OWN_PATH
 from armcontour.io.job_arm import frame_of
-from armcontour.io.job_edits import Keys
+from armcontour.io.job_edits import Change, Keys, change_data
 from armcontour.io.job_model import FrameModel, PathModel
 from armcontour.io.scene import BodiesModel, SceneModel
 from armcontour.io.si_data import in_si
@@ -35,6 +36,8 @@ BODIES = tuple(x.name for x in fields(BodiesModel))
 EXACT = 1e-13
 POINTS, SEGMENTS, SPLINE, FILE = "points", "segments", "spline", "file"
 POINT, VIA, CENTER, END = "point", "via", "center", "end"
+# A path on which nothing is drawn yet, and the box in which its picture is centred [m].
+BLANK, BLANK_SIDE = "blank", 0.2
 FROM_FILE = "The contours come from {file}, so that their points stay as drawn."
 COMPUTED = "This end follows from the centre and the angle of its arc: move the centre."
 
@@ -108,7 +111,7 @@ class Handles:
 
     Args:
         job: The job.
-        kind: What the job file gives: "points", "segments", "spline" or "file".
+        kind: What the job file gives: "points", "segments", "spline", "file", or "blank".
         file: The name of the drawing, if it is a file.
         frame: The frame of the path.
         plane: The plane of the picture.
@@ -135,6 +138,12 @@ class Handles:
     def ends(self) -> tuple[Waypoint, ...]:
         """The waypoints through which the path goes, in order."""
         return tuple(x for x in self.waypoints if x.role in (POINT, END))
+
+    @property
+    def origin(self) -> Waypoint:
+        """The origin of the file, as a point that new ones are written like."""
+        at, written = self.frame.position, ("0 mm",) * self.job.arm.dimension
+        return Waypoint(index=0, keys=(), point=at, uv=self.plane.uv(at), written=written)
 
     @property
     def axes(self) -> dict[str, Any]:
@@ -215,6 +224,29 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
         ),
         why_not=FROM_FILE.format(file=file) if kind == FILE else None,
     )
+
+
+def is_blank(data: Mapping[str, Any]) -> bool:
+    """Whether nothing is drawn on the path of a job yet."""
+    path = data.get("path")
+    return isinstance(path, Mapping) and not any(path.get(x) for x in (*OWN_PATH, FILE))
+
+
+def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Handles:
+    """What can be drawn on, of a job on whose path nothing is drawn yet.
+
+    Args:
+        data: The data of its file, as written.
+        make_job: Makes a job of data.
+
+    Raises:
+        InvalidInput: The data make no job with any path.
+    """
+    # A line takes the place of what will be drawn; only points in space have an orientation.
+    dimension = 3 if "orientation" in data["path"] else 2
+    line = [[0.0] * dimension, [BLANK_SIDE, BLANK_SIDE, 0.0][:dimension]]
+    drawn = change_data(data, [Change(("path", POINTS), line)])
+    return replace(handles_of(make_job(drawn), drawn), kind=BLANK, waypoints=())
 
 
 def obstacles_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:

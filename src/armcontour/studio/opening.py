@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import resources
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -18,6 +17,8 @@ if TYPE_CHECKING:
 
 # The task that a page sees while the Studio starts.
 START = "start"
+# The cell of the empty plane that is opened without a file.
+USUAL = "ur5e"
 
 
 class Starting:
@@ -47,7 +48,7 @@ def open_session(
     """Open a document; `Session.begin` shows it.
 
     Args:
-        file: A job file or a drawing; None opens the paper's job.
+        file: A job file or a drawing; None opens an empty plane, with the start page.
         cell: Cell of a drawing.
         trust_xacro: Whether an arm from a .xacro file that the job names may be loaded.
         say: Sends a message to all pages.
@@ -89,10 +90,9 @@ def _document(file: FilePath | None, cell: str | None) -> Document:
     Raises:
         InvalidInput: It cannot be opened.
     """
-    from armcontour.studio.document import Document
+    from armcontour.studio.disk import START
+    from armcontour.studio.starting import blank_document, open_file
 
     if file is None:
-        paper = resources.files("armcontour.jobs") / "library" / "paper.yaml"
-        text = paper.read_text(encoding="utf-8")
-        return Document.of_text(text, FilePath.cwd(), paper.name, key="built-in")
-    return Document.open(file) if cell is None else Document.of_drawing(file, cell)
+        return blank_document(USUAL, FilePath.cwd(), START)
+    return open_file(file, cell)

@@ -58,19 +58,27 @@ def picture_frame(planned: Preview, view: View) -> Frame:
     return Frame("picture", header, {**arrays, **_rapids(planned, view), **rest})
 
 
-def drawing_frame(program: Program, view: View, *, run: str = "") -> Frame:
+def drawing_frame(program: Program | None, view: View, *, run: str = "") -> Frame:
     """The picture of a program that is not planned yet; without speeds and times.
 
     Args:
-        program: The program.
+        program: The program; None if nothing is drawn yet.
         view: How points get on the screen.
         run: Name of the run that is shown.
     """
-    detail, flat = _whole(program, view)
-    header, arrays = _drawn(program, view, detail)
+    header: dict[str, Any] = {"error": 0.0, "limits": [], "kerfs": []}
+    arrays: dict[str, Any] = {
+        "objective": short(np.empty(0)),
+        "objective_breaks": np.zeros(1, np.uint32),
+    }
+    flat = True
+    if program is not None:
+        detail, flat = _whole(program, view)
+        header, arrays = _drawn(program, view, detail)
     lists = ("rows", "shortfalls", "corners", "warnings")
-    header |= {name: [] for name in lists} | time_header(None) | view.header
-    header |= {"run": run, "notes": program.notes, "tier": Tier.OUTLINE}
+    header |= {name: [] for name in lists} | view.header | time_header(None)
+    notes = () if program is None else program.notes
+    header |= {"run": run, "notes": notes, "tier": Tier.OUTLINE}
     header["plane"]["flat"] = flat
     return Frame("picture", header, arrays)
 

@@ -61,7 +61,7 @@ class Session:
     ) -> None:
         self.editor = Editor(document, previewer, trusted)
         self.display = Display(self.editor, fast, slow, rest)
-        self._acts = Acts(self.display)
+        self._acts = Acts(self.display, self.confine)
         self._told = told
         self._ending = contextlib.ExitStack()
 
@@ -82,13 +82,14 @@ class Session:
 
     def begin(self) -> None:
         """Show the document for the first time; returns when that is done."""
-        job = self.editor.seen.job
+        handles = self.editor.seen.handles
+        job = None if handles is None else handles.job
         with contextlib.ExitStack() as compiling:
             if job is not None:
                 compiling.enter_context(warm_for_run(job.arm.dimension, self._told))
             with self.display.lock:
                 self.display.show_all()
-            if job is not None:
+            if self.editor.seen.job is not None:
                 self.display.planner.wait()
 
     def join(self, tab: Tab) -> None:
@@ -122,20 +123,30 @@ class Session:
         with self.display.lock:
             self.display.look()
 
-    def open_upload(self, name: str, content: bytes, cell: str | None, unknown: str = "") -> None:
-        """Open a file that a page has sent: a job, or a drawing for the arm of the document.
+    def open_upload(
+        self, name: str, content: bytes, cell: str | None, unknown: str = "", log: bool = False
+    ) -> str:
+        """Open a file that a page has sent: a job, a drawing for the document's arm, or a log.
 
         Args:
             name: Name of the file.
             content: Its bytes.
             cell: For a drawing, the built-in cell to open it in; None keeps the document's arm.
             unknown: As of `Uploads.open`.
+            log: Whether it is a log of the robot, which is kept for tasks.
+
+        Returns:
+            The name by which it is kept.
 
         Raises:
             InvalidInput: A file that cannot be opened.
         """
         with self.display.lock:
             editor = self.editor
+            if log:
+                name = editor.uploads.keep_log(name, content)
+                self.display.show_document()
+                return name
             opened = editor.uploads.open(name, content, cell, editor.document, unknown)
             if isinstance(opened, Document):
                 editor.open(opened)
@@ -143,12 +154,11 @@ class Session:
             else:
                 editor.commit(editor.with_changes(opened), f"open {name}")
                 self.display.show_all()
+        return name
 
     def unsaved(self) -> str | None:
-        """A sentence on changes that are not saved, which are kept in the draft; None without."""
-        if not (self.document.dirty and self.document.write_draft()):
-            return None
-        return f"Changes of {self.document.source} that were not saved are kept as its draft."
+        """As of `Document.unsaved`."""
+        return self.document.unsaved()
 
     def close(self) -> None:
         """End all work."""

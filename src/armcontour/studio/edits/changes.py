@@ -10,6 +10,7 @@ from armcontour.errors import InvalidInput
 from armcontour.io.job_edits import Change
 from armcontour.studio.converting import waypoint_changes
 from armcontour.studio.edits.corners import corner_tolerance
+from armcontour.studio.edits.drawing import draw
 from armcontour.studio.edits.keys import set_value, unset_value
 from armcontour.studio.edits.obstacles import obstacle
 from armcontour.studio.edits.placing import place
@@ -66,4 +67,5 @@ EDITS: dict[Any, Made] = {
     "place": place,
     "to_waypoints": _to_waypoints,
     "obstacle": obstacle,
+    "draw": draw,
 }

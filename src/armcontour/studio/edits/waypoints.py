@@ -59,7 +59,7 @@ def _coordinates(keys: Keys, old: Sequence[Any], new: Sequence[Any]) -> list[Cha
 
 def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Insert a point, which gets a number in the order of the path."""
-    handles, index = _editable(state), edit["index"]
+    handles, index = editable(state), edit["index"]
     ends = handles.ends
     _checks.whole("number of the waypoint", index, 0, len(ends))
     beside = ends[min(index, len(ends) - 1)]
@@ -71,7 +71,7 @@ def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     else:
         changes = [Change((*_list_of(handles), index), at, insert=True)]
     like = min(index, len(ends) - 1)
-    return [*changes, *_insert_orientation(index, like, state), *renumbered(index, 1, state)]
+    return [*changes, *insert_orientation(index, like, state), *renumbered(index, 1, state)]
 
 
 def _insert_segment(index: int, at: list[Any], state: EditState) -> list[Change]:
@@ -94,7 +94,7 @@ def _insert_segment(index: int, at: list[Any], state: EditState) -> list[Change]
 
 def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Remove a point at the end of a segment."""
-    handles, point = _editable(state), _waypoint(edit, state, computed=True)
+    handles, point = editable(state), _waypoint(edit, state, computed=True)
     if point.role not in (POINT, END):
         raise InvalidInput(
             f"Waypoint {point.index + 1} is the {point.role} point of an arc, which needs it: "
@@ -121,7 +121,7 @@ def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     return [*changes, *renumbered(index, -1, state)]
 
 
-def _insert_orientation(index: int, like: int, state: EditState) -> list[Change]:
+def insert_orientation(index: int, like: int, state: EditState) -> list[Change]:
     """The orientation of a new point, which is that of one beside it."""
     given = value_at(state.data, ("path", "orientation"))
     if not isinstance(given, list) or like >= len(given):
@@ -129,7 +129,7 @@ def _insert_orientation(index: int, like: int, state: EditState) -> list[Change]
     return [Change(("path", "orientation", index), given[like], insert=True)]
 
 
-def _editable(state: EditState) -> Handles:
+def editable(state: EditState) -> Handles:
     """The handles of a job whose points can be changed.
 
     Raises:
@@ -146,7 +146,7 @@ def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = Fal
     Raises:
         InvalidInput: There is no such point, or it cannot be moved.
     """
-    points = _editable(state).waypoints
+    points = editable(state).waypoints
     point = points[_checks.whole("number of the waypoint", edit["index"], 0, len(points) - 1)]
     if point.why_not is not None and not computed:
         raise InvalidInput(f"Waypoint {point.index + 1} cannot be moved. {point.why_not}")

@@ -5,21 +5,16 @@ import { along, apexAt, beyond, handledOf, LEAST_TOLERANCE, toleranceEdits, word
 import { draw, mark } from "./dom.js";
 import { mm } from "./format.js";
 import { Pointer } from "./pointer.js";
-import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
 /** @typedef {import("./view2d.js").View2d} View2d */
 /** @typedef {[number, number]} Point */
+/** @typedef {import("./pointer.js").Movable} Movable */
 /**
  * Something to grab: `at` says where it is (metres in the plane, null: not there).
- * @typedef {Object} Handle
- * @property {SVGGElement} element
- * @property {() => Point | null} at
- * @property {() => void} describe   sets what is read aloud
- * @property {() => any} [corner]    the corner whose apex it is
- * @property {(to: Point) => object[]} [edits]   what its edits are when it is moved to a place
- * @property {number} [inserts]      the waypoint that it inserts
+ * @typedef {Movable & {element: SVGGElement, at: () => Point | null, describe: () => void, corner?: () => any}} Handle
+ *   `describe` sets what is read aloud; `corner` is the one whose apex it is
  */
 
 // Beyond this number only handles in view are made.
@@ -39,31 +34,16 @@ export class Handles {
     view.overlay.append(this.polygon, ...this.groups);
     /** @type {Map<string, Handle>} */
     this.handles = new Map();
-    /** Places of handles that were moved and are not yet in the document, by name. @type {Map<string, {at: Point, seq: number}>} */
-    this.held = new Map();
     this.inserted = NOTHING;
-    store.on("document", (/** @type {any} */ frame) => this.answered(frame));
-    store.on("picture", (/** @type {any} */ frame) => this.answered(frame ?? { kind: "picture", seq: null }));
-    // What was not made is not shown.
-    store.on("link", (/** @type {any} */ link) => {
-      if (link.state === "open") return;
-      this.held.clear();
-      this.place();
-    });
-    store.on("refusal", (/** @type {any} */ frame) => frame && this.answered(frame));
+    for (const event of ["document", "picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => this.answered(frame));
     view.followers.add(() => this.place());
   }
 
-  /** The server knows of the change: its places are used again. @param {import("./state.js").Frame} frame */
+  /** What can be grabbed may be another now, or elsewhere. @param {import("./state.js").Frame | null} frame */
   answered(frame) {
-    for (const [name, { seq }] of this.held) {
-      const corner = name.startsWith("corner");
-      if (frame.kind !== "refusal" && (frame.kind === "picture") !== corner) continue;
-      if (frame.seq === null || frame.seq >= seq) this.held.delete(name);
-    }
     this.build();
     this.place();
-    if (frame.kind !== "document" || frame.seq === null || frame.seq < this.inserted.seq) return;
+    if (frame?.kind !== "document" || frame.seq === null || frame.seq < this.inserted.seq) return;
     const { index, count } = this.inserted;
     if (this.store.document.waypoints.length > count) this.handles.get(`waypoint ${index}`)?.element.focus();
     this.inserted = NOTHING;
@@ -129,21 +109,19 @@ export class Handles {
 
   /** Where a waypoint is shown. @param {number} index @returns {Point | null} */
   waypointAt(index) {
-    const held = this.held.get(`waypoint ${index}`);
-    return held?.at ?? this.store.document?.waypoints[index]?.uv ?? null;
+    return this.handles.get(`waypoint ${index}`)?.at() ?? this.store.document?.waypoints[index]?.uv ?? null;
   }
 
   /** @param {number} index @returns {Handle} */
   waypoint(index) {
     const element = this.shape("waypoint", index, [draw("circle", { r: 6, class: "seen" })]);
-    const handle = {
-      element,
-      at: () => this.waypointAt(index),
-      edits: (/** @type {Point} */ to) => [{ do: "move_waypoint", index, to }],
-      describe: () => this.describeWaypoint(element, index),
-    };
     element.addEventListener("keydown", (event) => this.waypointKey(event, index));
-    return this.movable(`waypoint ${index}`, handle);
+    return this.movable({
+      element,
+      at: () => this.store.document?.waypoints[index]?.uv ?? null,
+      edits: (values) => [{ do: "move_waypoint", index, to: this.pointer.global(values) }],
+      describe: () => this.describeWaypoint(element, index),
+    });
   }
 
   /** @param {SVGGElement} element @param {number} index */
@@ -180,37 +158,46 @@ export class Handles {
       "aria-label": `Insert a waypoint before waypoint ${index + 1}`,
     });
     element.append(draw("circle", { r: 12, class: "target" }), draw("path", { d: "M-4 0H4M0-4V4", class: "seen" }));
-    /** @type {Handle} */
-    const handle = {
-      element,
-      inserts: index,
-      at: () => {
-        const [a, b] = [this.waypointAt(index - 1), this.waypointAt(index)];
-        return a && b ? [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2] : null;
-      },
-      edits: (to) => [{ do: "insert_waypoint", index, at: to }],
-      describe: () => {},
+    const insert = (/** @type {Point | null} */ at) => [{ do: "insert_waypoint", index, at }];
+    const middle = () => {
+      const [a, b] = [this.waypointAt(index - 1), this.waypointAt(index)];
+      return a && b ? /** @type {Point} */ ([(a[0] + b[0]) / 2, (a[1] + b[1]) / 2]) : null;
     };
-    return this.movable(`middle ${index}`, handle);
+    return this.movable({
+      element,
+      at: middle,
+      edits: (values) => insert(this.pointer.global(values)),
+      end: (made, cancelled) => {
+        if (cancelled) return;
+        // A click inserts as well.
+        if (!made.length) this.link.edit(insert(middle()));
+        this.expect(index);
+      },
+      describe: () => {},
+    });
   }
 
   /** The apex of a rounded corner. @param {number} index @returns {Handle} */
   corner(index) {
     const element = this.shape("corner", index, [draw("path", { class: "stem" }), draw("path", { d: "M0-6 6 0 0 6-6 0Z", class: "seen" })]);
-    const told = () => this.store.latest("picture")?.head.corners.find((/** @type {any} */ x) => x.index === index);
-    /** @type {Handle} */
-    const handle = {
+    const corner = () => this.store.latest("picture")?.head.corners.find((/** @type {any} */ x) => x.index === index);
+    const isOfAll = () => corner().waypoint === null || this.store.options.corners === "all";
+    return this.movable({
       element,
-      at: () => this.held.get(`corner ${index}`)?.at ?? told()?.apex ?? null,
-      corner: told,
+      corner,
+      answer: "picture",
+      least: LEAST_TOLERANCE,
+      at: () => corner()?.apex ?? null,
+      shown: ([value]) => apexAt(corner(), value),
+      start: () => ({ names: [isOfAll() ? "tolerance of all corners" : "tolerance"], unit: this.store.document.path.tolerance_unit, values: [corner().error] }),
+      moved: (by, [value], event) => [value + along(corner(), by, event instanceof KeyboardEvent)],
+      edits: ([value]) => toleranceEdits(corner(), value, isOfAll()),
       describe: () => {
-        const corner = told();
-        if (!corner) return;
-        mark(element, "aria-valuenow", mm(corner.error));
-        mark(element, "aria-valuetext", wordsOf(corner));
+        if (!corner()) return;
+        mark(element, "aria-valuenow", mm(corner().error));
+        mark(element, "aria-valuetext", wordsOf(corner()));
       },
-    };
-    return this.movable(`corner ${index}`, handle);
+    });
   }
 
   /** @param {string} kind @param {number} index @param {SVGElement[]} parts @returns {SVGGElement} */
@@ -228,65 +215,27 @@ export class Handles {
     return element;
   }
 
-  /** By pointer and by keys. @param {string} name @param {Handle} handle @returns {Handle} */
-  movable(name, handle) {
-    const { pointer } = this;
-    const { corner, edits, inserts } = handle;
-    const follow = oncePerFrame(() => {
-      this.place();
-      handle.describe();
-    });
-    const hold = (/** @type {Point} */ at, seq = Infinity) => {
-      this.held.set(name, { at, seq });
-      follow();
+  /**
+   * By pointer and by keys; without more, its values are its place by the axes of the file.
+   * @param {Partial<Handle> & Pick<Handle, "element" | "at" | "edits" | "describe"> & {shown?: (values: number[]) => Point}} given @returns {Handle}
+   */
+  movable({ at, shown = (values) => this.pointer.global(values), ...given }) {
+    const { pointer, store } = this;
+    /** @type {Handle} */
+    const handle = {
+      start: () => {
+        const [{ axes, unit }, place] = [store.document.path, at()];
+        return { names: axes.names, unit, values: place && pointer.local(place) };
+      },
+      moved: (by, start) => pointer.turned(by).map((x, k) => start[k] + x),
+      ...given,
+      at: () => {
+        const values = pointer.held(handle);
+        return values ? shown(values) : at();
+      },
     };
-    /** @type {Point | null} */
-    let place = null;
-    const end = (/** @type {object[]} */ made, /** @type {boolean} */ cancelled) => {
-      // A click inserts as well.
-      if (inserts && place && !made.length && !cancelled) this.link.edit(edits?.(place) ?? []);
-      else if (!made.length) place = null;
-      if (place && inserts) this.expect(inserts);
-      if (place) hold(place, this.link.seq);
-      else this.held.delete(name);
-      this.place();
-    };
-    const { path } = this.store.document;
-    pointer.movable(
-      handle.element,
-      corner
-        ? {
-            least: LEAST_TOLERANCE,
-            start: () => ({ names: [this.isOfAll(corner()) ? "tolerance of all corners" : "tolerance"], unit: path.tolerance_unit, values: [corner().error] }),
-            moved: (by, [value], event) => [value + along(corner(), by, event instanceof KeyboardEvent)],
-            edits: ([value]) => {
-              hold((place = apexAt(corner(), value)));
-              return toleranceEdits(corner(), value, this.isOfAll(corner()));
-            },
-            end,
-          }
-        : {
-            start: () => {
-              place = handle.at();
-              return { names: path.axes.names, unit: path.unit, values: place && pointer.local(place) };
-            },
-            moved: (by, start) => {
-              const [u, v] = pointer.global(start);
-              return pointer.local([u + by[0], v + by[1]]);
-            },
-            edits: (values) => {
-              hold((place = pointer.global(values)));
-              return edits?.(place) ?? [];
-            },
-            end,
-          },
-    );
+    pointer.movable(handle.element, handle);
     return handle;
-  }
-
-  /** Whether the tolerance of a corner is that of all: it has none of its own, or all are to be changed. @param {import("./corner.js").Corner} corner */
-  isOfAll(corner) {
-    return corner.waypoint === null || this.store.options.corners === "all";
   }
 
   /** Every handle at its place on the screen. */
@@ -307,6 +256,7 @@ export class Handles {
       const at = handle.at();
       handle.element.toggleAttribute("hidden", !at);
       if (!at) continue;
+      if (handle === this.pointer.going?.what) handle.describe();
       const corner = handle.corner?.();
       const apex = this.pointer.screen(at);
       const [x, y] = corner ? beyond(corner, apex) : apex;

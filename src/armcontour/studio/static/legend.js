@@ -37,10 +37,10 @@ function colouringOf(store, layers, picture) {
   const executed = store.refusal ? null : store.latest("executed");
   // Without an execution there are no errors: then limits colour the path.
   if (colour === "limit" || (colour === "error" && !executed)) return kindsOf(store);
-  const most = executed && colour === "error" ? 1000 * layers.mostError(executed) : 0;
+  const most = executed && colour === "error" ? 1000 * layers.most("executed", "error") : 0;
   const shades = Array.from({ length: SHADES }, (_, k) => heat(k / (SHADES - 1), store.theme));
   if (most) return [{ shades, from: `error ${short(most / 10 ** DECADES)}`, to: `${short(most)} mm, logarithmic` }];
-  return [{ shades, from: `${colour} 0`, to: `${mm(layers.mostSpeed(picture), 1)} mm/s` }];
+  return [{ shades, from: `${colour} 0`, to: `${mm(layers.most("picture", "speed"), 1)} mm/s` }];
 }
 
 /**
@@ -52,6 +52,7 @@ function colouringOf(store, layers, picture) {
 export function legendOf(store, layers, picture, magnify) {
   const found = colouringOf(store, layers, picture);
   if (magnify) found.push(sample(themed("--executed"), [], 1.5, `executed tool, error ×${magnify}`));
+  if (store.measured) found.push(sample(themed("--measured"), [6, 3], 1.5, "measured tool, by the log"));
   found.push(sample(themed("--faint"), [5, 4], 1, "objective"));
   if (picture.head.kerfs.length) {
     found.push(sample(themed("--ink"), [2, 2], 1, "as drawn"), sample(themed("--kerf"), [], 8, "kerf"));

@@ -5,11 +5,8 @@ import { draw, find, make, mark } from "./dom.js";
 import { axesOf, dot, outlineOf, planeOf, standing } from "./footprint.js";
 import { mm } from "./format.js";
 import { tellEarly } from "./messages.js";
-import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
-/** @typedef {import("./view2d.js").View2d} View2d */
 /** @typedef {import("./pointer.js").Pointer} Pointer */
 /** @typedef {import("./footprint.js").Obstacle} Obstacle */
 /** @typedef {[number, number]} Point */
@@ -23,26 +20,19 @@ const BESIDE = 0.08; // m
 const round = (metres) => Number(metres.toFixed(9));
 
 class Obstacles {
-  /** @param {Store} store @param {Link} link @param {View2d} view @param {Pointer} pointer */
-  constructor(store, link, view, pointer) {
+  /** @param {Store} store @param {Pointer} pointer */
+  constructor(store, pointer) {
     this.store = store;
-    this.link = link;
-    this.view = view;
+    this.link = pointer.link;
+    this.view = pointer.view;
     this.pointer = pointer;
     this.group = draw("g", { class: "obstacles" });
-    view.overlay.prepend(this.group);
-    /** @type {{body: SVGGElement, shape: SVGElement, sizer: SVGGElement}[]} */
+    this.view.overlay.prepend(this.group);
+    /** @type {{body: SVGGElement, shape: SVGElement, sizer: SVGGElement, held: Record<What, import("./pointer.js").Movable>}[]} */
     this.elements = [];
-    /** The obstacle that is changed now. @type {Obstacle | null} */
-    this.held = null;
     find("#add-obstacle").addEventListener("click", () => this.add());
-    store.on("document", () => {
-      this.held = null;
-      this.place();
-    });
-    store.on("refusal", () => (this.held = null));
-    view.followers.add(() => this.place());
-    this.follow = oncePerFrame(() => this.place());
+    store.on("document", () => this.place());
+    this.view.followers.add(() => this.place());
   }
 
   /** The plane of the picture. @returns {any} */
@@ -50,9 +40,12 @@ class Obstacles {
     return planeOf(this.store);
   }
 
-  /** Obstacles as they are drawn: the one that is held where it is held. @returns {Obstacle[]} */
+  /** Obstacles as they are drawn: one that is held where it is held. @returns {Obstacle[]} */
   list() {
-    return standing(this.store).map((x) => (this.held?.kind === x.kind && this.held.index === x.index ? this.held : x));
+    return standing(this.store).map((x, k) => {
+      const { at, size } = this.elements[k]?.held ?? {};
+      return { ...x, at: (at && this.pointer.held(at)) ?? x.at, size: (size && this.pointer.held(size)) ?? x.size };
+    });
   }
 
   /** A box that stands on the plane beside the part, where no other obstacle is. */
@@ -160,37 +153,23 @@ class Obstacles {
       draw("rect", { x: -4, y: -4, width: 8, height: 8, class: "seen" }),
     );
     this.group.append(body, sizer);
-    const held = (/** @type {Partial<Obstacle>} */ change) => {
-      const { kind, index } = from;
-      this.held = { ...from, ...change };
-      this.follow();
-      return [{ do: "obstacle", action: "change", kind, index, ...change }];
-    };
     /** @type {Obstacle} as it was when it was grabbed */
     let from;
-    const end = (/** @type {object[]} */ edits) => {
-      if (!edits.length) this.held = null;
-      this.place();
+    const movable = (/** @type {What} */ what, /** @type {string[]} */ names, /** @type {number} */ least, /** @type {(du: number, dv: number) => number[]} */ moved) => ({
+      ...(least && { least }),
+      start: () => {
+        from = this.list()[k];
+        return { names, unit: from.unit, values: from[what] ?? (what === "at" ? [0, 0, 0] : null) };
+      },
+      moved: (/** @type {Point} */ by) => moved(...by),
+      edits: (/** @type {number[]} */ values) => [{ do: "obstacle", action: "change", kind: from.kind, index: from.index, [what]: values }],
+    });
+    const held = {
+      at: movable("at", ["x", "y", "z"], 0, (du, dv) => this.moved(from, du, dv)),
+      size: movable("size", ["size", "by", "by"], LEAST_SIZE, (du, dv) => this.sized(from, du, dv)),
     };
-    this.pointer.movable(body, {
-      start: () => {
-        from = this.list()[k];
-        return { names: ["x", "y", "z"], unit: from.unit, values: from.at ?? [0, 0, 0] };
-      },
-      moved: (by) => this.moved(from, ...by),
-      edits: (at) => held({ at }),
-      end,
-    });
-    this.pointer.movable(sizer, {
-      least: LEAST_SIZE,
-      start: () => {
-        from = this.list()[k];
-        return { names: ["size", "by", "by"], unit: from.unit, values: from.size ?? null };
-      },
-      moved: (by) => this.sized(from, ...by),
-      edits: (size) => held({ size }),
-      end,
-    });
+    this.pointer.movable(body, held.at);
+    this.pointer.movable(sizer, held.size);
     body.addEventListener("dblclick", () => this.change(this.list()[k]));
     body.addEventListener("keydown", (event) => {
       const obstacle = this.list()[k];
@@ -199,7 +178,7 @@ class Obstacles {
       else return;
       event.preventDefault();
     });
-    return { body, shape, sizer };
+    return { body, shape, sizer, held };
   }
 
   /** @param {Obstacle} from @param {number} du @param {number} dv @returns {number[]} m */
@@ -221,7 +200,7 @@ class Obstacles {
   }
 }
 
-/** @param {Store} store @param {Link} link @param {View2d} view @param {Pointer} pointer */
-export function init(store, link, view, pointer) {
-  new Obstacles(store, link, view, pointer);
+/** @param {Store} store @param {import("./link.js").Link} _link @param {Pointer} pointer */
+export function init(store, _link, pointer) {
+  new Obstacles(store, pointer);
 }

@@ -2,11 +2,8 @@
 
 import { draw, mark } from "./dom.js";
 import { short } from "./format.js";
-import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
-/** @typedef {import("./view2d.js").View2d} View2d */
 /** @typedef {import("./pointer.js").Pointer} Pointer */
 /** @typedef {[number, number]} Point */
 
@@ -14,11 +11,10 @@ const ARM = 64; // px from the middle of the part to the handle that turns it
 const TURN_STEP = Math.PI / 180;
 
 class PlaceHandle {
-  /** @param {Store} store @param {Link} link @param {View2d} view @param {Pointer} pointer */
-  constructor(store, link, view, pointer) {
+  /** @param {Store} store @param {Pointer} pointer */
+  constructor(store, pointer) {
     this.store = store;
-    this.link = link;
-    this.view = view;
+    this.view = pointer.view;
     this.pointer = pointer;
     this.group = draw("g", { class: "place", hidden: true });
     this.stem = draw("line", { class: "stem" });
@@ -32,17 +28,33 @@ class PlaceHandle {
       draw("path", { class: "seen", d: "M-6 2.5A6.5 6.5 0 1 1 0 6.5M-3 3.5 0 6.5-3 9.5" }),
     ]);
     this.group.append(this.stem, this.mover, this.turner);
-    view.overlay.append(this.group);
-    /** @type {{about: Point, by: Point, turn: number, seq: number} | null} */
-    this.held = null;
+    this.view.overlay.append(this.group);
+    /** The point that is turned about, at the start of a gesture. @type {Point} */
+    this.about = [0, 0];
     store.on("view", () => this.put());
-    for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => this.answered(frame));
-    view.followers.add(() => this.put());
-    this.follow = oncePerFrame(() => {
-      if (this.held) this.describe(this.held);
-      this.put();
-    });
-    this.listen();
+    this.view.followers.add(() => this.put());
+    const start = (/** @type {string[]} */ names, /** @type {import("./pointer.js").Unit} */ unit) => {
+      this.about = pointer.centre;
+      return { names, unit, values: names.map(() => 0) };
+    };
+    const edit = (/** @type {Point} */ by, /** @type {number} */ turn) => [{ do: "place", by, turn, about: this.about }];
+    /** @type {import("./pointer.js").Movable} */
+    this.moving = {
+      answer: "picture",
+      start: () => start(["right", "up"], store.document.path.unit),
+      moved: (by) => by,
+      edits: ([u, v]) => edit([u, v], 0),
+    };
+    /** @type {import("./pointer.js").Movable} */
+    this.turning = {
+      answer: "picture",
+      step: TURN_STEP,
+      start: () => start(["turned"], ["°", TURN_STEP]),
+      moved: ([du, dv], _, event) => [event instanceof KeyboardEvent ? 1000 * (dv - du) * TURN_STEP : this.turnTo(event)],
+      edits: ([turn]) => edit([0, 0], turn),
+    };
+    pointer.movable(this.mover, this.moving);
+    pointer.movable(this.turner, this.turning);
   }
 
   /** @param {string} label @param {SVGElement[]} parts */
@@ -59,62 +71,30 @@ class PlaceHandle {
     return element;
   }
 
-  listen() {
-    const end = (/** @type {object[]} */ edits) => {
-      if (this.held && edits.length) this.held.seq = this.link.seq;
-      else this.held = null;
-      this.put();
-    };
-    this.pointer.movable(this.mover, {
-      start: () => ({ names: ["right", "up"], unit: this.store.document.path.unit, values: [0, 0] }),
-      moved: (by) => by,
-      edits: ([u, v]) => this.edits([u, v], 0),
-      end,
-    });
-    this.pointer.movable(this.turner, {
-      step: TURN_STEP,
-      start: () => ({ names: ["turned"], unit: ["°", TURN_STEP], values: [0] }),
-      moved: ([du, dv], start, event) => [event instanceof KeyboardEvent ? 1000 * (dv - du) * TURN_STEP : this.turnTo(event)],
-      edits: ([turn]) => this.edits([0, 0], turn),
-      end,
-    });
-  }
-
   /** Angle from the handle's rest, straight up, to the pointer. @param {PointerEvent} event @returns {number} rad */
   turnTo(event) {
-    const [x, y] = this.pointer.screen(this.held?.about ?? this.pointer.centre);
+    const [x, y] = this.pointer.screen(this.about);
     const [px, py] = this.view.within(event);
     const turn = Math.atan2(-(py - y), px - x) - Math.PI / 2;
     return Math.atan2(Math.sin(turn), Math.cos(turn));
   }
 
-  /** @param {Point} by @param {number} turn @returns {object[]} */
-  edits(by, turn) {
-    const about = this.held?.about ?? this.pointer.centre;
-    this.held = { about, by, turn, seq: Infinity };
-    this.follow();
-    return [{ do: "place", by, turn, about }];
-  }
-
-  /** What is read aloud. @param {{by: Point, turn: number}} held */
-  describe({ by, turn }) {
+  /** What is read aloud. @param {number[]} by @param {number} turn */
+  describe(by, turn) {
     const text = `moved by ${short(1000 * by[0])} and ${short(1000 * by[1])} mm, turned by ${short((turn * 180) / Math.PI)}°`;
     for (const element of [this.mover, this.turner]) element.setAttribute("aria-valuetext", text);
     mark(this.mover, "aria-valuenow", String(Math.round(1000 * Math.hypot(...by))));
     mark(this.turner, "aria-valuenow", String(Math.round((turn * 180) / Math.PI)));
   }
 
-  /** @param {import("./state.js").Frame | null} frame */
-  answered(frame) {
-    if (frame && this.held && (frame.seq === null || frame.seq >= this.held.seq)) this.held = null;
-    this.put();
-  }
-
   put() {
     const shown = this.store.options.place && this.store.latest("picture") !== null;
     this.group.toggleAttribute("hidden", !shown);
     if (!shown) return;
-    const { about, by, turn } = this.held ?? { about: this.pointer.centre, by: [0, 0], turn: 0 };
+    const [moved, turned] = [this.pointer.held(this.moving), this.pointer.held(this.turning)];
+    const [by, [turn]] = [moved ?? [0, 0], turned ?? [0]];
+    if (moved || turned) this.describe(by, turn);
+    const about = moved || turned ? this.about : this.pointer.centre;
     const [x, y] = this.pointer.screen([about[0] + by[0], about[1] + by[1]]);
     const [tx, ty] = [x - ARM * Math.sin(turn), y - ARM * Math.cos(turn)];
     mark(this.mover, "transform", `translate(${x} ${y})`);
@@ -123,7 +103,7 @@ class PlaceHandle {
   }
 }
 
-/** @param {Store} store @param {Link} link @param {View2d} view @param {Pointer} pointer */
-export function init(store, link, view, pointer) {
-  new PlaceHandle(store, link, view, pointer);
+/** @param {Store} store @param {import("./link.js").Link} _link @param {Pointer} pointer */
+export function init(store, _link, pointer) {
+  new PlaceHandle(store, pointer);
 }

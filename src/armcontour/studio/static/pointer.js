@@ -4,6 +4,7 @@
 import { find, make, say } from "./dom.js";
 import { rowOf, seconds, short } from "./format.js";
 import { dragged, Gesture } from "./gesture.js";
+import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -13,10 +14,11 @@ import { dragged, Gesture } from "./gesture.js";
 /**
  * Values that a gesture changes, in SI units.
  * @typedef {Object} Movable
- * @property {() => {names: string[], unit: Unit, values: number[] | null}} start   null: it cannot be moved now
+ * @property {(event: PointerEvent | KeyboardEvent) => {names: string[], unit: Unit, values: number[] | null}} start   null: it cannot be moved now
  * @property {(by: Point, start: number[], event: PointerEvent | KeyboardEvent) => number[]} moved   by a way in the plane [m]
- * @property {(values: number[]) => object[]} edits   shows the values, too
- * @property {(edits: object[], cancelled: boolean) => void} end   without edits nothing was changed
+ * @property {(values: number[]) => object[]} edits
+ * @property {"picture"} [answer]   the frame that has what was changed, by default the document
+ * @property {(edits: object[], cancelled: boolean) => void} [end]   without edits nothing was changed
  * @property {number} [step]    values are multiples of it; with Alt of a hundredth, with Shift of ten
  * @property {number} [least]   smallest value; those below a step have one digit
  */
@@ -41,8 +43,25 @@ export class Pointer {
      * The gesture that goes on. @type {{what: Movable, names: string[], unit: Unit, start: number[], values: number[], typed: string,
      *   gesture: Gesture, before: import("./state.js").Frame | null} | null}
      */
-    this.held = null;
-    for (const event of ["picture", "refusal"]) store.on(event, () => this.tell());
+    this.going = null;
+    /** What was changed and is not yet answered. @type {Map<Movable, {values: number[], seq: number}>} */
+    this.changed = new Map();
+    this.follow = oncePerFrame(() => view.place());
+    for (const event of ["document", "picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => this.answered(event, frame));
+    // What was not made is not shown.
+    store.on("link", (/** @type {any} */ link) => link.state !== "open" && this.changed.size && (this.changed.clear(), this.follow()));
+  }
+
+  /** The server knows of a change: its frames are shown again. @param {string} event @param {import("./state.js").Frame | null} frame */
+  answered(event, frame) {
+    for (const [what, { seq }] of this.changed)
+      if ((event === "refusal" ? frame : event === (what.answer ?? "document")) && (frame?.seq ?? Infinity) >= seq) this.changed.delete(what);
+    this.tell();
+  }
+
+  /** Values of what was changed, until that is answered. @param {Movable} what @returns {number[] | null} */
+  held(what) {
+    return this.changed.get(what)?.values ?? null;
   }
 
   get centre() {
@@ -62,9 +81,14 @@ export class Pointer {
 
   /** A place in the plane by the axes of the file. @param {Point} uv m @returns {Point} m */
   local([u, v]) {
-    const { origin, x, y } = this.store.document.path.axes;
-    const [a, b] = [u - origin[0], v - origin[1]];
-    return [a * x[0] + b * x[1], a * y[0] + b * y[1]];
+    const { origin } = this.store.document.path.axes;
+    return this.turned([u - origin[0], v - origin[1]]);
+  }
+
+  /** A way in the plane by these axes. @param {Point} by m @returns {Point} m */
+  turned([u, v]) {
+    const { x, y } = this.store.document.path.axes;
+    return [u * x[0] + v * x[1], u * y[0] + v * y[1]];
   }
 
   /** A place by the axes of the file, in the plane. @param {number[]} xy m @returns {Point} m */
@@ -78,7 +102,7 @@ export class Pointer {
     /** @type {Point} */
     let from = [0, 0];
     let timer = 0;
-    const isHeld = () => this.held?.what === what;
+    const isHeld = () => this.going?.what === what;
     const end = (cancelled = false) => {
       clearTimeout(timer);
       if (isHeld()) this.end(cancelled);
@@ -86,7 +110,7 @@ export class Pointer {
     dragged(element, {
       start: (event) => {
         from = this.plane(event);
-        return this.begin(what, this.view.within(event));
+        return this.begin(what, this.view.within(event), event);
       },
       move: (event) => {
         const to = this.plane(event);
@@ -102,7 +126,7 @@ export class Pointer {
       const place = this.view.within(new MouseEvent("", { clientX: left + width / 2, clientY: top }));
       if (event.ctrlKey || event.metaKey || element.classList.contains("dragging")) return;
       if (!isHeld() && (arrow || /^[\d.]$/.test(event.key))) {
-        if (!this.begin(what, place)) return;
+        if (!this.begin(what, place, event)) return;
         from = [0, 0];
       }
       if (!isHeld()) return;
@@ -120,56 +144,68 @@ export class Pointer {
     element.addEventListener("blur", () => element.classList.contains("dragging") || end());
   }
 
-  /** @param {Movable} what @param {Point} place px @returns {boolean} */
-  begin(what, place) {
+  /** @param {Movable} what @param {Point} place px @param {PointerEvent | KeyboardEvent} event @returns {boolean} */
+  begin(what, place, event) {
     this.end();
-    const { values, ...rest } = what.start();
+    const { values, ...rest } = what.start(event);
     if (!values) return false;
-    this.held = { what, ...rest, start: values, values, typed: "", gesture: new Gesture(this.link), before: this.store.latest("picture") };
+    this.going = { what, ...rest, start: values, values, typed: "", gesture: new Gesture(this.link), before: this.store.latest("picture") };
     this.place(place);
     return true;
   }
 
   /** @param {Point} by m @param {PointerEvent | KeyboardEvent} event @param {Point} place px */
   move(by, event, place) {
-    if (!this.held || this.held.typed) return;
-    const { what, start } = this.held;
-    const step = (what.step ?? STEP) * (event.shiftKey ? 10 : event.altKey ? 0.01 : 1);
+    if (!this.going || this.going.typed) return;
+    const { what, start } = this.going;
     this.place(place);
+    const moved = what.moved(by, start, event);
+    const round = this.rounded(moved, event, what);
     // What does not move is not rounded.
-    this.set(what.moved(by, start, event).map((x, k) => (Math.abs(x - start[k]) < SAME ? start[k] : snapped(x, step, what.least))), event.timeStamp);
+    this.set(moved.map((x, k) => (Math.abs(x - start[k]) < SAME ? start[k] : round[k])), event.timeStamp);
+  }
+
+  /** @param {number[]} values @param {PointerEvent | KeyboardEvent} event @param {{step?: number, least?: number}} [how] @returns {number[]} */
+  rounded(values, event, { step = STEP, least } = {}) {
+    return values.map((x) => snapped(x, step * (event.shiftKey ? 10 : event.altKey ? 0.01 : 1), least));
   }
 
   /** @param {number[]} values @param {number} at ms */
   set(values, at) {
-    if (!this.held) return;
-    this.held.values = values;
-    this.held.gesture.update(this.held.what.edits(values), at);
+    if (!this.going) return;
+    this.going.values = values;
+    this.changed.set(this.going.what, { values, seq: Infinity });
+    this.follow();
+    this.going.gesture.update(this.going.what.edits(values), at);
     this.tell();
   }
 
   /** A key of a number, or several. @param {KeyboardEvent} event @returns {boolean} whether it was */
   type(event) {
-    const { held } = this;
-    const isKey = /^[-\d.,;x ]$/.test(event.key) && (held?.typed || /[-\d.]/.test(event.key));
-    if (!held || !(isKey || (event.key === "Backspace" && held.typed))) return false;
+    const { going } = this;
+    const isKey = /^[-\d.,;x ]$/.test(event.key) && (going?.typed || /[-\d.]/.test(event.key));
+    if (!going || !(isKey || (event.key === "Backspace" && going.typed))) return false;
     event.preventDefault();
     event.stopPropagation();
-    held.typed = isKey ? held.typed + event.key : held.typed.slice(0, -1);
-    const numbers = held.typed.split(/[,;x ]+/).map((x) => (x && x !== "-" ? exact(Number(x) * held.unit[1]) : NaN));
-    this.set(held.start.map((_, k) => (Number.isFinite(numbers[k]) ? numbers[k] : held.values[k])), event.timeStamp);
-    say(find("#spoken"), `${held.typed} ${held.unit[0]}`);
+    going.typed = isKey ? going.typed + event.key : going.typed.slice(0, -1);
+    const numbers = going.typed.split(/[,;x ]+/).map((x) => (x && x !== "-" ? exact(Number(x) * going.unit[1]) : NaN));
+    this.set(going.start.map((_, k) => (Number.isFinite(numbers[k]) ? numbers[k] : going.values[k])), event.timeStamp);
+    say(find("#spoken"), `${going.typed} ${going.unit[0]}`);
     return true;
   }
 
   end(cancelled = false) {
-    if (!this.held) return;
-    const { what, gesture } = this.held;
-    this.held = null;
+    if (!this.going) return;
+    const { what, gesture } = this.going;
+    this.going = null;
     if (cancelled) gesture.cancel();
     else gesture.end();
     this.label.hidden = true;
-    what.end(gesture.edits, cancelled);
+    const changed = this.changed.get(what);
+    if (changed && gesture.edits.length) changed.seq = this.link.seq;
+    else this.changed.delete(what);
+    what.end?.(gesture.edits, cancelled);
+    this.follow();
   }
 
   /** The label next to the pointer, within the region. @param {Point} place px */
@@ -183,8 +219,8 @@ export class Pointer {
 
   /** What the label says: the values, and what they gain. */
   tell() {
-    if (!this.held) return;
-    const { names, unit, values, typed, before } = this.held;
+    if (!this.going) return;
+    const { names, unit, values, typed, before } = this.going;
     const texts = values.map((x, k) => `${names[k]} ${short(x / unit[1], 6)}`);
     const now = this.store.latest("picture");
     const [old, fresh] = [before, now].map((x) => rowOf(x?.head, "duration")?.value);

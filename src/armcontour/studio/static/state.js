@@ -15,6 +15,10 @@
 //   underlay                what is drawn under the path changed: listener()
 //   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
 //   reset                   another job or drawing is opened; those of a run are told null
+//   open                    a file is to be opened: listener({file, log})
+//   log                     a log of the robot is kept: listener(its name)
+//   logs                    other logs are used: listener()
+//   measured                the measured motion of a log: listener(frame)
 //   layout                  listener()                a region may have another size
 
 /** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
@@ -29,6 +33,7 @@
  * @property {boolean} executed     whether the executed tool is drawn
  * @property {number} magnify       factor of its error; 0 = automatic
  * @property {"one" | "all"} corners  whose tolerance a drag of a corner changes
+ * @property {string} pen          the shape that is drawn; "" for none
  * @property {boolean} place        whether the part is moved as a whole
  * @property {"planned" | "executed"} time   which motion is played
  * @property {"2d" | "both" | "3d"} stage
@@ -50,6 +55,7 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   executed: true,
   magnify: 0,
   corners: "one",
+  pen: "",
   place: false,
   time: "planned",
   stage: "2d",
@@ -159,7 +165,7 @@ export class Store {
 
   /** Another job or drawing is opened: nothing of the one before is shown any more. */
   reset() {
-    for (const kind of OF_A_RUN) this.frames.delete(kind);
+    for (const kind of [...OF_A_RUN, "measured"]) this.frames.delete(kind);
     this.setTime(0);
     this.setRefusal(null);
     for (const event of [...OF_A_RUN, "reset"]) this.tell(event, null);
@@ -189,6 +195,12 @@ export class Store {
     return picture.rev === now && frame.rev === now && (frame.seq ?? -1) >= (picture.seq ?? -1);
   }
 
+  /** The measured motion of a log, if it is of the plan that is shown. @returns {Frame | null} */
+  get measured() {
+    const [frame, picture] = [this.latest("measured"), this.latest("picture")];
+    return frame && picture && frame.rev === picture.rev && frame.head.run === picture.head.run ? frame : null;
+  }
+
   /** Show a time. @param {number} time [s] */
   setTime(time) {
     this.time = time;
@@ -198,13 +210,13 @@ export class Store {
   /** Show the planned time at an arc length. @param {number} s [m] */
   setPlace(s) {
     const arrays = this.latest("picture")?.arrays;
-    if (arrays?.path_s.length) this.setTime(interpolate(arrays.path_s, arrays.path_t, s));
+    if (arrays?.path_s.length) this.setTime(along(arrays.path_s, arrays.path_t, s)[0]);
   }
 
   /** Arc length of the path at the shown time, as planned [m]. */
   get place() {
     const arrays = this.latest("picture")?.arrays;
-    return arrays?.path_t.length ? interpolate(arrays.path_t, arrays.path_s, this.time) : 0;
+    return arrays?.path_t.length ? along(arrays.path_t, arrays.path_s, this.time)[0] : 0;
   }
 
   /** Change what is looked at. @param {Partial<ViewOptions>} changes */
@@ -237,14 +249,16 @@ export function indexAt(increasing, value) {
 }
 
 /**
- * Linear interpolation in a table.
- * @param {Numbers} xs increasing @param {Numbers} ys @param {number} x @returns {number}
+ * A row of a table on a straight line between its rows, as at the first or last beyond them.
+ * @param {Numbers} xs increasing @param {Numbers} rows @param {number} x @param {number} [width] numbers of a row
+ * @returns {number[]}
  */
-function interpolate(xs, ys, x) {
+export function along(xs, rows, x, width = 1) {
   const i = indexAt(xs, x);
-  if (i + 1 >= xs.length || x <= xs[0]) return ys[i];
-  const span = xs[i + 1] - xs[i];
-  return span > 0 ? ys[i] + ((x - xs[i]) / span) * (ys[i + 1] - ys[i]) : ys[i];
+  const next = Math.min(i + 1, xs.length - 1);
+  const span = xs[next] - xs[i];
+  const share = span > 0 ? Math.min(1, Math.max(0, (x - xs[i]) / span)) : 0;
+  return Array.from({ length: width }, (_, k) => rows[width * i + k] + share * (rows[width * next + k] - rows[width * i + k]));
 }
 
 /**

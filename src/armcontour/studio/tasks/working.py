@@ -17,6 +17,7 @@ from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.studio.tasks.figures import changes, figures
 from armcontour.studio.tasks.files import certify, export, report
 from armcontour.studio.tasks.judging import check, clearance
+from armcontour.studio.tasks.logs import identify, learn, measured
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.tasks.searching import place, sweep
 from armcontour.studio.wire import Frame
@@ -45,6 +46,9 @@ TASKS: dict[str, Callable[[Request], Frame]] = {
     "clearance": clearance,
     "export": export,
     "report": report,
+    "measured": measured,
+    "identify": identify,
+    "learn": learn,
 }
 
 

@@ -1,0 +1,181 @@
+"""The start page: jobs to begin with, pictures of the arms, and what was opened before."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import cache
+from importlib import resources
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from armcontour import _checks
+from armcontour._staging import put_in_place
+from armcontour.arms import SerialArm
+from armcontour.arms.chain import link_poses
+from armcontour.errors import InvalidInput
+from armcontour.frames import Frame as Place
+from armcontour.io.cell import cell_names, cell_text, read_cell_arm
+from armcontour.io.job_edits import Change, change_text
+from armcontour.studio.disk import all_drafts, make_private, place_of, state_folder
+from armcontour.studio.document import Document
+from armcontour.studio.robot import triangles_of
+from armcontour.studio.uploads import Uploads
+from armcontour.studio.wire import Frame
+
+# Drawings of the jobs to begin with; the others are the paper's job and an empty plane.
+DRAWINGS = {"drawing": "plate.svg", "gcode": "slot.ngc", "weld": "seam.svg"}
+PAPER, EMPTY = "paper", "empty"
+WEAVE = {"width": "4 mm", "frequency": "2 Hz", "speed": "6 mm/s"}
+# Files that the start page offers; more are not recognized by their names.
+MOST_RECENT = 8
+DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Document:
+    """A job to begin with.
+
+    Args:
+        card: Its name, of `DRAWINGS`, "paper" or "empty".
+        arm: Name of the built-in cell; the paper's job has its own.
+        uploads: Keeps its drawing.
+        before: The document that is open, in whose folder it is made.
+
+    Raises:
+        InvalidInput: No such card or cell.
+    """
+    _checks.choice("card", card, (*DRAWINGS, PAPER, EMPTY))
+    folder, library = before.folder or FilePath.cwd(), resources.files("armcontour.jobs.library")
+    if card == PAPER:
+        text = (library / "paper.yaml").read_text(encoding="utf-8")
+        return Document.of_text(text, folder, "paper.yaml", "built-in", upload=True)
+    if card == EMPTY:
+        return blank_document(arm, folder, f"new {secrets.token_hex(8)}")
+    name = DRAWINGS[card]
+    found = uploads.open(name, (library / name).read_bytes(), arm, before)
+    assert isinstance(found, Document)
+    if card != "weld":
+        return found
+    text = change_text(found.text, [Change(("process", "weave"), WEAVE)])
+    return Document.of_text(text, folder, found.source, found.key, upload=True)
+
+
+def blank_document(arm: str, folder: FilePath, key: str) -> Document:
+    """A job of a built-in cell on whose path nothing is drawn yet.
+
+    Args:
+        arm: Name of the cell.
+        folder: Folder of relative file names.
+        key: As of `Document`.
+    """
+    names = {"name": "untitled", "title": f"New job on {arm}"}
+    text = change_text(cell_text(arm), [Change((k,), x) for k, x in names.items()])
+    return Document.of_text(text, folder, "untitled.yaml", key, upload=True)
+
+
+def start_frame() -> Frame:
+    """What the start page shows: arms, and what was opened before."""
+    shown = [{"id": id, "name": x["name"], "where": x["where"]} for id, x in _recent().items()]
+    return Frame("start", {"arms": pictures(), "recent": shown})
+
+
+@cache
+def pictures() -> list[dict[str, Any]]:
+    """The arms of the built-in cells, each with the silhouettes of its links as a path of SVG."""
+    return [{"name": name, **_picture(name)} for name in cell_names()]
+
+
+def _picture(name: str) -> dict[str, Any]:
+    """An arm that reaches forward, seen from its side; from above if it moves in the plane."""
+    from scipy.spatial import ConvexHull
+
+    arm: Any = read_cell_arm(name)
+    ends = [*arm.chain.positions, (arm.chain.tip @ arm.chain.tool).position]
+    reach = sum(float(np.linalg.norm(x)) for x in ends)
+    aim, up = Place(position=reach * np.array([0.55, 0.1, 0.0])), 1
+    if isinstance(arm, SerialArm):
+        aim, up = Place(position=reach * np.array([0.45, 0.0, 0.15]), rotation=DOWN), 2
+    poses = link_poses(arm.chain, arm.inverse(aim, all=True))
+    # The configuration with the elbow up.
+    pose = poses[np.argmax(poses[:, :, up, 3].sum(axis=1))]
+    outlines = []
+    for x in arm.shapes.shapes:
+        points = triangles_of(x.exact or x.shape).reshape(-1, 3)
+        points = points @ x.place.rotation.T + x.place.position
+        seen = (points @ pose[x.link, :, :3].T + pose[x.link, :, 3])[:, [0, up]] * [1e3, -1e3]
+        outlines.append(seen[ConvexHull(seen).vertices].round().astype(int))
+    low, high = (f(np.concatenate(outlines), axis=0) for f in (np.min, np.max))
+    shape = "".join(f"M{'L'.join(f'{x},{y}' for x, y in outline)}Z" for outline in outlines)
+    return {"shape": shape, "box": " ".join(map(str, [*low, *(high - low)]))}
+
+
+# What was opened before.
+
+
+def open_file(file: FilePath, cell: str | None) -> Document:
+    """Open a job file, or a drawing in a cell, and note that for the next start.
+
+    Args:
+        file: The file.
+        cell: The cell; None for a job file.
+
+    Raises:
+        InvalidInput: It cannot be opened.
+    """
+    found = Document.open(file) if cell is None else Document.of_drawing(file, cell)
+    remember(file, cell)
+    return found
+
+
+def remember(file: FilePath, cell: str | None) -> None:
+    """Note a file that was opened or saved, for the next start.
+
+    Args:
+        file: The file.
+        cell: As of `open_file`.
+    """
+    known = {"file": str(file.absolute()), "cell": cell}
+    content = json.dumps([known, *(x for x in _remembered() if x != known)][:MOST_RECENT]).encode()
+    with suppress(InvalidInput, OSError):
+        make_private(state_folder())
+        put_in_place(state_folder() / "recent.json", lambda fresh: fresh.write_bytes(content))
+
+
+def _remembered() -> list[dict[str, Any]]:
+    """Files that were opened or saved, the newest first."""
+    try:
+        known = json.loads((state_folder() / "recent.json").read_bytes())
+        return [{"file": str(x["file"]), "cell": x["cell"]} for x in known]
+    except (OSError, ValueError, TypeError, KeyError):
+        return []
+
+
+def _recent() -> dict[str, dict[str, Any]]:
+    """What the start page offers, by its identity: drafts of no file, and files that are there."""
+    found: dict[str, dict[str, Any]] = {
+        place_of(x.key).stem: {"name": x.name, "where": "not saved", "draft": x}
+        for x in all_drafts()
+        if x.upload
+    }
+    for x in _remembered():
+        file, cell = FilePath(x["file"]), x["cell"]
+        if file.is_file():
+            where = str(file.parent) if cell is None else f"{file.parent}, on {cell}"
+            found[place_of(str(x)).stem] = {"name": file.name, "where": where, **x}
+    return found
+
+
+def find_recent(identity: str) -> Mapping[str, Any]:
+    """A draft, or a file and its cell, by what the page was given.
+
+    Raises:
+        InvalidInput: It is not there any more.
+    """
+    found = _recent().get(identity)
+    if found is None:
+        raise InvalidInput("This file is not there any more.")
+    return found

@@ -1,0 +1,120 @@
+// The pen: lines, arcs, circles and rectangles that are drawn at the end of the path, or on an empty plane.
+
+import { draw, find, make, mark, say } from "./dom.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./pointer.js").Pointer} Pointer */
+/** @typedef {[number, number]} Point */
+/**
+ * A shape by the axes of the file [m]: names of its values and how many there are at its beginning, which is at the place of a
+ * press; from there and the values its start, its segments, and how it is drawn before the answer: to points, or with a radius.
+ * @typedef {{names: string[], isPoint?: boolean, start?: (from: Point, values: number[]) => Point,
+ *   segments: (from: Point, values: number[]) => Record<string, Point>[], radius?: (from: Point, values: number[]) => number}} Shape
+ */
+
+// A shape that begins so near the end of the path begins there.
+const NEAR = 14; // px
+/** Height of a new arc over its chord, as a share of that; its middle waypoint changes it. */
+const BULGE = 1 / 4;
+/** @type {Record<string, Shape>} */
+const SHAPES = {
+  Line: { names: ["x", "y"], isPoint: true, segments: (_, [x, y]) => [{ to: [x, y] }] },
+  Arc: {
+    names: ["x", "y"],
+    isPoint: true,
+    segments: ([a, b], [x, y]) => [{ via: [(a + x) / 2 + BULGE * (y - b), (b + y) / 2 - BULGE * (x - a)], to: [x, y] }],
+    radius: ([a, b], [x, y]) => ((1 + 4 * BULGE ** 2) / (8 * BULGE)) * Math.hypot(x - a, y - b),
+  },
+  Circle: {
+    names: ["radius"],
+    start: ([a, b], [radius]) => [a + radius, b],
+    segments: (center) => [{ center }],
+    radius: (_, [radius]) => radius,
+  },
+  Rectangle: {
+    names: ["width", "height"],
+    segments: ([a, b], [wide, high]) => [{ to: [a + wide, b] }, { to: [a + wide, b + high] }, { to: [a, b + high] }, { to: [a, b] }],
+  },
+};
+
+/** @param {Store} store @param {import("./link.js").Link} _link @param {Pointer} pointer */
+export function init(store, _link, pointer) {
+  const { view } = pointer;
+  const ground = draw("rect", { class: "pen", width: "100%", height: "100%", tabindex: 0, role: "slider", "aria-valuenow": 0 });
+  const trace = draw("path", { class: "pen-trace" });
+  const hint = make("p", { class: "hint quiet" });
+  view.region.append(hint);
+  view.overlay.append(trace, ground);
+  const button = (/** @type {string} */ text) => make("button", { type: "button", text, title: "Pen: drag in the drawing, or type values; Escape puts it away", onclick: () => store.setView({ pen: store.options.pen === text ? "" : text }) });
+  const buttons = Object.keys(SHAPES).map(button);
+  const group = make("span", { class: "group choice", role: "group", "aria-label": "Pen" }, buttons);
+  find("#add-obstacle").before(group);
+  /** Where the shape begins. @type {Point} */
+  let from = [0, 0];
+  const shape = () => SHAPES[store.options.pen];
+  const startOf = (/** @type {number[]} */ values) => shape().start?.(from, values) ?? from;
+
+  /** The end of the path if it is near, or by keys; else a round place. @param {PointerEvent | KeyboardEvent} event @returns {Point} */
+  const placeOf = (event) => {
+    const last = store.document.waypoints.findLast((/** @type {any} */ x) => x.role === "point" || x.role === "end")?.uv;
+    const uv = event instanceof KeyboardEvent ? (last ?? pointer.centre) : pointer.plane(event);
+    const away = last ? pointer.screen(last).map((x, k) => x - pointer.screen(uv)[k]) : [Infinity];
+    return Math.hypot(...away) < NEAR ? pointer.local(last) : /** @type {Point} */ (pointer.rounded(pointer.local(uv), event));
+  };
+
+  /** The shape as it will be. @param {number[]} values */
+  const show = (values) => {
+    const at = (/** @type {Point} */ xy) => pointer.screen(pointer.global(xy)).join(" ");
+    const radius = (shape().radius?.(from, values) ?? 0) * view.view.scale;
+    const [a, b] = from;
+    const lines = shape().segments(from, values).map(({ to, via, center }) => {
+      const arc = (/** @type {Point} */ end, /** @type {0 | 1} */ long = 0) => `A${radius} ${radius} 0 ${long} 0 ${at(end)}`;
+      return center ? arc([a - values[0], b], 1) + arc([a + values[0], b], 1) : via ? arc(to) : `L${at(to)}`;
+    });
+    mark(trace, "d", `M${at(startOf(values))}${lines.join("")}`);
+  };
+
+  pointer.movable(ground, {
+    start: (event) => {
+      from = placeOf(event);
+      const { names, isPoint } = shape();
+      return { names, unit: store.document.path.unit, values: isPoint ? from : names.map(() => 0) };
+    },
+    moved: (by, start) => {
+      const way = pointer.turned(by);
+      return start.length === 1 ? [Math.hypot(...way)] : start.map((x, k) => x + way[k]);
+    },
+    edits: (values) => {
+      show(values);
+      const segments = shape().segments(from, values).map((segment) => Object.fromEntries(Object.entries(segment).map(([key, xy]) => [key, pointer.global(xy)])));
+      return [{ do: "draw", start: pointer.global(startOf(values)), segments }];
+    },
+    end: (edits) => {
+      mark(trace, "d", "");
+      // A path goes on; after a whole shape its handles are wanted.
+      if (edits.length && !shape().isPoint) store.setView({ pen: "" });
+    },
+  });
+  ground.addEventListener("keydown", (event) => event.key === "Escape" && !event.defaultPrevented && store.setView({ pen: "" }));
+
+  let id = "";
+  const update = () => {
+    const { path = {}, sentence, id: now = "" } = store.document ?? {};
+    const can = path.editable && path.kind !== "spline";
+    const isBlank = path.kind === "blank";
+    if (now !== id || !can) {
+      id = now;
+      // On an empty plane the pen is wanted first.
+      const pen = isBlank ? "Rectangle" : "";
+      if (pen !== store.options.pen) return store.setView({ pen });
+    }
+    const { pen } = store.options;
+    group.hidden = !can;
+    hint.hidden = !isBlank;
+    say(hint, sentence ?? "");
+    for (const x of buttons) mark(x, "aria-pressed", String(x.textContent === pen));
+    ground.toggleAttribute("hidden", !pen);
+    mark(ground, "aria-label", `Pen: ${pen}`);
+  };
+  for (const event of ["document", "view"]) store.on(event, update);
+}

@@ -1,0 +1,48 @@
+// The start page: arms by picture, jobs to begin with, a file, and what was opened before.
+
+import { draw, find, make } from "./dom.js";
+
+/** @typedef {import("./state.js").Store} Store */
+/** @typedef {import("./link.js").Link} Link */
+
+/** The arm that is chosen, while the start page is shown. @returns {string} */
+export const chosenArm = () => /** @type {HTMLInputElement | null} */ (document.querySelector("#start[open] input:checked"))?.value ?? "";
+
+/** @param {Store} store @param {Link} link */
+export function init(store, link) {
+  const dialog = /** @type {HTMLDialogElement} */ (find("#start"));
+  /** Documents that the start page was shown for by itself. */
+  let shown = "";
+  find("#new").addEventListener("click", () => link.send({ op: "start" }));
+  store.on("document", (/** @type {any} */ { head }) => {
+    if ((head.id !== shown || head.can_undo) && dialog.open) dialog.close();
+    if (head.start && head.id !== shown && !head.can_undo) link.send({ op: "start" });
+    shown = head.id;
+  });
+  store.on("start", (/** @type {any} */ { head }) => {
+    const before = chosenArm() || "ur5e";
+    const arms = head.arms.map((/** @type {{name: string, shape: string, box: string}} */ { name, shape, box }) => {
+      const picture = draw("svg", { viewBox: box, "aria-hidden": "true" });
+      picture.append(draw("path", { d: shape }));
+      return make("label", {}, [make("input", { type: "radio", name: "arm", value: name, checked: name === before, autofocus: name === before }), picture, name]);
+    });
+    find(".arms", dialog).replaceChildren(...arms);
+    const recent = head.recent.map((/** @type {{id: string, name: string, where: string}} */ { id, name, where }) =>
+      make("button", { type: "button", "data-recent": id }, [make("b", { text: name }), make("span", { class: "quiet", text: where })]),
+    );
+    find(".recent", dialog).replaceChildren(...recent);
+    find("#recent-title").hidden = !recent.length;
+    const question = /** @type {HTMLDialogElement} */ (find("#question"));
+    const open = () => dialog.open || dialog.showModal();
+    // What is asked is answered first.
+    if (question.open) question.addEventListener("close", open, { once: true });
+    else open();
+  });
+  dialog.addEventListener("click", ({ target }) => {
+    const { card, recent: id } = /** @type {HTMLElement | null} */ (/** @type {Element} */ (target).closest("[data-card], [data-recent]"))?.dataset ?? {};
+    if (card) link.send({ op: "new", card, arm: chosenArm() });
+    if (id) link.send({ op: "open_recent", id });
+    if (card || id) dialog.close();
+  });
+  find("#start-open").addEventListener("click", () => find("#picker").click());
+}
