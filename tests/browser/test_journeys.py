@@ -440,6 +440,7 @@ def test_j38_two_variants_are_compared_with_one_cursor(studio):
     expect(studio.find("#playback")).not_to_have_attribute("data-time", "0")
     time = float(studio.told("#playback", "time"))
     assert 0 < time < after
-    legend = done.locator("[data-chart=variants-error] .u-legend")
+    legend = done.locator("[data-chart=variants-error]")
+    legend.scroll_into_view_if_needed()
     expect(legend).to_contain_text("now")
     expect(legend).to_contain_text("before")
