@@ -94,8 +94,8 @@ def test_the_servo_of_a_log_is_put_into_the_job(ask, file, log):
     found = ac.identify(logged, ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
     tables = {x["title"]: x["cells"] for x in frame.header["tables"]}
     assert tables == {x.name: cells(x) for x in found.to_data().tables}
-    ((label, (edit,)),) = [x.values() for x in frame.header["fixes"]]
-    assert label == "Use this servo" and frame.header["kept"]
+    (edit,) = frame.header["edits"]
+    assert frame.header["label"] == "Use this servo" and frame.header["kept"]
     before = file.read_text()
     session = session_of(file)
     session.begin()

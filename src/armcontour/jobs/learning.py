@@ -223,6 +223,11 @@ class JudgedStudy:
         pairs = zip(names, self.pieces, strict=True)
         return [(name, x.contour_error, x.missed) for name, x in pairs]
 
+    @property
+    def worst_times(self) -> list[float]:
+        """Time of the largest error of each contour, on the clock of the set-points [s]."""
+        return [error.t_max + self.early for _, error, _ in self.contours]
+
     @cached_property
     def pieces(self) -> Sequence[Piece]:
         """The measured motion along each contour, without noise."""

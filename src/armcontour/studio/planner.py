@@ -75,7 +75,6 @@ class Seen:
         planned: The newest plan.
         executed: The newest execution.
         parts: Arm and scene that pages have.
-        outline: The program that pages see where there is no plan.
         took: How long the last plan of each tier took [s].
         drawn: The plan or program that pages see, how it gets on the screen, and its number.
         followed: The revision whose preview has taken the configuration of its full run.
@@ -84,7 +83,6 @@ class Seen:
     planned: Preview | None = None
     executed: Executed | None = None
     parts: tuple[Arm, Scene | None] | None = None
-    outline: Program | None = None
     took: dict[Tier, float] = field(default_factory=dict)
     drawn: tuple[Preview | Program, View, int] | None = None
     followed: int = 0
@@ -155,14 +153,13 @@ class Planner:
         self._lock = RLock()
         self._seen = Seen()
         self._newest: State | None = None
-        # Whether pages have an arm of any document.
-        self._has_arm = False
         # When a plan was executed last [s].
         self._executed_at = 0.0
         self._done = Event()
         self._lane = fast(self._fail)
         # What is seen is drawn finer while a plan is made.
         self._details = fast(self._fail)
+        self._looks: dict[object, tuple[Detail, Callable[[Frame], None]]] = {}
         self._figures = slow(self._hear)
         # The states whose figures are computed now and next, what was asked, and what is known.
         self._asked: Asked | None = None
@@ -213,19 +210,21 @@ class Planner:
                 self._tell_progress(state, (), None, WORKING)
                 self._lane.submit(partial(self._work, state))
 
-    def detail(self, detail: Detail, deliver: Callable[[Frame], None]) -> None:
+    def look(self, detail: Detail, deliver: Callable[[Frame], None], page: object) -> None:
         """Draw what a page sees of the newest picture as finely as it sees it, soon."""
-        seen = self._seen
+        self._looks[page] = detail, deliver
+        self._details.submit(self._draw_details)
 
-        def draw(stale: Stale) -> None:
-            if seen.drawn is not None and seen is self._seen:
-                made, view, number = seen.drawn
-                executed = seen.executed if isinstance(made, Preview) else None
-                tier = None if executed is None else executed.planned.tier
-                frame = detail_frame(made, executed, view, detail)
-                deliver(frame.stamped(number=number, tier=tier))
-
-        self._details.submit(draw)
+    def _draw_details(self, stale: Stale) -> None:
+        """Draw what pages look at; later work does all that is left."""
+        while self._looks and (drawn := self._seen.drawn) is not None:
+            _, (detail, deliver) = self._looks.popitem()
+            (made, view, number), executed = drawn, self._seen.executed
+            if not isinstance(made, Preview):
+                executed = None
+            tier = None if executed is None else executed.planned.tier
+            frame = detail_frame(made, executed, view, detail)
+            deliver(frame.stamped(number=number, tier=tier))
 
     def pose(self, t: float, of: str) -> FloatArray:
         """Joint positions at a time.
@@ -361,15 +360,11 @@ class Planner:
 
         planned = self.previewer.plan(state.data, state.run, tier=tier, progress=go_on)
         took = seen.took[tier] = time.thread_time() - begin
-        first = not self._has_arm
-        if not first:
-            self._show_arm(state, planned.job)
         state.answered = True
         seen.planned = planned
         self._draw(picture_frame(planned, state.view), planned, state)
-        if first:
-            # The first plan is wanted before shapes of links, which may take long.
-            self._show_arm(state, planned.job)
+        # The first plan is wanted before shapes of links, which may take long.
+        self._show_arm(state, planned.job)
         if not self.previewer.may_execute(planned):
             # The exact run has its errors; nothing else could be shown meanwhile.
             return planned
@@ -408,21 +403,20 @@ class Planner:
             ArmContourError: There is no path.
         """
         program = self.previewer.drawn(state.data)
-        if self._draw(drawing_frame(program, state.view, run=state.run), program, state):
-            state.seen.outline = program
+        self._draw(drawing_frame(program, state.view, run=state.run), program, state)
 
-    def _draw(self, frame: Frame, made: Preview | Program, state: State) -> bool:
-        """Show a picture; whether pages take it."""
+    def _draw(self, frame: Frame, made: Preview | Program, state: State) -> None:
+        """Show a picture."""
         self._pictures += 1
-        state.seen.drawn = made, state.view, self._pictures
-        return self._deliver(frame.stamped(number=self._pictures), state)
+        if self._deliver(frame.stamped(number=self._pictures), state):
+            state.seen.drawn = made, state.view, self._pictures
 
     def _show_arm(self, state: State, job: Job) -> None:
         """The arm and what stands in its cell, if pages do not have them."""
         parts = state.seen.parts
         if parts is None or parts[0] is not job.arm or parts[1] != job.scene:
             if self._deliver(arm_frame(job), state):
-                state.seen.parts, self._has_arm = (job.arm, job.scene), True
+                state.seen.parts = job.arm, job.scene
 
     def _refuse(self, state: State, error: ArmContourError, planned: Preview | None = None) -> None:
         """Say what could not be planned or executed, and where."""
@@ -430,7 +424,8 @@ class Planner:
         if planned is None and seen.planned is None:
             # What is out of reach can be moved only if it is seen where it is.
             with contextlib.suppress(ArmContourError):
-                if self.previewer.drawn(state.data) is not seen.outline:
+                program = self.previewer.drawn(state.data)
+                if seen.drawn is None or seen.drawn[0] is not program:
                     self._draw_outline(state)
         header = refusal_header(
             error,

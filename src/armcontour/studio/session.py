@@ -154,7 +154,7 @@ class Session:
             else:
                 editor.commit(editor.with_changes(opened), f"open {name}")
                 self.display.show_all()
-            return name
+        return name
 
     def unsaved(self) -> str | None:
         """As of `Document.unsaved`."""

@@ -107,10 +107,8 @@ class Uploads:
         """
         refuse_name(name)
         if FilePath(name).suffix.lower() not in LOGS or not content:
-            raise InvalidInput(
-                f"{name} is empty, or no log of a robot: give a table or a bag of joint positions "
-                f"({', '.join(LOGS)})."
-            )
+            kinds = ", ".join(LOGS)
+            raise InvalidInput(f"{name} is empty, or no log of joint positions ({kinds}).")
         make_private(self._logs)
         place, number = self._logs / name, 1
         while place.exists() and place.read_bytes() != content:

@@ -190,7 +190,7 @@ function One({ f, at, label = f.name }) {
   const is = row?.from ?? (written === undefined ? "default" : from);
   const [mark, where] = FROM[is];
   const isChosen = f.choices && !f.open;
-  const given = row?.written ?? textOf(written);
+  const given = textOf(key === "arm" ? (written?.name ?? written?.file ?? written) : written);
   const value = typeof row?.value === "number" && (is === "arm" || is === "default") ? quantity(row.value, row) : given;
   const id = `set-${key.replace(/[^\w]/g, "-")}`;
   const title = [f.text, where].filter(Boolean).join(" ");

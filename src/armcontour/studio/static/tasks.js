@@ -126,7 +126,7 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
       <button type="button" onClick=${() => link.send({ op: "cancel", id })}>Cancel</button></div>`}
     <div class="task-body">
       ${sentences.map((text) => html`<p class="task-sentence">${text}</p>`)}
-      ${frame?.head.fixes?.map((/** @type {any} */ { label, edits }) => html`<p class="task-file"><button type="button" onClick=${() => link.edit(edits)}>${label}</button></p>`)}
+      ${frame?.head.edits?.length > 0 && html`<p class="task-file"><button type="button" onClick=${() => link.edit(frame?.head.edits)}>${frame?.head.label}</button></p>`}
       ${frame?.head.file && html`<${Download} file=${frame.head} link=${link} />`}
       ${graphs.filter((x) => x.content.x.length).map((x) => html`<${Graph} key=${x.name} graph=${x} store=${store} />`)}
       ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all, times }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>

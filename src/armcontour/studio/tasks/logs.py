@@ -13,15 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armcontour._progress import Step
+from armcontour.core.render import cells, frame, verdict
+from armcontour.core.result import TABLE, Data
 from armcontour.errors import InvalidInput
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
-    from armcontour.core.result import Data
     from armcontour.jobs.learning import LearningStudy
-
-USE_SERVO, NEXT = "Use this servo", "Download next set-points"
 
 
 def measured(x: Request) -> Frame:
@@ -31,30 +30,24 @@ def measured(x: Request) -> Frame:
 
     logs = read_logs(x)
     study = judge_last(x.whole_job, x.run, logs, x.progress)
-    times = [error.t_max + study.early for _, error, _ in study.contours]
     arrays = tool_lines(study.pieces, x.view)
     arrays["t"] = arrays["t"] + np.float32(study.early)
-    facts = {"run": study.plan.run.name, "times": times}
+    facts = {"run": study.plan.run.name, "times": study.worst_times}
     return Frame("result", {**facts, **_shown(study.result, logs[-1:])}, arrays)
 
 
 def identify(x: Request) -> Frame:
     """The servo of each joint from the logs, and the edit that puts it into the job."""
-    from armcontour.core.render import verdict
     from armcontour.identification import ServoFit, identify
     from armcontour.io.servo_file import servo_values
-    from armcontour.motion.log_checks import refuse_far
 
-    logs, arm = read_logs(x, commanded=True), x.job.arm
-    for y in logs:
-        refuse_far(y, arm)
-    found = identify(logs, ServoFit(kinematics=arm), progress=x.progress)
-    data, fixes = found.to_data(), []
+    logs = read_logs(x, commanded=True)
+    found = identify(logs, ServoFit(kinematics=x.job.arm), progress=x.progress)
+    data, edits = found.to_data(), []
     if any(y.written for y in found.joints):
-        edit = {"do": "set", "key": "servo", "value": servo_values(found)}
-        fixes.append({"label": USE_SERVO, "edits": [edit]})
-    facts = {"sentence": verdict(data), "kept": found.judgement.trusted, "fixes": fixes}
-    return Frame("result", {**facts, **_shown(data, logs)})
+        edits = [{"do": "set", "key": "servo", "value": servo_values(found)}]
+    facts = {"sentence": verdict(data), "kept": found.judgement.trusted, "label": "Use this servo"}
+    return Frame("result", {**facts, "edits": edits, **_shown(data, logs)})
 
 
 def learn(x: Request) -> Frame:
@@ -63,9 +56,9 @@ def learn(x: Request) -> Frame:
     from armcontour.studio.tasks.files import file_frame
 
     study = learned(x)
+    content = "".join(taught_pieces(study.lesson, study.job.arm.joint_names)).encode()
     name = f"{study.job.name}-{study.plan.run.name}-taught.csv"
-    content = "".join(taught_pieces(study.lesson, study.job.arm.joint_names))
-    return file_frame(name, content.encode(), {"label": NEXT, **_shown(study.result)})
+    return file_frame(name, content, {"label": "Download next set-points", **_shown(study.result)})
 
 
 def learned(x: Request) -> LearningStudy:
@@ -100,8 +93,6 @@ def read_logs(x: Request, *, commanded: bool = False) -> list[Any]:
 
 def _shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
     """What the terminal prints of a result: figures, tables and notes, also those of logs."""
-    from armcontour.core.render import cells, frame
-    from armcontour.core.result import TABLE
     from armcontour.studio.tabs import without_options
 
     tables = [{"title": y.name, "cells": cells(y)} for y in data.tables if y.level <= TABLE]
