@@ -13,7 +13,7 @@ from typing import Any
 from armcontour._text import make_printable, shorten, show
 
 # Widest line and widest name of a row [characters], and most lines.
-WIDTH, WIDEST_NAME, MOST_LINES = 98, 40, 60
+WIDTH, WIDEST_NAME, MOST_LINES = 98, 60, 60
 GAP = "  "
 # Values of an array, or members of a list, that `repr` writes out.
 FEW = 6
@@ -117,14 +117,14 @@ def _members(value: Any, depth: int) -> str:
 
 
 def digits(value: float, count: int = 4) -> str:
-    """A number with some digits that count, and without an exponent where it is large.
+    """A number with some digits that count, and without an exponent below 10^15.
 
     Args:
         value: The number.
         count: Number of digits.
     """
     text = f"{value:.{count}g}"
-    return f"{value:.0f}" if "e+" in text else text
+    return f"{value:.0f}" if "e+" in text and abs(value) < 1e15 else text
 
 
 def clock(t: float, count: int = 4) -> str:

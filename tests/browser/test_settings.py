@@ -203,7 +203,7 @@ def test_a_change_is_for_the_job_or_for_the_run(studio):
     planned(studio)
     data, slow = change(studio, limits__speed="40 mm/s")
     assert data["limits"] == {"speed": "40 mm/s"}
-    studio.find("#panel .seek").get_by_role("button", name="Run").click()
+    studio.find("#panel .seek").get_by_role("button", name="For run").click()
     data, slower = change(studio, limits__speed="30")
     assert data["runs"]["own"] == {"limits": {"speed": "30 mm/s"}} and slower > slow
     row = studio.slider("limits.speed")
@@ -213,7 +213,7 @@ def test_a_change_is_for_the_job_or_for_the_run(studio):
     expect(row.locator("input[type=text]")).to_have_value("40 mm/s")
     data, _ = change(studio, corners__tolerance="0.1 mm")
     assert data["runs"]["own"]["corners"] == {"tolerance": "0.1 mm"}
-    studio.find("#panel .seek").get_by_role("button", name="Job").click()
+    studio.find("#panel .seek").get_by_role("button", name="For job").click()
 
 
 def test_settings_are_found_by_names_and_descriptions(studio):

@@ -99,7 +99,7 @@ def test_the_demo_needs_no_extra(done, command, tmp_path, monkeypatch):
         assert (tmp_path / "out" / name).is_file()
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     for job in (paper, plate):
-        assert f'id="{job["job"]}-overview"' in page
+        assert f'id="{job["job"]}-figures"' in page
     # The demo does not replace changed files.
     (tmp_path / "out" / "report.html").write_text("mine")
     assert command("demo", "--out", "out").code == 2

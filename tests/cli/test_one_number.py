@@ -38,7 +38,6 @@ FIGURES = {
     "demand": lambda x: x.judged.demand_ratio.max() if x.judged.demand_ratio.any() else None,
     "clearance": lambda x: None if x.clearance is None else x.clearance.low,
     "assigned length": lambda x: None if x.explanation is None else x.explanation.assigned_length,
-    "assigned time": lambda x: None if x.explanation is None else x.explanation.assigned_time,
     "share": lambda x: None if x.explanation is None else share(x.explanation),
 }
 # The label of each figure; that of a share of the time is a row of a table.
@@ -50,15 +49,14 @@ LABELS = {
     "demand": "joint demand",
     "clearance": "clearance",
     "assigned length": "length at the assigned speed",
-    "assigned time": "time at the assigned speed",
-    "share": r"assigned velocity\s+[\d.]+ m?s\s+[\d.]+ mm\s+\d+",
+    "share": r"assigned velocity\s+[\d.]+ m?s",
 }
 # The figures of each text.
 TEXTS = {
-    "print": set(LABELS) - {"share"},
+    "print": set(LABELS),
     "study": {"duration", "rms", "largest", "clearance"},
-    "explanation": {"assigned length", "assigned time", "share"},
-    "command": set(LABELS) - {"share"},
+    "explanation": {"assigned length", "share"},
+    "command": set(LABELS),
     "report": set(LABELS),
 }
 JSON = {
@@ -69,7 +67,7 @@ JSON = {
     "demand": "demand_ratio",
     "clearance": "clearance.low",
     "assigned length": "explanation.assigned_length",
-    "assigned time": "explanation.assigned_time",
+    "share": "time.assigned velocity",
 }
 # Figures that are those of the experiment, where that judges the run.
 JUDGED = ("settled", "rms", "largest", "demand")
@@ -80,7 +78,6 @@ STUDIO = {
     "largest": "contour_error.max",
     "demand": "demand_ratio",
     "clearance": "clearance.low",
-    "share": "shares.assigned velocity",
 }
 BATCH = {
     "duration": "duration",
@@ -126,15 +123,15 @@ def value_at(data, name):
 
 
 def studio(text, folder, run):
-    """What the Studio says of a run: its figures, and its shares of the time."""
+    """What the Studio says of a run: its figures, and what takes its time."""
     frame = do("figures", {"text": text, "folder": str(folder), "run": run}, lambda step: None)
     previewer = Previewer(folder)
     data = yaml.safe_load(text)
     handles = handles_of(previewer.job(data, run), data)
     planned = previewer.plan(data, run, tier=Tier.EXACT)
     picture = picture_frame(planned, View(handles.plane, handles.centre))
-    shares = {x["name"]: x["share"] for x in picture.header["shares"]}
-    return nest([(x["name"], x["value"]) for x in frame.header["rows"]]) | {"shares": shares}
+    assert frame.header["time"] == picture.header["time"]
+    return nest([(x["name"], x["value"]) for x in frame.header["rows"]]), frame.header["time"]
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -164,7 +161,12 @@ def check(data, done, folder):
         for x in figures
     }
     summary = json.loads((folder / "out" / "summary.json").read_text("utf-8"))["runs"][run]
-    frame, on_bodies = studio(text, folder, run), result.run.judge is not None
+    summary["time"] = {x["name"]: x["of_time"] for x in summary.get("time", ())}
+    (frame, time), on_bodies = studio(text, folder, run), result.run.judge is not None
+    # The page has the very cells of print and report.
+    for cells in time:
+        line = r"\s+".join(map(re.escape, cells))
+        assert all(re.search(line, texts[x]) for x in ("print", "command", "report")), cells
     for x, name in JSON.items():
         part = summary["experiment"] if on_bodies and x in JUDGED else summary
         found["JSON", x] = [(value_at(part, name), 0.0)]

@@ -1,5 +1,6 @@
 """Files of servos are judged by the contour error on motion that was not fitted."""
 
+import dataclasses
 import warnings
 
 import numpy as np
@@ -76,6 +77,15 @@ def test_errors_at_the_tool_of_an_arm(good):
     assert found.judgement.errors[0, 0] == pytest.approx(np.sqrt(np.mean(np.square(away))), rel=0.2)
     with pytest.raises(ac.InvalidInput, match="give the arm of the log"):
         ac.identify(robot_log(1), ac.ServoFit(kinematics=ac.load_arm("ur5e")))
+
+
+def test_positions_that_the_arm_cannot_have_are_refused():
+    log, limits = robot_log(1), ac.Limits(joint_lower=[-3.0] * 2, joint_upper=[3.0] * 2)
+    arm = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
+    far = dataclasses.replace(log, command=log.command + 60.0, measured=log.measured + 60.0)
+    with pytest.raises(ac.InvalidInput, match="degrees"):
+        ac.identify(far, ac.ServoFit(kinematics=arm))
+    assert ac.identify(far).joints[0].written
 
 
 def test_the_delay_that_joints_share_is_compensated_for_a_joint_without_a_model():

@@ -1,13 +1,18 @@
 """The verdict on a run: what is off the drawing, and whether that is within what is allowed."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
 
 import armcontour as ac
+from armcontour.core import render
 from armcontour.core.render import plain
 from armcontour.io import parse_job
+from armcontour.io.cell import read_cell
 
+DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 JOB = {
     "name": "corner",
     "arm": "pmk3s",
@@ -51,21 +56,48 @@ def test_the_tool_is_nowhere_farther_off_the_drawing_than_stated(runs, name):
     assert stated == pytest.approx(rounded + run.evaluation.contour_error.max)
 
 
-def test_the_accuracy_is_a_tenth_of_the_smallest_tolerance_unless_given(runs):
-    assert runs["late"].accuracy == pytest.approx(2e-4) and runs["late"].kept is True
-    assert runs["shaped"].accuracy == pytest.approx(1e-4)
+def allowed(run):
+    return plain(run.to_data())["contour_error_allowed"]
+
+
+def test_the_servo_may_have_a_tenth_of_the_smallest_tolerance_unless_an_accuracy_is_given(runs):
+    assert allowed(runs["late"]) == pytest.approx(2e-4) and runs["late"].kept is True
+    assert allowed(runs["shaped"]) == pytest.approx(1e-4)
     # Without a tolerance and an accuracy there is nothing to keep.
-    assert runs["sharp"].accuracy is None and runs["sharp"].kept is None
-    late = runs["late"].evaluation.contour_error.max
+    assert allowed(runs["sharp"]) is None and runs["sharp"].kept is None
+    assert "kept" not in [x.name for x in runs["sharp"].to_data().shown()]
+
+
+@pytest.mark.parametrize("name", ["late", "sharp"])
+def test_an_accuracy_is_that_of_the_tool_from_the_drawing(runs, name):
+    off = plain(runs[name].to_data())["off_drawing"]
     for share, kept in ((0.999, False), (1.001, True)):
-        run = runs_of(accuracy=float(late * share), runs={"late": JOB["runs"]["late"]})["late"]
+        run = runs_of(accuracy=float(off * share), runs={name: JOB["runs"].get(name)})[name]
         assert run.kept is kept
-        assert plain(run.to_data())["kept"] is kept
+        data = run.to_data()
+        assert plain(data)["kept"] is kept and plain(data)["off_drawing"] == off
+        (shown,) = (x for x in render.frame(data) if x["name"] == "kept")
+        assert (shown["value"], shown["text"]) == (kept, "kept" if kept else "NOT KEPT")
+        assert render.verdict(data).startswith(f"Run {name}: {shown['text']} (")
+
+
+def test_wide_corners_of_a_drawing_are_not_kept():
+    at = {("corners", "tolerance"): 10e-3}
+    (run,) = ac.run(read_cell("ur5e", DRAWINGS / "gasket.dxf", patch=at)).runs.values()
+    data = run.to_data()
+    assert run.kept is False and data["off_drawing"].value == pytest.approx(3.19e-3, abs=1e-5)
+    assert "NOT KEPT" in render.verdict(data) and "3.19 mm" in render.verdict(data)
+    # What takes the time adds up to it.
+    time = plain(data)["time"]
+    assert sum(x["time"] for x in time) == pytest.approx(run.trajectory.duration, rel=1e-12)
+    assert sum(x["of_time"] for x in time) == pytest.approx(1, rel=1e-12)
+    rapids = next(x for x in time if x["kind"] == "rapids between contours")
+    assert rapids["time"] == pytest.approx(plain(data)["rapid_time"], rel=1e-12)
 
 
 def test_single_corners_have_the_smallest_tolerance():
     run = runs_of(corners={"tolerance": 2e-3, "at": {2: 5e-4}}, runs={"one": {}})["one"]
-    assert run.accuracy == pytest.approx(5e-5)
+    assert allowed(run) == pytest.approx(5e-5)
 
 
 def test_the_limit_that_binds_for_the_longest_time_is_named(runs):

@@ -26,8 +26,7 @@ from armcontour.jobs.learning import LearningStudy, learn_run, plan_run
 from armcontour.placement import KINDS, Axis, Moves, Place, Placement, Verdict
 from armcontour.report import render_report, sections, write_report
 from armcontour.report.figure import Node, make_subplots, make_trace, render_page, to_json
-from armcontour.report.sections import clearance, paths
-from armcontour.report.sections import placement as placement_section
+from armcontour.report.sections import clearance
 from armcontour.report.sections.bodies import draw_surroundings, seen_from_base
 from armcontour.report.sections.placement import GREYS
 from armcontour.report.style import finish, thin
@@ -65,24 +64,45 @@ def test_the_page(study, page, in_order):
     words = ("P9", "line 2: AVC", binds, "&lt;b&gt;T &amp; J&lt;/b&gt;")
     assert [x for x in words if x not in page] == []
     assert "<b>T & J</b>" not in page
-    in_order(
-        page,
-        "overview paths joint-space speed bindings accelerations contour-error time-stamps",
-    )
-    assert paths(study).columns == (2, 3)  # a tall path leaves room for its corners
-    assert 'class="figures beside" style="--columns: 2fr 3fr"' in page
+    in_order(page, "figures time paths shaping joints time-stamps")
+
+
+def first_screen(page):
+    return page[page.index('<section class="front">') : page.index("</section>")]
+
+
+def test_the_first_screen_answers_before_any_figure(study, page):
+    front = first_screen(page)
+    assert "<script" not in front
+    kept = {x: y.trajectory.duration for x, y in study.runs.items() if y.kept}
+    fastest = min(kept, key=kept.get)
+    assert f"Run {fastest}: Kept" in front and '<p class="verdict kept">' in front
+    # Several runs are compared; a single one has three figures in large print.
+    for name in study.runs:
+        assert f'<th scope="row">{name}</th>' in front
+    alone = dataclasses.replace(study.job, runs=study.job.runs[3:4])
+    front, (result,) = first_screen(render_report(run(alone))), [study.runs["optimal"]]
+    assert front.count('<div class="tile">') == 3
+    assert f"<b>{number(result.trajectory.duration, 's')}</b>" in front
+
+
+def test_what_is_not_kept_is_said_first(study):
+    # Without compensation, and nearer to the drawing than the servo can be.
+    (loose,) = (x for x in study.job.runs if x.name == "uncompensated")
+    strict = dataclasses.replace(study.job, runs=(dataclasses.replace(loose, accuracy=1e-6),))
+    assert '<p class="verdict not-kept">' in first_screen(render_report(run(strict)))
 
 
 def test_other_servos_and_jobs_without_corners_have_a_report(study):
     page = render_report(run(parse_job(FIRST_ORDER)))
     header = page[page.index("<header>") : page.index("</header>")]
-    assert "25.0 1/s, dead time 0.012 s</p>" in header and "K<sub>v</sub>" not in header
+    assert "kp 25 1/s" in header and "dead time 12 ms" in header and "kv" not in header
     # One gain for all joints, as a job made in Python may have it.
     servo = ServoModel(kp=25.0, kv=150.0)
     only = dataclasses.replace(study.job, runs=study.job.runs[:1], servo=servo, plant_servo=servo)
     page = render_report(run(only))
-    assert "K<sub>p</sub> 25.0 1/s, K<sub>v</sub> 150.0 1/s</p>" in page
-    for absent in ('<section id="bindings">', "Corners enlarged"):
+    assert "kp 25 1/s, kv 150 1/s" in page
+    for absent in ('<details id="contours">', "Corners enlarged", "Where the time goes"):
         assert absent not in page
 
 
@@ -150,7 +170,7 @@ def test_several_plots_are_where_plotly_puts_them():
 
 
 def test_a_page_has_plotly_packed_and_its_template_once():
-    page = render_page("report.html", job=None, title="a", about="", source="", sections=[])
+    page = render_page(title="a", about="", source="", chapters=[])
     packed = re.search(r'<script type="text/plain" id="plotly">(.*?)</script>', page)
     assert gzip.decompress(base64.b64decode(packed[1])).decode() == get_plotlyjs()
     assert len(page) < 0.45 * len(get_plotlyjs())
@@ -257,18 +277,18 @@ def test_distances_pairs_and_the_nearest_posture_are_shown():
     )
     arm = plain.arm.with_shapes(cell.ArmShapes(shapes=shapes))
     scene = cell.Scene(obstacles=obstacles)
-    section = clearance(ac.run(dataclasses.replace(plain, arm=arm, scene=scene)))
-    over_time, posture = section.figures
+    study = ac.run(dataclasses.replace(plain, arm=arm, scene=scene))
+    section = clearance(study)
+    ((_, (over_time, posture, planned, executed)),) = section.choices
     assert {"links and cell, planned", "links and cell, executed"} <= set(traces(over_time))
     # The posture is that of the least distance from an obstacle, which is named with its distance.
     names = [x.name for x in posture.data if x.type == "scatter3d"]
     assert any(x.split(", ")[1].split(":")[0] in ("floor", "box", "wedge") for x in names[1:])
     bodies = {x.name for x in posture.data if x.type == "mesh3d"}
     assert bodies == {"forearm", "wrist", "tip", "floor", "box", "wedge"}
-    planned, executed = section.tables
     for table in (planned, executed):
         assert all(row[-1] == "-" for row in table.rows) and len(table.rows) > 3
-    assert any(x.startswith("Run taught: Clear: ") for x in section.notes)
+    assert any(x.startswith("Run taught: Clear: ") for x in sections.notes(study).notes)
 
 
 @pytest.fixture(scope="module")
@@ -290,7 +310,10 @@ def real():
 
 
 def test_learning_shows_errors_over_runs_joints_and_time(real):
-    over_runs, joints, over_time = sections.learning(real).figures
+    (over_runs,), (joints, over_time, _) = (
+        sections.learned(real).parts,
+        sections.learning(real).parts,
+    )
     figure, (first, _) = traces(over_runs), real.lesson.runs
     np.testing.assert_allclose(figure["RMS"].y, [1e3 * first.contour_rms, 2e-3])
     np.testing.assert_allclose(figure["largest"].y, [1e3 * first.contour_max, 5e-3])
@@ -320,9 +343,10 @@ def placed(names, shape, verdicts):
 
 def test_a_map_shows_the_best_over_other_axes_and_refusals_in_grey():
     assert tuple(GREYS) == KINDS
-    section = placement_section(placed("x y yaw", (2, 2, 2), VERDICTS))
-    assert [name for name, _ in section.choices] == ["motion", "least singular value"]
-    (figure,) = section.choices[0][1]
+    found = placed("x y yaw", (2, 2, 2), VERDICTS)
+    section = sections.placement(found)
+    assert [name for name, _ in section.choices] == ["least singular value"]
+    (figure,) = sections.placed(found).parts
     heat = [x for x in figure.data if x.type == "heatmap"]
     maps = {x.colorbar.title.text if x.colorbar else x.hovertemplate: x for x in heat}
     values = np.array(maps.pop("motion [s]").z, dtype=float)
@@ -333,7 +357,7 @@ def test_a_map_shows_the_best_over_other_axes_and_refusals_in_grey():
     assert "refused by clearance" in words
     np.testing.assert_array_equal(np.isfinite(np.array(grey.z, dtype=float)), [[0, 1], [0, 0]])
     assert "refused by clearance" in traces(figure)
-    (singular,) = section.choices[1][1]
+    (singular,) = section.choices[0][1]
     (heat,) = [x for x in singular.data if x.colorbar]
     np.testing.assert_array_equal(np.array(heat.z, dtype=float), [[0.3, np.nan], [0.4, 0.1]])
-    assert ("reach", "2") in section.tables[1].rows
+    assert ("reach", "2") in section.parts[1].rows

@@ -53,14 +53,14 @@ def trace(figure, name):
 
 
 def test_the_page(page, in_order):
-    in_order(page, "overview paths speed bindings joints contour-error")
-    for key in ("joint-space", "accelerations", "torques"):
-        assert f'<section id="{key}">' not in page
+    in_order(page, "notes figures time paths joints")
+    for key in ("contours", "shaping", "time-stamps"):
+        assert f'<details id="{key}">' not in page
     assert len(page) - len(get_plotlyjs()) < 2.5e6
 
 
 def test_executed_paths_have_their_largest_error_and_equal_axes(study):
-    figure = sections.space(study).figures[0]
+    figure = sections.paths(study).parts[0]
     scene = figure.layout.scene
     sizes = [np.ptp(scene[f"{c}axis"].range) for c in "xyz"]
     ratios = [scene.aspectratio[c] for c in "xyz"]
@@ -77,7 +77,7 @@ def test_seven_joints_have_a_report():
     study = run(parse_job(yaml.safe_dump(PANDA)))
     page = render_report(study)
     assert "panda_joint7" in page
-    assert "tool x axis" not in {x.name for x in sections.space(study).figures[0].data}
+    assert "tool x axis" not in {x.name for x in sections.paths(study).parts[0].data}
     # What is embedded is JSON, without numbers that are none.
     given = re.findall(r'<script>draw\("[^"]+",(.*?)\);</script>', page, re.DOTALL)
     assert given and not any("NaN" in x for x in given)

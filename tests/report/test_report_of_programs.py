@@ -13,15 +13,17 @@ from hypothesis import strategies as st
 from plotly.offline import get_plotlyjs
 
 import armcontour as ac
-from armcontour.geometry.cutting import cut_path
+from armcontour.core.palette import LIMITS
+from armcontour.core.render import number
 from armcontour.io.cell import read_cell
 from armcontour.io.drawings.read import read_path
 from armcontour.jobs import run
 from armcontour.program import Lead, Pierce, Process, Switch
 from armcontour.report import render_report, sections
+from armcontour.report.drawing import draw_plan, view_of
 from armcontour.report.outline import VISIBLE, simplify
-from armcontour.report.sections.bindings import MOST_BARS, bindings, merge_bindings
-from armcontour.timing.explanation import Binding, Explanation
+from armcontour.report.sections.motion import MOST_BARS, list_bars
+from armcontour.timing.explanation import Binding
 
 DRAWINGS = FilePath(__file__).parents[2] / "examples" / "drawings"
 GCODE = """G21 G90 G64 P0.5
@@ -70,78 +72,157 @@ def in_space(tmp_path_factory):
     return run(replace_runs(read_cell("ur5e", file), compensation=ac.NoCompensation()))
 
 
-def traces(figure):
-    return {x.name: x for x in figure.data}
-
-
-def points(trace):
-    return np.stack([getattr(trace, x) for x in "xyz" if getattr(trace, x, None) is not None], -1)
-
-
-def test_the_program_stands_between_overview_and_path(study, in_space, in_order):
+def test_contours_have_a_table(study, in_space, in_order):
     page = render_report(study)
-    keys = "overview program paths joint-space speed bindings accelerations contour-error"
-    in_order(page, keys)
+    in_order(page, "figures contours time paths joints")
     header = page[page.index("<header>") : page.index("</header>")]
-    assert re.search(r"2 contours,\s+0.2114 m of path", header)
-    keys = "overview program paths speed bindings joints contour-error"
-    in_order(render_report(in_space), keys)
+    assert "2 contours" in header and "211.4 mm of path" in header
+    in_order(render_report(in_space), "figures contours time paths joints")
 
 
-def test_the_picture_shows_contours_rapids_and_events_where_they_are(study, result):
-    found = traces(sections.program(study).figures[0])
-    contours = points(found["contours"]) * 1e-3
-    for x in result.path.contours:
-        for s, near in ((0.0, 1e-6), (x.path.length / 2, 0.03), (x.path.length, 1e-6)):
-            assert np.nanmin(np.linalg.norm(contours - x.path(s), axis=1)) < near
-    rapid = next(x for x in result.trajectory.spans if x.kind == "rapid")
-    tool = result.execution.arm.tool_position(result.trajectory(np.linspace(*rapid.t, 3)))
-    for place in tool[[0, 2]] * 1e3:
-        assert np.nanmin(np.linalg.norm(points(found["rapids"]) - place, axis=1)) < 1e-3
-    events, on = result.trajectory.events, found["spindle on"]
-    np.testing.assert_allclose(points(on) * 1e-3, [x.point for x in events[::2]], atol=1e-6)
-    assert "spindle = on" in on.text[0] and f"t = {events[0].t:.4f} s" in on.text[0]
-    # A start and a middle for each of both contours, pointing along them.
-    arrows = found["start and direction"]
-    assert len(arrows.x) == 4
-    assert arrows.marker.angle[0] == pytest.approx(90)  # to the right, clockwise from up
+def drawn_paths(svg):
+    """Points of the paths of a drawing [px], by their titles, with a gap (NaN) after each part."""
+    found = {}
+    for look, d, title in re.findall(
+        r'<path class="([^"]*)"[^>]* d="([^"]*)">(?:<title>([^<]*)</title>)?', svg
+    ):
+        parts = [np.array(x.split(), dtype=float).reshape(-1, 2) for x in d.split("M")[1:]]
+        gap = np.full((1, 2), np.nan)
+        found[title or look] = np.concatenate([y for x in parts for y in (x, gap)])
+    return found
 
 
-def test_the_drawn_contours_and_the_band_of_the_kerf_are_drawn():
+def marked(svg, name):
+    """Where marks of a kind are [px]."""
+    at = rf'<use href="#mark-{name}" (?:x="|transform="translate\()([-\d.]+)(?:" y="| )([-\d.]+)'
+    return np.array(re.findall(at, svg), dtype=float)
+
+
+def distances(points, curve):
+    """Least distances of points from a curve with gaps [px]."""
+    a, b = curve[:-1], curve[1:]
+    known = ~np.isnan(a + b).any(axis=1)
+    a, along = a[known], (b - a)[known]
+    square = np.maximum((along**2).sum(axis=1), 1e-12)
+    share = np.clip(((points[:, None] - a) * along).sum(axis=2) / square, 0.0, 1.0)
+    return np.linalg.norm(points[:, None] - a - share[..., None] * along, axis=2).min(axis=1)
+
+
+def fitted(svg, result):
+    """Where points are in a drawing, from its marks, and pixels per metre."""
+    events = [x.point for x in result.trajectory.events]
+    seen = [marked(svg, "start")] + ([marked(svg, "event")] if events else [])
+    known = np.array([*(x.path(0.0) for x in result.path.contours), *events])
+    known = np.column_stack([known, np.ones(len(known))])
+    found, *_ = np.linalg.lstsq(known, np.concatenate(seen), rcond=None)
+    np.testing.assert_allclose(known @ found, np.concatenate(seen), atol=0.2)
+    sizes = np.linalg.svd(found[:-1], compute_uv=False)
+    # Equal lengths are equal on the screen.
+    assert sizes[0] == pytest.approx(sizes[1], rel=1e-2)
+    return lambda x: np.column_stack([x, np.ones(len(x))]) @ found, sizes[0]
+
+
+@pytest.mark.parametrize("which", ["study", "in_space"])
+def test_the_drawing_shows_which_limit_restricts_the_speed_where(which, request):
+    study = request.getfixturevalue(which)
+    (result,) = study.runs.values()
+    drawing = draw_plan(result, study.job)
+    paths, (place, size) = drawn_paths(drawing.svg), fitted(drawing.svg, result)
+    rapids, bindings = paths.pop("limit"), result.explanation.bindings
+    paths.pop("as drawn", None)
+    limits = {x.limit: x.limit for x in bindings} | {"nothing": "between two limits"}
+    words = {x: LIMITS[y].get("word", y) for x, y in limits.items()}
+    assert set(paths) <= set(words.values())
+    seen = 0
+    for x in bindings:
+        s = np.linspace(*x.s, 5)[1:-1]
+        k = int(np.searchsorted(result.path.breaks, s[0], side="right")) - 1
+        points = result.path.contours[k].path(s - result.path.breaks[k])
+        if (x.s[1] - x.s[0]) * size > 3.0:
+            assert distances(place(points), paths[words[x.limit]]).max() < 1.0, x
+            seen += 1
+    assert seen > 5
+    for span in result.trajectory.spans:
+        if span.kind == "rapid":
+            tool = result.arm.tool_position(result.trajectory(np.linspace(*span.t, 9)[1:-1]))
+            assert distances(place(tool), rapids).max() < 2.0
+    assert f"spindle = on, t = {number(result.trajectory.events[0].t, 's')}" in drawing.svg
+    # The times of the legend add up to the motion, but for what is too short to be listed.
+    total = sum(x.time for x in drawing.legend)
+    assert total == pytest.approx(result.trajectory.duration, rel=0.02)
+
+
+def test_the_drawing_shows_kerf_leads_and_the_drawn_contours():
     job = read_cell("ur5e", DRAWINGS / "plate.dxf")
     lead = Lead(length=2e-3, shape="arc", active=True)
     process = Process(kerf=1e-3, lead_in=lead, lead_out=Lead(length=2e-3, shape="arc"))
-    study = run(
-        replace_runs(dataclasses.replace(job, process=process), compensation=ac.NoCompensation())
-    )
-    found = traces(sections.program(study).figures[0])
+    changed = dataclasses.replace(job, process=process)
+    (result,) = run(replace_runs(changed, compensation=ac.NoCompensation())).runs.values()
+    svg = draw_plan(result, changed).svg
+    paths, (_, size) = drawn_paths(svg), fitted(svg, result)
+    assert {"kerf 1 mm", "lead", "as drawn"} <= set(paths)
+    (width,) = re.findall(r'class="kerf" stroke-width="([\d.]+)"', svg)
+    assert float(width) == pytest.approx(1e-3 * size, rel=0.02)
+    # The middle of the band is half a kerf from what is drawn.
+    drawn = paths["as drawn"]
+    away = distances(drawn[~np.isnan(drawn[:, 0])], paths["kerf 1 mm"])
+    assert np.median(away) == pytest.approx(0.5e-3 * size, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("points", "axes"),
+    [
+        # A plane is seen from its front, upright: its lengths are true.
+        ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[1, 0, 0], [0, 1, 0]]),
+        ([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]], [[1, 0, 0], [0, 0, 1]]),
+        ([[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]], [[0, 1, 0], [0, 0, 1]]),
+        ([[0, 0], [1, 0], [1, 1]], [[1, 0], [0, 1]]),
+    ],
+)
+def test_planes_are_drawn_from_their_front(points, axes):
+    np.testing.assert_allclose(view_of(np.array(points, dtype=float)), axes, atol=1e-9)
+
+
+def test_any_path_in_space_has_a_view_that_hides_no_direction():
+    t = np.linspace(0, 20, 300)
+    helix = np.stack([np.cos(t), np.sin(t), t / 10], axis=1)
+    for points in (helix, helix[:2], helix[:, [2, 2, 2]], np.outer(t, [0, 0, 1.0])):
+        axes = view_of(points)
+        np.testing.assert_allclose(axes @ axes.T, np.eye(2), atol=1e-9)
+        assert np.ptp(points @ axes.T, axis=0).max() > 0.4 * np.ptp(points, axis=0).max()
+
+
+def test_a_drawing_of_many_contours_stays_small_and_right(tmp_path):
+    lines = ["G21 G90"]
+    for k in range(300):
+        x, y = 6 * (k % 20), 6 * (k // 20)
+        lines += [f"G0 X{x} Y{y}", f"G1 X{x + 4} F6000", f"Y{y + 4}", f"X{x}", f"Y{y}"]
+    study = study_of(tmp_path, "\n".join(lines))
     (result,) = study.runs.values()
-    drawn, band = points(found["as drawn"]), points(found["kerf, 1 mm"])
-    for contour in job.program.contours:
-        assert np.nanmin(np.linalg.norm(drawn - 1e3 * contour.path(0.0), axis=1)) < 1e-3
-    band = 1e-3 * band[~np.isnan(band[:, 0])]
-    # Along the active lead-in, too, and not along the lead-out.
-    cut = [cut_path(x.path, 0.0, x.at_work[1]) for x in result.path.contours]
-    away = np.min([x.project(band).distance for x in cut], axis=0)
-    assert away.max() == pytest.approx(0.5e-3, abs=1e-6)
-    assert np.median(away) == pytest.approx(0.5e-3, abs=1e-6)
-    assert max(np.linalg.norm(band - x(0.0), axis=1).min() for x in cut) <= 0.501e-3
-    assert "leads" in found and "leads, tool off" not in found
+    svg = draw_plan(result, study.job).svg
+    assert len(svg) < 400_000
+    paths, (place, _) = drawn_paths(svg), fitted(svg, result)
+    rapids = paths.pop("limit")
+    # Every contour has all of its corners, and every rapid its ends, to half a pixel.
+    every = np.concatenate(list(paths.values()))
+    corners = place(np.concatenate([x.path.vertices for x in result.path.contours]))
+    ends = place(np.concatenate([x.path.vertices[:1] for x in result.path.contours]))
+    assert max(distances(x, every).max() for x in np.array_split(corners, 30)) < 0.6
+    assert max(distances(x, rapids).max() for x in np.array_split(ends, 30)) < 0.6
 
 
 @given(st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=40), st.integers(1, 200))
-def test_bars_of_what_binds_cover_the_length_and_are_bounded(widths, times):
+def test_bars_of_limits_cover_the_time_and_are_bounded(widths, times):
     ends = np.concatenate([[0.0], np.cumsum(widths * times)])
     found = tuple(
-        Binding(limit=f"limit {i % 3}", joint=None, t=(2 * a, 2 * b), s=(a, b), share=1.0)
+        Binding(limit=f"limit {i % 3}", joint=None, t=(a, b), s=(a / 2, b / 2), share=1.0)
         for i, (a, b) in enumerate(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
     )
-    why = Explanation(bindings=found, assigned_length=None, assigned_time=None, shortfalls=())
-    bars = sorted(x for of in merge_bindings(why).values() for x in of)
+    bars = list_bars(found)
     assert len(bars) <= MOST_BARS
     assert bars[0][0] == 0.0 and bars[-1][1] == ends[-1]
     for first, second in zip(bars[:-1], bars[1:], strict=True):
-        assert first[1] == second[0] and first[3] == second[2]
+        assert first[1] == second[0] and first[2:] != second[2:]
 
 
 SHARE = st.floats(-1, 1)
@@ -164,7 +245,7 @@ def test_simplified_curves_stay_within_what_is_not_seen(curves):
 
 
 def test_a_long_program_has_a_small_report(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules[bindings.__module__], "MOST_BARS", 50)
+    monkeypatch.setattr(sys.modules[list_bars.__module__], "MOST_BARS", 50)
     lines = ["G21 G90 G64 P0.2", "G0 X0 Y0", "M3"]
     for row in range(24):
         for i in range(1, 101):
@@ -172,7 +253,8 @@ def test_a_long_program_has_a_small_report(tmp_path, monkeypatch):
             lines.append(f"G1 X{x} Y{row + 0.2 * (i % 2):g} F6000")
     long = study_of(tmp_path, "\n".join(lines))
     assert len(render_report(long)) - len(get_plotlyjs()) < 1.5e6
-    bars = sum(len(x.x) for x in bindings(long).figures[0].data if x.type == "bar")
+    figure, *_ = sections.over_time(long).parts
+    bars = sum(len(x.x) for x in figure.data if x.type == "bar")
     (result,) = long.runs.values()
     assert bars <= 50 < len(result.explanation.bindings)
 
@@ -188,7 +270,7 @@ def test_a_long_program_has_a_small_report(tmp_path, monkeypatch):
 def test_a_sample_drawing_runs_to_a_report(name, cell, path):
     done = run(read_cell(cell, DRAWINGS / name, path=path))
     page = render_report(done)
-    assert '<section id="program">' in page and name in page
+    assert '<details id="contours">' in page and name in page
     (result,) = done.runs.values()
     assert result.evaluation.contour_error.max < 1e-4
     # The ports of the gasket are slower than assigned from where they begin, and the arcs of the
@@ -217,7 +299,7 @@ def test_leads_and_pierces_are_told_apart(tmp_path):
     leads = {"lead_in": Lead(length=3e-3, active=True), "lead_out": Lead(length=2e-3)}
     process = Process(switch=switch, pierce=pierce, **leads)
     study = study_of(tmp_path, GCODE, "ur5e", process=process)
-    (table,) = sections.program(study).tables
+    ((_, (table,)),) = sections.contours(study).choices
     for row in table.rows:
         cells = dict(zip(table.header, row, strict=True))
         assert [cells[x] for x in ("lead-in", "lead-out", "pierce")] == ["3 mm", "2 mm", "4 mm"]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.cli.conftest import command
 from tests.studio.talking import JOB, Tab, session_of
 from tools.studio_page import SQUARE
 
@@ -13,6 +14,8 @@ from armcontour._yaml import load
 from armcontour.studio import planner
 from armcontour.studio.preview import Previewer
 from armcontour.studio.view import View
+
+__all__ = ["command"]
 
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 PAPER = load(files("armcontour.jobs.library").joinpath("paper.yaml").read_text(), "paper")

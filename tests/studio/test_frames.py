@@ -85,8 +85,9 @@ def test_colours_are_what_explain_says(shown):
     assert kinds["joint 2 acceleration"] == "acceleration"
     assert kinds["assigned velocity"] == "assigned velocity"
     assert set(kinds.values()) <= set(LIMITS)
-    times = sum(x["time"] for x in frame.header["shares"])
-    assert times == pytest.approx(figure(frame.header, "duration"), rel=1e-9)
+    assert frame.header["time"] == list(map(list, render.cells(planned.explanation.time_table)))
+    kinds = [x["kind"] for x in frame.header["kinds"]]
+    assert kinds[0] == "acceleration" and set(kinds) <= {x.kind for x in planned.explanation.shares}
 
 
 def test_charts_have_the_shares_of_the_limits(shown, gasket):
@@ -125,7 +126,7 @@ def test_other_methods_have_no_colours(plans, view):
     for name in ("proposed", "conventional"):
         frame = packed(picture_frame(plans[name], view))
         assert (frame.arrays["binding"] == NOTHING).all()
-        assert not frame.header["limits"] and not frame.header["shares"]
+        assert not frame.header["limits"] and not frame.header["time"]
 
 
 def test_the_arm_is_played_closely(plans, gasket_plan, view):
@@ -195,7 +196,8 @@ def test_times_of_limits_rapids_and_dwells_add_up(previewer, square, view):
         data = square | {"path": drawing, "process": {"dwell": f"{dwell} s"}}
         planned = previewer.plan(data)
         frame = packed(picture_frame(planned, view))
-        times = {x["name"]: x["time"] for x in frame.header["shares"]}
+        assert len(frame.header["time"]) == 1 + len(planned.explanation.shares)
+        times = {x.name: x.time for x in planned.explanation.shares}
         assert sum(times.values()) == pytest.approx(figure(frame.header, "duration"), rel=1e-9)
         assert "nothing" not in times and times["between two limits"] > 0
         spans = planned.trajectory.spans
@@ -241,7 +243,7 @@ def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view
     assert figure(frame.header, "settled") == executed.settled
     # All rows are those of an evaluation, and say the same of it.
     said = {x["name"]: x for x in render.frame(found.to_data())}
-    for x in frame.header["rows"][1:]:
+    for x in (y for y in frame.header["rows"] if y["name"] not in ("kept", "off_drawing")):
         assert x == said[x["name"]] | {"value": pytest.approx(said[x["name"]]["value"])}
     assert np.abs(frame.arrays["demand"]).max() <= demand.max() * (1 + 1e-6)
     a, path = frame.arrays, executed.planned.path.path

@@ -115,8 +115,8 @@ def test_colours_tell_errors_of_several_magnitudes_apart():
         """
         globalThis.Path2D = class { moveTo() {} lineTo() {} };
         const { Layers } = await import("./layers.js");
-        const store = { theme: "light", options: { colour: "error" } };
         const arrays = { base: given[0].flat(), error: given[1], breaks: [] };
+        const store = { theme: "light", options: { colour: "error" }, latest: () => ({ arrays }) };
         tell(new Layers(store).strokes({}, { arrays }).map((x) => x.colour));
         """,
         [points, errors],

@@ -59,8 +59,22 @@ def tiers(frames):
 
 
 def answer(lane, **header):
-    """The other process gives the figures that it was asked for last."""
+    """The other process gives the figures that it was asked for last; there is no change."""
     lane.deliver(Frame("figures", {"id": lane.given[-1][0], "tier": "exact", **header}))
+    if lane.given[-1][1] == "changes":
+        advance(lane, share=1.0)
+
+
+def advance(lane, **header):
+    """The other process gives the next step of what to change."""
+    id, task, _ = lane.given[-1]
+    assert task == "changes"
+    lane.deliver(Frame("changes", {"id": id, **header}))
+
+
+def figures_asked(lane):
+    """The figures that were asked for."""
+    return [x for x in lane.given if x[1] == "figures"]
 
 
 @pytest.mark.parametrize("run", ["optimal", "shaped"])
@@ -113,17 +127,48 @@ def test_exact_figures_come_when_nothing_moves(opened):
     told = tab.last("figures")
     assert told["duration"] == 12.5 and told["rev"] == session.editor.rev
     tab.edit(MOVE)
-    late = lane.given[1][0]
+    late = figures_asked(lane)[1][0]
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
-    assert len(lane.given) == 2, "one at a time"
+    assert len(figures_asked(lane)) == 2, "one at a time"
     before = kinds(tab.frames).count("figures")
     lane.deliver(Frame("figures", {"id": late}))
     assert kinds(tab.frames).count("figures") == before, "out of date"
-    assert len(lane.given) == 3 and lane.given[2][2]["text"] == session.document.text
+    asked = figures_asked(lane)
+    assert len(asked) == 3 and asked[2][2]["text"] == session.document.text
     # What is known is not computed again.
     answer(lane, duration=13.5)
     tab.say("select", run="slow")
-    assert len(lane.given) == 3 and tab.frames[-1].header["duration"] == 13.5
+    assert len(figures_asked(lane)) == 3 and tab.last("figures")["duration"] == 13.5
+    assert tab.frames[-1].kind == "changes"
+
+
+def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
+    session, tab, lane = opened(fast=Resting)
+    lane.deliver(Frame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    for share in (0.0, 0.5):
+        advance(lane, share=share)
+        assert tab.last("changes")["share"] == share
+        assert tab.last("changes")["rev"] == session.editor.rev
+    tab.edit(MOVE)
+    assert lane.cancelled == [], "a step is short"
+    # The step at work is the last one of the document before, and pages do not get it.
+    before = kinds(tab.frames).count("changes")
+    advance(lane, share=0.75)
+    assert kinds(tab.frames).count("changes") == before
+    assert lane.given[-1][1] == "figures"
+    lane.deliver(Frame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    advance(lane, share=0.5)
+    # Without another change of the document it goes on where it was.
+    tab.say("select", run="slow")
+    assert lane.given[-1][1] == "changes"
+    steps = len(lane.given)
+    advance(lane, share=1.0, changes=["faster"])
+    assert tab.last("changes")["changes"] == ["faster"] and len(lane.given) == steps
+    # A step that fails is no loss.
+    tab.edit(MOVE | {"to": [0.38, 0.15]}, gesture=2)
+    lane.deliver(Frame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    lane.deliver(Frame("failed", {"id": lane.given[-1][0], "sentence": "too bad"}))
+    assert "failed" not in kinds(tab.frames) and len(figures_asked(lane)) == 3
 
 
 def test_another_configuration_of_the_full_run_is_announced(opened):
@@ -132,7 +177,8 @@ def test_another_configuration_of_the_full_run_is_announced(opened):
     for k, turn in enumerate((0.0, np.pi / 2), 1):
         tab.edit({"do": "set", "key": "limits.speed", "value": 0.1 + 0.01 * k}, gesture=k)
         assert "notice" not in kinds(tab.frames)
-        assert len(lane.given) == k + 1 and lane.given[k][2]["text"] == session.document.text
+        asked = figures_asked(lane)
+        assert len(asked) == k + 1 and asked[k][2]["text"] == session.document.text
         before = session.display.planner.planned.start
         answer(lane, start=before + [0, 0, 0, 0, 0, turn])
     assert kinds(tab.frames).count("notice") == 1

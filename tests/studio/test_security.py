@@ -199,6 +199,34 @@ def test_s7_uploads_have_plain_names(studio):
         assert status == 422 and told, name
 
 
+def test_s7_logs_are_kept_apart_and_need_the_token(studio, folder):
+    before = sorted(folder.rglob("*"))
+    log = ("POST", "/open?log=1&name=a.csv", b"t,q1\n0,0\n")
+    for token in (None, "0" * 32):
+        assert studio.request(*log, token=token)[0] == 401
+    for hostile in ({"Origin": "http://attacker.test"}, {"X_Armcontour": None}):
+        assert studio.request(*log, **hostile)[0] == 403
+    size = str(LARGEST_UPLOAD + 1)
+    status, _, body = studio.request(*log[:2], Content_Length=size)
+    assert status == 413 and b"64 MB" in body and b"armcontour learn" in body
+    names = ("../a.csv", "%2e%2e%2fa.csv", ".csv", "a%00.csv", "C:%5ca.csv", "job.yaml", "a.csv.gz")
+    for name in names:
+        status, told = studio.upload(f"{name}&log=1", log[2])
+        assert status == 422 and told, name
+    assert studio.upload("a.csv&log=1", b"")[0] == 422
+    with studio.page() as page:
+        text = page.hear("document").header["text"]
+        for content in (log[2], bytes(range(256)), b"<script>alert(1)</script>"):
+            assert studio.upload("a.csv&log=1", content)[0] == 200
+        # A log is no drawing of the job.
+        shown = page.hear("document").header
+        assert shown["text"] == text and not shown["can_undo"]
+        for name in ("../job.yaml", str(folder / "job.yaml"), "/etc/passwd", {"a.csv": 1}):
+            page.say("task", id="t", task="measured", options={"logs": [name]})
+            assert "drop it" in page.hear("failed").header["sentence"]
+    assert sorted(folder.rglob("*")) == before
+
+
 def test_s8_hostile_xml(studio):
     # Each entity is ten of the one before: the last one has ten thousand million letters.
     pairs = zip("abcdefghi", "bcdefghij", strict=True)

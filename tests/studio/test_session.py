@@ -289,6 +289,9 @@ def test_sentences_for_pages_have_no_options_of_the_command_line():
         "the part (path.frame, --at), with which": "the part (path.frame), with which",
         "leave z out (on the command line --flat), or": "leave z out, or",
         "with path.texts or --texts: contours.": "with path.texts: contours.",
+        "name one such as u1, also with --columns 'u#=NAME_#'.": "name one such as u1.",
+        "name the unit, such as --columns 'q# [deg]=q#' for degrees": "name the unit for degrees",
+        "are wrong, so give these as --taught.": "are wrong, so give these.",
         "from -3 -- or less -- to 4": "from -3 -- or less -- to 4",
     }
     assert {x: without_options(x) for x in pairs} == pairs

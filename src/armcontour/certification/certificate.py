@@ -15,7 +15,7 @@ from armcontour.certification.lowering import Lowered
 from armcontour.clearance import Clearance
 from armcontour.core.fields import Checked
 from armcontour.core.render import Result, number, verdict
-from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
+from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
 from armcontour.errors import ExecutionError, InvalidInput
 from armcontour.evaluation import Check, Evaluation
 from armcontour.evaluation.error_profile import ErrorProfile, Missed, error_rows
@@ -24,8 +24,9 @@ from armcontour.execution.rigid_body_plant import can_simulate
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
-from armcontour.jobs.results import ROUNDING, ExperimentResult, RunResult, Study
-from armcontour.jobs.run_data import field_rows, off_drawing, warning_rows
+from armcontour.jobs.results import ExperimentResult, RunResult, Study
+from armcontour.jobs.run_data import field_rows, warning_rows
+from armcontour.jobs.verdict import ROUNDING, off_drawing
 from armcontour.jobs.warnings import beyond_logs
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
@@ -328,10 +329,10 @@ class Certificate(Result):
         """What is off the drawing, guaranteed; what it costs, and what is left."""
         off = max(self.contours, key=lambda x: x.budget.total)
         rounding = None if off.shape is None else off.budget.rounding
-        row = off_drawing(rounding, self.result.tolerance, off.budget.executed, GUARANTEED)
+        row = off_drawing(rounding, self.result.tolerance, off.budget.executed, label=GUARANTEED)
         yield replace(row, note=row.note + self._on(off))
         note = f"limits {self.check.verdict}, between samples too"
-        yield Row("kept", self.kept, "", "kept", note, VERDICT)
+        yield Row("kept", self.kept, JUDGED, "verdict", note, VERDICT)
         yield duration_row(self.duration, VERDICT)
         optimum = self.uncertified.duration
         note = f"{number(self.cost / optimum, '1')} of the uncertified {number(optimum, 's')}"

@@ -139,6 +139,7 @@ def run(
         open_report=options.open_report,
         exports=exports_of(exports),
         simulate=options.simulate,
+        changes=options.changes,
     )
 
 

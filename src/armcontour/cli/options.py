@@ -224,9 +224,12 @@ class RunOptions:
 
     Args:
         simulate: Simulate the servo, and write a report of it.
+        changes: Plan changes of each run, and report those that save most time or make a run that
+            is not kept one that is; by default for jobs of up to 100 segments in all runs.
     """
 
     simulate: Annotated[bool, typer.Option("--simulate/--no-simulation")] = True
+    changes: Annotated[bool | None, typer.Option("--changes/--no-changes")] = None
     force: Force = False
     open_report: Open = False
 

@@ -100,6 +100,7 @@ def run_job(
     open_report: bool = False,
     exports: Exports | None = None,
     simulate: bool = True,
+    changes: bool | None = None,
 ) -> None:
     """Read a job, run it, and write its results.
 
@@ -110,6 +111,7 @@ def run_job(
         open_report: Whether to open the report in a browser.
         exports: Formats in which every run is exported.
         simulate: Whether to simulate the servo and write a report.
+        changes: Whether to plan changes of each run; by default for small jobs.
 
     Raises:
         ArmContourError: An invalid job, or a run that fails; then nothing is written.
@@ -129,10 +131,15 @@ def run_job(
             rehearse(job, exports, folder.scratch)
         with warm_for_run(job.arm.dimension, progress):
             from armcontour.jobs import run, steps_of
+            from armcontour.jobs.advice import STEP, advised, is_small
 
             steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]
+            advises = simulate and (is_small(job) if changes is None else changes)
+            steps += [STEP] * len(job.runs) * advises
             progress.expect([*steps, WRITING.names[0]])
             study = run(job, simulate=simulate, progress=progress)
+            if advises:
+                study = advised(study, progress)
             progress(WRITING)
             if simulate or not exports:
                 # With formats chosen, plans that are not simulated have no other files.
@@ -182,7 +189,8 @@ def write_motions(
 
 def _print_results(study: Study, notes: Sequence[str]) -> None:
     """Print the verdict on every run, its figures, remarks and warnings."""
-    from armcontour.core.render import compare, text, verdict
+    from armcontour.core.render import cells, compare, lay_out, text, verdict
+    from armcontour.core.result import VERDICT
     from armcontour.jobs import warnings_of
     from armcontour.jobs.quantities import assumed_numbers
     from armcontour.jobs.results import unknown_notes
@@ -198,6 +206,9 @@ def _print_results(study: Study, notes: Sequence[str]) -> None:
         console.show_table(header, rows, title=title)
         for data in runs.values():
             console.say(verdict(data))
+            for x in (y for y in data.tables if y.level == VERDICT):
+                for line in lay_out("", cells(x)).splitlines()[1:]:
+                    console.say(line)
     lines = [x for result in study.runs.values() for x in result.remarks]
     lines += [*(f"Warning: {x}" for x in warnings_of(study.runs.values())), *notes]
     lines += [f"Note: {x}" for x in job.arm.notes]

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from armcontour._describing import digits, line_up, to_html
-from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table, nest
+from armcontour.core.palette import VERDICTS
+from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
 
 # Units in which people read quantities, and their sizes in SI units.
 SHOWN = {
@@ -42,6 +43,8 @@ def split(value: Any, unit: str = "") -> tuple[str, str]:
     """
     if value is None or isinstance(value, float) and math.isnan(value):
         return "-", ""
+    if unit == JUDGED:
+        return VERDICTS["kept" if value else "not kept"]["word"], ""
     if isinstance(value, bool):
         return "yes" if value else "no", ""
     if isinstance(value, str | int) and not (unit and isinstance(value, int)):
@@ -126,9 +129,7 @@ def verdict(data: Data) -> str:
     """
     said = []
     for x in data.shown(VERDICT):
-        words = f"{x.label} {figure(x)}"
-        if isinstance(x.value, bool):
-            words = x.label if x.value else f"not {x.label}"
+        words = figure(x) if x.unit == JUDGED else f"{x.label} {figure(x)}"
         said.append(f"{words} ({x.note})" if x.note else words)
     return f"{data.title}: {'; '.join(said)}."
 
@@ -204,7 +205,7 @@ def units(results: Iterable[Data]) -> dict[str, str]:
     for data in results:
         named: Sequence[Row] = [x for _, x in data.walk()]
         named = [*named, *(y for x in data.tables for y in x.columns)]
-        found |= {x.name: x.unit for x in named if x.unit}
+        found |= {x.name: x.unit for x in named if x.unit and x.unit != JUDGED}
         found |= units(data.parts.values())
     return found
 

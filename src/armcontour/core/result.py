@@ -10,6 +10,8 @@ import numpy as np
 
 # Levels of a row: a verdict, on the first screen, in tables and in print, or only in files.
 VERDICT, FIRST, TABLE, FILE = range(4)
+# Unit of True and False where they judge: people read "kept" or "NOT KEPT".
+JUDGED = "verdict"
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +23,7 @@ class Row:
             the mapping `contour_error`.
         value: A number, a text, True or False, or numbers per joint or per name, of which the
             largest is shown; None if it is not known.
-        unit: Its SI unit, "1" for a share, "" for a count.
+        unit: Its SI unit, "1" for a share, "" for a count, `JUDGED` for a judgement.
         label: What it is called; "" for a figure of files only.
         note: What else is said of it, such as the time or the joint.
         level: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
@@ -158,6 +160,7 @@ class Data:
                 yield f"{key}.{name}", row
 
     def shown(self, level: int = TABLE) -> tuple[Row, ...]:
-        """The rows with a label and a value, up to a level, those of parts last."""
+        """The rows with a label and a value, up to a level: those of the verdict first."""
         rows = (replace(row, name=name) for name, row in self.walk())
-        return tuple(x for x in rows if x.label and x.level <= level and x.figure is not None)
+        found = (x for x in rows if x.label and x.level <= level and x.figure is not None)
+        return tuple(sorted(found, key=lambda x: x.level > VERDICT))

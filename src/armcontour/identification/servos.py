@@ -47,7 +47,7 @@ from armcontour.identification.results import (
 from armcontour.identification.saturation import find_saturation, select_between
 from armcontour.identification.selection import Selected, find_lag, select
 from armcontour.motion.log import FEWEST, Log
-from armcontour.motion.log_checks import refuse_fast, refuse_misread
+from armcontour.motion.log_checks import refuse_far, refuse_fast, refuse_misread
 from armcontour.servo.simulation import JointServo
 
 SERVO_FIT = ServoFit()
@@ -108,6 +108,8 @@ def identify(
         )
     interpolation = choose_interpolation(every, options.interpolation)
     for x in every:
+        if arm is not None:
+            refuse_far(x, arm)
         refuse_fast(x)
     tell, joints = under(progress), []
     longest, orders = dead_times(every, options.longest_dead_time)[1], MODELS[options.model]

@@ -388,8 +388,9 @@ class JobModel(SharedModel):
             G-code, in place of `arm.tool`. A run has one tool frame: choose it with `path.tool`.
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
-        accuracy: Largest contour error with which a run counts as kept [m]; by default a tenth of
-            the smallest tolerance of its corners.
+        accuracy: Largest distance of the tool from the drawing with which a run counts as kept
+            [m]. By default corners may take their tolerances, and the contour error a tenth of the
+            smallest one.
         servo: The nominal servo.
         plant: Parameters of the real servo that differ from the nominal servo.
         experiment: Runs that are simulated on the arm's rigid bodies, too.

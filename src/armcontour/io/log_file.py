@@ -67,7 +67,8 @@ def read_log(
     Raises:
         InvalidInput: A file of another form, or samples that `Log` refuses; names file and line.
     """
-    return _read(_checks.read_place("read_log", file), (), start, end, unwrap, columns, topic)[0]
+    place = _checks.read_place("read_log", file)
+    return _read(place, (), start, end, unwrap, columns, topic, commanded=True)[0]
 
 
 def read_run_log(
@@ -79,6 +80,7 @@ def read_run_log(
     unwrap: bool = False,
     columns: str | None = None,
     topic: str | None = None,
+    commanded: bool = False,
 ) -> Log | Recording:
     """Read the log of one run of a robot, from which the next is learned.
 
@@ -93,15 +95,18 @@ def read_run_log(
         unwrap: Whether to undo jumps of whole turns.
         columns: As in `read_log`.
         topic: As in `read_log`.
+        commanded: Whether set-points are needed.
 
     Raises:
         InvalidInput: As in `read_log`.
     """
     from armcontour.learning import Recording
 
-    log, commanded = _read(FilePath(file), joint_names, start, end, unwrap, columns, topic)
+    log, has_commands = _read(
+        FilePath(file), joint_names, start, end, unwrap, columns, topic, commanded=commanded
+    )
     log = arrange(log, joint_names)
-    if commanded:
+    if has_commands:
         return log
     return Recording(t=log.t, q=log.measured, source=log.source, notes=log.notes)
 
@@ -114,10 +119,12 @@ def _read(
     unwrap: bool,
     columns: str | None,
     topic: str | None,
+    *,
+    commanded: bool,
 ) -> tuple[Log, bool]:
     """The log in a file, and whether it has commands; else they are the measured positions.
 
-    Logs without commands are refused if no names of joints are given.
+    Logs without commands are refused if `commanded`.
     """
     if is_ros_file(file):
         found, interpolation = read_ros_log(file, topic, columns), None
@@ -130,7 +137,7 @@ def _read(
             columns=columns,
             option="--columns",
         )
-        found = _joint_motion(table, start, end, positions=bool(joint_names))
+        found = _joint_motion(table, start, end, positions=not commanded)
         interpolation = _find_interpolation(table.comments)
     log = cut(
         found.t,

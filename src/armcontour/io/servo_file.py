@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from armcontour._version import __version__
+from armcontour._yaml import load
 from armcontour.core.render import figure
 from armcontour.identification import Estimate, Identification, JointIdentification
 from armcontour.servo import ServoModel
@@ -47,6 +48,15 @@ def servo_yaml(found: Identification) -> str:
         *servo_lines(servo, len(found.joints)),
     ]
     return "\n".join(lines) + "\n"
+
+
+def servo_values(found: Identification) -> dict[str, Any]:
+    """The values of the key `servo` of a job file, as `servo_yaml` writes them.
+
+    Raises:
+        InvalidInput: As `servo_yaml`.
+    """
+    return dict(load(servo_yaml(found), "servo")["servo"])
 
 
 def servo_lines(servo: ServoModel, dof: int) -> list[str]:

@@ -3,6 +3,7 @@
 from armcontour._lazy import lazy_names
 
 _HOME = {
+    "advice": "Advice Improvement advise",
     "analog": "analog_outputs",
     "experiment": "Experiment build_plant",
     "goal": "Goal",

@@ -1,3 +1,6 @@
+from armcontour.jobs.advice import Advice as Advice
+from armcontour.jobs.advice import Improvement as Improvement
+from armcontour.jobs.advice import advise as advise
 from armcontour.jobs.analog import analog_outputs as analog_outputs
 from armcontour.jobs.experiment import Experiment as Experiment
 from armcontour.jobs.experiment import build_plant as build_plant

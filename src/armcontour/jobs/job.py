@@ -237,8 +237,9 @@ class Run(Checked):
         period: Command interval [s].
         until: End of the time over which errors are evaluated [s]; None is when all joints rest.
         experiment: Options of a simulation on rigid bodies; None simulates none.
-        accuracy: Largest contour error with which the run counts as kept [m]; by default a tenth of
-            the smallest tolerance of its corners.
+        accuracy: Largest distance of the tool from the drawing with which the run counts as kept
+            [m]. By default corners may take their tolerances, and the contour error a tenth of the
+            smallest one.
 
     Raises:
         InvalidInput: A command interval out of range, a time that is not above zero, or a rounding

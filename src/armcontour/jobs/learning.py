@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour._progress import Progress
+from armcontour._progress import Progress, Step, under
 from armcontour._sampling import interpolate
 from armcontour.compensation import InverseDynamics
 from armcontour.core.fields import checked
@@ -152,11 +152,14 @@ class JudgedStudy:
         job: The job.
         plan: Plan and taught data of the run.
         judged: The run, as `judge_run` gives it.
+        early: Time by which its plan begins earlier than that of the set-points, as the robot has
+            more dead time than its model [s].
     """
 
     job: Job
     plan: RunResult
     judged: Lesson
+    early: float = 0.0
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
@@ -217,11 +220,21 @@ class JudgedStudy:
     def contours(self) -> list[tuple[str, ErrorProfile, Missed]]:
         """Names of the contours, their errors without noise, and what the tool left out of them."""
         names = [contour_called(x, k) for k, x in enumerate(self.plan.path.contours)]
+        pairs = zip(names, self.pieces, strict=True)
+        return [(name, x.contour_error, x.missed) for name, x in pairs]
+
+    @property
+    def worst_times(self) -> list[float]:
+        """Time of the largest error of each contour, on the clock of the set-points [s]."""
+        return [error.t_max + self.early for _, error, _ in self.contours]
+
+    @cached_property
+    def pieces(self) -> Sequence[Piece]:
+        """The measured motion along each contour, without noise."""
         lifted, run = self.judged.lifted, self.judged.runs[0]
         assert lifted is not None
         q = lifted.planned + smooth_error(lifted, run.error, run.noise)
-        pieces = _measured_pieces(self.job, self.plan, lifted.t, q)
-        return [(name, x.contour_error, x.missed) for name, x in zip(names, pieces, strict=True)]
+        return _measured_pieces(self.job, self.plan, lifted.t, q)
 
     @property
     def notes(self) -> list[str]:
@@ -357,6 +370,47 @@ def learn_run(
     return lesson
 
 
+def learn_logs(
+    job: Job, run: str | None, logs: Sequence[Log | Recording], progress: Progress | None = None
+) -> LearningStudy:
+    """What logs of successive runs teach; each run executes the set-points learned before it.
+
+    Args:
+        job: The job.
+        run: Name of its run; None for the only one.
+        logs: What the joints did in each run, at least one.
+        progress: As in `run`.
+
+    Raises:
+        ArmContourError: As `plan_run` and `learn_run` raise it.
+    """
+    plan = plan_run(job, run, progress)
+    lesson = _learned(job, plan, logs, progress)
+    assert isinstance(lesson, Lesson)
+    return LearningStudy(job=job, plan=plan, lesson=lesson)
+
+
+def judge_last(
+    job: Job, run: str | None, logs: Sequence[Log | Recording], progress: Progress | None = None
+) -> JudgedStudy:
+    """What the last of successive runs did; arguments and errors as of `learn_logs`."""
+    plan = plan_run(job, run, progress)
+    taught = _learned(job, plan, logs[:-1], progress)
+    under(progress)(Step((f"judging {logs[-1].source}",)))
+    return judge_log(job, plan, taught, logs[-1])
+
+
+def _learned(
+    job: Job, plan: RunResult, logs: Sequence[Log | Recording], progress: Progress | None
+) -> TaughtData:
+    """The set-points after runs of a plan."""
+    taught = plan.taught
+    for log in logs:
+        under(progress)(Step((f"learning from {log.source}",)))
+        taught = learn_run(job, plan, taught, log)
+    return taught
+
+
 def judge_log(
     job: Job,
     plan: RunResult,
@@ -387,7 +441,8 @@ def judge_log(
     )
     if isinstance(log, Log):
         refuse_earlier_run(taught, log)
-    return JudgedStudy(job=job, plan=plan, judged=judged)
+    early = taught.start_time - judged.start_time
+    return JudgedStudy(job=job, plan=plan, judged=judged, early=early)
 
 
 def feeds_gravity_forward(run: Run) -> bool:

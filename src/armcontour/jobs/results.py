@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from armcontour._describing import brief, draw, several, to_html
 from armcontour._text import capitalise
@@ -39,17 +39,20 @@ from armcontour.jobs.run_data import (
     columns,
     corner_table,
     move_table,
-    off_drawing,
     plant_rows,
     program_rows,
     resume_intervals,
     torque_rows,
     warning_rows,
 )
+from armcontour.jobs.verdict import time_limit_row, verdict_rows
 from armcontour.motion import Execution, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.servo import ServoModel
 from armcontour.timing import Conventional, Explanation, Tracing
+
+if TYPE_CHECKING:
+    from armcontour.jobs.advice import Advice
 
 # The clearance of the arm from itself is reported where it is below this [m].
 NEAR = 10e-3
@@ -59,10 +62,8 @@ ON_BODIES = "on rigid bodies: "
 BODIES = "experiment."
 # Figures of rigid bodies that do not judge, which are shown.
 SHOWN_OF_BODIES = ("experiment.contour_error", "experiment.torque")
-# By default a contour may be off its path by this share of the smallest tolerance of its corners.
-DEFAULT_ACCURACY = 0.1
-# Share by which rounding of numbers may exceed a tolerance.
-ROUNDING = 1e-9
+# Figures of the verdict, in its order; those of the clearance are a part of their own.
+OF_VERDICT = ("kept", "off_drawing", "duration", "time_limit", "saturated", "warning_count")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -195,14 +196,6 @@ class Planned:
         return None if rounding is None else rounding.tolerance
 
     @property
-    def accuracy(self) -> float | None:
-        """The contour error that the run may have [m]; None without accuracy and tolerance."""
-        if self.run.accuracy is not None or self.run.rounding is None:
-            return self.run.accuracy
-        least = self.run.rounding.least_tolerance
-        return None if least is None else least * DEFAULT_ACCURACY
-
-    @property
     def arm(self) -> Arm:
         """The arm."""
         return self.trajectory.require_arm()
@@ -300,6 +293,7 @@ class RunResult(Planned, Result):
         executed_clearance: How far the arm stays from itself and from its cell, as executed.
         experiment: Result on rigid bodies, if the run has an experiment that did not fail.
         failure: The error of a failed experiment.
+        advice: What to change; None if that was not computed.
     """
 
     taught: TaughtData
@@ -309,6 +303,7 @@ class RunResult(Planned, Result):
     executed_clearance: Clearance | None = None
     experiment: ExperimentResult | None = None
     failure: ExecutionError | None = None
+    advice: Advice | None = None
 
     def to_data(self) -> Data:
         """The verdict on the run and its figures."""
@@ -320,25 +315,22 @@ class RunResult(Planned, Result):
 
     @property
     def kept(self) -> bool | None:
-        """Whether corners are within their tolerance and the contour error within the accuracy.
+        """Whether the tool is as near to the drawing as the run allows, and the arm is clear.
 
-        None without a simulation, and without an accuracy.
+        None without a simulation, and without an accuracy and a tolerance.
         """
-        allowed, e = self.accuracy, self.judged
-        if allowed is None or e is None or self.failure is not None:
-            return None if self.failure is None else False
-        error, tolerance = self.rounding_error, self.tolerance
-        off = error is not None and tolerance is not None and error > tolerance * (1 + ROUNDING)
-        return not off and e.contour_error.max <= allowed
+        kept: bool | None = next(verdict_rows(self, self._error, self._failure)).value
+        return kept
 
     @property
-    def kept_note(self) -> str:
-        """What was compared for `kept`."""
-        allowed, e = self.accuracy, self.judged
-        if allowed is None or e is None:
-            return ""
-        why = "" if self.run.accuracy is not None else ", a tenth of the smallest tolerance"
-        return f"contour error {number(e.contour_error.max, 'm')} of {number(allowed, 'm')}{why}"
+    def _error(self) -> float | None:
+        """The contour error that judges the run [m]; None without a simulation."""
+        return None if self.judged is None else self.judged.contour_error.max
+
+    @property
+    def _failure(self) -> str:
+        """Why the run was not completed; "" if it was."""
+        return "" if self.failure is None else "the simulated robot does not complete the motion"
 
     @property
     def arm(self) -> Arm:
@@ -375,6 +367,8 @@ class RunResult(Planned, Result):
             found.append(f"Run {self.run.name}: set-points / command limits: {used}.")
         clear = None if self._far_from_itself else self.clearance_note
         found += [x for x in (self.shape_note, self.stops_note, clear) if x is not None]
+        if self.advice is not None and self.advice.note:
+            found.append(f"Run {self.run.name}: {self.advice.note}")
         e = self.evaluation
         if e is not None and e.unexplained is not None:
             along, across = (number(x, "m") for x in e.unexplained)
@@ -517,29 +511,53 @@ def run_data(result: RunResult, job: Job | None = None) -> Data:
         parts["clearance"] = _clearance(result)
     if result.executed_clearance is not None:
         data = result.executed_clearance.to_data()
-        rows = (
+        executed = (
             replace(x, label=x.label and f"{x.label}, executed", level=max(x.level, TABLE))
             for x in data.rows
         )
-        parts["executed_clearance"] = replace(data, rows=tuple(rows))
+        parts["executed_clearance"] = replace(data, rows=tuple(executed))
     why = result.explanation
     if why is not None:
         parts["explanation"] = why.to_data()
+        # The split of the time is a table of the run.
+        time, *others = parts["explanation"].tables
+        parts["explanation"] = replace(parts["explanation"], tables=tuple(others))
+    rows = [
+        *_verdict(result),
+        *(_planned(result) if e is None else _executed(result, e)),
+        *torque_rows(result.torques, result.run.limits.joint_torque, result.arm, "planned"),
+        *_experiment(result),
+        *_set_points(result),
+        *_plan(result, job),
+    ]
     return Data(
         f"Run {result.run.name}",
+        promoted(rows),
         (
-            *_verdict(result),
-            *(_planned(result) if e is None else _executed(result, e)),
-            *torque_rows(result.torques, result.run.limits.joint_torque, result.arm, "planned"),
-            *_experiment(result),
-            *_set_points(result),
-            *_plan(result, job),
+            *([] if result.advice is None else [result.advice.table]),
+            *([] if why is None else [time]),
+            *_tables(result, job),
+            *(() if e is None else e.to_data().tables),
         ),
-        (*_tables(result, job), *(() if e is None else e.to_data().tables)),
         parts,
         notes=result.remarks,
         warnings=result.warnings,
     )
+
+
+def promoted(rows: Iterable[Row]) -> tuple[Row, ...]:
+    """Rows with those of the verdict first, in its order.
+
+    Args:
+        rows: The rows; figures of the bodies are of the verdict where they are shown.
+    """
+    ranks = {name: k for k, name in enumerate(OF_VERDICT)}
+
+    def rank(x: Row) -> int:
+        return ranks.get(x.name.removeprefix(BODIES) if x.level <= TABLE else "", len(ranks))
+
+    ordered = sorted(rows, key=rank)
+    return tuple(replace(x, level=VERDICT) if rank(x) < len(ranks) else x for x in ordered)
 
 
 def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[Row, ...]:
@@ -566,16 +584,8 @@ def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[
 
 def _verdict(result: RunResult) -> Iterator[Row]:
     """What is off the drawing, whether that is kept, what limits the time, the worst warning."""
-    rounding, allowed = result.rounding_error, result.tolerance
-    e = result.judged
-    if e is not None:
-        yield off_drawing(rounding, allowed, e.contour_error.max)
-    yield Row("accuracy", result.accuracy, "m")
-    yield Row("kept", result.kept, "", "kept", result.kept_note, VERDICT)
-    if result.explanation is not None and result.explanation.longest is not None:
-        limit, share = result.explanation.longest
-        note = f"{number(share, '1')} of the time on contours"
-        yield Row("time_limit", limit, "", "limits the time", note, VERDICT)
+    yield from verdict_rows(result, result._error, result._failure)
+    yield from time_limit_row(result.explanation)
     yield from warning_rows(result.warnings)
 
 
@@ -599,7 +609,8 @@ def _clearance(result: RunResult) -> Data:
     """The clearance of a plan, with the ways that were taken to keep clear."""
     assert result.clearance is not None
     data = result.clearance.to_data()
-    return replace(data, rows=(*data.rows, Row("avoided", result.avoided)))
+    rows = (replace(x, level=VERDICT) if x.name == "low" else x for x in data.rows)
+    return replace(data, rows=(*rows, Row("avoided", result.avoided)))
 
 
 def _experiment(result: RunResult) -> Iterator[Row]:

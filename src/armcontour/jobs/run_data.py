@@ -25,24 +25,6 @@ from armcontour.program import Contour, Program
 from armcontour.program.preparing import PIERCE
 
 
-def off_drawing(
-    rounding: float | None, allowed: float | None, error: float, label: str = "off the drawing"
-) -> Row:
-    """The distance of the tool from the drawing, in sum and in parts.
-
-    Args:
-        rounding: Largest corner error [m]; None for a path as drawn.
-        allowed: Largest corner error that the run allows [m]; None without a tolerance.
-        error: Largest contour error [m].
-        label: What the sum is called.
-    """
-    parts = [f"servo {number(error, 'm')}"]
-    if rounding is not None:
-        limit = "" if allowed is None else f" of {number(allowed, 'm')} allowed"
-        parts.insert(0, f"rounding {number(rounding, 'm')}{limit}")
-    return Row("off_drawing", (rounding or 0.0) + error, "m", label, ", ".join(parts), VERDICT)
-
-
 def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
     """The number of warnings, and all of them."""
     if warnings:

@@ -165,8 +165,8 @@ def align(
     if abs(rate - 1) > WORST_RATE:
         raise InvalidInput(
             f"{source} fits the motion with a clock that is off by {100 * abs(rate - 1):.3g} %, "
-            f"and more than {100 * WORST_RATE:g} % is not a clock: give its times the unit that "
-            "they have."
+            f"and more than {100 * WORST_RATE:g} % is not a clock: it is a log of another job or "
+            "another speed, or its times need their unit."
         )
     refuse_part(source, t, duration, 2 * recording.interval)
     apart = recording.q - lifted.between(t, expected)

@@ -163,8 +163,7 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
                 needed=log.interval,
                 allowed=COARSEST,
             )
-        both = {"set-point": log.command, "measured position": log.measured}
-        refuse_beyond(log.source, log.t, both, log.joint_names, arm)
+        refuse_far(log, arm)
         refuse_unled(log)
     total = sum(float(x.t[-1] - x.t[0]) for x in logs)
     if total > LONGEST:
@@ -174,6 +173,20 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
             needed=total,
             allowed=LONGEST,
         )
+
+
+def refuse_far(log: Log, arm: Arm) -> None:
+    """Refuse a log with positions that the arm cannot have.
+
+    Args:
+        log: The log, with as many joints as the arm.
+        arm: The arm.
+
+    Raises:
+        InvalidInput: A joint is outside its range.
+    """
+    both = {"set-point": log.command, "measured position": log.measured}
+    refuse_beyond(log.source, log.t, both, log.joint_names, arm)
 
 
 def refuse_beyond(

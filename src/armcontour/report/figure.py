@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
+from armcontour.core.palette import VERDICTS
+from armcontour.core.render import number
 
 # Types of arrays that plotly.js reads from base64, by their names there.
 TYPES = {
@@ -29,8 +31,8 @@ TYPES = {
 # Characters that could end a script, as they are written in JSON.
 UNSAFE = {"<": "\\u003c", ">": "\\u003e", "/": "\\u002f"}
 CONFIG = {"displaylogo": False}
-# How hard plotly.js is packed: 6 takes twice as long and saves 4 %.
-PACKED = 4
+# How hard plotly.js is packed: 9 takes twice as long and saves 0.5 %.
+PACKED = 6
 # Least width of a plot of several in a row [pixels].
 LEAST_WIDTH = 260
 # A sentence that is seen where a figure is wider than the page.
@@ -38,8 +40,6 @@ HINT = (
     '<p class="hint" aria-hidden="true">The figure goes on at the right: scroll it, or use the '
     "arrow keys.</p>"
 )
-# Largest number of tiles in a row.
-MOST_COLUMNS = 5
 
 
 class Node(dict[str, Any]):
@@ -94,6 +94,8 @@ class Figure:
         least: int = 0,
     ) -> None:
         self.data = list(data)
+        # Width in a section, in sixths.
+        self.span = 6
         self._least = least
         self.layout = Node({"shapes": [], "annotations": []})
         self.frames: list[Node] = []
@@ -111,6 +113,13 @@ class Figure:
         x_name, y_name = map(_short, self._axes[row, col])
         place = {"x0": 0, "x1": 1, "xref": f"{x_name} domain", "y0": y, "y1": y, "yref": y_name}
         self.add_shapes([{"type": "line", "line": line, **place}])
+
+    def add_vspan(self, x: tuple[float, float], colour: str, row: int, col: int) -> None:
+        """Shade an interval of the plot in a row and column."""
+        x_name, y_name = map(_short, self._axes[row, col])
+        place = {"x0": x[0], "x1": x[1], "xref": x_name, "yref": f"{y_name} domain"}
+        look = {"fillcolor": colour, "line": {"width": 0}, "layer": "below"}
+        self.add_shapes([{"type": "rect", "y0": 0.0, "y1": 1.0, **place, **look}])
 
     def add_shapes(self, shapes: Iterable[Mapping[str, Any]]) -> None:
         """Add shapes to the layout."""
@@ -152,7 +161,8 @@ class Figure:
         size = f"height:{layout['height']}px;min-width:{self._least}px"
         label = f'aria-labelledby="{key}-title"'
         return (
-            f'<figure><figcaption id="{key}-title">{escape(title)}</figcaption>'
+            f'<figure style="--span: {self.span}">'
+            f'<figcaption class="plotly-title" id="{key}-title">{escape(title)}</figcaption>'
             f'<div class="scroll" role="group" {label}>'
             f'<div id="{key}" class="plotly-graph-div" style="{size}"></div></div>'
             f"{HINT}<script>draw({given});</script></figure>"
@@ -241,12 +251,11 @@ def _short(axis: str) -> str:
     return axis.replace("axis", "")
 
 
-def render_page(template: str, **values: Any) -> str:
+def render_page(**values: Any) -> str:
     """Render a page with figures, without other files.
 
     Args:
-        template: Name of the template, which extends page.html.
-        values: What it shows; `drawing(figure, key)` draws a figure there.
+        values: What the template shows.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
@@ -254,19 +263,15 @@ def render_page(template: str, **values: Any) -> str:
     environment = Environment(
         loader=PackageLoader("armcontour.report"), autoescape=True, undefined=StrictUndefined
     )
-    environment.filters["columns"] = _columns
-    return environment.get_template(template).render(
+    environment.filters["number"] = number
+    environment.globals["figure"] = lambda x, key: Markup(x.to_html(f"figure-{key}"))
+    return environment.get_template("report.html").render(
         version=__version__,
-        drawing=lambda figure, key: Markup(figure.to_html(f"figure-{key}")),
+        verdicts=VERDICTS,
         plotly=Markup(_packed_plotly()),
         template=Markup(to_json(json.loads(_packaged("templates/plotly_white.json")))),
         **values,
     )
-
-
-def _columns(count: int) -> int:
-    """Number of columns for a number of tiles, so that rows are about equally full."""
-    return -(-count // -(-count // MOST_COLUMNS))
 
 
 @cache

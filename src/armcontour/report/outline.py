@@ -26,15 +26,11 @@ CHORDS = 96
 
 def outline_points(program: Program) -> FloatArray:
     """Points that draw the contours of a program, with a gap (NaN) after each contour."""
-    each = DRAWN_PLACES // len(program.contours)
-    return outlines([finely(x.path, least=each) for x in program.contours])
-
-
-def finely(
-    path: Path, start: float = 0.0, end: float | None = None, *, least: int = 0
-) -> FloatArray:
-    """Points along a path: those at `fine_places`."""
-    return path(fine_places(path, start, end, least=least))
+    least = DRAWN_PLACES // len(program.contours)
+    curves = [x.path(fine_places(x.path, least=least)) for x in program.contours]
+    gap = np.full((1, program.dimension), np.nan)
+    kept = simplify(curves)
+    return np.concatenate([y for x, few in zip(curves, kept, strict=True) for y in (x[few], gap)])
 
 
 def fine_places(
@@ -61,15 +57,12 @@ def fine_places(
     return np.concatenate([[start], kept, [last]])
 
 
-def outlines(curves: Sequence[FloatArray]) -> FloatArray:
-    """Join several curves to one with gaps (NaN) between them, and simplify them."""
-    kept = simplify(curves)
-    gap = np.full((1, curves[0].shape[1]), np.nan)
-    return np.concatenate([y for x, few in zip(curves, kept, strict=True) for y in (x[few], gap)])
-
-
 def simplify(
-    curves: Sequence[FloatArray], most: int = MOST_DRAWN, *, even: int = EVEN
+    curves: Sequence[FloatArray],
+    most: int = MOST_DRAWN,
+    *,
+    even: int = EVEN,
+    visible: float | None = None,
 ) -> list[IntArray]:
     """Choose points of curves, so that lines between these points show the curves.
 
@@ -81,6 +74,7 @@ def simplify(
         curves: Points, (n, dimension) each.
         most: Largest number of points; the ends of every curve are always chosen.
         even: Approximate number of evenly spaced points that are always chosen.
+        visible: Largest distance that is not visible; by default a share of the size of all curves.
 
     Returns:
         Indices of the chosen points of every curve.
@@ -96,7 +90,8 @@ def simplify(
     ends = np.flatnonzero(kept)
     within = ~np.isin(ends[:-1], lasts - 1)
     start, end = ends[:-1][within], ends[1:][within]
-    invisible = (VISIBLE * float(np.ptp(points, axis=0).max())) ** 2
+    size = float(np.ptp(points, axis=0).max())
+    invisible = (VISIBLE * size if visible is None else visible) ** 2
     room = most - int(kept.sum())
     while room > 0:
         long = end - start > 1

@@ -8,14 +8,16 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour import _checks, _staging
+from armcontour._describing import several
 from armcontour.core.fields import checked
+from armcontour.core.render import number
 from armcontour.evaluation import Evaluation
 from armcontour.jobs import Job, RunResult, Study
 from armcontour.motion import Execution, Trajectory
 from armcontour.report import sections
 from armcontour.report.figure import render_page
 from armcontour.report.results import study_of
-from armcontour.report.section import Section
+from armcontour.report.section import Chapter, Front, Section
 from armcontour.report.sections.batch import BatchView
 
 if TYPE_CHECKING:
@@ -37,49 +39,42 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
         certificate: Certificate of the only run, for the first section.
     """
     source = OF_SIMULATION if study.simulated else OF_PLAN
-    return _page(study.job, _sections(study, certificate), source=source)
+    found = sections_of(study)
+    if certificate is None:
+        return _page(study.job, sections.front(study), found, source=source)
+    front = sections.certified(study, certificate)
+    # Its contours are in the table of the certificate.
+    others = [x for x in found if x.key != "contours"]
+    return _page(study.job, front, [sections.certificate(certificate), *others], source=source)
 
 
 def render_demo(studies: Sequence[Study]) -> str:
-    """Render the most important sections of several studies as one HTML page without other files.
+    """Render several studies as one HTML page without other files.
 
     Args:
         studies: The studies, each with a job name of its own.
     """
-    shown = (
-        sections.overview,
-        sections.program,
-        sections.paths,
-        sections.space,
-        sections.tool_speed,
-        sections.contour_error,
-        sections.clearance,
-    )
-    found = []
-    for study in studies:
-        job = study.job
-        parts = [x for x in (section(study) for section in shown) if x is not None]
-        parts[0] = replace(parts[0], title=job.title)
-        found += [replace(x, key=f"{job.name}-{x.key}") for x in parts]
+    chapters = []
+    for x in studies:
+        own = [replace(y, key=f"{x.job.name}-{y.key}") for y in sections_of(x)]
+        title = f"{x.job.title}: {describe(x.job)}"
+        chapters.append(Chapter(front=sections.front(x), sections=own, title=title))
     about = "Two jobs, planned, compensated and executed on simulated servos with assumed gains."
-    return _page(None, found, title="armcontour demo", about=about)
+    return render_page(
+        title="armcontour demo", about=about, chapters=chapters, source=OF_SIMULATION
+    )
 
 
-def _sections(study: Study, certificate: Certificate | None) -> list[Section]:
-    """The sections that have content for a study."""
+def sections_of(study: Study) -> list[Section]:
+    """The folded sections that have content for a study."""
     found = [
-        *([] if certificate is None else [sections.certificate(certificate)]),
-        sections.overview(study),
-        sections.program(study),
+        sections.notes(study),
+        sections.all_figures(study),
+        sections.contours(study),
+        sections.over_time(study),
         sections.paths(study),
-        sections.space(study),
         sections.shaping(study),
-        sections.joint_space(study),
-        sections.tool_speed(study),
-        sections.bindings(study),
         sections.joints(study),
-        sections.accelerations(study),
-        sections.contour_error(study),
         sections.clearance(study),
         sections.time_stamps(study),
     ]
@@ -93,7 +88,8 @@ def render_placement(placement: Placement) -> str:
         placement: The placement.
     """
     source = "Everything on this page was computed from the job."
-    return _page(placement.job, [sections.placement(placement)], source=source)
+    front, section = sections.placed(placement), sections.placement(placement)
+    return _page(placement.job, front, [section], source=source)
 
 
 def render_batch(view: BatchView) -> str:
@@ -103,7 +99,8 @@ def render_batch(view: BatchView) -> str:
         view: What is shown of it.
     """
     section = sections.batch(view)
-    return _page(None, [section], title=view.name, about=view.about)
+    chapter = Chapter(front=sections.counted(view), sections=[] if section is None else [section])
+    return render_page(title=view.name, about=view.about, chapters=[chapter], source="")
 
 
 def render_learning(study: LearningStudy) -> str:
@@ -112,26 +109,27 @@ def render_learning(study: LearningStudy) -> str:
     Args:
         study: The runs, and what was learned from them.
     """
-    return _page(study.job, [sections.learning(study)], source=OF_LOGS)
+    front, section = sections.learned(study), sections.learning(study)
+    return _page(study.job, front, [section], source=OF_LOGS)
 
 
-def _page(
-    job: Job | None,
-    found: Sequence[Section],
-    *,
-    title: str | None = None,
-    about: str = "",
-    source: str = OF_SIMULATION,
-) -> str:
-    """Render sections as one HTML page, of a job or with another title."""
-    return render_page(
-        "report.html",
-        job=job,
-        title=title if job is None else job.title,
-        about=about,
-        source="" if job is None else source,
-        sections=found,
-    )
+def _page(job: Job, front: Front, found: Sequence[Section], *, source: str) -> str:
+    """Render the first screen of a job and its sections as one HTML page."""
+    chapter = Chapter(front=front, sections=found)
+    return render_page(title=job.title, about=describe(job), chapters=[chapter], source=source)
+
+
+def describe(job: Job) -> str:
+    """The arm, the path and the servo of a job in a line."""
+    count, servo = len(job.program.contours), job.servo
+    parts = [
+        job.arm.name,
+        f"{several(count, 'contour')}",
+        f"{number(job.program.length, 'm')} of path",
+    ]
+    if servo.order != "unknown":
+        parts.append(f"servo {servo}")
+    return " · ".join(parts)
 
 
 @checked

@@ -17,9 +17,8 @@ from armcontour.motion import PERIOD, Execution, Method, Span, Trajectory
 from armcontour.program import Contour, Dwell, Move, Program, Rapid
 from armcontour.report.figure import Figure
 from armcontour.report.sections.joints import draw_joints
-from armcontour.report.sections.motion import contour_error, tool_speed
-from armcontour.report.sections.paths import draw_in_plane
-from armcontour.report.sections.space import draw_in_space
+from armcontour.report.sections.motion import draw_over_time, error, speed
+from armcontour.report.sections.path import draw_path
 from armcontour.servo import ServoModel
 from armcontour.timing import explain
 
@@ -71,30 +70,17 @@ def draw_result(result: Result, kind: str) -> Any:
     return figure.update_layout(template="plotly_white", margin={"t": 60}, width=None)
 
 
-def _draw_path(study: Study) -> Figure:
-    flat = study.job.program.dimension == 2
-    drawn: Figure = draw_in_plane(study) if flat else draw_in_space(study)
-    return drawn
-
-
-def _draw_joints(study: Study) -> Figure:
-    name, result = next(iter(study.runs.items()))
-    drawn: Figure = draw_joints(name, result)
-    return drawn
-
-
 def _draw_error(study: Study) -> Figure:
-    section = contour_error(study)
-    if section is None:
+    if not study.simulated:
         raise InvalidInput("A plan has no contour error: execute and evaluate it first.")
-    drawn: Figure = section.figures[0]
+    drawn: Figure = draw_over_time(study, error)
     return drawn
 
 
 KINDS: dict[str, Callable[[Study], Figure]] = {
-    "path": _draw_path,
-    "joints": _draw_joints,
-    "speed": lambda study: tool_speed(study).figures[0],
+    "path": draw_path,
+    "joints": lambda study: draw_joints(*next(iter(study.runs.items()))),
+    "speed": lambda study: draw_over_time(study, speed),
     "error": _draw_error,
 }
 

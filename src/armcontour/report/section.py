@@ -1,18 +1,22 @@
-"""Data of a section of the report, which the template shows."""
+"""Data of a page of the report, which the template shows."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from armcontour.core import result
 from armcontour.core.render import cells, compare, figure
-from armcontour.core.result import FIRST, TABLE, Data
-from armcontour.jobs import RunResult, Study
+from armcontour.core.result import TABLE, Data, Row
+from armcontour.report.drawing import Drawing
 
 # Longer values are sentences [characters].
 LONGEST = 40
+# Widest tables that take a third and half of the page [characters], and longest in one column.
+NARROWEST, NARROW, MOST_ROWS = 58, 88, 10
+# States of a verdict, as the palette has them.
+STATES = {True: "kept", False: "not kept", None: ""}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,6 +26,22 @@ class Table:
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     caption: str = ""
+
+    @property
+    def span(self) -> int:
+        """Its width in a section, in sixths."""
+        columns = [x for x in zip(self.header, *self.rows, strict=True) if x[0]]
+        # Headers are wrapped.
+        width = sum(max(map(len, (*x[0].split(), *x[1:]))) + 3 for x in columns)
+        return 2 if width <= NARROWEST and all(self.header) else 3 if width <= NARROW else 6
+
+    @property
+    def halves(self) -> tuple[Table, ...]:
+        """A long table as two that are side by side."""
+        if len(self.rows) <= MOST_ROWS:
+            return (self,)
+        half = -(-len(self.rows) // 2)
+        return tuple(replace(self, rows=x) for x in (self.rows[:half], self.rows[half:]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,40 +55,73 @@ class Tile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """A part of the report.
+    """A folded part of the report.
 
     Args:
         key: Anchor of the section.
         title: Heading of the section.
+        summary: What it says in a line, which is seen while it is folded.
         text: Introduction.
-        tiles: Figures in large print, by the names of their runs.
-        figures: Figures, `Figure`.
-        choices: Groups of figures of which one is shown, by their names in a selector.
-        columns: Relative widths of figures in one row; by default every figure has a row.
-        tables: Tables.
+        parts: Figures, `Figure`, and tables.
+        choices: Groups of parts of which one is shown, by their names in a selector.
         notes: Sentences at the end.
     """
 
     key: str
     title: str
+    summary: str = ""
     text: str = ""
-    tiles: tuple[tuple[str, tuple[Tile, ...]], ...] = ()
-    figures: tuple[Any, ...] = ()
+    parts: tuple[Any, ...] = ()
     choices: tuple[tuple[str, tuple[Any, ...]], ...] = ()
-    columns: tuple[int, ...] = ()
-    tables: tuple[Table, ...] = ()
     notes: tuple[str, ...] = ()
 
 
-def tiles(data: Data) -> tuple[Tile, ...]:
-    """The figures of the first level in large print, and its sentences in small print."""
-    found = []
-    for x in data.shown(FIRST):
-        value, note = figure(x), x.note
-        if len(value) > LONGEST:
-            value, note = "", f"{value} {note}".strip()
-        found.append(Tile(label=x.label, value=value, note=note))
-    return tuple(found)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Front:
+    """The first screen: the answer.
+
+    Args:
+        verdict: The answer in a sentence.
+        good: Whether it is good; None if nothing was judged.
+        tiles: The three most important figures.
+        tables: Tables below the tiles.
+        drawing: The drawing of the path.
+        parts: Figures and tables in its place.
+        sentences: Sentences with their headings.
+    """
+
+    verdict: str = ""
+    good: bool | None = None
+    tiles: tuple[Tile, ...] = ()
+    tables: tuple[Table, ...] = ()
+    drawing: Drawing | None = None
+    parts: tuple[Any, ...] = ()
+    sentences: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def state(self) -> str:
+        """The state of the verdict, as the palette has it."""
+        return STATES[self.good]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chapter:
+    """A first screen with the sections below it.
+
+    Args:
+        front: The first screen.
+        sections: The sections.
+        title: Its title, if a page has several.
+    """
+
+    front: Front
+    sections: Sequence[Section] = ()
+    title: str = ""
+
+
+def tiles(rows: Iterable[Row]) -> tuple[Tile, ...]:
+    """Figures in large print."""
+    return tuple(Tile(label=x.label, value=figure(x), note=x.note) for x in rows)
 
 
 def side_by_side(results: Mapping[str, Data], level: int = TABLE, caption: str = "") -> Table:
@@ -98,9 +151,3 @@ def table_of(table: result.Table, caption: str = "") -> Table:
     """
     header, *rows = cells(table)
     return Table(header=header, rows=tuple(rows), caption=caption)
-
-
-def marked_run(study: Study) -> RunResult | None:
-    """The run whose switching points are drawn: the last that has some."""
-    switched = [x for x in study.runs.values() if len(x.trajectory.stretches) > 1]
-    return switched[-1] if switched else None

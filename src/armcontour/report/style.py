@@ -20,10 +20,12 @@ SATURATION_COLOUR = LINES["saturated"]
 EXPERIMENT_DASH = "dot"
 # A logarithmic axis that is longer than this has numbers at powers of ten only.
 DECADES = 1e3
+# Width of a page, in sixths.
+WHOLE = 6
 # Largest number of points in one curve; more points are not visible.
-MOST_POINTS = 3000
+MOST_POINTS = 2400
 # Largest number of sentences of one kind.
-MOST_SENTENCES = 12
+MOST_SENTENCES = 6
 # Largest number of switching points with labels; more labels would overlap.
 MOST_LABELS = 40
 
@@ -78,8 +80,17 @@ def few(sentences: Iterable[str], what: str = "of these") -> tuple[str, ...]:
     return (*found[:MOST_SENTENCES], f"And {len(found) - MOST_SENTENCES} more {what}.")
 
 
-def finish(figure: Any, *, title: str, height: int = 460) -> Any:
-    """Apply the layout of all figures."""
+def finish(figure: Any, *, title: str, height: int = 320, span: int = WHOLE) -> Any:
+    """Apply the layout of all figures.
+
+    Args:
+        figure: The figure.
+        title: Its title.
+        height: Its height [px].
+        span: Its width in a section, in sixths.
+    """
+    if span < WHOLE:
+        figure.span = span
     figure.update_layout(
         title=title,
         height=height,
@@ -140,29 +151,3 @@ def switching_labels(figure: Any, times: FloatArray) -> None:
         labels.append({"x": float(t), "y": 1, **label, **at})
     figure.add_shapes(shapes)
     figure.add_annotations(labels)
-
-
-def shade(figure: Any, spans: Iterable[tuple[float, float]], row: int) -> None:
-    """Shade intervals of time, in which a joint is saturated, in one row of subplots.
-
-    Args:
-        figure: The figure.
-        spans: The intervals [s].
-        row: The row, from 1.
-    """
-    axis = "" if row == 1 else str(row)
-    figure.add_shapes(
-        {
-            "type": "rect",
-            "x0": start,
-            "x1": end,
-            "y0": 0.0,
-            "y1": 1.0,
-            "xref": f"x{axis}",
-            "yref": f"y{axis} domain",
-            "fillcolor": SATURATION_COLOUR,
-            "line": {"width": 0},
-            "layer": "below",
-        }
-        for start, end in spans
-    )

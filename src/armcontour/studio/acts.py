@@ -206,14 +206,14 @@ class Acts:
 
     def _detail(self, tab: Tab, said: Said) -> None:
         """Draw what a page sees as finely as it sees it."""
-        box = _checks.numbers("box", said.get("box"), "m")
+        box = _checks.numbers("box", said.get("box") or [], "m")
         if box.shape != (4,):
             raise InvalidInput("box has four numbers: least u and v, largest u and v.")
         px = max(
             _checks.positive("px", said.get("px"), "m"), np.ptp(box.reshape(2, 2), 0).max() / WIDEST
         )
         detail = Detail(px * OF_A_PIXEL, box)
-        self._display.planner.detail(detail, lambda frame: self._display.tell(frame, to=tab))
+        self._display.planner.look(detail, lambda frame: self._display.tell(frame, to=tab), tab)
 
     def _task(self, tab: Tab, said: Said) -> None:
         options = said.get("options") or {}

@@ -66,7 +66,8 @@ class Display:
         editor = self.editor
         self._on_disk = editor.document.on_disk()
         frame = describe(editor.document, editor.seen, editor.run, draft=editor.draft)
-        self.tell(frame.stamped(id=editor.id), to=to)
+        logs = list(editor.uploads.logs)
+        self.tell(frame.stamped(id=editor.id, logs=logs), to=to)
 
     def show(self, made: Made | None = None, *, moving: bool = False) -> None:
         """Show a state on all pages.

@@ -254,7 +254,7 @@ class Editor:
             options: Options of the work.
 
         Raises:
-            InvalidInput: The changes cannot be made in the text.
+            InvalidInput: The changes cannot be made in the text, or a log is not kept.
         """
         text = self.document.text if made.text is None else made.text
         if made.changes:
@@ -268,6 +268,7 @@ class Editor:
             "allowed": [str(x) for x in self.folders],
             "named": [str(x) for x in self.named],
             "options": dict(options),
+            "logs": self.uploads.find_logs(options.get("logs") or []),
         }
 
     def _find_other(self) -> Draft | None:

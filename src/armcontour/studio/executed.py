@@ -5,6 +5,7 @@ Errors are magnified on the screen, so that they are computed here, in 64 bits.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,8 @@ from armcontour.evaluation.evaluation import (
     saturated_shares,
     settled_row,
 )
-from armcontour.jobs.run_data import off_drawing
+from armcontour.evaluation.pieces import Piece
+from armcontour.jobs.verdict import verdict_rows
 from armcontour.motion import Execution, Trajectory
 from armcontour.studio.preview import Executed
 from armcontour.studio.thinning import Detail, evenly, thin
@@ -50,41 +52,49 @@ def executed_frame(executed: Executed, view: View) -> Frame:
         "centre": view.centre,
         "tier": planned.tier,
     }
-    base = np.concatenate([x.on_path for x in executed.pieces])
-    lines = executed_lines(executed, view, Detail.of_whole(view.uv(base)))
-    return Frame("executed", header, {**lines, **_poses(executed.execution)})
+    arrays = {**executed_lines(executed, view), **_poses(executed.execution)}
+    return Frame("executed", header, arrays)
 
 
-def executed_lines(executed: Executed, view: View, detail: Detail) -> dict[str, Any]:
+def executed_lines(executed: Executed, view: View, detail: Detail | None = None) -> dict[str, Any]:
     """Arrays of where the tool is beside the path that is seen.
 
     Args:
         executed: The execution.
         view: As of `executed_frame`.
-        detail: What is seen, and how finely.
+        detail: What is seen, and how finely; by default all.
     """
-    pieces, execution = executed.pieces, executed.execution
+    limits, demand = executed.planned.run.limits, executed.execution.demand
+    demand = signed_shares("joint_acceleration", limits, demand)
+    return tool_lines(executed.pieces, view, detail, demand=demand)
+
+
+def tool_lines(
+    pieces: Sequence[Piece], view: View, detail: Detail | None = None, **columns: FloatArray
+) -> dict[str, Any]:
+    """The same for the motion along each contour; columns have a row for each of all samples."""
     base = np.concatenate([x.on_path for x in pieces])
+    detail = detail or Detail.of_whole(view.uv(base))
     ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
     seen, ends = detail.seen(view.drawn(base), ends)
     which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])[seen]
     base, tool = base[seen], np.concatenate([x.tool for x in pieces])[seen]
     distance = np.concatenate([x.found.distance for x in pieces])[seen]
-    limits = executed.planned.run.limits
-    demand = signed_shares("joint_acceleration", limits, execution.demand[which])
+    more = {name: values[which] for name, values in columns.items()}
     offset = view.offsets(tool - base)
     kept = np.arange(len(which))
     if len(kept) > MOST_SAMPLES:
         weight = np.where(detail.needed(base, ends), np.inf, 0.0)
         weight[np.argmax(distance)] = np.inf
-        kept = thin(weight, [*offset.T.astype(np.float64), distance, *demand.T], MOST_SAMPLES)
+        shown = [*offset.T.astype(np.float64), distance, *(y for x in more.values() for y in x.T)]
+        kept = thin(weight, shown, MOST_SAMPLES)
     return {
         "base": view.drawn(base[kept]),
         "offset": offset[kept],
         "breaks": np.searchsorted(kept, ends[:-1]).astype(np.uint32),
-        "t": short(execution.t[which[kept]]),
+        "t": short(np.concatenate([x.t for x in pieces])[seen][kept]),
         "error": short(distance[kept]),
-        "demand": short(demand[kept]),
+        **{name: short(values[kept]) for name, values in more.items()},
     }
 
 
@@ -96,7 +106,7 @@ def _figures(executed: Executed) -> Data:
     return Data(
         "Preview",
         (
-            off_drawing(planned.rounding_error, planned.tolerance, errors.max),
+            *verdict_rows(planned, errors.max),
             settled_row(executed.settled),
             *error_rows("contour_error", "contour error", errors, FIRST, FIRST),
             demand_row(demand_ratio(execution, limits)),

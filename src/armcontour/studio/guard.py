@@ -233,7 +233,7 @@ def _too_large() -> Refused:
     return Refused(
         413,
         f"A file opened in the Studio may have {LARGEST_UPLOAD // MEGABYTE} MB: name a larger one "
-        "in the job file.",
+        "in the job file, or give a larger log to armcontour identify or armcontour learn.",
     )
 
 

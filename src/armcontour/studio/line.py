@@ -18,9 +18,8 @@ from armcontour.studio.thinning import Detail, thin
 from armcontour.studio.view import View
 from armcontour.timing import Explanation
 
-# About the largest number of points that are drawn for the speed alone; a short path needs fewer,
-# with so many more for each place that makes its curves look smooth.
-MOST_POINTS, LEAST_POINTS, PER_PLACE = 20_000, 1_200, 8
+# About the largest number of points that are drawn for the speed alone; a short path needs fewer.
+MOST_POINTS, LEAST_POINTS = 20_000, 1_200
 # Where another limit binds for so many largest errors of the line, that is seen.
 SEEN = 8.0
 # Where no limit binds, or it is not known.
@@ -38,7 +37,6 @@ class Line:
         speed: Its speeds there [m/s], (n,).
         assigned: Assigned velocities there, NaN for none [m/s], (n,).
         ends: Index of the first place of each line, and the number of places.
-        shape: Number of places that make curves look smooth.
     """
 
     points: FloatArray
@@ -47,13 +45,11 @@ class Line:
     speed: FloatArray
     assigned: FloatArray
     ends: IntArray
-    shape: int
 
     @classmethod
     def of(cls, planned: Preview, view: View, detail: Detail) -> Line:
         """The places of a plan that are seen: points of curves, and where the plan changes."""
         rows: list[tuple[FloatArray, ...]] = []
-        shape = 0
         for contour, span in zip(
             planned.path.contours, planned.trajectory.contour_spans, strict=True
         ):
@@ -62,9 +58,8 @@ class Line:
                 continue
             assert span.trajectory is not None
             laws = [x.s for x in span.trajectory.laws if isinstance(x, LawAlongPath)]
-            smooth = detail.places(path)
-            shape += len(smooth)
-            s = np.clip(np.unique(np.concatenate([smooth, *laws])), 0.0, path.length)
+            places = np.unique(np.concatenate([detail.places(path), *laws]))
+            s = np.clip(places, 0.0, path.length)
             rows.append(
                 (
                     path(s),
@@ -78,11 +73,8 @@ class Line:
         if not rows:
             rows = [(np.empty((0, planned.path.dimension)), *[np.empty(0)] * 4)]
         points, s, t, speed, assigned = (np.concatenate(x) for x in zip(*rows, strict=True))
-        line = cls(points, s, t, speed, assigned, ends, shape)
-        if detail.box is None:
-            return line
         k, ends = detail.seen(view.drawn(points), ends)
-        return cls(points[k], s[k], t[k], speed[k], assigned[k], ends, shape)
+        return cls(points[k], s[k], t[k], speed[k], assigned[k], ends)
 
     def thinned(self, binding: npt.NDArray[np.uint8], detail: Detail) -> IntArray:
         """Indices of places to draw: their shape, changes of what binds, extremes of the speed.
@@ -91,16 +83,14 @@ class Line:
             binding: Which limit binds from each place on, (n,).
             detail: How finely they are drawn.
         """
-        most = min(MOST_POINTS, LEAST_POINTS + PER_PLACE * self.shape)
-        if len(self.s) <= most:
-            return np.arange(len(self.s))
-        weight = np.where(detail.needed(self.points, self.ends), np.inf, 0.0)
+        shape = detail.needed(self.points, self.ends)
+        weight = np.where(shape, np.inf, 0.0)
         changes = np.flatnonzero(np.diff(binding)) + 1
         # What a change is worth is the length up to the next one.
         lengths = np.diff(self.s[np.append(changes, len(self.s) - 1)])
         lengths[lengths > SEEN * detail.error] = np.inf
         weight[changes] = np.maximum(weight[changes], lengths)
-        return thin(weight, [*self.points.T, self.speed], most)
+        return thin(weight, [self.speed], min(MOST_POINTS, LEAST_POINTS + 2 * shape.sum()))
 
     def binding(
         self, explanation: Explanation | None, limits: Sequence[Mapping[str, Any]]

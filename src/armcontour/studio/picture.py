@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray, IntArray
-from armcontour.core.render import frame
+from armcontour.core.render import cells, frame, number
 from armcontour.core.result import Data
 from armcontour.evaluation.evaluation import duration_row
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import Rounding
 from armcontour.jobs.single_corners import corner_waypoints
+from armcontour.jobs.verdict import time_limit_row
 from armcontour.program import Program, cut_parts
 from armcontour.studio.executed import demand_of, executed_lines
 from armcontour.studio.line import MOST_POINTS, NOTHING, Line
@@ -28,8 +28,8 @@ from armcontour.timing import Explanation
 OF_RAPID, MOST_OF_RAPIDS = 16, 50_000
 # Longest lists in headers: corners have handles, and sentences are read.
 MOST_CORNERS, MOST_SHORTFALLS = 400, 100
-# What takes time besides contours, by the kinds of moves.
-BESIDES = {"rapid": "rapids between contours", "dwell": "dwells"}
+# Smallest share of the time in the legend.
+VISIBLE = 5e-5
 
 
 def picture_frame(planned: Preview, view: View) -> Frame:
@@ -41,11 +41,12 @@ def picture_frame(planned: Preview, view: View) -> Frame:
     """
     detail, flat = _whole(planned.path, view)
     header, arrays = _drawn(planned, view, detail)
+    duration = duration_row(planned.trajectory.duration)
     header |= {
         "run": planned.run.name,
-        "rows": frame(Data("Plan", (duration_row(planned.trajectory.duration),))),
+        "rows": frame(Data("Plan", (duration, *time_limit_row(planned.explanation)))),
         **view.header,
-        "shares": _shares(planned),
+        **time_header(planned.explanation),
         "shortfalls": _shortfalls(planned, view),
         "corners": _corners(planned, view),
         "warnings": [*planned.warnings, *filter(None, [planned.below_base])],
@@ -74,8 +75,8 @@ def drawing_frame(program: Program | None, view: View, *, run: str = "") -> Fram
     if program is not None:
         detail, flat = _whole(program, view)
         header, arrays = _drawn(program, view, detail)
-    lists = ("rows", "shares", "shortfalls", "corners", "warnings")
-    header |= {name: [] for name in lists} | view.header
+    lists = ("rows", "shortfalls", "corners", "warnings")
+    header |= {name: [] for name in lists} | view.header | time_header(None)
     notes = () if program is None else program.notes
     header |= {"run": run, "notes": notes, "tier": Tier.OUTLINE}
     header["plane"]["flat"] = flat
@@ -178,22 +179,13 @@ def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
     return [{"name": name, "kind": limit} for name, limit in list(found.items())[:NOTHING]]
 
 
-def _shares(planned: Preview) -> list[dict[str, Any]]:
-    """Where the duration goes [s], the longest first: times of limits, and between contours.
-
-    Limits have their share of the time of all contours.
-    """
-    if planned.explanation is None:
-        return []
-    between: defaultdict[str, float] = defaultdict(float)
-    for span in planned.trajectory.spans:
-        if span.kind in BESIDES:
-            between[BESIDES[span.kind]] += span.t[1] - span.t[0]
-    found: list[dict[str, Any]] = [
-        {"name": x.name, "time": x.time, "share": x.of_time} for x in planned.explanation.shares
-    ]
-    found += [{"name": name, "time": x, "share": None} for name, x in between.items()]
-    return sorted(found, key=lambda x: -x["time"])
+def time_header(explanation: Explanation | None) -> dict[str, Any]:
+    """Headers of what takes the time: a table as people read it, and shares of the kinds."""
+    if explanation is None:
+        return {"time": [], "kinds": []}
+    shares = [(x, share) for x, share in explanation.kinds.items() if share >= VISIBLE]
+    kinds = [{"kind": x, "share": number(share, "1")} for x, share in shares]
+    return {"time": cells(explanation.time_table), "kinds": kinds}
 
 
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
@@ -227,7 +219,7 @@ def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
     """The rounded corners of all contours; none if they are too many to grab."""
     found: list[dict[str, Any]] = []
     rounding, given = planned.run.rounding, planned.job.program.contours
-    for number, contour in enumerate(planned.path.contours):
+    for index, contour in enumerate(planned.path.contours):
         path = contour.path
         if not isinstance(path, RoundedPath):
             continue
@@ -245,7 +237,7 @@ def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
         for k in range(len(c)):
             found.append(
                 {
-                    **{"index": len(found), "contour": number, "vertex": c.vertex[k]},
+                    **{"index": len(found), "contour": index, "vertex": c.vertex[k]},
                     "waypoint": int(numbers[k]) - 1 if numbers[k] else None,
                     **{"apex": apex[k], "corner": point[k], "error": c.error[k]},
                     **{"allowed": allowed[k], "radius": c.radius[k], "reason": c.reason[k]},

@@ -29,6 +29,7 @@ from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame
 from armcontour.studio.preview import CONFIGURATION, Executed, Preview, Previewer, Tier
 from armcontour.studio.refusals import refusal_header
 from armcontour.studio.robot import arm_frame
+from armcontour.studio.tasks import working
 from armcontour.studio.thinning import Detail
 from armcontour.studio.view import View
 from armcontour.studio.wire import Frame
@@ -51,9 +52,9 @@ SOON, OFTEN = 0.7, 0.1
 # The steps of a run, in their order; a preview has the first three.
 STEPS = ("rounding", "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 # What a person can ask for.
-TASKS = ("check", "clearance", "certify", "sweep", "place", "export", "report")
+TASKS = tuple(x for x in working.TASKS if x != "figures")
 # Frames after which a task is over.
-LAST = ("figures", "result", "refusal", "failed", "cancelled")
+LAST = ("figures", "changes", "result", "refusal", "failed", "cancelled")
 # Names of exact figures begin so; no task of a page has such a name. Progress of a state has it.
 OWN = "#"
 # How the work on a state goes on.
@@ -74,7 +75,6 @@ class Seen:
         planned: The newest plan.
         executed: The newest execution.
         parts: Arm and scene that pages have.
-        outline: The program that pages see where there is no plan.
         took: How long the last plan of each tier took [s].
         drawn: The plan or program that pages see, how it gets on the screen, and its number.
         followed: The revision whose preview has taken the configuration of its full run.
@@ -83,7 +83,6 @@ class Seen:
     planned: Preview | None = None
     executed: Executed | None = None
     parts: tuple[Arm, Scene | None] | None = None
-    outline: Program | None = None
     took: dict[Tier, float] = field(default_factory=dict)
     drawn: tuple[Preview | Program, View, int] | None = None
     followed: int = 0
@@ -124,6 +123,10 @@ class State:
     told: float | None = field(default=None, init=False)
 
 
+# A state whose figures or changes are computed, what another process needs for that, and which.
+Asked: TypeAlias = tuple[State, Mapping[str, Any], str]
+
+
 class Planner:
     """Takes the newest state through its tiers, and does tasks.
 
@@ -150,19 +153,20 @@ class Planner:
         self._lock = RLock()
         self._seen = Seen()
         self._newest: State | None = None
-        # Whether pages have an arm of any document.
-        self._has_arm = False
         # When a plan was executed last [s].
         self._executed_at = 0.0
         self._done = Event()
         self._lane = fast(self._fail)
         # What is seen is drawn finer while a plan is made.
         self._details = fast(self._fail)
+        self._looks: dict[object, tuple[Detail, Callable[[Frame], None]]] = {}
         self._figures = slow(self._hear)
         # The states whose figures are computed now and next, what was asked, and what is known.
-        self._asked: tuple[State, Mapping[str, Any]] | None = None
-        self._wanted: tuple[State, Mapping[str, Any]] | None = None
+        self._asked: Asked | None = None
+        self._wanted: Asked | None = None
         self._known: tuple[Mapping[str, Any], Frame] | None = None
+        # What to change, which follows the known figures step by step.
+        self._changes: Frame | None = None
         self._count, self._since = 0, 0.0
         self._tasks: SlowLane | None = None
         self._running: set[str] = set()
@@ -206,19 +210,21 @@ class Planner:
                 self._tell_progress(state, (), None, WORKING)
                 self._lane.submit(partial(self._work, state))
 
-    def detail(self, detail: Detail, deliver: Callable[[Frame], None]) -> None:
+    def look(self, detail: Detail, deliver: Callable[[Frame], None], page: object) -> None:
         """Draw what a page sees of the newest picture as finely as it sees it, soon."""
-        seen = self._seen
+        self._looks[page] = detail, deliver
+        self._details.submit(self._draw_details)
 
-        def draw(stale: Stale) -> None:
-            if seen.drawn is not None and seen is self._seen:
-                made, view, number = seen.drawn
-                executed = seen.executed if isinstance(made, Preview) else None
-                tier = None if executed is None else executed.planned.tier
-                frame = detail_frame(made, executed, view, detail)
-                deliver(frame.stamped(number=number, tier=tier))
-
-        self._details.submit(draw)
+    def _draw_details(self, stale: Stale) -> None:
+        """Draw what pages look at; later work does all that is left."""
+        while self._looks and (drawn := self._seen.drawn) is not None:
+            _, (detail, deliver) = self._looks.popitem()
+            (made, view, number), executed = drawn, self._seen.executed
+            if not isinstance(made, Preview):
+                executed = None
+            tier = None if executed is None else executed.planned.tier
+            frame = detail_frame(made, executed, view, detail)
+            deliver(frame.stamped(number=number, tier=tier))
 
     def pose(self, t: float, of: str) -> FloatArray:
         """Joint positions at a time.
@@ -354,15 +360,11 @@ class Planner:
 
         planned = self.previewer.plan(state.data, state.run, tier=tier, progress=go_on)
         took = seen.took[tier] = time.thread_time() - begin
-        first = not self._has_arm
-        if not first:
-            self._show_arm(state, planned.job)
         state.answered = True
         seen.planned = planned
         self._draw(picture_frame(planned, state.view), planned, state)
-        if first:
-            # The first plan is wanted before shapes of links, which may take long.
-            self._show_arm(state, planned.job)
+        # The first plan is wanted before shapes of links, which may take long.
+        self._show_arm(state, planned.job)
         if not self.previewer.may_execute(planned):
             # The exact run has its errors; nothing else could be shown meanwhile.
             return planned
@@ -401,21 +403,20 @@ class Planner:
             ArmContourError: There is no path.
         """
         program = self.previewer.drawn(state.data)
-        if self._draw(drawing_frame(program, state.view, run=state.run), program, state):
-            state.seen.outline = program
+        self._draw(drawing_frame(program, state.view, run=state.run), program, state)
 
-    def _draw(self, frame: Frame, made: Preview | Program, state: State) -> bool:
-        """Show a picture; whether pages take it."""
+    def _draw(self, frame: Frame, made: Preview | Program, state: State) -> None:
+        """Show a picture."""
         self._pictures += 1
-        state.seen.drawn = made, state.view, self._pictures
-        return self._deliver(frame.stamped(number=self._pictures), state)
+        if self._deliver(frame.stamped(number=self._pictures), state):
+            state.seen.drawn = made, state.view, self._pictures
 
     def _show_arm(self, state: State, job: Job) -> None:
         """The arm and what stands in its cell, if pages do not have them."""
         parts = state.seen.parts
         if parts is None or parts[0] is not job.arm or parts[1] != job.scene:
             if self._deliver(arm_frame(job), state):
-                state.seen.parts, self._has_arm = (job.arm, job.scene), True
+                state.seen.parts = job.arm, job.scene
 
     def _refuse(self, state: State, error: ArmContourError, planned: Preview | None = None) -> None:
         """Say what could not be planned or executed, and where."""
@@ -423,7 +424,8 @@ class Planner:
         if planned is None and seen.planned is None:
             # What is out of reach can be moved only if it is seen where it is.
             with contextlib.suppress(ArmContourError):
-                if self.previewer.drawn(state.data) is not seen.outline:
+                program = self.previewer.drawn(state.data)
+                if seen.drawn is None or seen.drawn[0] is not program:
                     self._draw_outline(state)
         header = refusal_header(
             error,
@@ -442,20 +444,32 @@ class Planner:
         with contextlib.suppress(ArmContourError):
             request = state.request()
             with self._lock:
+                asked = state, request, "figures"
                 if self._known is not None and self._known[0] == request:
-                    self._wanted = None
+                    self._wanted, asked = None, (state, request, "changes")
                     self._tell_figures(state, self._known[1])
-                elif self._asked is None:
-                    self._begin(state, request)
+                    if self._changes is not None:
+                        self._deliver(Frame("changes", self._changes.header), state)
+                    if self._is_told(self._changes):
+                        return
+                if self._asked is None:
+                    self._begin(*asked)
+                elif self._asked[1:] == asked[1:]:
+                    self._asked = asked
                 elif self._asked[0] is not state:
-                    self._wanted = state, request
+                    self._wanted = asked
 
-    def _begin(self, state: State, request: Mapping[str, Any]) -> None:
-        """Have figures computed."""
-        self._asked, self._wanted = (state, request), None
+    @staticmethod
+    def _is_told(changes: Frame | None) -> bool:
+        """Whether all of what to change is known."""
+        return changes is not None and changes.header["share"] >= 1
+
+    def _begin(self, state: State, request: Mapping[str, Any], task: str) -> None:
+        """Have figures, or the next step of what to change, computed."""
+        self._asked, self._wanted = (state, request, task), None
         self._count += 1
         self._since = time.monotonic()
-        self._figures.submit(f"{OWN}{self._count}", "figures", dict(request))
+        self._figures.submit(f"{OWN}{self._count}", task, dict(request))
 
     def _hear(self, frame: Frame) -> None:
         """Take a frame of a process."""
@@ -468,15 +482,21 @@ class Planner:
                 return
             if self._asked is None or id != f"{OWN}{self._count}":
                 return
-            state, request = self._asked
+            state, request, task = self._asked
             if frame.kind not in LAST:
-                if state.answered:
+                if state.answered and task == "figures":
                     self._tell_progress(state, frame.header["steps"], frame.header["share"])
                 return
             self._asked = None
             if frame.kind == "figures":
-                self._known = request, frame
+                self._known, self._changes = (request, frame), None
                 self._tell_figures(state, frame)
+            elif frame.kind == "changes":
+                self._changes = frame
+                self._deliver(Frame("changes", frame.header), state)
+            elif task == "changes":
+                # It is no loss.
+                pass
             elif frame.kind == "refusal":
                 self._deliver(frame, state)
                 self._end_progress(state)
@@ -486,6 +506,9 @@ class Planner:
                 self._tell_progress(state, (str(frame.header["sentence"]),), None, STOPPED)
             if self._wanted is not None:
                 self._begin(*self._wanted)
+            elif frame.kind in ("figures", "changes") and not self._is_told(self._changes):
+                # Steps are short, so that the next figures need not wait for what to change.
+                self._begin(state, request, "changes")
 
     def _tell_figures(self, state: State, frame: Frame) -> None:
         """Tell exact figures, and have the preview follow the configuration of the full run."""

@@ -123,16 +123,16 @@ class Server:
         await respond(send, 200, file.data, file.kind, headers)
 
     async def _open(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Open a file that the page has sent."""
+        """Open a file that the page has sent, or keep it as a log."""
         query = parse_qs(scope["query_string"].decode("latin-1"))
         name, cell, unknown = (query.get(key, [""])[0] for key in ("name", "cell", "unknown"))
-        body = await _read_body(receive)
+        cell, body = cell or None, await _read_body(receive)
         session = self.desk.session
         if session is None:
             raise Refused(503, "The Studio is starting: wait a moment.")
-        status, answer = 200, {}
+        status, given = 200, (name, body, cell, unknown, "log" in query)
         try:
-            await asyncio.to_thread(session.open_upload, name, body, cell or None, unknown)
+            answer = {"name": await asyncio.to_thread(session.open_upload, *given)}
         except ArmContourError as error:
             from armcontour.studio.tabs import without_options
 

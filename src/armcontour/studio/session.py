@@ -123,20 +123,30 @@ class Session:
         with self.display.lock:
             self.display.look()
 
-    def open_upload(self, name: str, content: bytes, cell: str | None, unknown: str = "") -> None:
-        """Open a file that a page has sent: a job, or a drawing for the arm of the document.
+    def open_upload(
+        self, name: str, content: bytes, cell: str | None, unknown: str = "", log: bool = False
+    ) -> str:
+        """Open a file that a page has sent: a job, a drawing for the document's arm, or a log.
 
         Args:
             name: Name of the file.
             content: Its bytes.
             cell: For a drawing, the built-in cell to open it in; None keeps the document's arm.
             unknown: As of `Uploads.open`.
+            log: Whether it is a log of the robot, which is kept for tasks.
+
+        Returns:
+            The name by which it is kept.
 
         Raises:
             InvalidInput: A file that cannot be opened.
         """
         with self.display.lock:
             editor = self.editor
+            if log:
+                name = editor.uploads.keep_log(name, content)
+                self.display.show_document()
+                return name
             opened = editor.uploads.open(name, content, cell, editor.document, unknown)
             if isinstance(opened, Document):
                 editor.open(opened)
@@ -144,6 +154,7 @@ class Session:
             else:
                 editor.commit(editor.with_changes(opened), f"open {name}")
                 self.display.show_all()
+        return name
 
     def unsaved(self) -> str | None:
         """As of `Document.unsaved`."""

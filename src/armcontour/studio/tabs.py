@@ -16,11 +16,14 @@ Said: TypeAlias = Mapping[str, Any]
 # Files that are kept for the pages to save, and about how many bytes; the newest is always kept.
 MOST_FILES, MOST_BYTES = 20, 200_000_000
 # Frames of which a page needs only the newest.
-NEWEST_ONLY = {"arm", "detail", "document", "executed", "figures", "picture", "pose", "refusal"}
+NEWEST_ONLY = {"arm", "changes", "detail", "document", "executed", "figures"} | {
+    *("picture", "pose", "refusal")
+}
 
 # Options of the command line in a sentence, which also names the key of the job file.
 _OPTION = r"--[a-z][a-z-]*(?: (?:'[^']*'|[^\s,.;:()']+))?"
-_OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|,? or {_OPTION}|, {_OPTION}(?=\))")
+_BEFORE = r",? (?:or|also with|such as)| as"
+_OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|(?:{_BEFORE}) {_OPTION}|, {_OPTION}(?=\))")
 
 
 def without_options(sentence: str) -> str:
@@ -152,7 +155,7 @@ class Tabs:
             old = ["executed", "refusal"]
             # At rest the exact picture may follow the figures of the same edit.
             if any(seq > self._figured.get(number, -1) for number, seq in answers.items()):
-                old.append("figures")
+                old += ["figures", "changes"]
             for kind in old:
                 self._last.pop(kind, None)
         self._last[key] = frame

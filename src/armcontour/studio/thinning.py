@@ -111,7 +111,8 @@ class Detail:
         if self.box is None or len(uv) < 2:
             return np.arange(len(uv)), ends
         low, high = np.minimum(uv[:-1], uv[1:]), np.maximum(uv[:-1], uv[1:])
-        inside = ((high >= self.box[:2]) & (low <= self.box[2:])).all(axis=1)
+        outside = (high < self.box[:2]) | (low > self.box[2:])
+        inside: BoolArray = ~np.any(outside, axis=1)
         inside[ends[1:-1] - 1] = False
         begins = np.append(inside, False)
         ends_here = np.append(False, inside)

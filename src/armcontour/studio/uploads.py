@@ -11,6 +11,7 @@ import secrets
 import shutil
 import time
 from pathlib import Path as FilePath
+from typing import Any
 
 from armcontour._text import make_printable
 from armcontour.errors import InvalidInput
@@ -23,6 +24,8 @@ from armcontour.studio.document import Document
 # Endings of robot descriptions; .xacro is none of them, as it is a program.
 ROBOTS = (".urdf",)
 LONGEST = 100
+# Endings of logs of a robot, and how many are kept.
+LOGS, MOST_LOGS = (".csv", ".txt", ".log", ".mcap", ".db3"), 8
 # Age of folders of other sessions, whose servers may still run, before they are removed [s].
 OLD = 30 * 86400.0
 
@@ -33,11 +36,14 @@ class Uploads:
     Attributes:
         root: Folder of what pages have sent in all sessions.
         folder: The folder of this session, which may not be there.
+        logs: Logs of the robot by their names, the oldest first; they end with the session.
     """
 
     def __init__(self) -> None:
         self.root = state_folder() / "uploads"
         self.folder = self.root / secrets.token_hex(8)
+        self.logs: dict[str, FilePath] = {}
+        self._logs = self.root / secrets.token_hex(8)
 
     def open(
         self, name: str, content: bytes, cell: str | None, document: Document, unknown: str = ""
@@ -86,12 +92,55 @@ class Uploads:
             *options,
         ]
 
+    def keep_log(self, name: str, content: bytes) -> str:
+        """Keep a log of the robot; the oldest ones go where there are too many.
+
+        Args:
+            name: Its name.
+            content: Its bytes.
+
+        Returns:
+            The name by which it is kept: another log may have its own.
+
+        Raises:
+            InvalidInput: A file of another kind, or an empty one.
+        """
+        refuse_name(name)
+        if FilePath(name).suffix.lower() not in LOGS or not content:
+            kinds = ", ".join(LOGS)
+            raise InvalidInput(f"{name} is empty, or no log of joint positions ({kinds}).")
+        make_private(self._logs)
+        place, number = self._logs / name, 1
+        while place.exists() and place.read_bytes() != content:
+            number += 1
+            place = self._logs / f"{number}-{name}"
+        place.write_bytes(content)
+        self.logs.pop(place.name, None)
+        self.logs[place.name] = place
+        if len(self.logs) > MOST_LOGS:
+            self.logs.pop(next(iter(self.logs))).unlink()
+        return place.name
+
+    def find_logs(self, names: Any) -> list[str]:
+        """Files of logs that are kept.
+
+        Args:
+            names: Their names, as a page gives them.
+
+        Raises:
+            InvalidInput: One is not kept.
+        """
+        if not isinstance(names, list) or not {str(x) for x in names} <= set(self.logs):
+            raise InvalidInput("A log is not kept any more: drop it on the page again.")
+        return [str(self.logs[str(x)]) for x in names]
+
     def close(self) -> None:
         """Remove what no draft needs, of this session and of old ones that did not end well."""
         needed = "".join(x.text for x in all_drafts())
         old = time.time() - OLD
         for folder in self.root.glob("*"):
-            if folder.name in needed or (folder != self.folder and folder.stat().st_mtime > old):
+            own = folder in (self.folder, self._logs)
+            if folder.name in needed or (not own and folder.stat().st_mtime > old):
                 continue
             shutil.rmtree(folder, ignore_errors=True)
 

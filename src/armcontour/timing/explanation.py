@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -38,8 +39,9 @@ REACHED = 0.999
 FLAT = 0.01
 # What "nothing" is called for people.
 BETWEEN = "between two limits"
-# Largest number of limits that are printed.
-MOST_LISTED = 10
+# What takes time without being on a contour, by the kinds of moves.
+RAPIDS, DWELLS = "rapids between contours", "dwells"
+IDLE = {"rapid": RAPIDS, "dwell": DWELLS}
 # What limits are called for people, in the order that decides between equal shares.
 NAMES = {
     **{f"joint_{x}": x for x in ("torque", "velocity", "acceleration")},
@@ -107,21 +109,23 @@ class Shortfall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitShare:
-    """Length and time for which one limit binds, over all contours.
+    """Length and time for which one limit binds, or the time between contours.
 
     Args:
-        name: The limit with its joint, or `BETWEEN`.
-        length: Length [m].
+        kind: The limit, `BETWEEN`, `RAPIDS` or `DWELLS`.
+        name: The limit with its joint; otherwise the kind.
+        length: Length [m]; None off the contours.
         time: Time [s].
-        of_length: Share of the length of all contours.
-        of_time: Share of the time of all contours, without the ways between them.
-        count: Number of parts of the path.
+        of_length: Share of the length of all contours; None off the contours.
+        of_time: Share of the duration of the motion.
+        count: Number of parts of the path, or of moves.
     """
 
+    kind: str
     name: str
-    length: float
+    length: float | None
     time: float
-    of_length: float
+    of_length: float | None
     of_time: float
     count: int
 
@@ -139,6 +143,7 @@ class Explanation(Result):
         shortfalls: Speed extremes below the assigned velocity, with their causes.
         jerk_stops: Arc lengths at which limits of jerk make the motion rest, because accelerations
             would jump there at any speed [m].
+        idle: Durations of the moves between contours, by `RAPIDS` and `DWELLS` [s].
     """
 
     bindings: tuple[Binding, ...]
@@ -146,6 +151,7 @@ class Explanation(Result):
     assigned_time: float | None
     shortfalls: tuple[Shortfall, ...]
     jerk_stops: tuple[float, ...] = ()
+    idle: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """The limits that bind, with their shares of the time."""
@@ -160,25 +166,12 @@ class Explanation(Result):
             "Explanation",
             (
                 Row("assigned_length", self.assigned_length, "1", "length at the assigned speed"),
-                Row("assigned_time", self.assigned_time, "1", "time at the assigned speed"),
+                Row("assigned_time", self.assigned_time, "1"),
                 Row("slowest", slowest and slowest.sentence, "", "slowest place"),
                 Row("jerk_stops", len(self.jerk_stops) or None, "", "stops by limits of jerk"),
             ),
             (
-                Table(
-                    "limits",
-                    (
-                        *(Row("limit", None, "", "limit"), Row("time", None, "s", "time")),
-                        *(Row("length", None, "m", "length"), Row("count", None, "", "parts")),
-                        Row("of_time", None, "1", "of the time"),
-                        Row("of_length", None, "1", "of the length"),
-                    ),
-                    [
-                        (x.name, x.time, x.length, x.count, x.of_time, x.of_length)
-                        for x in self.shares
-                    ],
-                    TABLE,
-                ),
+                self.time_table,
                 Table(
                     "bindings",
                     (
@@ -202,28 +195,59 @@ class Explanation(Result):
         )
 
     @property
+    def time_table(self) -> Table:
+        """What takes the time, which report, page, print and files have alike."""
+        return Table(
+            "time",
+            (
+                *(Row("kind", None), Row("name", None, "", "what takes the time")),
+                *(Row("time", None, "s", "time"), Row("of_time", None, "1", "of the time")),
+                *(Row("length", None, "m", "length"), Row("count", None, "", "parts")),
+                Row("of_length", None, "1"),
+            ),
+            [
+                (x.kind, x.name, x.time, x.of_time, x.length, x.count, x.of_length)
+                for x in self.shares
+            ],
+            TABLE,
+        )
+
+    @property
+    def kinds(self) -> dict[str, float]:
+        """Share of the duration by the kinds of `shares`, of all joints together."""
+        found: defaultdict[str, float] = defaultdict(float)
+        for x in self.shares:
+            found[x.kind] += x.of_time
+        return dict(sorted(found.items(), key=lambda x: -x[1]))
+
+    @property
     def longest(self) -> tuple[str, float] | None:
-        """The limit that binds for the longest time, and its share; None if none binds."""
+        """What takes the longest time, and its share; None if nothing is known."""
         return next(((x.name, x.of_time) for x in self.shares if x.name != BETWEEN), None)
 
     @property
     def shares(self) -> tuple[LimitShare, ...]:
-        """Length and time for which each limit binds, the longest time first."""
-        sums: dict[str, FloatArray] = {}
+        """What takes the time of the motion, the longest time first; all times add up to it."""
+        sums: dict[tuple[str, str], FloatArray] = {}
         for x in self.bindings:
+            key = (BETWEEN, BETWEEN) if x.limit == "nothing" else (x.limit, x.name)
             part = np.array([x.s[1] - x.s[0], x.t[1] - x.t[0], 1.0])
-            sums[x.name] = sums.get(x.name, np.zeros(3)) + part
+            sums[key] = sums.get(key, np.zeros(3)) + part
         length, time, _ = np.sum([np.zeros(3), *sums.values()], axis=0).tolist()
+        time += sum(map(sum, self.idle.values()))
+        rows = [(*key, *x.tolist()) for key, x in sums.items()]
+        rows += [(key, key, None, sum(x), len(x)) for key, x in self.idle.items()]
         found = (
             LimitShare(
-                name=BETWEEN if name == "nothing" else name,
-                length=x[0],
-                time=x[1],
-                of_length=x[0] / (length or 1.0),
-                of_time=x[1] / (time or 1.0),
-                count=int(x[2]),
+                kind=kind,
+                name=name,
+                length=its,
+                time=t,
+                of_length=None if its is None else its / (length or 1.0),
+                of_time=t / (time or 1.0),
+                count=int(count),
             )
-            for name, x in ((name, x.tolist()) for name, x in sums.items())
+            for kind, name, its, t, count in rows
         )
         return tuple(sorted(found, key=lambda x: -x.time))
 
@@ -267,7 +291,11 @@ def explain(
         if bounds.jerk_limits:
             stops += (x.s[0] + find_jerk_stops(law.joint_path, x.trajectory)).tolist()
     found = _join([_explain_law(law, arm, bounds, constraints, (t, s)) for t, s, law in laws])
-    return replace(found, jerk_stops=tuple(stops))
+    idle: defaultdict[str, tuple[float, ...]] = defaultdict(tuple)
+    for span in trajectory.spans:
+        if span.kind in IDLE:
+            idle[IDLE[span.kind]] += (span.t[1] - span.t[0],)
+    return replace(found, jerk_stops=tuple(stops), idle=idle)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,6 +26,16 @@ def test_the_page_has_no_serious_fault(pages, colours, width):
     for tab in TABS:
         studio.tab(tab)
         found += [f"{tab}: {x}" for x in faults(studio.page)]
+    studio.find("#panel .seek").get_by_role("button", name="All").click()
+    # Fields are made when what they are in is opened.
+    while studio.find("#panel details:not([open])").count():
+        studio.find("#panel details:not([open])").evaluate_all(
+            "all => all.forEach(x => (x.open = true))"
+        )
+        studio.page.wait_for_timeout(100)
+    studio.type("limits.speed", "5 parsecs")
+    studio.find("#panel .refused").wait_for()
+    found += [f"settings: {x}" for x in faults(studio.page)]
     if width == 1400:
         studio.find("#viewbar").get_by_role("button", name="Both").click()
         studio.find("#help-open").click()

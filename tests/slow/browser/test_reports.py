@@ -1,25 +1,32 @@
 """Reports in a real browser: no serious fault of accessibility, nothing cut off at any width."""
 
 import dataclasses
+import functools
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
+from tests.browser.axe_faults import faults, load_axe
 from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
 from armcontour.io import parse_job
-from armcontour.report import sections
-from armcontour.report.figure import render_page
+from armcontour.io.cell import read_cell
+from armcontour.jobs import Goal
+from armcontour.report import (
+    render_batch,
+    render_demo,
+    render_placement,
+    render_report,
+)
 from armcontour.report.identification import render_identification
 from armcontour.report.sections.batch import Axis, BatchView
 
-if TYPE_CHECKING:
-    pass
-from tests.browser.axe_faults import faults, load_axe
-
 pytestmark = pytest.mark.browser
+DRAWINGS = FilePath(__file__).parents[3] / "examples" / "drawings"
+# Largest height of a page at 1400 px, closed and opened, and largest size of the usual ones [B].
+CLOSED, OPENED, SIZE = 1500, 5000, 2.7e6
 # Two parts of a drawing on the UR5e, before a table; two runs whose rapids differ.
 PARTS = """
 name: parts
@@ -64,85 +71,195 @@ def bends():
     )
 
 
-def every_kind():
-    """A page with sections of all kinds of reports."""
-    study = ac.run(parts())
-    over = {"x": (-0.01, 0.01, 2), "y": (-0.01, 0.01, 2)}
-    space = sections.space(study)
-    assert space is not None
-    found = [
-        sections.certificate(ac.certify(bend())),
-        sections.overview(study),
-        sections.program(study),
-        # Scenes are slow without a graphics card.
-        dataclasses.replace(space, figures=space.figures[-1:]),
-        sections.tool_speed(study),
-        sections.joints(study),
-        sections.placement(ac.place(bend(), ac.PlaceSearch(over=over, refined=False))),
-        sections.batch(bends()),
-    ]
-    return render_page("report.html", job=study.job, title="", about="", source="", sections=found)
+def gasket():
+    """Ten contours of a drawing on the UR5e, as of the README."""
+    return read_cell("ur5e", DRAWINGS / "gasket.dxf")
 
 
 def identified():
-    t = np.linspace(0.0, 1.0, 501)
-    command = 0.1 * np.sin(2 * t[:, None]) ** 2
-    measured = command + 1e-5 * np.random.default_rng(0).standard_normal(command.shape)
-    return render_identification(ac.identify(ac.Log(t=t, command=command, measured=measured)))
+    """Six joints from two programs; the fourth joint does not move."""
+    arm = ac.load_arm("ur5e")
+    robot = ac.ServoPlant(arm, ac.ServoModel(kp=23.0, kv=150.0, dead_time=0.012))
+    t, logs = np.arange(0.0, 4.0, 4e-3), []
+    frequencies = np.arange(0.5, 20.0, 0.25)
+    for program in (1, 2):
+        random = np.random.default_rng(program)
+        phases = random.uniform(0.0, 2 * np.pi, (6, len(frequencies)))
+        u = np.cos(2 * np.pi * t[:, None, None] * frequencies + phases).sum(axis=2)
+        u *= 5e-3 / np.abs(u).max()
+        u[:, 3] = 0.0
+        u += [0.0, -1.2, 1.4, -1.0, -1.5, 0.2]
+        rest = ac.Trajectory(laws=(ac.stand_still(u[0], t[-1]),), method="rest")
+        taught = ac.TaughtData(period=4e-3, q=u, trajectory=rest, method="shaking")
+        done = ac.execute(taught, robot)
+        q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1)
+        q += 1e-5 * random.standard_normal(q.shape)
+        logs.append(ac.Log(t=t, command=u, measured=q, interpolation="linear"))
+    return render_identification(ac.identify(logs))
+
+
+def placed():
+    over = {"x": (-0.01, 0.01, 2), "y": (-0.01, 0.01, 2)}
+    return render_placement(ac.place(bend(), ac.PlaceSearch(over=over, refined=False)))
+
+
+def certified():
+    found = ac.certify(gasket(), goal=Goal(servo=0.02e-3))
+    return render_report(found.study, certificate=found)
+
+
+PAGES = {
+    "run": lambda: render_report(ac.run(gasket())),
+    "runs": lambda: render_report(ac.run(parts())),
+    "certify": certified,
+    "identify": identified,
+    "place": placed,
+    "batch": lambda: render_batch(bends()),
+    "two jobs": lambda: render_demo([ac.run(bend()), ac.run(parts())]),
+}
+
+
+@functools.cache
+def text_of(name):
+    return PAGES[name]()
 
 
 # What lies outside of its page or its figure, but for what has a box of its own to scroll in.
 CUT_OFF = """() => {
   const found = [], wide = document.documentElement.clientWidth;
   if (document.documentElement.scrollWidth > wide) found.push("the page");
-  for (const text of document.querySelectorAll(".js-plotly-plot text, main p, li, figcaption, b")) {
-    if (text.closest(".wide")) continue;
+  const words = ".js-plotly-plot text, main p, dd, li, figcaption, b, summary span";
+  for (const text of document.querySelectorAll(words)) {
+    if (text.closest(".wide") || !text.checkVisibility()) continue;
     const own = text.getBoundingClientRect();
-    const box = text.closest(".js-plotly-plot, section")?.getBoundingClientRect();
-    if (!box || !own.width || text.closest("[hidden], details:not([open])")) continue;
+    const box = text.closest(".js-plotly-plot, section, details")?.getBoundingClientRect();
+    if (!box || !own.width) continue;
     if (own.left < box.left - 1 || own.right > box.right + 1
         || own.top < box.top - 1 || own.bottom > box.bottom + 1) found.push(text.textContent);
   }
   for (const box of document.querySelectorAll(".scroll")) {
-    const goesOn = box.scrollWidth > box.clientWidth + 1;
+    if (!box.checkVisibility()) continue;
+    const goesOn = box.scrollWidth > box.clientWidth + 1 || box.scrollHeight > box.clientHeight + 1;
     const hinted = box.nextElementSibling.getBoundingClientRect().height > 0;
     if (goesOn !== hinted || goesOn !== (box.tabIndex === 0)) found.push(box.textContent);
   }
   return found;
 }"""
+HEIGHT = "document.documentElement.scrollHeight"
+DRAWN = "body[data-drawn]"
 
 
 @contextmanager
-def opened(browser, text, folder, width):
-    """A page whose figures are drawn, and that has had no trouble."""
+def opened(browser, text, folder, width, **how):
+    """A page whose visible figures are drawn, and that has had no trouble."""
     file = folder / "report.html"
     file.write_text(text, encoding="utf-8")
-    page = browser.new_page(viewport={"width": width, "height": 900})
+    page = browser.new_page(viewport={"width": width, "height": 900}, **how)
     troubles = []
     page.on("pageerror", lambda x: troubles.append(str(x)))
     page.on("console", lambda x: troubles.append(x.text) if x.type == "error" else None)
-    page.on("request", lambda x: None if x.url == file.as_uri() else troubles.append(x.url))
+    page.on(
+        "request", lambda x: None if x.url.startswith(file.as_uri()) else troubles.append(x.url)
+    )
     page.goto(file.as_uri())
-    page.wait_for_selector("body[data-drawn]", state="attached", timeout=120_000)
+    if how.get("java_script_enabled", True):
+        page.wait_for_selector(DRAWN, state="attached", timeout=120_000)
     yield page
     assert not troubles, troubles
     page.close()
 
 
-@pytest.mark.parametrize(("make", "widths"), [(every_kind, (1400, 900, 500)), (identified, (500,))])
-def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, make, widths):
-    with opened(browser, make(), tmp_path, widths[0]) as page:
-        load_axe(page)
-        assert page.locator(".js-plotly-plot").count() == page.locator("figure").count() > 0
-        found = []
-        for width in widths:
-            page.set_viewport_size({"width": width, "height": 900})
-            page.evaluate("fitPage()")
-            found += [f"{width}: cut off: {x}" for x in page.evaluate(CUT_OFF)]
-            # What plotly draws is the same at any width, and a page has ten thousand pieces of it.
-            without = [] if width == widths[0] else [".js-plotly-plot svg"]
+def open_all(page):
+    """Open every section, and wait until its figures are drawn."""
+    page.evaluate("() => document.querySelectorAll('details').forEach((x) => { x.open = true; })")
+    page.wait_for_function(
+        "() => [...document.querySelectorAll('.plotly-graph-div')].every("
+        "(x) => !x.checkVisibility() || x.classList.contains('js-plotly-plot'))",
+        timeout=120_000,
+    )
+    page.wait_for_selector(DRAWN, state="attached", timeout=120_000)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_is_one_screen_and_short_when_opened(browser, tmp_path, name):
+    text = text_of(name)
+    with opened(browser, text, tmp_path, 1400) as page:
+        closed = page.evaluate(HEIGHT)
+        open_all(page)
+        heights = closed, page.evaluate(HEIGHT)
+    jobs = 2 if name == "two jobs" else 1
+    assert heights[0] <= jobs * CLOSED and heights[1] <= jobs * OPENED, heights
+    if name in ("run", "certify", "identify"):
+        assert len(text) <= SIZE
+
+
+# What is on the first screen, without a scroll.
+SEEN = """() => ["h1", ".verdict", ".tiles, .front table", ".drawing, .front table, .front figure",
+  "dl"].filter((name) => {
+  const x = document.querySelector(name);
+  return !x || x.getBoundingClientRect().top > innerHeight * 0.8;
+})"""
+
+
+@pytest.mark.parametrize("name", [x for x in PAGES if x != "batch"])
+@pytest.mark.parametrize("colours", ["light", "dark"])
+def test_the_answer_is_on_the_first_screen_also_without_scripts(browser, tmp_path, name, colours):
+    how = {"java_script_enabled": False, "color_scheme": colours}
+    with opened(browser, text_of(name), tmp_path, 1400, **how) as page:
+        assert page.evaluate(SEEN) == []
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, name):
+    found = []
+    for width, colours in ((1400, "light"), (900, "dark"), (500, "light")):
+        with opened(browser, text_of(name), tmp_path, width, color_scheme=colours) as page:
+            for state in ("closed", "opened"):
+                if state == "opened":
+                    open_all(page)
+                cut = page.evaluate(CUT_OFF)
+                found += [f"{width} {state}: cut off: {x}" for x in cut]
+            load_axe(page)
+            # What plotly draws is the same at any width, and has ten thousand pieces.
+            without = [] if width == 1400 else [".js-plotly-plot svg"]
             found += [f"{width}: {x}" for x in faults(page, without=without)]
-        assert not found, "\n".join(found)
+    assert not found, "\n".join(found)
+
+
+def test_the_wheel_scrolls_the_page_over_every_figure(browser, tmp_path):
+    with opened(browser, text_of("run"), tmp_path, 1400) as page:
+        open_all(page)
+        figures = page.locator(".js-plotly-plot")
+        assert figures.count() >= 6 and page.locator(".gl-container canvas").count() >= 3
+        for k in range(figures.count()):
+            figures.nth(k).evaluate("(x) => x.scrollIntoView({block: 'center'})")
+            box = figures.nth(k).bounding_box()
+            page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+            before = page.evaluate("scrollY")
+            page.mouse.wheel(0, -200)
+            page.wait_for_function(f"scrollY < {before}", timeout=10_000)
+
+
+def test_a_link_to_a_section_opens_it(browser, tmp_path):
+    with opened(browser, text_of("run"), tmp_path, 1400) as page:
+        assert not page.locator("#joints").evaluate("(x) => x.open")
+        page.evaluate("location.hash = '#joints'")
+        page.wait_for_selector("#joints[open] .js-plotly-plot", timeout=120_000)
+        assert 0 <= page.locator("#joints").bounding_box()["y"] < 450
+
+
+def test_paper_has_every_section(browser, tmp_path):
+    with opened(browser, text_of("run"), tmp_path, 1400) as page:
+        page.emulate_media(media="print")
+        page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        open_all(page)
+        closed = page.locator("details:not([open])").count()
+        drawn = page.locator(".js-plotly-plot").count()
+        assert closed == 0 and drawn == page.locator(".plotly-graph-div").count()
+        # Nothing scrolls on paper.
+        assert page.locator(".rows").first.evaluate("(x) => x.scrollHeight <= x.clientHeight + 1")
+        page.evaluate("dispatchEvent(new Event('afterprint'))")
+        assert page.locator("details[open]").count() == 0
 
 
 # Words of figures that their tools cover, and tools that are cut off themselves.
@@ -159,23 +276,19 @@ COVERED = """() => [...document.querySelectorAll(".js-plotly-plot")].flatMap((pl
 RATIO = "() => document.querySelector('#paths .js-plotly-plot').layout.scene.aspectratio.x"
 
 
-def of_paths(section):
-    """A page with one section."""
-    assert section is not None
-    return render_page("report.html", job=bend(), title="", about="", source="", sections=[section])
-
-
 def test_the_tools_of_a_figure_cover_no_words(browser, tmp_path):
     # The titles of enlarged corners are where the tools would be.
     points = [(0.35, 0.1), (0.41, 0.15), (0.28, 0.3), (0.35, 0.35)]
     job = dataclasses.replace(bend(), path=ac.Path.polyline(points))
-    with opened(browser, of_paths(sections.paths(ac.run(job))), tmp_path, 1400) as page:
+    with opened(browser, render_report(ac.run(job)), tmp_path, 1400) as page:
+        open_all(page)
         assert page.evaluate(COVERED) == []
 
 
 def test_scenes_on_a_narrow_page_leave_room_for_their_ticks(browser, tmp_path):
-    text, ratios = of_paths(sections.space(ac.run(parts()))), []
-    for width in (1400, 500):
-        with opened(browser, text, tmp_path, width) as page:
+    ratios = []
+    for width in (1900, 500):
+        with opened(browser, text_of("runs"), tmp_path, width) as page:
+            open_all(page)
             ratios.append(page.evaluate(RATIO))
     assert ratios[1] == pytest.approx(0.8 * ratios[0])

@@ -571,7 +571,12 @@ def _event_cells(table: Table) -> dict[int, str]:
 
 def write_taught(file: FilePath, taught: TaughtData, joint_names: Sequence[str]) -> None:
     """Write taught data as CSV: t, then q of every joint."""
-    write_pieces(file, csv_pieces(*joint_columns(taught.t, joint_names, q=taught.q)))
+    write_pieces(file, taught_pieces(taught, joint_names))
+
+
+def taught_pieces(taught: TaughtData, joint_names: Sequence[str]) -> Iterator[str]:
+    """The pieces of text that `write_taught` writes."""
+    return csv_pieces(*joint_columns(taught.t, joint_names, q=taught.q))
 
 
 def write_planned(file: FilePath, x: Samples, joint_names: Sequence[str] = ()) -> None:

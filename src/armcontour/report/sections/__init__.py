@@ -1,40 +1,30 @@
 """Sections of the report: each function makes data for the template from a study."""
 
-from armcontour.report.sections.batch import batch
-from armcontour.report.sections.bindings import bindings
-from armcontour.report.sections.certificate import certificate
-from armcontour.report.sections.clearance import clearance
-from armcontour.report.sections.joints import joints
-from armcontour.report.sections.learning import learning
-from armcontour.report.sections.motion import (
-    accelerations,
-    contour_error,
-    time_stamps,
-    tool_speed,
+from armcontour.report.sections.batch import batch as batch
+from armcontour.report.sections.batch import counted as counted
+from armcontour.report.sections.certificate import (
+    certificate as certificate,
 )
-from armcontour.report.sections.overview import overview
-from armcontour.report.sections.paths import joint_space, paths
-from armcontour.report.sections.placement import placement
-from armcontour.report.sections.program import program
-from armcontour.report.sections.shaping import shaping
-from armcontour.report.sections.space import space
-
-__all__ = [
-    "accelerations",
-    "batch",
-    "bindings",
-    "certificate",
-    "clearance",
-    "contour_error",
-    "joint_space",
-    "joints",
-    "learning",
-    "overview",
-    "paths",
-    "placement",
-    "program",
-    "shaping",
-    "space",
-    "time_stamps",
-    "tool_speed",
-]
+from armcontour.report.sections.certificate import (
+    certified as certified,
+)
+from armcontour.report.sections.clearance import clearance as clearance
+from armcontour.report.sections.contours import contours as contours
+from armcontour.report.sections.front import (
+    all_figures as all_figures,
+)
+from armcontour.report.sections.front import (
+    front as front,
+)
+from armcontour.report.sections.front import (
+    notes as notes,
+)
+from armcontour.report.sections.joints import joints as joints
+from armcontour.report.sections.learning import learned as learned
+from armcontour.report.sections.learning import learning as learning
+from armcontour.report.sections.motion import over_time as over_time
+from armcontour.report.sections.motion import time_stamps as time_stamps
+from armcontour.report.sections.path import paths as paths
+from armcontour.report.sections.placement import placed as placed
+from armcontour.report.sections.placement import placement as placement
+from armcontour.report.sections.shaping import shaping as shaping

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from armcontour._checks import FloatArray
-from armcontour.core.render import number, scale
+from armcontour.core.render import number, number_range, scale
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.section import Section, Table, Tile
+from armcontour.report.section import Front, Section, Tile
 from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, finish
 
-# Largest number of figures on a page.
-MOST_FIGURES = 6
+# Largest number of figures on a page, and of figures in large print.
+MOST_FIGURES, MOST_TILES = 6, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,31 +73,39 @@ class BatchView:
     stride: int
 
 
-def batch(view: BatchView) -> Section:
-    """Counts of a batch, and each figure over its parameters."""
-    tiles = [Tile(label="jobs", value=str(sum(view.counts.values())))]
-    tiles += [Tile(label=name, value=str(n)) for name, n in view.counts.items()]
-    header = ("figure", "least", "median", "largest")
-    rows = []
-    for x in view.figures:
-        there = x.values[np.isfinite(x.values)]
-        if len(there):
-            of = (there.min(), np.median(there), there.max())
-            rows.append((x.name, *(number(float(y), x.unit) for y in of)))
-    tables = [Table(header=header, rows=tuple(rows), caption="Figures of the jobs that are done")]
-    if view.errors:
-        errors = tuple((name, str(n)) for name, n in view.errors.items())
-        tables.append(Table(header=("error", "jobs"), rows=errors, caption="Why others are not"))
-    text = "Each point is a job; crosses are jobs without figures."
+def counted(view: BatchView) -> Front:
+    """The first screen: how many jobs came to what, and their first figure."""
+    total, done = sum(view.counts.values()), view.counts.get(view.done, 0)
+    tiles = [Tile(label="jobs done", value=f"{done} of {total}")]
+    for x in view.figures[:MOST_TILES]:
+        there = x.values[np.isfinite(x.values)].tolist()
+        if there:
+            note = f"median {number(float(np.median(there)), x.unit)}"
+            tiles.append(Tile(label=x.name, value=number_range(there, x.unit), note=note))
+    sentences = [("What a point is", "Each point is a job; crosses are jobs without figures.")]
     if view.stride > 1:
-        text += f" One of {view.stride} jobs is shown."
-    return Section(
-        key="batch",
-        title="Results",
-        text=text,
-        tiles=(("", tuple(tiles)),),
-        figures=tuple(_figure(view, x) for x in view.figures[:MOST_FIGURES]) if view.axes else (),
-        tables=tuple(tables),
+        sentences.append(("How many", f"One of {view.stride} jobs is shown."))
+    if view.errors:
+        errors = ", ".join(f"{name} ({n})" for name, n in view.errors.items())
+        sentences.append(("Why others are not done", f"{errors}."))
+    return Front(
+        verdict=", ".join(f"{n} {name}" for name, n in view.counts.items()),
+        tiles=tuple(tiles),
+        parts=tuple(_figure(view, x) for x in view.figures[:1]) if view.axes else (),
+        sentences=tuple(sentences),
+    )
+
+
+def batch(view: BatchView) -> Section | None:
+    """The other figures over the parameters; None if there are none."""
+    figures = [_figure(view, x) for x in view.figures[1:MOST_FIGURES]] if view.axes else []
+    for x in figures:
+        x.span = 3
+    names = ", ".join(x.name for x in view.figures[1:MOST_FIGURES])
+    return (
+        Section(key="batch", title="Other figures", summary=names, parts=tuple(figures))
+        if figures
+        else None
     )
 
 
@@ -140,7 +148,7 @@ def _figure(view: BatchView, of: Axis) -> Any:
         )
     figure.update_xaxes(**_axis(first))
     figure.update_yaxes(**_axis(second))
-    return finish(figure, title=of.name, height=460)
+    return finish(figure, title=of.name, height=380)
 
 
 def _axis(of: Axis) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from armcontour.arms import Arm
 from armcontour.frames import Frame
 from armcontour.jobs import Job
 from armcontour.report.figure import make_trace
-from armcontour.report.style import finish
+from armcontour.report.style import finish, line
 from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
 from armcontour.scene.scene import BASE
 
@@ -36,6 +36,15 @@ FEW_POINTS = 1000
 PLATE = 1.5
 
 
+def curve(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
+    """A curve in the plane or in space, from points in m."""
+    if points.shape[1] == 2:
+        x, y = points.T * 1e3
+        return line(x, y, name, colour, **look)
+    look["width"] = look.get("width", 2) + 2
+    return line_in_space(points * 1e3, name, colour, **look)
+
+
 def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
     """A curve in space from points in mm, rounded to 0.1 µm."""
     line = {"color": colour, "width": look.pop("width", 4), "dash": look.pop("dash", "solid")}
@@ -46,7 +55,9 @@ def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> An
     )
 
 
-def in_space(figure: Any, points: FloatArray, *, title: str, height: int, top: int = 12) -> None:
+def in_space(
+    figure: Any, points: FloatArray, *, title: str, height: int, top: int = 12, span: int = 6
+) -> None:
     """Set the layout of a figure in space: equal scales, a legend at the left.
 
     Args:
@@ -55,8 +66,9 @@ def in_space(figure: Any, points: FloatArray, *, title: str, height: int, top: i
         title: Title of the figure.
         height: Height of the figure [pixels].
         top: Margin above the scene [pixels].
+        span: Width of the figure, in sixths.
     """
-    finish(figure, title=title, height=height)
+    finish(figure, title=title, height=height, span=span)
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     size = high - low
     longest = float(size.max())

@@ -17,7 +17,7 @@ from armcontour.frames import Frame
 from armcontour.jobs import Job, RunResult, Study
 from armcontour.report.figure import Figure
 from armcontour.report.outline import outline_points
-from armcontour.report.section import Section, Table, table_of
+from armcontour.report.section import Section, table_of
 from armcontour.report.sections.bodies import (
     LINK_COLOUR,
     TOOL_COLOUR,
@@ -38,7 +38,9 @@ KINDS = {
     "tool": "tool and others",
 }
 # Times of the curves, and rows of the table.
-TIMES, MOST_ROWS = 200, 12
+TIMES, MOST_ROWS = 200, 7
+# Height of the figures [px].
+HEIGHT = 320
 
 
 def clearance(study: Study) -> Section | None:
@@ -49,37 +51,30 @@ def clearance(study: Study) -> Section | None:
     first = next(iter(runs.values()))
     found = first.clearance
     assert found is not None
-    figures: list[Any] = [_over_time(study.job, name, x) for name, x in runs.items()]
-    nearest = _nearest(study.job, found)
-    if study.job.program.dimension == 3 and nearest is not None:
-        figures.append(_posture(study.job, first, nearest))
     reasons = Counter(x.reason for x in found.left_out)
     left = list_some([f"{reason} ({n})" for reason, n in reasons.items()], 6)
     return Section(
         key="clearance",
         title="Clearance",
-        text=(
-            "Distances of the arm from itself, from its tool and from its cell. The clearance is "
-            "proven: at no time bodies are nearer. Distances at single times are computed."
-        ),
-        figures=tuple(figures),
-        tables=tuple(table for name, x in runs.items() for table in _tables(name, x)),
-        notes=tuple(
-            x
-            for x in (
-                *(_note(name, x) for name, x in runs.items()),
-                f"Pairs that are not looked at: {left}." if reasons else None,
-            )
-            if x is not None
-        ),
+        summary="least distances of the arm from itself, from its tool and from its cell",
+        text="The clearance is proven: at no time bodies are nearer. Distances at single times are "
+        "computed; dashed lines are margins.",
+        choices=tuple((name, tuple(_parts(study.job, x))) for name, x in runs.items()),
+        notes=(f"Pairs that are not looked at: {left}.",) if reasons else (),
     )
 
 
-def _note(name: str, result: RunResult) -> str:
-    """How near a run comes to anything, as a sentence."""
-    found = result.clearance
-    assert found is not None
-    return result.clearance_note or f"Run {name}: {found.sentence}"
+def _parts(job: Job, result: RunResult) -> Iterator[Any]:
+    """Distances over time, the posture of the least distance, and the nearest pairs of a run."""
+    assert result.clearance is not None
+    nearest = _nearest(job, result.clearance)
+    yield _over_time(job, result)
+    if job.program.dimension == 3 and nearest is not None:
+        yield _posture(job, result, nearest)
+    for found, how in ((result.clearance, "planned"), (result.executed_clearance, "executed")):
+        if found is not None:
+            pairs = next(x for x in found.to_data().tables if x.name == "pairs")
+            yield table_of(replace(pairs, rows=pairs.rows[:MOST_ROWS]), f"Nearest pairs, {how}")
 
 
 def _nearest(job: Job, found: Clearance) -> PairClearance | None:
@@ -89,7 +84,7 @@ def _nearest(job: Job, found: Clearance) -> PairClearance | None:
     return min(pairs or found.pairs, key=lambda x: x.high, default=None)
 
 
-def _over_time(job: Job, name: str, result: RunResult) -> Any:
+def _over_time(job: Job, result: RunResult) -> Any:
     """Figure of the least distances of every kind over time, planned and executed."""
     figure = Figure()
     cell = job.cell
@@ -107,16 +102,7 @@ def _over_time(job: Job, name: str, result: RunResult) -> Any:
         figure.add_hline(y=margins[kind] * 1e3, line={"color": colour, "width": 1, "dash": "dash"})
     figure.update_xaxes(title="t [s]")
     figure.update_yaxes(title="least distance [mm]", rangemode="tozero")
-    return finish(figure, title=f"Least distances, run {name}; dashed: margins", height=420)
-
-
-def _tables(name: str, result: RunResult) -> Iterator[Table]:
-    """Tables of the pairs that come nearest to their margins, as planned and as executed."""
-    for found, how in ((result.clearance, ""), (result.executed_clearance, ", executed")):
-        if found is not None:
-            pairs = next(x for x in found.to_data().tables if x.name == "pairs")
-            pairs = replace(pairs, rows=pairs.rows[:MOST_ROWS])
-            yield table_of(pairs, f"Nearest pairs, run {name}{how}")
+    return finish(figure, title="Least distances", height=HEIGHT, span=3)
 
 
 def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
@@ -144,6 +130,6 @@ def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
     name = f"{nearest.second}, {nearest.first}: {number(least, 'm')} at {number(t, 's')}"
     between = seen_from_base(job.arm, nearest.points)
     figure.add_trace(line_in_space(between, name, LIMIT_COLOUR, width=8))
-    title = "Posture of the least distance, as the base has it"
-    in_space(figure, np.concatenate(drawn), title=title, height=620)
+    title = "Posture of the least distance"
+    in_space(figure, np.concatenate(drawn), title=title, height=HEIGHT, span=3)
     return figure

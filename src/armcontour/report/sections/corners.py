@@ -6,18 +6,17 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.core.render import number
+from armcontour.evaluation import Evaluation
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.jobs import Study
-from armcontour.jobs.job import CURVATURE
 from armcontour.motion import Execution
-from armcontour.program import Program
 from armcontour.report.figure import make_subplots
 from armcontour.report.style import (
     EXPERIMENT_DASH,
@@ -34,7 +33,7 @@ ZOOM = 4.0
 MOST_CORNERS = 4
 # Pictures in a row, the height of a figure with one row, and of every other row [px].
 COLUMNS = 2
-HEIGHT, MORE_HEIGHT = 500, 400
+HEIGHT, MORE_HEIGHT = 350, 250
 # Number of drawn points per executed sample.
 FINER = 6
 MOST_POINTS = 800
@@ -42,7 +41,6 @@ MOST_POINTS = 800
 PLACES = 200
 IN_PLANE = np.eye(2)
 Replaced = RoundedPath | ShapedPath
-ROUNDED, SHAPED = "rounded", "shaped"
 # Dashes of different rounded paths.
 DASHES = ("dash", "dot", "dashdot", "longdash")
 
@@ -65,7 +63,7 @@ class Corner:
 
 
 def corners(study: Study) -> list[Any]:
-    """A figure of enlarged corners; empty if no run has rounded or shaped corners."""
+    """A figure of enlarged corners; none if no run has rounded or shaped corners."""
     paths = _replaced_paths(study)
     if not paths:
         return []
@@ -73,7 +71,7 @@ def corners(study: Study) -> list[Any]:
     known = find_corners(first)
     if not known:
         return []
-    shown, tools = known[:MOST_CORNERS], _tools(study)
+    shown, tools = known[:MOST_CORNERS], tools_of(study)
     rows = -(-len(shown) // COLUMNS)
     figure = make_subplots(
         rows=rows,
@@ -130,87 +128,54 @@ def _title(study: Study, names: list[str], shown: int, known: int, *, shaped: bo
     return title
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tool:
+class Tool(NamedTuple):
     """The executed tool path of a run or an experiment, and its line in figures.
 
     Args:
         name: Name in the legend.
         done: The execution.
-        points: Tool positions [m], (n, dimension).
-        colour, look: Colour and other options of the line.
+        evaluation: Its errors; None without.
+        look: Colour and other options of the line.
     """
 
     name: str
     done: Execution
-    points: FloatArray
-    colour: str
+    evaluation: Evaluation | None
     look: dict[str, Any]
 
 
-def _tools(study: Study) -> list[Tool]:
+def tools_of(study: Study) -> list[Tool]:
     """Executed tool paths of all runs and experiments."""
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     found = []
     for name, result in study.runs.items():
-        own: dict[str, Any] = {"width": widths[name]}
-        done = [(name, result.motion, own)]
+        look: dict[str, Any] = {"colour": colours[name], "width": widths[name]}
+        found.append(Tool(name, result.motion, result.evaluation, look))
         if (x := result.experiment) is not None:
-            look = {"dash": EXPERIMENT_DASH, "width": 1.5}
-            done.append((f"{name}, experiment", x.execution, look))
-        found += [
-            Tool(name=called, done=y, points=y.tool, colour=colours[name], look=look)
-            for called, y, look in done
-        ]
+            look = {"colour": colours[name], "dash": EXPERIMENT_DASH, "width": 1.5}
+            label = f"{name}, experiment"
+            found.append(Tool(label, x.execution, x.evaluation, look))
     return found
 
 
-def replaced_programs(study: Study, noun: str = "path") -> dict[str, Program]:
-    """The different programs with rounded or shaped contours, by their names in a legend.
-
-    Args:
-        study: The study.
-        noun: What is rounded or shaped.
-    """
-    found: dict[str, Program] = {}
-    which = _shown(study)
+def _replaced_paths(study: Study) -> dict[str, Replaced]:
+    """The different rounded or shaped paths of the contour in the figure, by their names."""
+    which, found = _shown(study), dict[str, Replaced]()
     for name, result in study.runs.items():
         path = result.path.contours[which].path
-        known = (x.contours[which].path for x in found.values())
-        if isinstance(path, Replaced) and not any(_alike(path, x) for x in known):
-            found[name] = result.path
-    kinds = {name: kind_of(x.contours[which].path) for name, x in found.items()}
+        if isinstance(path, Replaced) and not any(alike(path, x) for x in found.values()):
+            found[name] = path
+    kinds = {name: _kind(x) for name, x in found.items()}
     alone = [kind for kind, count in Counter(kinds.values()).items() if count == 1]
     return {
-        f"{kinds[x]} {noun}" + ("" if kinds[x] in alone else f" of {x}"): program
-        for x, program in found.items()
+        f"{kinds[x]} path" + ("" if kinds[x] in alone else f" of {x}"): path
+        for x, path in found.items()
     }
 
 
-def replaced_paths(study: Study) -> str:
-    """Words for the paths that follow the objective path: rounded, shaped or both."""
-    which = _shown(study)
-    kinds = {kind_of(x.path.contours[which].path) for x in study.runs.values()}
-    words = f"the {min(kinds)} path"
-    if kinds == {ROUNDED, SHAPED}:
-        words = "the rounded and the shaped path"
-    curved = [name for name, x in study.runs.items() if x.run.continuity == CURVATURE]
-    if not curved:
-        return words
-    where = "" if len(curved) == len(study.runs) else f" in {', '.join(curved)}"
-    return f"{words} (rounded with continuous curvature{where})"
-
-
-def kind_of(path: Path) -> str:
+def _kind(path: Path) -> str:
     """A word for what became of the corners of a path."""
-    return SHAPED if isinstance(path, ShapedPath) else ROUNDED
-
-
-def _replaced_paths(study: Study) -> dict[str, Replaced]:
-    """The rounded or shaped paths of the contour in the figure, by their names in the legend."""
-    which = _shown(study)
-    found = {name: x.contours[which].path for name, x in replaced_programs(study).items()}
-    return {name: x for name, x in found.items() if isinstance(x, Replaced)}
+    return "shaped" if isinstance(path, ShapedPath) else "rounded"
 
 
 def _shown(study: Study) -> int:
@@ -222,7 +187,7 @@ def _shown(study: Study) -> int:
     return 0
 
 
-def _alike(first: Path, second: Path) -> bool:
+def alike(first: Path, second: Path) -> bool:
     """Whether two paths have the same vertices."""
     return np.array_equal(first.breaks, second.breaks) and np.array_equal(
         first.vertices, second.vertices
@@ -259,7 +224,7 @@ def _corner(
         stretch = _between(other, *other.place(np.clip(around, 0, path.objective.length)))
         draw(stretch, name, "#000000", dash=dash, width=1.5)
     for x in tools:
-        draw(_near(x.done, x.points, point, 3 * half), x.name, x.colour, **x.look)
+        draw(_near(x.done, point, 3 * half), x.name, **x.look)
     middle = seen(point)
     names = ("x [mm]", "y [mm]") if path.dimension == 2 else ("along [mm]", "across [mm]")
     ends = [middle - half * 1e3, middle + half * 1e3]
@@ -291,9 +256,11 @@ def _between(path: Path, start: float, end: float) -> FloatArray:
     return path(np.union1d(np.linspace(low, high, PLACES), vertices))
 
 
-def _near(done: Execution, tool: FloatArray, corner: FloatArray, distance: float) -> FloatArray:
+def _near(done: Execution, corner: FloatArray, distance: float) -> FloatArray:
     """Tool positions near a corner, interpolated between executed samples; gaps (NaN) elsewhere."""
-    near = np.flatnonzero(np.all(np.abs(tool - corner) < distance, axis=1)[:-1])
+    from scipy.interpolate import CubicHermiteSpline
+
+    near = np.flatnonzero(np.all(np.abs(done.tool - corner) < distance, axis=1)[:-1])
     gap = np.full((1, len(corner)), np.nan)
     found = [gap]
     for visit in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
@@ -301,15 +268,6 @@ def _near(done: Execution, tool: FloatArray, corner: FloatArray, distance: float
             places = len(visit) * min(FINER, MOST_POINTS / len(near))
             of = slice(visit[0], visit[-1] + 2)
             t = np.linspace(done.t[of][0], done.t[of][-1], int(places) + 2)
-            found += [done.arm.tool_position(_hermite(done.t[of], done.q[of], done.dq[of], t)), gap]
+            q = CubicHermiteSpline(done.t[of], done.q[of], done.dq[of])(t)
+            found += [done.arm.tool_position(q), gap]
     return np.concatenate(found)
-
-
-def _hermite(at: FloatArray, q: FloatArray, dq: FloatArray, t: FloatArray) -> FloatArray:
-    """Values at times t of the cubics through positions q with velocities dq at times, (n, dof)."""
-    k = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(at) - 2)
-    width, x = np.diff(at)[k, None], (t - at[k])[:, None]
-    slope = (q[k + 1] - q[k]) / width
-    bend = (dq[k] + dq[k + 1] - 2 * slope) / width
-    first = (slope - dq[k]) / width - bend
-    return np.asarray(q[k] + x * (dq[k] + x * (first + x * bend / width)))

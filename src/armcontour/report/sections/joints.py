@@ -21,39 +21,43 @@ from armcontour.report.style import (
     EXPERIMENT_COLOUR,
     LIMIT_COLOUR,
     PLANNED_COLOUR,
+    SATURATION_COLOUR,
     finish,
     line,
     thin,
 )
 
 QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")
+# Height of the three plots of a joint [px].
+HEIGHT = 58
 # Points of a curve; a report has many such small figures.
 MOST_POINTS = 400
 # Digits after the decimal point of values in tables, so that numerical noise is 0.
 ROUNDED = 6
 # Range of motion [rad], or share of a limit, below which a joint is at rest.
 AT_REST = 1e-4
+# Relative difference of demand and acceleration above which a joint is shown as saturated.
+SATURATED = 1e-3
 # Use of a limit from which the limit is drawn; otherwise it would flatten the curve.
 WORTH_SHOWING = 0.3
 # Percentile of an experiment's values that sets the scale, so that spikes do not.
 USUAL = 99.5
 
 
-def joints(study: Study) -> Section | None:
-    """Joint motion of every run, with ranges and limits; None for a planar arm."""
-    if study.job.program.dimension != 3:
-        return None
+def joints(study: Study) -> Section:
+    """Joint motion of every run, with ranges and limits."""
     executed = ", executed and, with an experiment, on the arm's rigid bodies"
     executed = executed if study.simulated else ""
     return Section(
         key="joints",
         title="Joints",
+        summary="position, velocity and acceleration with their limits",
         text=(
-            f"Planned{executed}. Black lines are "
-            "limits; a limit of which less than a third is used is in the tables only."
+            f"Planned{executed}. Black lines are limits; a limit of which less than a third is "
+            "used is in the table only. Shaded: the joint is saturated, so that its acceleration "
+            "differs from the demand of its servo by more than a thousandth."
         ),
-        tables=tuple(_table(name, x) for name, x in study.runs.items()),
-        figures=tuple(draw_joints(name, x) for name, x in study.runs.items()),
+        choices=tuple((k, (draw_joints(k, x), _table(x))) for k, x in study.runs.items()),
     )
 
 
@@ -69,7 +73,6 @@ def draw_joints(name: str, result: RunResult) -> Any:
         vertical_spacing=0.15 / n,
     )
     bounds = _bounds(result, n)
-    shapes: list[dict[str, Any]] = []
     for order in range(3):
         curves = _curves(result, order)
         for j in range(n):
@@ -90,15 +93,20 @@ def draw_joints(name: str, result: RunResult) -> Any:
                 )
             low, high = (float(x[j]) for x in bounds[order])
             seen = _range([(k, v[:, j]) for k, (_, v, _) in curves.items()], low, high, order)
-            figure.update_yaxes(range=seen, nticks=5, **place)
-            shapes += _limits(j * 3 + order + 1, (low, high), seen)
-    for j, joint in enumerate(names):
-        title = {"text": joint, "font": {"size": 11}}
+            figure.update_yaxes(range=seen, nticks=4, **place)
+            for value in (low, high):
+                if seen[0] < value < seen[1]:
+                    figure.add_hline(value, {"color": LIMIT_COLOUR, "width": 1}, **place)
+    for j in range(n):
+        x = result.motion
+        for span in find_saturation(x.t, x.demand[:, j], x.ddq[:, j]):
+            figure.add_vspan(span, SATURATION_COLOUR, row=j + 1, col=3)
+        # Names are in the table: they are longer than a plot is high.
+        title = {"text": f"joint {j + 1}", "font": {"size": 11}}
         figure.update_yaxes(title=title, row=j + 1, col=1)
     for column in range(3):
         figure.update_xaxes(title="time [s]", row=n, col=column + 1)
-    figure.add_shapes(shapes)
-    finish(figure, title=f"Run {name}: joints", height=130 * n + 170)
+    finish(figure, title=f"Run {name}: joints", height=HEIGHT * n + 150)
     figure.update_layout(
         margin={"t": 50, "b": 90}, legend={"traceorder": "reversed"}, showlegend=True
     )
@@ -164,26 +172,21 @@ def _range(
     return [bottom, top]
 
 
-def _limits(axis: int, ends: tuple[float, float], seen: list[float]) -> list[dict[str, Any]]:
-    """Limits as lines across one small figure, if they lie in it."""
-    number = "" if axis == 1 else str(axis)
-    return [
-        {
-            "type": "line",
-            "xref": f"x{number} domain",
-            "yref": f"y{number}",
-            "x0": 0,
-            "x1": 1,
-            "y0": value,
-            "y1": value,
-            "line": {"color": LIMIT_COLOUR, "width": 1},
-        }
-        for value in ends
-        if seen[0] < value < seen[1]
-    ]
+def find_saturation(t: Any, demand: Any, given: Any) -> list[tuple[float, float]]:
+    """Intervals of time in which a joint does not reach its demand; close intervals are joined."""
+    over = np.abs(demand - given) > SATURATED * np.abs(given)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], over.astype(int), [0]])))
+    joined: list[tuple[float, float]] = []
+    for i, k in zip(edges[::2], edges[1::2] - 1, strict=True):
+        start, end = float(t[i]), float(t[k])
+        if joined and start - joined[-1][1] < 2e-3 * t[-1]:
+            joined[-1] = (joined[-1][0], end)
+        else:
+            joined.append((start, end))
+    return joined
 
 
-def _table(name: str, result: RunResult) -> Table:
+def _table(result: RunResult) -> Table:
     """Used range and largest values of every joint, and their limits."""
     done, arm, limits = result.motion, result.arm, result.run.limits
     plan = result.torques
@@ -208,7 +211,7 @@ def _table(name: str, result: RunResult) -> Table:
             columns.append(Row(f"{label}.use", None, "1", f"of {label} limit"))
             values.append(np.where(limited, use.ratio, np.nan).tolist())
     rows = list(zip(*values, strict=True))
-    return table_of(core.Table("joints", tuple(columns), rows), f"Run {name}: largest amounts")
+    return table_of(core.Table("joints", tuple(columns), rows), "Largest amounts")
 
 
 def _worst(name: str, limits: Limits, values: FloatArray) -> Use:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armcontour.core.render import number
+from armcontour.core.result import FIRST
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.section import Section, table_of, tiles
+from armcontour.report.section import Front, Section, table_of, tiles
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
@@ -16,6 +18,7 @@ from armcontour.report.style import (
     PATH_COLOUR,
     PLANNED_COLOUR,
     RUN_COLOURS,
+    WHOLE,
     finish,
     line,
     thin,
@@ -24,30 +27,38 @@ from armcontour.report.style import (
 if TYPE_CHECKING:
     from armcontour.jobs.learning import LearningStudy
 
+# Height of the figures [px].
+HEIGHT = 360
 # Smallest error on a logarithmic axis [mm].
 SMALLEST_ERROR = 1e-6
 # Marks tell joints apart where colours repeat.
 MARKS = ("circle", "square", "diamond", "triangle-up", "cross", "x", "star", "pentagon")
 
 
-def learning(study: LearningStudy) -> Section:
-    """Error over runs, the joints' parts, and contour error before and after, over time.
+def learned(study: LearningStudy) -> Front:
+    """The first screen: the error from run to run, and what comes next.
 
     Args:
         study: The runs, and what was learned from them.
     """
     data = study.result
-    figures = [_over_runs(study), _of_joints(study)]
-    if study.has_path:
-        figures.append(_over_time(study))
+    return Front(
+        verdict=study.notes[0],
+        tiles=tiles(data.shown(FIRST)[1:4]),
+        parts=(_over_runs(study),),
+        sentences=(("What the error is", _introduction(study)),),
+    )
+
+
+def learning(study: LearningStudy) -> Section:
+    """The joints' parts of the error, contour error over time, and a table of the runs."""
+    figures = [_of_joints(study), *([_over_time(study)] if study.has_path else [])]
     return Section(
         key="learning",
-        title="Learning",
-        text=_introduction(study),
-        tiles=((study.plan.run.name, tiles(data)),),
-        figures=tuple(figures),
-        tables=(table_of(data.tables[0]),),
-        notes=tuple(study.notes[:MOST_SENTENCES]),
+        title="Runs",
+        summary="errors of the joints from run to run, and contour error over time",
+        parts=(*figures, table_of(study.result.tables[0], "Runs")),
+        notes=tuple(study.notes[1:MOST_SENTENCES]),
     )
 
 
@@ -64,78 +75,63 @@ def _introduction(study: LearningStudy) -> str:
 def _over_runs(study: LearningStudy) -> Any:
     """Figure of RMS and largest error over runs, with predictions and noise."""
     lesson, count = study.lesson, len(study.lesson.runs)
-    errors = np.array([study.errors(k) for k in range(count)]) * 1e3
-    numbers = np.arange(1, count + 1)
-    figure = Figure()
-    for column, name, colour, symbol in (
-        (1, "largest", PLANNED_COLOUR, "diamond"),
-        (0, "RMS", EXECUTED_COLOUR, "circle"),
-    ):
-        figure.add_trace(
-            make_trace(
-                "scatter",
-                x=numbers,
-                y=np.maximum(errors[:, column], SMALLEST_ERROR),
-                name=name,
-                mode="lines+markers",
-                line={"color": colour, "width": 2},
-                marker={"color": colour, "symbol": symbol, "size": 9},
-            )
-        )
-    figure.add_trace(_predictions(study))
-    last = count if lesson.finished else count + 1
-    if lesson.noise > 0:
-        level = np.full(2, max(lesson.noise * 1e3, SMALLEST_ERROR))
-        figure.add_trace(line([1, last], level, "does not repeat", PATH_COLOUR, dash="dash"))
-    figure.update_xaxes(title="run", dtick=max(1, last // 12), range=[0.7, last + 0.3])
-    figure.update_yaxes(title="error of the tool [mm]", type="log")
-    return finish(figure, title="Error of the tool from run to run", height=440)
-
-
-def _predictions(study: LearningStudy) -> Any:
-    """Markers of predicted RMS errors."""
-    lesson = study.lesson
+    errors = np.array([study.errors(k) for k in range(count)])
+    numbers = range(1, count + 1)
     found = [
-        (k, x.predicted) for k, x in enumerate(lesson.runs, start=1) if x.predicted is not None
+        (k, x.predicted)
+        for k, x in zip(numbers, lesson.runs, strict=True)
+        if x.predicted is not None
     ]
     if not lesson.finished:
-        found.append((len(lesson.runs) + 1, lesson.predicted))
-    return make_trace(
-        "scatter",
-        x=[number for number, _ in found],
-        y=np.maximum(1e3 * np.array([x for _, x in found]), SMALLEST_ERROR),
-        name="RMS that was predicted",
-        mode="markers",
-        marker={"color": LIMIT_COLOUR, "symbol": "circle-open", "size": 13},
+        found.append((count + 1, lesson.predicted))
+    at, predicted = zip(*found, strict=True) if found else ((), ())
+    name, last = "RMS that was predicted", count if lesson.finished else count + 1
+    drawn = Figure(
+        _marked(numbers, errors[:, 1], "largest", PLANNED_COLOUR, "diamond"),
+        _marked(numbers, errors[:, 0], "RMS", EXECUTED_COLOUR, "circle"),
+        _marked(at, predicted, name, LIMIT_COLOUR, "circle-open", mode="markers"),
     )
+    if lesson.noise > 0:
+        level = np.full(2, max(lesson.noise * 1e3, SMALLEST_ERROR))
+        drawn.add_trace(line([1, last], level, "does not repeat", PATH_COLOUR, dash="dash"))
+    return _over_numbers(drawn, last, "error of the tool [mm]", "Error of the tool from run to run")
 
 
 def _of_joints(study: LearningStudy) -> Any:
     """Figure of the RMS error of every joint over runs."""
-    runs = study.lesson.runs
-    numbers = np.arange(1, len(runs) + 1)
-    figure = Figure()
+    runs, drawn = study.lesson.runs, Figure()
     for j, name in enumerate(study.job.arm.joint_names):
-        colour = RUN_COLOURS[j % len(RUN_COLOURS)]
-        figure.add_trace(
-            make_trace(
-                "scatter",
-                x=numbers,
-                y=np.maximum([1e3 * x.joint_rms[j] for x in runs], SMALLEST_ERROR),
-                name=name,
-                mode="lines+markers",
-                line={"color": colour, "width": 1.5},
-                marker={"color": colour, "symbol": MARKS[j % len(MARKS)], "size": 8},
-            )
-        )
-    figure.update_xaxes(title="run", dtick=max(1, len(runs) // 12), range=[0.7, len(runs) + 0.3])
-    figure.update_yaxes(title="RMS error [mrad]", type="log")
-    return finish(figure, title="The joints' parts", height=440)
+        colour, mark = RUN_COLOURS[j % len(RUN_COLOURS)], MARKS[j % len(MARKS)]
+        values = [x.joint_rms[j] for x in runs]
+        drawn.add_trace(_marked(range(1, len(runs) + 1), values, name, colour, mark))
+    return _over_numbers(drawn, len(runs), "RMS error [mrad]", "The joints' parts", 3)
+
+
+def _marked(
+    x: Sequence[int], y: Any, name: str, colour: str, symbol: str, mode: str = "lines+markers"
+) -> Any:
+    """Errors over numbers of runs, in thousandths."""
+    return make_trace(
+        "scatter",
+        x=list(x),
+        y=np.maximum(1e3 * np.asarray(y), SMALLEST_ERROR),
+        name=name,
+        mode=mode,
+        line={"color": colour, "width": 2},
+        marker={"color": colour, "symbol": symbol, "size": 9},
+    )
+
+
+def _over_numbers(drawn: Figure, last: int, unit: str, title: str, span: int = WHOLE) -> Any:
+    """The layout of a figure over numbers of runs."""
+    drawn.update_xaxes(title="run", dtick=max(1, last // 12), range=[0.7, last + 0.3])
+    drawn.update_yaxes(title=unit, type="log")
+    return finish(drawn, title=title, height=HEIGHT, span=span)
 
 
 def _over_time(study: LearningStudy) -> Any:
     """Figure of the contour error over time in the first run and in the best."""
-    figure = Figure()
+    drawn = Figure()
     best = study.lesson.best
     shown = {0: PLANNED_COLOUR, best: EXECUTED_COLOUR} if best else {0: PLANNED_COLOUR}
     for k, colour in shown.items():
@@ -147,7 +143,7 @@ def _over_time(study: LearningStudy) -> Any:
         curve = line(t, np.maximum(values, SMALLEST_ERROR), label, colour, width=1.5)
         curve.customdata = s.astype(np.float32)
         curve.hovertemplate = "%{y:.4f} mm at %{x:.3f} s, s = %{customdata:.4f} m<extra></extra>"
-        figure.add_trace(curve)
-    figure.update_xaxes(title="time [s]")
-    figure.update_yaxes(title="contour error [mm]", type="log")
-    return finish(figure, title="Contour error as measured, over time", height=460)
+        drawn.add_trace(curve)
+    drawn.update_xaxes(title="time [s]")
+    drawn.update_yaxes(title="contour error [mm]", type="log")
+    return finish(drawn, title="Contour error as measured, over time", height=HEIGHT, span=3)

@@ -1,278 +1,306 @@
-"""Sections on motion over time: tool speed, joint accelerations, contour error, time stamps."""
+"""The section on the motion over time: tool speed, what limits it, contour error, time stamps."""
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.core import result as core
-from armcontour.core.render import figure as figure_of
+from armcontour.core.palette import LIMITS
 from armcontour.core.render import number
 from armcontour.core.result import Row
-from armcontour.evaluation import ErrorProfile
-from armcontour.geometry import Path
 from armcontour.jobs import RunResult, Study
 from armcontour.jobs.results import unknown_notes
-from armcontour.motion import Trajectory
-from armcontour.report.figure import Figure, make_subplots
-from armcontour.report.section import Section, Table, marked_run, table_of
-from armcontour.report.sections.paths import done
+from armcontour.jobs.verdict import allowed_error
+from armcontour.report.drawing import kind_of, word_of
+from armcontour.report.figure import make_subplots, make_trace
+from armcontour.report.section import Section, Table, table_of
 from armcontour.report.style import (
-    EXECUTED_COLOUR,
     EXPERIMENT_DASH,
     LIMIT_COLOUR,
-    PLANNED_COLOUR,
     finish,
     line,
     run_colours,
     run_widths,
-    shade,
     switching_labels,
     thin,
 )
+from armcontour.timing.explanation import Binding
 
 # Smallest error on the logarithmic axis [mm].
 SMALLEST_ERROR = 1e-6
-# Relative difference of demand and acceleration above which a joint is shown as saturated.
-SATURATED = 1e-3
-# Number of samples of planned accelerations.
-MOST_TIMES = 20_000
 # If contours are slower than this share of the fastest rapid, the axis shows the contours.
 SQUEEZED = 0.5
-# A path, its motion, the start of the motion [s], and the length of all paths before it [m].
-Followed = tuple[Path, Trajectory, float, float]
-GAP = np.array([np.nan])
+# Largest number of visible bars of a plan.
+MOST_BARS = 1200
+# Times at which assigned velocities are drawn.
+PLACES = 4000
+# Largest number of listed places below the assigned velocity per plan.
+MOST_PLACES = 50
+# Heights of plots, of the bars of a plan, and of everything else in a figure [px].
+HEIGHT, BARS, AROUND = 150, 28, 125
+# Times of a part of a plan [s], the kind of the limit there, and its name.
+Bar = tuple[float, float, str, str]
 
 
-def tool_speed(study: Study) -> Section:
-    """Executed or planned tool speed of every run, with the assigned velocity."""
-    figure = Figure()
-    colours, widths = run_colours(study.runs), run_widths(study.runs)
-    for name, result in study.runs.items():
-        x = result.motion
-        t, speed = thin(x.t, x.tool_speed * 1e3)
-        figure.add_trace(line(t, speed, name, colours[name], width=widths[name]))
-    for trace in _assigned(study):
-        figure.add_trace(trace)
-    marked, text = marked_run(study), f"As {done(study)}."
-    if any(x.kind != "contour" for y in study.runs.values() for x in y.trajectory.spans):
-        text += (
-            " Assigned velocities apply along contours; between contours rapids run at the limits "
-            "of the joints."
-        )
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Panel:
+    """One plot of a figure over time.
+
+    Args:
+        traces: Its curves or bars.
+        axis: Its vertical axis.
+        height: Its height [px].
+    """
+
+    traces: list[Any]
+    axis: dict[str, Any]
+    height: int = HEIGHT
+
+
+def over_time(study: Study) -> Section:
+    """Tool speed, the limits that restrict it, and the contour error over time."""
+    text, marked = "", marked_run(study)
+    if _is_squeezed(study):
+        text += "Rapids are cut off at the top; a double click shows all of them. "
     if marked is not None:
-        switching_labels(figure, marked.trajectory.switching_points)
-        text += f" Dotted lines are the switching points of the run {marked.run.name}."
-    figure.update_xaxes(title="time [s]")
-    figure.update_yaxes(title="tool speed [mm/s]")
-    most = _largest_on_contours(study)
-    if most < SQUEEZED * max(float(x.motion.tool_speed.max()) for x in study.runs.values()):
-        figure.update_yaxes(range=[0, 1.2 * most * 1e3])
-        text += " Rapids are cut off at the top; a double click shows all of them."
-    return Section(
-        key="speed",
-        title="Tool speed",
-        text=text,
-        figures=(finish(figure, title="Tool speed over time"),),
-    )
-
-
-def _largest_on_contours(study: Study) -> float:
-    """The largest executed tool speed along contours [m/s]."""
-    largest = 0.0
-    for result in study.runs.values():
-        x = result.motion
-        on = np.zeros(len(x.t), dtype=bool)
-        for span in result.trajectory.spans:
-            if span.kind == "contour":
-                on |= (x.t >= span.t[0]) & (x.t <= span.t[1])
-        if not result.trajectory.spans:
-            on[:] = True
-        largest = max(largest, float(x.tool_speed[on].max()))
-    return largest
-
-
-def _assigned(study: Study) -> list[Any]:
-    """Curves of assigned velocities over time; runs with the same constant velocity share one."""
-    steps: dict[str, tuple[FloatArray, FloatArray]] = {}
-    for name, result in study.runs.items():
-        assigned = assigned_speeds(result)
-        if assigned is None:
-            continue
-        label = f"assigned velocity, {name}" if len(study.runs) > 1 else "assigned velocity"
-        # After the last contour there is a gap.
-        t, value = assigned[0][:-1], assigned[2][:-1] * 1e3
-        if np.ptp(value) == 0:
-            label = f"assigned velocity {number(assigned[2][0], 'm/s')}"
-        if label not in steps or t[-1] > steps[label][0][-1]:
-            steps[label] = t, value
-    found = []
-    for label, both in steps.items():
-        t, value = thin(*both)
-        found.append(line(t, value, label, LIMIT_COLOUR, dash="dash", width=1))
-    return found
-
-
-def planned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
-    """Arc length over all contours [m] and planned tool speed [m/s], with gaps (NaN) between."""
-    s, speed = [], []
-    for _, motion, _, offset in _list_followed(result):
-        t = motion.breaks
-        s += [offset + motion.s(t), GAP]
-        speed += [motion.s(t, 1), GAP]
-    return np.concatenate(s)[:-1], np.concatenate(speed)[:-1]
-
-
-def assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Times, arc lengths and assigned velocity as a step curve; None if no velocity is assigned."""
-    most = np.inf if result.run.limits.speed is None else result.run.limits.speed
-    found = []
-    for path, motion, start, offset in _list_followed(result):
-        times, places = start + motion.breaks, motion.s(motion.breaks)
-        middle = (places[:-1] + places[1:]) / 2
-        value = np.fmin(path.speeds[path.locate(middle)], most)
-        value[~np.isfinite(value)] = np.nan
-        # Only changes are drawn: a contour may have 100,000 segments of one speed.
-        same = np.isclose(value[1:], value[:-1], rtol=1e-12, equal_nan=True)
-        edges = np.concatenate([[0], np.flatnonzero(~same) + 1, [len(value)]])
-        steps = np.repeat(edges, 2)[1:-1]
-        found.append((times[steps], offset + places[steps], value[edges[:-1]]))
-    if not any(np.isfinite(x[2]).any() for x in found):
-        return None
-    t, s = (np.concatenate([y for x in found for y in (x[i], GAP)]) for i in (0, 1))
-    return t, s, np.concatenate([y for x in found for y in (np.repeat(x[2], 2), GAP)])
-
-
-def _list_followed(result: RunResult) -> list[Followed]:
-    """All contours with a planned motion, in order."""
-    spans = result.trajectory.contour_spans
-    return [
-        (x.path, span.trajectory, span.t[0], span.s[0])
-        for x, span in zip(result.path.contours, spans, strict=True)
-        if span.trajectory is not None
-    ]
-
-
-def accelerations(study: Study) -> Section | None:
-    """Joint accelerations of every run of an arm in the plane, with limits and saturation."""
-    if study.job.program.dimension != 2:
-        return None
-    return Section(
-        key="accelerations",
-        title="Joint accelerations",
-        text=(
-            "Acceleration of every joint, with its limits as black lines. Shaded: the joint is "
-            "saturated, so that its acceleration differs from the demand of its servo by more than "
-            "a thousandth."
-        ),
-        figures=tuple(_accelerations(name, result) for name, result in study.runs.items()),
-    )
-
-
-def contour_error(study: Study) -> Section | None:
-    """Contour error profile of every run; None if nothing was simulated."""
-    if not study.simulated:
-        return None
-    figure = Figure()
-    colours = run_colours(study.runs)
-    for name, result in study.runs.items():
-        if result.evaluation is None:
-            continue
-        e = result.evaluation.contour_error
-        t, values = thin(e.t, e.values * 1e3)
-        label = f"{name}: {_extremes(e)}"
-        figure.add_trace(line(t, np.maximum(values, SMALLEST_ERROR), label, colours[name]))
-        if result.experiment is not None:
-            e = result.experiment.evaluation.contour_error
-            t, values = thin(e.t, e.values * 1e3)
-            label = f"{name}, experiment: {_extremes(e)}"
-            look = {"dash": EXPERIMENT_DASH, "width": 1.5}
-            values = np.maximum(values, SMALLEST_ERROR)
-            figure.add_trace(line(t, values, label, colours[name], **look))
-    figure.update_xaxes(title="time [s]")
-    figure.update_yaxes(title="contour error [mm]", type="log")
-    text = "Distance from the executed tool to the path of its run, on a logarithmic scale."
+        text += f"Dotted lines are the switching points of the run {marked.run.name}. "
     notes: tuple[str, ...] = ()
     if any(x.experiment is not None for x in study.runs.values()):
-        text += (
-            " Dotted: the experiment, the same set-points on the arm's rigid bodies, with default "
-            "drive gains."
-        )
+        text += "Dotted curves are experiments on the arm's rigid bodies. "
         notes = unknown_notes(study)
+    tables, places = [], []
+    for name, result in _plans(study).items():
+        why, run = result.explanation, f"{name}: " if len(study.runs) > 1 else ""
+        assert why is not None
+        tables.append(table_of(why.time_table, f"{run}what takes the time"))
+        worst = sorted(why.shortfalls, key=lambda x: x.speed / x.assigned)[:MOST_PLACES]
+        places += [(f"{run}{x.sentence} ({x.kind})",) for x in worst]
+    if places:
+        header = (f"{len(places)} slowest places below the assigned velocity",)
+        tables.append(Table(header=header, rows=tuple(places)))
     return Section(
-        key="contour-error",
-        title="Contour error",
+        key="time",
+        title="Over time",
+        summary="tool speed, the limit that restricts it"
+        + (", contour error" if study.simulated else ""),
         text=text,
-        figures=(finish(figure, title="Contour error over time", height=500),),
+        parts=(draw_over_time(study, speed, limits, error), *tables),
         notes=notes,
     )
 
 
-def _extremes(error: ErrorProfile) -> str:
-    """RMS and largest value of an error, for a legend."""
-    data = error.to_data()
-    return f"RMS {figure_of(data['rms'])}, largest {figure_of(data['max'])}"
+def draw_over_time(study: Study, *made: Any) -> Any:
+    """A figure of panels over time, of those that a study has."""
+    panels = [x for x in (make(study) for make in made) if x is not None]
+    height = sum(x.height for x in panels)
+    figure = make_subplots(
+        rows=len(panels),
+        cols=1,
+        shared_xaxes=True,
+        row_heights=[x.height for x in panels],
+        vertical_spacing=15 / (height + 15 * len(panels)),
+    )
+    known: set[str] = set()
+    for row, panel in enumerate(panels, start=1):
+        for trace in panel.traces:
+            # One entry of the legend for all bars of a limit and all curves of a name.
+            group = trace.legendgroup or trace.name
+            trace.merge({"legendgroup": group, "showlegend": trace.name not in known})
+            known.add(trace.name)
+            figure.add_trace(trace, row, 1)
+        figure.update_yaxes(row, 1, **panel.axis)
+    marked = marked_run(study)
+    if marked is not None:
+        switching_labels(figure, marked.trajectory.switching_points)
+    figure.update_layout(barmode="overlay", bargap=0.1)
+    figure.update_xaxes(len(panels), 1, title="time [s]")
+    return finish(figure, title="Motion over time", height=height + AROUND)
+
+
+def speed(study: Study) -> Panel:
+    """Executed or planned tool speed of every run, with the assigned velocity."""
+    colours, widths = run_colours(study.runs), run_widths(study.runs)
+    traces = []
+    for name, result in study.runs.items():
+        x = result.motion
+        t, values = thin(x.t, x.tool_speed * 1e3)
+        traces.append(line(t, values, name, colours[name], width=widths[name]))
+    axis: dict[str, Any] = {"title": "speed [mm/s]"}
+    if _is_squeezed(study):
+        axis["range"] = [0, 1.2 * _largest_on_contours(study) * 1e3]
+    return Panel(traces=[*traces, *_assigned(study)], axis=axis)
+
+
+def limits(study: Study) -> Panel | None:
+    """Bars of the limit that restricts the speed, for every plan; None without an explanation."""
+    bars: defaultdict[str, list[tuple[Bar, str]]] = defaultdict(list)
+    plans = _plans(study)
+    for name, result in plans.items():
+        for bar in list_bars([] if result.explanation is None else result.explanation.bindings):
+            bars[bar[2]].append((bar, name if len(plans) > 1 else ""))
+    if not bars:
+        return None
+    traces = [_bars(kind, found) for kind, found in bars.items()]
+    axis = {"title": "" if len(plans) > 1 else "limit", "showticklabels": len(plans) > 1}
+    return Panel(traces=traces, axis=axis, height=BARS * max(2, len(plans)))
+
+
+def _bars(kind: str, found: list[tuple[Bar, str]]) -> Any:
+    """Bars of the intervals in which limits of one kind restrict the speed."""
+    return make_trace(
+        "bar",
+        name=word_of(kind),
+        orientation="h",
+        y=[y for _, y in found],
+        base=[x[0] for x, _ in found],
+        x=[x[1] - x[0] for x, _ in found],
+        # Edges would cover thin bars, also of few.
+        marker={"color": LIMITS.get(kind, LIMITS["other"])["light"], "line": {"width": 0}},
+        customdata=[[x[0], x[1], x[3]] for x, _ in found],
+        hovertemplate=(
+            "%{customdata[2]}<br>t %{customdata[0]:.3f} to %{customdata[1]:.3f} s<extra></extra>"
+        ),
+    )
+
+
+def list_bars(bindings: Sequence[Binding]) -> list[Bar]:
+    """Intervals of time with the limit that restricts the speed in each, in order.
+
+    If there are too many to see, the time is cut into equal parts, and each part has the limit of
+    its longest interval. Neighbouring bars of one limit are joined.
+    """
+    found = [(*x.t, kind_of(x.limit), x.name) for x in bindings]
+    ends = np.array([x[:2] for x in found])
+    if len(found) > MOST_BARS:
+        cell = np.floor(ends.mean(axis=1) / ends[-1, 1] * MOST_BARS).astype(int)
+        order = np.lexsort((ends[:, 0] - ends[:, 1], cell))
+        chosen = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
+        found = [found[k] for k in chosen.tolist()]
+        # Every bar ends where the next bar starts.
+        starts = [*ends[chosen, 0], ends[-1, 1]]
+        starts[0] = ends[0, 0]
+        found = [(a, b, *x[2:]) for x, a, b in zip(found, starts, starts[1:], strict=False)]
+    joined: list[Bar] = []
+    for x in found:
+        if joined and joined[-1][2:] == x[2:] and joined[-1][1] == x[0]:
+            joined[-1] = (joined[-1][0], *x[1:])
+        else:
+            joined.append(x)
+    return joined
+
+
+def error(study: Study) -> Panel | None:
+    """The contour error of every run, and what is allowed; None if nothing was simulated."""
+    if not study.simulated:
+        return None
+    colours, traces, allowed = run_colours(study.runs), [], set()
+    for name, result in study.runs.items():
+        judged = [(name, result.evaluation, {"legendgroup": name})]
+        if result.experiment is not None:
+            look: dict[str, Any] = {"dash": EXPERIMENT_DASH, "width": 1.5}
+            judged.append((f"{name}, experiment", result.experiment.evaluation, look))
+        for label, x, look in judged:
+            if x is None:
+                continue
+            e = x.contour_error
+            t, values = thin(e.t, e.values * 1e3)
+            values = np.maximum(values, SMALLEST_ERROR)
+            traces.append(line(t, values, label, colours[name], **look))
+        most = allowed_error(result)
+        if most is not None and result.evaluation is not None:
+            allowed.add((most, result.trajectory.duration))
+    for value, end in allowed:
+        name, dashed = f"allowed {number(value, 'm')}", {"dash": "dash", "width": 1}
+        traces.append(line([0, end], [1e3 * value] * 2, name, LIMIT_COLOUR, **dashed))
+    return Panel(traces=traces, axis={"title": "contour error [mm]", "type": "log"})
+
+
+def _plans(study: Study) -> dict[str, RunResult]:
+    """Every explained plan once, by the names of all runs that have this plan."""
+    found: list[list[RunResult]] = []
+    for result in study.runs.values():
+        if result.explanation is None:
+            continue
+        same = next((x for x in found if x[0].trajectory is result.trajectory), None)
+        if same is None:
+            found.append([result])
+        else:
+            same.append(result)
+    return {", ".join(y.run.name for y in x): x[0] for x in found}
+
+
+def _is_squeezed(study: Study) -> bool:
+    """Whether contours are much slower than rapids."""
+    fastest = max(float(x.motion.tool_speed.max()) for x in study.runs.values())
+    return _largest_on_contours(study) < SQUEEZED * fastest
+
+
+def _largest_on_contours(study: Study) -> float:
+    """The largest planned tool speed along contours [m/s]; infinite without paths."""
+    motions = [y.trajectory for x in study.runs.values() for y in x.trajectory.contour_spans]
+    speeds = [x.s(x.breaks, 1).max() for x in motions if x is not None and x.path is not None]
+    return float(max(speeds, default=np.inf))
+
+
+def _assigned(study: Study) -> Iterator[Any]:
+    """Curves of assigned velocities over time; runs with the same constant velocity share one."""
+    steps: dict[str, tuple[FloatArray, FloatArray]] = {}
+    for name, result in study.runs.items():
+        t, value = _assigned_speeds(result)
+        known = value[np.isfinite(value)]
+        if not len(known):
+            continue
+        label = f"assigned velocity, {name}" if len(study.runs) > 1 else "assigned velocity"
+        if np.ptp(known) == 0:
+            label = f"assigned velocity {number(known[0], 'm/s')}"
+        if label not in steps or t[-2] > steps[label][0][-2]:
+            steps[label] = t, value * 1e3
+    for label, both in steps.items():
+        t, value = thin(*both)
+        yield line(t, value, label, LIMIT_COLOUR, dash="dash", width=1)
+
+
+def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
+    """Times and assigned velocities, NaN after each contour and where none is assigned."""
+    most = np.inf if result.run.limits.speed is None else result.run.limits.speed
+    parts, count = [np.empty((0, 2))], len(result.path.contours)
+    for x, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
+        if span.trajectory is not None:
+            times = np.linspace(*span.t, 2 + PLACES // count)
+            s = span.trajectory.s(times - span.t[0])
+            value = np.fmin(x.path.speeds[x.path.locate(s)], most)
+            parts += [np.column_stack([times, value]), np.full((1, 2), np.nan)]
+    t, values = np.concatenate(parts).T
+    return t, np.where(np.isfinite(values), values, np.nan)
+
+
+def marked_run(study: Study) -> RunResult | None:
+    """The run whose switching points are drawn: the last that has some."""
+    switched = [x for x in study.runs.values() if len(x.trajectory.stretches) > 1]
+    return switched[-1] if switched else None
 
 
 def time_stamps(study: Study) -> Section | None:
     """Switching points with time, position, rule and joint demand."""
-    if not any(x.trajectory.stretches for x in study.runs.values()):
+    runs = {name: x for name, x in study.runs.items() if x.trajectory.stretches}
+    if not runs:
         return None
     return Section(
         key="time-stamps",
         title="Switching points",
+        summary="where one rule hands over to the next",
         text=(
-            "Where one rule hands over to the next: MAC, maximum joint acceleration; AVC, assigned "
-            "velocity; MDC, maximum deceleration; corner, one speed on an arc."
+            "MAC, maximum joint acceleration; AVC, assigned velocity; MDC, maximum deceleration; "
+            "corner, one speed on an arc."
         ),
-        tables=tuple(_stamps(name, x) for name, x in study.runs.items() if x.trajectory.stretches),
+        choices=tuple((name, (_stamps(name, x),)) for name, x in runs.items()),
     )
-
-
-def _accelerations(name: str, result: RunResult) -> Any:
-    """Figure of planned and executed joint accelerations of a run."""
-    x = result.motion
-    names = x.arm.joint_names
-    bounds = np.stack(result.run.limits.acceleration_bounds(len(names)))
-    figure = make_subplots(rows=len(names), cols=1, shared_xaxes=True, vertical_spacing=0.06)
-    # Finely sampled, so that `thin` finds and keeps the peaks.
-    every = np.linspace(0, result.trajectory.duration, MOST_TIMES)
-    planned = result.trajectory(every, 2)
-    for j, joint in enumerate(names):
-        row = {"row": j + 1, "col": 1}
-        t, ddq = thin(x.t, x.ddq[:, j])
-        t_plan, ddq_plan = thin(every, planned[:, j])
-        dotted: dict[str, Any] = {"dash": "dot", "width": 1.5}
-        for curve, label, colour, look in (
-            ((t, ddq), "executed", EXECUTED_COLOUR, {}),
-            ((t_plan, ddq_plan), "planned", PLANNED_COLOUR, dotted),
-        )[result.execution is None :]:
-            look = {**look, "showlegend": j == 0, "legendgroup": label}
-            figure.add_trace(line(curve[0], curve[1], label, colour, **look), **row)
-        shade(figure, find_saturation(x.t, x.demand[:, j], x.ddq[:, j]), j + 1)
-        for bound in bounds[np.isfinite(bounds[:, j]), j].tolist():
-            figure.add_hline(y=bound, line={"color": LIMIT_COLOUR, "width": 1}, **row)
-        figure.update_yaxes(title=f"{joint} [rad/s²]", **row)
-    if len(result.trajectory.stretches) > 1:
-        switching_labels(figure, result.trajectory.switching_points)
-    figure.update_xaxes(title="time [s]", row=len(names), col=1)
-    return finish(figure, title=f"Run {name}", height=230 * len(names) + 120)
-
-
-def find_saturation(t: Any, demand: Any, given: Any) -> list[tuple[float, float]]:
-    """Intervals of time in which a joint does not reach its demand; close intervals are joined."""
-    over = np.abs(demand - given) > SATURATED * np.abs(given)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], over.astype(int), [0]])))
-    joined: list[tuple[float, float]] = []
-    for i, k in zip(edges[::2], edges[1::2] - 1, strict=True):
-        start, end = float(t[i]), float(t[k])
-        if joined and start - joined[-1][1] < 2e-3 * t[-1]:
-            joined[-1] = (joined[-1][0], end)
-        else:
-            joined.append((start, end))
-    return joined
 
 
 def _stamps(name: str, result: RunResult) -> Table:

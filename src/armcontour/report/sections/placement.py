@@ -8,14 +8,16 @@ import numpy as np
 
 from armcontour._checks import FloatArray
 from armcontour.core.render import scale
-from armcontour.core.result import Row
+from armcontour.core.result import VERDICT, Row
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.section import Section, Table, side_by_side, tiles
+from armcontour.report.section import Front, Section, Table, side_by_side, tiles
 from armcontour.report.style import EXECUTED_COLOUR, PLANNED_COLOUR, finish
 
 if TYPE_CHECKING:
     from armcontour.placement import Axis, Placement
 
+# Height of a map [px].
+HEIGHT = 460
 # Grey tones of refused places, by the kinds of refusals.
 GREYS = {
     "reach": "#4d4d4d",
@@ -35,25 +37,46 @@ OBJECTIVES = {
 }
 
 
-def placement(found: Placement) -> Section:
-    """Maps over two axes, the best place, and how the others were refused.
+def placed(found: Placement) -> Front:
+    """The first screen: the map of the sought figure, and the best place.
 
     Args:
         found: The placement.
     """
-    choices = []
-    for x in found.own.to_data().rows:
-        if x.label and x.unit and np.isfinite(values := _values(found, x)).any():
-            choices.append((x.label, (_figure(found, x, values),)))
+    rows, maps = found.to_data().shown(VERDICT), _maps(found)
+    sentences = [("What the map shows", _text(found))]
+    sentences += [("Weakest point", x) for x in found.notes[:1]]
+    return Front(
+        verdict=f"Best place of the {found.what}: {found.refined}",
+        tiles=tiles(rows),
+        parts=maps[0][1] if maps else (),
+        sentences=tuple(sentences),
+    )
+
+
+def placement(found: Placement) -> Section:
+    """The other maps, the figures of the best place, and how places were refused.
+
+    Args:
+        found: The placement.
+    """
     return Section(
         key="placement",
-        title="Placement",
-        text=_text(found),
-        tiles=(("", tiles(found.to_data())),),
-        choices=tuple(choices),
-        tables=(side_by_side(found.comparison), *_refusals(found)),
-        notes=found.notes,
+        title="Other maps and figures",
+        summary="figures of the best place and of the job's own place; refused places",
+        parts=(side_by_side(found.comparison), *_refusals(found)),
+        choices=tuple(_maps(found)[1:]),
+        notes=found.notes[1:],
     )
+
+
+def _maps(found: Placement) -> list[tuple[str, tuple[Any, ...]]]:
+    """A map of each figure that places have, by their labels."""
+    return [
+        (x.label, (_figure(found, x, values),))
+        for x in found.own.to_data().rows
+        if x.label and x.unit and np.isfinite(values := _values(found, x)).any()
+    ]
 
 
 def _text(found: Placement) -> str:
@@ -121,11 +144,11 @@ def _map(
 ) -> Any:
     """A heat map; refused places in tones of grey, with a legend."""
     at = [a.values / scale(a.unit)[1] for a in axes]
-    figure = Figure()
+    drawn = Figure()
     for k, kind in enumerate(GREYS):
         if (refused == k).any():
             grey = GREYS[kind]
-            figure.add_trace(
+            drawn.add_trace(
                 make_trace(
                     "heatmap",
                     x=at[0],
@@ -136,8 +159,8 @@ def _map(
                     hovertemplate=f"%{{x:.4g}}, %{{y:.4g}}<br>refused by {kind}<extra></extra>",
                 )
             )
-            figure.add_trace(_key(kind, grey))
-    figure.add_trace(
+            drawn.add_trace(_key(kind, grey))
+    drawn.add_trace(
         make_trace(
             "heatmap",
             x=at[0],
@@ -150,7 +173,7 @@ def _map(
         )
     )
     best = [found.refined.values[a.name] / scale(a.unit)[1] for a in axes]
-    figure.add_trace(
+    drawn.add_trace(
         make_trace(
             "scatter",
             x=best[:1],
@@ -160,12 +183,12 @@ def _map(
             marker={"symbol": "x", "size": 12, "color": PLANNED_COLOUR},
         )
     )
-    figure.update_xaxes(title=_title(axes[0].name, axes[0].unit))
-    figure.update_yaxes(title=_title(axes[1].name, axes[1].unit))
+    drawn.update_xaxes(title=_title(axes[0].name, axes[0].unit))
+    drawn.update_yaxes(title=_title(axes[1].name, axes[1].unit))
     if all(a.unit == "m" for a in axes):
-        figure.update_xaxes(constrain="domain")
-        figure.update_yaxes(constrain="domain", scaleanchor="x", scaleratio=1)
-    return finish(figure, title=f"Places by {x.label}", height=620)
+        drawn.update_xaxes(constrain="domain")
+        drawn.update_yaxes(constrain="domain", scaleanchor="x", scaleratio=1)
+    return finish(drawn, title=f"Places by {x.label}", height=HEIGHT)
 
 
 def _key(kind: str, colour: str) -> Any:
@@ -180,8 +203,8 @@ def _line(
     found: Placement, x: Row, axes: list[Axis], values: FloatArray, refused: FloatArray
 ) -> Any:
     """Values along the only axis that varies; refused places as squares below."""
-    at, figure = axes[0].values / scale(axes[0].unit)[1], Figure()
-    figure.add_trace(
+    at, drawn = axes[0].values / scale(axes[0].unit)[1], Figure()
+    drawn.add_trace(
         make_trace(
             "scatter",
             x=at,
@@ -197,10 +220,10 @@ def _line(
         if which.any():
             entry = _key(kind, GREYS[kind])
             entry.x, entry.y = at[which], np.full(which.sum(), floor)
-            figure.add_trace(entry)
-    figure.update_xaxes(title=_title(axes[0].name, axes[0].unit))
-    figure.update_yaxes(title=_title(x.label, x.unit))
-    return finish(figure, title=f"Places by {x.label}", height=420)
+            drawn.add_trace(entry)
+    drawn.update_xaxes(title=_title(axes[0].name, axes[0].unit))
+    drawn.update_yaxes(title=_title(x.label, x.unit))
+    return finish(drawn, title=f"Places by {x.label}", height=HEIGHT)
 
 
 def _small(x: Row) -> bool:

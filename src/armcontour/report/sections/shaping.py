@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from armcontour.core import result
 from armcontour.core.result import Row
 from armcontour.geometry import ShapedPath
 from armcontour.geometry.shaped import ARCS, PARABOLAS, SHAPED, STOPS
 from armcontour.jobs import Study
 from armcontour.report.section import Section, Table, table_of
+from armcontour.report.sections.corners import alike
 from armcontour.report.style import few
 
-# Largest number of rows of the table.
-MOST_ROWS = 20
 STARTS = (ARCS, PARABOLAS, STOPS)
 
 
@@ -24,17 +21,16 @@ def shaping(study: Study) -> Section | None:
         return None
     outcomes = [(label, path.outcome.note) for label, path in found]
     notes = [*few((f"{label}: {note}." for label, note in outcomes if note is not None), "notes")]
-    if len(found) > MOST_ROWS:
-        notes.append(f"The table has the {MOST_ROWS} of {len(found)} contours that gain the most.")
     return Section(
         key="shaping",
         title="Shaped path",
+        summary="least times of each start, and distances from the objective path",
         text=(
             "The shape of the path was found together with its timing: the fastest path within the "
             "tolerance, two-sided: every point of the path is within the tolerance of its place on "
             "the objective path, and every vertex within the tolerance of the path."
         ),
-        tables=(_table(found[:MOST_ROWS]),),
+        parts=(_table(found),),
         notes=tuple(notes),
     )
 
@@ -52,20 +48,13 @@ def _shaped_contours(study: Study) -> list[tuple[str, ShapedPath]]:
         contours = x.path.contours
         for i, contour in enumerate(contours):
             path = contour.path
-            if not isinstance(path, ShapedPath) or any(_alike(x, path) for _, x in found):
+            if not isinstance(path, ShapedPath) or any(alike(x, path) for _, x in found):
                 continue
             words = [f"contour {i + 1}"] if len(contours) > 1 else []
             words += [contour.name] if contour.name else []
             words += [f"run {name}"] if several or not words else []
             found.append((", ".join(words), path))
     return found
-
-
-def _alike(first: ShapedPath, second: ShapedPath) -> bool:
-    """Whether two shaped paths are the same."""
-    return np.array_equal(first.places, second.places) and np.array_equal(
-        first.vertices, second.vertices
-    )
 
 
 def _table(found: list[tuple[str, ShapedPath]]) -> Table:

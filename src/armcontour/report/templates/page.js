@@ -1,5 +1,6 @@
 "use strict";
-// plotly.js comes packed, so that a page is a third as large. Figures wait until it is unpacked.
+// plotly.js comes packed, so that a page is a third as large. Figures wait until it is unpacked and
+// their section is open, because hidden figures do not know their width.
 const plotly = unpack("plotly").then(function (code) {
   const script = document.createElement("script");
   script.textContent = code;
@@ -8,7 +9,7 @@ const plotly = unpack("plotly").then(function (code) {
 plotly.catch(function () {
   document.body.classList.add("without-figures");
 });
-const figures = [];
+const waiting = new Map();
 // Height of a legend of two lines [pixels], for which figures have room.
 const USUAL_LEGEND = 45;
 
@@ -20,8 +21,7 @@ async function unpack(name) {
 }
 
 function draw(key, data, layout, config, frames) {
-  figures.push(plotly.then(async function () {
-    const place = document.getElementById(key);
+  waiting.set(key, async function (place) {
     place.fullHeight = layout.height;
     layout.template = template;
     // On a narrow page everything else is smaller, too; and a finger scrolls the page.
@@ -30,10 +30,26 @@ function draw(key, data, layout, config, frames) {
       shrinkScenes(layout);
     }
     if (matchMedia("(pointer: coarse)").matches) layout.dragmode = false;
+    // The wheel scrolls the page: plotly would take it for scenes.
+    place.addEventListener("wheel", (x) => x.stopPropagation(), { capture: true, passive: true });
     await Plotly.newPlot(place, data, layout, config);
-    if (place.clientWidth) await fit(place);
+    await fit(place);
     if (frames.length) await Plotly.addFrames(place, frames);
+  });
+}
+
+// Draws the figures of what is open, and says so when all are drawn.
+async function drawOpen() {
+  document.body.removeAttribute("data-drawn");
+  await plotly;
+  const found = [...waiting.keys()].map((key) => document.getElementById(key));
+  await Promise.allSettled(found.filter((x) => x.checkVisibility()).map(function (place) {
+    const make = waiting.get(place.id);
+    waiting.delete(place.id);
+    return make(place);
   }));
+  fitBoxes();
+  document.body.dataset.drawn = "true";
 }
 
 // On a narrow page letters take a larger share of a scene: it is smaller, in every view, so that its
@@ -61,48 +77,67 @@ async function fit(place) {
 
 // Fits everything that is seen to the present width of the page.
 async function fitPage() {
-  const seen = [...document.querySelectorAll(".js-plotly-plot")].filter((x) => x.clientWidth);
+  const seen = [...document.querySelectorAll(".js-plotly-plot")].filter((x) => x.checkVisibility());
   await Promise.all(seen.map(Plotly.Plots.resize));
   await Promise.all(seen.map(fit));
   fitBoxes();
 }
 
-// Only what goes on at the side says so, and is a stop of the Tab key.
+// Only what goes on says so, and is a stop of the Tab key.
 function fitBoxes() {
   for (const box of document.querySelectorAll(".scroll")) {
-    const wide = box.scrollWidth > box.clientWidth + 1;
-    box.classList.toggle("wide", wide);
-    if (wide) box.tabIndex = 0;
+    const on = box.scrollWidth > box.clientWidth + 1 || box.scrollHeight > box.clientHeight + 1;
+    box.classList.toggle("wide", on);
+    if (on) box.tabIndex = 0;
     else box.removeAttribute("tabindex");
   }
 }
 
-// Shows one of several groups of figures; hidden figures do not know their width.
+// Shows one of several groups of parts.
 function choose(selector) {
-  selector.closest("section").querySelectorAll(".choice").forEach(function (group, i) {
+  selector.closest("details").querySelectorAll(".choice").forEach(function (group, i) {
     group.hidden = i !== selector.selectedIndex;
   });
-  fitPage();
+  drawOpen();
 }
 
-// Paper is narrower than most windows, and what is not shown is not printed.
-function resizeForPaper(paper) {
-  for (const place of document.querySelectorAll(".js-plotly-plot")) {
-    Plotly.relayout(place, paper ? { width: 680 } : { width: null, autosize: true });
+// A link to a section opens it.
+function openTarget() {
+  const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  if (!target) return;
+  target.open = true;
+  target.scrollIntoView();
+}
+
+// Paper has all sections, and is narrower than most windows.
+const opened = new Set();
+function openForPaper() {
+  for (const x of document.querySelectorAll("details:not([open])")) {
+    opened.add(x);
+    x.open = true;
   }
-  document.querySelectorAll("details").forEach((x) => { x.open = paper; });
+  drawOpen().then(() => resizeForPaper({ width: 680 }));
+  resizeForPaper({ width: 680 });
+}
+function closeAfterPaper() {
+  resizeForPaper({ width: null, autosize: true });
+  opened.forEach((x) => (x.open = false));
+  opened.clear();
+}
+function resizeForPaper(size) {
+  document.querySelectorAll(".js-plotly-plot").forEach((x) => Plotly.relayout(x, size));
 }
 
-window.addEventListener("load", async function () {
-  fitBoxes();
-  await Promise.allSettled(figures);
-  fitBoxes();
-  document.body.dataset.drawn = "true";
+window.addEventListener("load", function () {
+  openTarget();
+  drawOpen();
 });
+window.addEventListener("hashchange", openTarget);
+document.addEventListener("toggle", drawOpen, { capture: true });
 let resized = 0;
 window.addEventListener("resize", function () {
   clearTimeout(resized);
   resized = setTimeout(fitPage, 100);
 });
-window.addEventListener("beforeprint", () => resizeForPaper(true));
-window.addEventListener("afterprint", () => resizeForPaper(false));
+window.addEventListener("beforeprint", openForPaper);
+window.addEventListener("afterprint", closeAfterPaper);

@@ -43,10 +43,14 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     if edit.get("run") is True and keys[0] in IN_RUN:
         return _in_run(keys, value, state)
     *outer, last = keys
-    values = value_at(state.data, tuple(outer))
+    values, now = value_at(state.data, tuple(outer)), value_at(state.data, keys)
     if edit.get("insert") is True:
         return [Change(keys, value, insert=True)]
-    if keys == ("arm",) and isinstance(value, str) and isinstance(value_at(values, keys), Mapping):
+    if isinstance(value, dict) and isinstance(now, dict):
+        # One by one, so that the comments of each stay.
+        own = {k: written(x, now.get(k), (*keys, k)) for k, x in value.items()}
+        return [Change((*keys, k), own.get(k, REMOVE)) for k in {**now, **own}]
+    if keys == ("arm",) and isinstance(value, str) and isinstance(now, Mapping):
         # The equipment of the arm stays.
         new = {"name": REMOVE, "file": REMOVE, **arm_keys(value)}
         return [Change(("arm", key), x) for key, x in new.items()]
@@ -58,7 +62,7 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     elif isinstance(last, int) and not isinstance(values, list | dict):
         keys, value = tuple(outer), _for_joints(keys, value, values, state)
     else:
-        value = written(value, value_at(state.data, keys), keys)
+        value = written(value, now, keys)
     return resolve(state.data, {keys: value}, state.run)
 
 

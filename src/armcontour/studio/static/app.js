@@ -1,5 +1,5 @@
 // The page: the store, the connection, and one module per region. What a person sees and uses first is made before the
-// connection; all else (rest.js) is loaded once the first picture is drawn, or somebody does something.
+// connection; all else (LATER) is loaded once the first picture is drawn, or somebody does something.
 
 import { init as dock } from "./dock.js";
 import { find } from "./dom.js";
@@ -19,6 +19,8 @@ import { init as theme } from "./theme.js";
 import { View2d } from "./view2d.js";
 import { init as viewbar } from "./viewbar.js";
 
+/** Regions that show a plan, or are seen once they are opened. */
+const LATER = ["obstacles", "pen", "place", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "tasks"];
 const store = new Store();
 const link = new Link(store);
 messages(store, link);
@@ -42,8 +44,8 @@ function makeAll(regions) {
 /** Load and make the other regions; then what was pressed meanwhile is pressed again. */
 async function makeRest() {
   try {
-    const { regionsOf } = await import("./rest.js");
-    store.catchUp(() => makeAll(regionsOf(store, link, grabbed.pointer)));
+    const regions = await Promise.all(LATER.map((name) => import(`./${name}.js`)));
+    store.catchUp(() => makeAll(regions.map(({ init }) => () => init(store, link, grabbed.pointer))));
   } catch (error) {
     console.error(error);
     notify("Charts, tables and tasks did not load: load the page again.", "alarm");
@@ -64,7 +66,7 @@ makeAll([
   () => dock(store),
   () => splitter(store),
   () => header(store, link),
-  () => figures(store),
+  () => figures(store, link),
   () => viewbar(store, view),
   () => marks(store, view),
   () => form(store, link),

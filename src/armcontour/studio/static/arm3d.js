@@ -4,9 +4,9 @@ import { Camera, VIEW_NAMES, steer } from "./camera.js";
 import { PAINTS, cellOf, placedAll, pointsOf } from "./cell.js";
 import { find, make, say } from "./dom.js";
 import { place } from "./kinematics.js";
-import { jointsAt, motionOf } from "./motion.js";
+import { motionOf } from "./motion.js";
 import { Readout } from "./readout.js";
-import { oncePerFrame } from "./state.js";
+import { along, oncePerFrame } from "./state.js";
 import { passed, trailOf } from "./trail.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -193,7 +193,7 @@ class ArmView {
     if (!cell) return;
     const t = Math.min(store.time, motion?.duration ?? 0);
     const exact = this.exactPose(t);
-    const q = exact ?? (motion ? jointsAt(motion, t) : cell.chain.joints.map(() => 0));
+    const q = exact ?? (motion ? along(motion.t, motion.q, t, motion.dof) : cell.chain.joints.map(() => 0));
     const links = cell.chain.links(q);
     const at = cell.chain.toolOf(links);
     scene?.pose(links, at, trail ? passed(trail, t) : 0);

@@ -2,6 +2,7 @@
 
 import { Chart, number, withGaps } from "./chart.js";
 import { RUN_COLOURS, styleOf, themed } from "./colours.js";
+import { rowOf, textOf } from "./format.js";
 import { find } from "./dom.js";
 import { errorsOf } from "./motion.js";
 import { drawStrip, stripOf } from "./strip.js";
@@ -199,12 +200,12 @@ function demandContent(picture, usage, names, what) {
 /** @param {Frame} executed @returns {Content} */
 function errorContent(executed) {
   const { t, error } = errorsOf(executed);
-  const { max, rms } = executed.head;
-  const [factor, unit] = max >= 1e-3 ? [1e3, "mm"] : [1e6, "µm"];
+  const [max, rms] = ["max", "rms"].map((x) => rowOf(executed.head, `contour_error.${x}`));
+  const [factor, unit] = max.value >= 1e-3 ? [1e3, "mm"] : [1e6, "µm"];
   return {
     x: t, range: [0, 0], yUnit: unit,
     curves: [{ label: "executed", colour: RUN_COLOURS[1], width: 1.6, y: withGaps(error, factor) }],
-    summary: `At most ${number(factor * max)} ${unit}, root mean square ${number(factor * rms)} ${unit}.`,
+    summary: `At most ${textOf(max)}, root mean square ${textOf(rms)}.`,
   };
 }
 

@@ -19,6 +19,12 @@ export function styleOf(kind, theme) {
   return { colour: style[theme], dash: style.dash, label: style.word ?? kind };
 }
 
+/** How a verdict is drawn. @param {boolean} kept @param {"light" | "dark"} theme @returns {{colour: string, mark: string}} */
+export function verdictOf(kept, theme) {
+  const style = PALETTE.verdicts[kept ? "kept" : "not kept"];
+  return { colour: style[theme], mark: style.mark ?? "" };
+}
+
 /** Points of cividis at equal steps, dark to bright. */
 const CIVIDIS = [
   [0, 34, 78],

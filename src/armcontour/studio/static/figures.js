@@ -1,48 +1,40 @@
-// The figures on top: verdict, cycle time, errors, saturation, clearance.
+// The verdict on top, and what it is made of: distance from the drawing, cycle time, clearance, saturation.
 
+import { verdictOf } from "./colours.js";
 import { find, make, mark, say } from "./dom.js";
 import { NONE } from "./format.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {{name: string, label: string, value: any, text: string, unit: string, note?: string}} Row As Python says it. */
-/** @typedef {{box: HTMLElement, label: HTMLElement, value: HTMLElement, unit: HTMLElement}} Box */
+/** @typedef {Record<"box" | "label" | "value" | "unit" | "note", HTMLElement>} Box */
 
 const SPOKEN_EVERY = 1000; // ms
-/** Explanations of figures by their names, in their order. @type {Record<string, string>} */
-const FIGURES = {
-  off_drawing: "Largest distance of the executed tool from the drawing: rounding of corners and servo",
-  kept: "Whether corners and contour error are within what the job allows",
-  duration: "Duration of the planned motion",
-  "contour_error.rms": "Of the executed tool from the path, simulated with the servo",
-  "contour_error.max": "Of the executed tool from the path, simulated with the servo",
-  demand_ratio: "Largest share of a joint's limit that the executed motion takes",
-  saturated: "Joints whose drives saturate in the execution",
-  "clearance.low": "Proven least distance to obstacles and of the arm to itself",
-  settled: "When the tool stays at its goal",
-};
+/** Names of figures in their order. */
+const FIGURES = ["kept", "off_drawing", "duration", "time_limit", "contour_error.rms", "clearance.low", "saturated"];
 /** From which values on a figure is an alarm. @type {Record<string, (value: any) => boolean>} */
 const ALARMS = {
-  kept: (kept) => !kept,
-  demand_ratio: (share) => share > 1.0005,
   saturated: (share) => share > 0,
   "clearance.low": (low) => low <= 0,
 };
 
 class Figures {
-  /** @param {Store} store */
-  constructor(store) {
+  /** @param {Store} store @param {import("./link.js").Link} link */
+  constructor(store, link) {
     this.store = store;
+    this.link = link;
     this.region = find("#figures");
     /** @type {Record<string, Box>} */
-    this.boxes = Object.fromEntries(Object.keys(FIGURES).map((name) => [name, this.box(name)]));
+    this.boxes = Object.fromEntries(FIGURES.map((name) => [name, this.box(name)]));
     this.state = make("span", { class: "exactness" });
     this.boxes.duration.label.after(this.state);
+    this.changes = make("div", { id: "changes", role: "group", "aria-label": "What to change" });
+    this.region.append(this.changes);
     this.spoken = "";
     const update = oncePerFrame(() => this.update());
-    for (const event of ["figures", "refusal", "document", "link"]) store.on(event, update);
+    for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, update);
     const others = nowAndThen(READING, () => this.update());
-    store.on("executed", others);
+    for (const event of ["executed", "changes"]) store.on(event, others);
     store.on("picture", () => {
       this.updateFirst();
       others();
@@ -52,25 +44,43 @@ class Figures {
 
   /** @param {string} name @returns {Box} */
   box(name) {
-    const [label, value, unit] = [make("span"), make("span", { class: "value", text: NONE }), make("span", { class: "unit" })];
+    const [label, unit, note] = ["", "unit", "note"].map((x) => make("span", { class: x }));
+    const value = make("span", { class: "value", text: NONE });
     const box = make("div", { class: "figure", "data-figure": name, hidden: name !== "duration" }, [
       make("span", { class: "label" }, [label]),
       make("span", { class: "number" }, [value, unit]),
+      note,
     ]);
     this.region.append(box);
-    return { box, label, value, unit };
+    return { box, label, value, unit, note };
   }
 
   update() {
     const { exact, rows } = knownOf(this.store);
-    for (const name of Object.keys(FIGURES)) this.show(name, rows.get(name), exact);
+    for (const name of FIGURES) this.show(name, rows.get(name), exact);
     this.updateState();
+    this.updateChanges();
+  }
+
+  /** What to change, each with a button that does it. */
+  updateChanges() {
+    const frame = this.store.latest("changes");
+    const { share = 0, changes = [], note = "" } = this.store.isCurrent(frame) ? frame?.head : {};
+    const state = share < 1 ? `: planning, ${Math.round(100 * share)} %` : `: ${note}`;
+    const shown = JSON.stringify([state, changes]);
+    if (this.changes.dataset.shown === shown) return;
+    mark(this.changes, "data-shown", shown);
+    const buttons = changes.map((/** @type {any} */ { label, effect, condition, edits }) =>
+      make("button", { type: "button", title: condition, onclick: () => this.link.edit(edits) }, [`${label}: `, make("b", { text: effect })]),
+    );
+    this.changes.replaceChildren(make("span", { class: "quiet", text: `What to change${state}` }), ...buttons);
+    mark(this.region, "data-changes", share < 1 ? "" : String(changes.length));
   }
 
   /** The cycle time, with each picture. */
   updateFirst() {
     const { exact, rows } = knownOf(this.store);
-    this.show("duration", rows.get("duration"), exact);
+    for (const name of ["duration", "time_limit"]) this.show(name, rows.get(name), exact);
     this.updateState();
   }
 
@@ -86,23 +96,26 @@ class Figures {
 
   /** @param {string} name @param {Row | undefined} row @param {boolean} isExact */
   show(name, row, isExact) {
-    const { box, label, value, unit } = this.boxes[name];
+    const { box, label, value, unit, note } = this.boxes[name];
     box.classList.toggle("alarm", row !== undefined && Boolean(ALARMS[name]?.(row.value)));
     mark(box, "data-value", row === undefined ? "" : String(row.value));
     mark(box, "data-exact", String(isExact && !this.store.isOffline));
-    say(value, row?.text ?? NONE);
+    const looks = name === "kept" && row ? verdictOf(row.value, this.store.theme) : null;
+    box.style.color = looks?.colour ?? "";
+    say(value, looks ? `${looks.mark} ${row?.text}` : (row?.text ?? NONE));
     // A figure that is not known for a moment leaves its place.
     if (!row) return;
     box.hidden = false;
     say(label, row.label);
     say(unit, row.unit);
-    mark(box, "title", [FIGURES[name], row.note].filter(Boolean).join(": "));
+    say(note, row.note ?? "");
+    mark(note, "title", row.note ?? "");
   }
 
   /** The cycle time for screen readers, at most once a second, when it rests. */
   speak() {
     const { rows } = knownOf(this.store);
-    const told = ["duration", "contour_error.rms"].map((name) => rows.get(name)).filter((x) => x !== undefined);
+    const told = ["kept", "off_drawing", "duration"].map((name) => rows.get(name)).filter((x) => x !== undefined);
     const sentence = this.store.refusal?.head.sentence ?? told.map((x) => `${x.label} ${x.text} ${x.unit}`).join(", ");
     if (sentence === this.spoken) return;
     this.spoken = sentence;
@@ -122,6 +135,12 @@ export function knownOf(store) {
   return { exact, executed, rows: new Map(known.flatMap((head) => head?.rows ?? []).map((row) => [row.name, row])) };
 }
 
+/** What is known of where the time goes: exact where that belongs to the picture. @param {Store} store @returns {any} */
+export function headOf(store) {
+  const figures = store.latest("figures");
+  return (store.isCurrent(figures) ? figures : store.latest("picture"))?.head ?? {};
+}
+
 /** Whether a motion is shown, be it the last good one. @param {Store} store @returns {boolean} */
 export function hasMotion(store) {
   const picture = store.latest("picture");
@@ -136,7 +155,7 @@ export function exactnessOf(store) {
   return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
 
-/** @param {Store} store */
-export function init(store) {
-  new Figures(store);
+/** @param {Store} store @param {import("./link.js").Link} link */
+export function init(store, link) {
+  new Figures(store, link);
 }

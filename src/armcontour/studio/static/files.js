@@ -2,7 +2,9 @@
 
 import { difference, show } from "./ask.js";
 import { find, give, make, mark } from "./dom.js";
+import { known } from "./form.js";
 import { hasChanges } from "./header.js";
+import { isLog } from "./logs.js";
 import { notify } from "./messages.js";
 import { chosenArm } from "./start.js";
 
@@ -10,9 +12,8 @@ import { chosenArm } from "./start.js";
 /** @typedef {import("./link.js").Link} Link */
 
 const LARGEST = 64 * 2 ** 20; // bytes, as the server's limit
-const DRAWINGS = /\.(dxf|svg|nc|ngc|gcode|tap|cnc|csv|txt)$/i;
-const ACCEPTED = ".yaml,.yml,.dxf,.svg,.nc,.ngc,.gcode,.tap,.cnc,.csv,.txt,.urdf";
-const CELLS = ["", "pmk3s", "ur5e", "ur10e", "panda", "fr3"];
+/** Endings of logs, which their first lines tell as well. */
+const LOGS = [".txt", ".log", ".mcap", ".db3"];
 
 class Files {
   /** @param {Store} store @param {Link} link */
@@ -20,7 +21,7 @@ class Files {
     this.store = store;
     this.link = link;
     this.picker = /** @type {HTMLInputElement} */ (find("#picker"));
-    this.picker.accept = ACCEPTED;
+    known.then(({ drawings, jobs }) => (this.picker.accept = [...drawings, ...jobs, ...LOGS].join()));
     /** Document whose draft was offered. */
     this.offered = "";
     find("#open").addEventListener("click", () => this.picker.click());
@@ -32,6 +33,7 @@ class Files {
       if (file) this.open(file);
     });
     this.listenToDrops();
+    store.on("open", (/** @type {any} */ { file, log }) => this.open(file, log));
     store.on("saved", (/** @type {any} */ frame) => notify(`Saved ${frame.head.file}.`));
     store.on("download", (/** @type {any} */ frame) => this.download(frame.head));
     store.on("diff", (/** @type {any} */ frame) => this.showDiff(frame.head.text));
@@ -54,22 +56,25 @@ class Files {
     });
   }
 
-  /** @param {File} file */
-  async open(file) {
+  /** @param {File} file @param {boolean} [log] whether it is a log of the robot; by its name and first line otherwise */
+  async open(file, log) {
     if (file.size > LARGEST)
       return notify(
         `${file.name} has ${Math.round(file.size / 2 ** 20)} MB; at most 64 MB can be opened here.`,
         "alarm",
       );
     if (!this.store.document) return notify("The Studio is starting: open the file in a moment.", "alarm");
-    const drawing = DRAWINGS.test(file.name);
-    const how = await this.askHow(file.name, drawing);
+    const { drawings, cells } = await known;
+    const isDrawing = drawings.some((/** @type {string} */ ending) => file.name.toLowerCase().endsWith(ending));
+    log ??= await isLog(file);
+    const how = log ? { log: "1" } : await this.askHow(file.name, isDrawing ? cells : null);
     if (how === null) return;
     const query = new URLSearchParams({ name: file.name, ...how });
     document.body.dataset.opening = "true";
     try {
       const answer = await this.link.request(`/open?${query}`, { method: "POST", body: file });
       if (!answer.ok) notify(await sentenceOf(answer), "alarm");
+      else if (log) this.store.tell("log", (await answer.json()).name);
     } catch {
       notify("The server does not answer, so the file was not opened.", "alarm");
     } finally {
@@ -79,22 +84,22 @@ class Files {
 
   /**
    * In which cell a drawing is cut; what happens to unsaved changes.
-   * @param {string} name @param {boolean} drawing @returns {Promise<Record<string, string> | null>}
+   * @param {string} name @param {string[] | null} names of cells for a drawing @returns {Promise<Record<string, string> | null>}
    */
-  async askHow(name, drawing) {
+  async askHow(name, names) {
     const loses = hasChanges(this.store.document);
-    if (!drawing && !loses) return {};
+    if (!names && !loses) return {};
     const content = [];
     if (loses)
       content.push(make("p", { text: "The changes of the open job are not saved; they are offered when it is opened again." }));
     const cells = make(
       "select",
       {},
-      CELLS.map((cell) => make("option", { value: cell, text: cell || "this job's arm and limits" })),
+      ["", ...(names ?? [])].map((cell) => make("option", { value: cell, text: cell || "this job's arm and limits" })),
     );
     cells.value = chosenArm();
     const skips = make("input", { type: "checkbox" });
-    if (drawing) {
+    if (names) {
       content.push(make("label", { class: "field", text: "Cell: arm, limits and servo " }, [cells]));
       content.push(make("label", { class: "field" }, [skips, " Leave out what cannot be read (unknown: skip)"]));
     }
@@ -103,7 +108,7 @@ class Files {
       { value: "", text: "Cancel" },
     ]);
     if (answer !== "open") return null;
-    return { ...(drawing && cells.value && { cell: cells.value }), ...(skips.checked && { unknown: "skip" }) };
+    return { ...(names && cells.value && { cell: cells.value }), ...(skips.checked && { unknown: "skip" }) };
   }
 
   /** @param {string} text */

@@ -6,7 +6,7 @@ import { isPlain, quantity } from "./format.js";
 import { Gesture } from "./gesture.js";
 import { Ghost, positionOf, STEPS, valueAt } from "./ghost.js";
 import { Entry } from "./parts.js";
-import { html, render, signal, useComputed, useRef, useSignal } from "./vendor/preact.js";
+import { computed, html, render, signal, useComputed, useRef, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -68,9 +68,18 @@ function writtenAt(key) {
 /** @param {Key} key @returns {Slider | undefined} */
 const rowAt = (key) => head.value.values[key.join(".")];
 
-/** @param {Key} key @returns {Key[]} keys of joints that have values of their own */
-const jointsAt = (key) =>
-  Object.keys(head.value.values).filter((x) => x.startsWith(`${key.join(".")}.`) && /\.\d+$/.test(x)).map((x) => [...key, Number(x.split(".").at(-1))]);
+/** Joints that have values of their own, by the key of all. */
+const joints = computed(() => {
+  const found = /** @type {Record<string, number[]>} */ ({});
+  for (const key of Object.keys(head.value?.values ?? {})) {
+    const [, all, joint] = /^(.*)\.(\d+)$/.exec(key) ?? [];
+    if (all) (found[all] ??= []).push(Number(joint));
+  }
+  return found;
+});
+
+/** @param {Key} key @returns {Key[]} keys of its joints */
+const jointsAt = (key) => (joints.value[key.join(".")] ?? []).map((joint) => [...key, joint]);
 
 /** A value as text. @param {any} x @returns {string} */
 function textOf(x) {
@@ -181,7 +190,7 @@ function One({ f, at, label = f.name }) {
   const is = row?.from ?? (written === undefined ? "default" : from);
   const [mark, where] = FROM[is];
   const isChosen = f.choices && !f.open;
-  const given = row?.written ?? textOf(written);
+  const given = textOf(key === "arm" ? (written?.name ?? written?.file ?? written) : written);
   const value = typeof row?.value === "number" && (is === "arm" || is === "default") ? quantity(row.value, row) : given;
   const id = `set-${key.replace(/[^\w]/g, "-")}`;
   const title = [f.text, where].filter(Boolean).join(" ");
@@ -373,8 +382,8 @@ function Form() {
     html`<button type="button" title=${title} aria-pressed=${String(of.value === is)} onClick=${() => (of.value = is)}>${text}</button>`;
   return html`<div class="seek">
       <input type="search" aria-label="Search settings" placeholder="Search settings" value=${wanted} onInput=${(/** @type {any} */ e) => (wanted.value = e.target.value.trim())} />
-      <span class="group choice" role="group" aria-label="Settings that are shown">${choice(everything, false, "Set", "Only what is set or usual")}${choice(everything, true, "All", "All settings of the job")}</span>
-      <span class="group choice" role="group" aria-label="Changes are for">${choice(forRun, false, "Job", "Changes are for all runs that have no value of their own")}${choice(forRun, true, "Run", "Changes are for the shown run alone")}</span>
+      <span class="group choice" role="group" aria-label="Settings that are shown">${choice(everything, false, "What is set", "Only what is set or usual")}${choice(everything, true, "All", "All settings of the job")}</span>
+      <span class="group choice" role="group" aria-label="Changes are for">${choice(forRun, false, "For job", "Changes are for all runs that have no value of their own")}${choice(forRun, true, "For run", "Changes are for the shown run alone")}</span>
     </div>
     ${form.groups.map((/** @type {any} */ x) => html`<${Group} key=${x.title} ...${x} />`)}
     <p class="help quiet">${help}</p>`;

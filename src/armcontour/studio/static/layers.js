@@ -62,20 +62,13 @@ export class Layers {
     return value;
   }
 
-  /** @param {Frame} picture @returns {Path2D} */
-  objective(picture) {
-    const { objective, objective_breaks: breaks } = picture.arrays;
-    return this.keep("objective", [picture], () =>
-      polyline(objective, breaks),
-    );
-  }
-
-  /** Contours with a kerf as they are drawn. @param {Frame} picture @returns {Path2D} */
-  drawn(picture) {
-    const { drawn = new Float32Array(0), drawn_breaks: breaks } = picture.arrays;
-    return this.keep("drawn", [picture], () =>
-      polyline(drawn, breaks),
-    );
+  /**
+   * Lines of a name: the objective, contours with a kerf as they are drawn, ways between contours.
+   * @param {Frame} picture @param {"objective" | "drawn" | "rapid"} name @returns {Path2D}
+   */
+  lines(picture, name) {
+    const { [name]: points = new Float32Array(0), [`${name}_breaks`]: breaks } = picture.arrays;
+    return this.keep(name, [points], () => polyline(points, breaks));
   }
 
   /** Parts of the tool path that are cut, by kerf. @param {Frame} picture @returns {{kerf: number, path: Path2D}[]} */
@@ -94,31 +87,14 @@ export class Layers {
     const { theme, options } = this.store;
     const errors = options.colour === "error" ? executed : null;
     return this.keep("strokes", [picture, errors, theme, options.colour], () => {
-      if (errors)
-        return strokesByHeat(
-          errors.arrays.base,
-          errors.arrays.error,
-          this.mostError(errors),
-          theme,
-          new Set(errors.arrays.breaks),
-          (x) => 1 + Math.log10(x) / DECADES,
-        );
-      if (options.colour === "speed")
-        return strokesByHeat(
-          picture.arrays.path,
-          picture.arrays.speed,
-          this.mostSpeed(picture),
-          theme,
-          startsOf(picture),
-        );
-      return strokesByLimit(picture, theme);
+      if (errors) {
+        const { base, error, breaks } = errors.arrays;
+        const share = (/** @type {number} */ x) => 1 + Math.log10(x) / DECADES;
+        return strokesByHeat(base, error, this.most("executed", "error"), theme, new Set(breaks), share);
+      }
+      if (options.colour !== "speed") return strokesByLimit(picture, theme);
+      return strokesByHeat(picture.arrays.path, picture.arrays.speed, this.most("picture", "speed"), theme, startsOf(picture));
     });
-  }
-
-  /** Ways between contours. @param {Frame} picture @returns {Path2D} */
-  rapids(picture) {
-    const { rapid = new Float32Array(0), rapid_breaks: breaks } = picture.arrays;
-    return this.keep("rapids", [rapid], () => polyline(rapid, breaks));
   }
 
   /** @param {Frame} picture */
@@ -126,31 +102,26 @@ export class Layers {
     return this.keep("labels", [picture], () => labelsOf(picture));
   }
 
-  /** @param {Frame} executed @param {number} factor */
-  executed(executed, factor) {
-    return this.keep("executed", [executed, factor], () =>
-      magnified(executed, factor),
-    );
+  /** The tool of an executed or a measured motion. @param {Frame} moved @param {number} factor */
+  executed(moved, factor) {
+    return this.keep(moved.kind, [moved, factor], () => magnified(moved, factor));
   }
 
-  /** @param {Frame} picture @returns {number} m/s */
-  mostSpeed(picture) {
-    return this.keep("most speed", [picture], () => largest(picture.arrays.speed));
-  }
-
-  /** @param {Frame} executed @returns {number} m */
-  mostError(executed) {
-    return this.keep("most error", [executed], () => largest(executed.arrays.error));
+  /** Largest value of an array of the newest frame of a kind. @param {string} kind @param {string} name @returns {number} */
+  most(kind, name) {
+    const frame = this.store.latest(kind);
+    return this.keep(`most ${kind} ${name}`, [frame], () => largest(frame?.arrays[name] ?? []));
   }
 
   /**
-   * Factor by which errors are magnified: as wished, or such that the largest is well seen.
-   * @param {Frame} executed @param {number} scale px per m @returns {number}
+   * Factor by which errors are magnified: as wished, or such that the largest is well seen, be it a measured one.
+   * @param {number} scale px per m @returns {number}
    */
-  magnification(executed, scale) {
+  magnification(scale) {
     const wished = this.store.options.magnify;
     if (wished > 0) return wished;
-    const most = this.mostError(executed) * scale;
+    const { measured } = this.store;
+    const most = Math.max(this.most("executed", "error"), measured ? this.most("measured", "error") : 0) * scale;
     if (most * this.factor < TOO_SMALL || most * this.factor > TOO_LARGE) {
       this.factor = FACTORS.findLast((factor) => most * factor <= WISHED) ?? 1;
     }

@@ -1,10 +1,10 @@
 // What the lines of the drawing mean, and its scales.
 
 import { heat, styleOf, themed } from "./colours.js";
+import { headOf } from "./figures.js";
 import { mm, short } from "./format.js";
 import { DECADES } from "./layers.js";
 import { SLOW, slowPlaces } from "./marks.js";
-import { kindAt } from "./strokes.js";
 import { scaleBar } from "./viewport.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -22,13 +22,12 @@ const SHADES = 24;
 /** @param {string} colour @param {number[]} dash @param {number} width @param {string} text @param {number} [length] @returns {Sample} */
 const sample = (colour, dash, width, text, length = LENGTH) => ({ colour, dash, width, length, text });
 
-/** Kinds of limits on the path. @param {Frame} picture @param {"light" | "dark"} theme @returns {Sample[]} */
-function kindsOf(picture, theme) {
-  const kinds = new Set();
-  for (let i = 0; i < picture.arrays.binding.length; i++) kinds.add(kindAt(picture, i));
-  return [...kinds].map((kind) => {
-    const { colour, dash, label } = styleOf(kind, theme);
-    return sample(colour, dash, 3, label);
+/** What takes the time, with its shares. @param {Store} store @returns {Sample[]} */
+function kindsOf(store) {
+  const { kinds } = headOf(store);
+  return (kinds?.length ? kinds : [{ kind: "unknown", share: "" }]).map((/** @type {any} */ { kind, share }) => {
+    const { colour, dash, label } = styleOf(kind, store.theme);
+    return sample(colour, dash, 3, `${label} ${share}`);
   });
 }
 
@@ -37,11 +36,11 @@ function colouringOf(store, layers, picture) {
   const { colour } = store.options;
   const executed = store.refusal ? null : store.latest("executed");
   // Without an execution there are no errors: then limits colour the path.
-  if (colour === "limit" || (colour === "error" && !executed)) return kindsOf(picture, store.theme);
-  const most = executed && colour === "error" ? 1000 * layers.mostError(executed) : 0;
+  if (colour === "limit" || (colour === "error" && !executed)) return kindsOf(store);
+  const most = executed && colour === "error" ? 1000 * layers.most("executed", "error") : 0;
   const shades = Array.from({ length: SHADES }, (_, k) => heat(k / (SHADES - 1), store.theme));
   if (most) return [{ shades, from: `error ${short(most / 10 ** DECADES)}`, to: `${short(most)} mm, logarithmic` }];
-  return [{ shades, from: `${colour} 0`, to: `${mm(layers.mostSpeed(picture), 1)} mm/s` }];
+  return [{ shades, from: `${colour} 0`, to: `${mm(layers.most("picture", "speed"), 1)} mm/s` }];
 }
 
 /**
@@ -53,11 +52,12 @@ function colouringOf(store, layers, picture) {
 export function legendOf(store, layers, picture, magnify) {
   const found = colouringOf(store, layers, picture);
   if (magnify) found.push(sample(themed("--executed"), [], 1.5, `executed tool, error ×${magnify}`));
+  if (store.measured) found.push(sample(themed("--measured"), [6, 3], 1.5, "measured tool, by the log"));
   found.push(sample(themed("--faint"), [5, 4], 1, "objective"));
   if (picture.head.kerfs.length) {
     found.push(sample(themed("--ink"), [2, 2], 1, "as drawn"), sample(themed("--kerf"), [], 8, "kerf"));
   }
-  if (picture.arrays.rapid?.length) found.push(sample(themed("--faint"), [1.5, 4], 1, "rapid"));
+  if (picture.arrays.rapid?.length && !found.some((x) => "text" in x && x.text.startsWith("rapids"))) found.push(sample(themed("--faint"), [1.5, 4], 1, "rapid"));
   if (slowPlaces(picture).length) found.push({ ...sample(themed("--alarm"), [], 1, "slow place", 10), corners: SLOW });
   return found;
 }

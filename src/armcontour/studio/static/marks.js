@@ -3,7 +3,7 @@
 
 import { draw, make, mark, say } from "./dom.js";
 import { mm, seconds } from "./format.js";
-import { indexAt } from "./state.js";
+import { along, indexAt } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -68,7 +68,11 @@ class Marks {
     const { time, place, options, refusal } = this.store;
     const isPlanned = picture.arrays.path_t.length > 0;
     this.dot.toggleAttribute("hidden", !isPlanned);
-    if (isPlanned) move(this.dot, this.view.view.toScreen(pointOf(picture, time, place)));
+    const fine = this.view.layers.fine(picture);
+    const { path_s: places, path_breaks: breaks } = fine.arrays;
+    // Between two of the finer lines there may be much that is not seen.
+    const isFine = place >= places[0] && !breaks.includes(indexAt(places, place) + 1);
+    if (isPlanned) move(this.dot, this.view.view.toScreen(pointOf(isFine ? fine : picture, time, place)));
     const executed = refusal || !options.executed ? null : this.store.latest("executed");
     this.tool.toggleAttribute("hidden", !executed);
     if (executed) move(this.tool, this.view.view.toScreen(this.toolAt(executed, time)));
@@ -76,8 +80,8 @@ class Marks {
 
   /** The executed tool with its error as it is drawn. @param {Frame} executed @param {number} t @returns {[number, number]} m */
   toolAt(executed, t) {
-    const factor = this.view.layers.magnification(executed, this.view.view.scale);
-    const [base, offset] = [executed.arrays.base, executed.arrays.offset].map((points) => along(executed.arrays.t, points, t));
+    const factor = this.view.layers.magnification(this.view.view.scale);
+    const [base, offset] = [executed.arrays.base, executed.arrays.offset].map((points) => along(executed.arrays.t, points, t, 2));
     return [base[0] + factor * offset[0], base[1] + factor * offset[1]];
   }
 
@@ -160,28 +164,15 @@ function move(element, [x, y]) {
   mark(element, "transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
 }
 
-/** A place in a table of points. @param {Numbers} xs @param {Numbers} points pairs @param {number} x @returns {[number, number]} */
-function along(xs, points, x) {
-  const i = indexAt(xs, x);
-  const next = Math.min(i + 1, xs.length - 1);
-  const span = xs[next] - xs[i];
-  const share = span > 0 ? Math.min(1, Math.max(0, (x - xs[i]) / span)) : 0;
-  const mix = (/** @type {number} */ k) => points[2 * i + k] + share * (points[2 * next + k] - points[2 * i + k]);
-  return [mix(0), mix(1)];
-}
-
 /** Place of the tool at a time, on a rapid or at an arc length of the path [m]. @param {Frame} picture @param {number} t @param {number} s @returns {[number, number]} */
 export function pointOf(picture, t, s) {
   const { rapid, rapid_t: times, rapid_breaks: breaks } = picture.arrays;
   const k = breaks ? indexAt(breaks, indexAt(times, t)) : 0;
   const [from, to] = breaks ? [breaks[k], breaks[k + 1]] : [0, 0];
   const inside = breaks && t > times[from] && t < times[to - 1];
-  return inside ? along(times.subarray(from, to), rapid.subarray(2 * from, 2 * to), t) : pointAt(picture, s);
-}
-
-/** Place on the path [m]. @param {Frame} picture @param {number} s @returns {[number, number]} */
-function pointAt(picture, s) {
-  return along(picture.arrays.path_s, picture.arrays.path, s);
+  const { path_s: places, path } = picture.arrays;
+  const [xs, points, x] = inside ? [times.subarray(from, to), rapid.subarray(2 * from, 2 * to), t] : [places, path, s];
+  return /** @type {[number, number]} */ (along(xs, points, x, 2));
 }
 
 /**

@@ -1,7 +1,6 @@
 // The motion that is played: joint positions and tool points of the shown run, over time.
 
 import { rowOf } from "./format.js";
-import { indexAt } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Numbers} Numbers */
@@ -33,22 +32,6 @@ export function motionOf(store, of) {
   // The last time is in single precision, which may be after the end.
   const duration = of === "planned" ? rowOf(frame.head, "duration")?.value : t[t.length - 1];
   return { of, t, q, dof, duration, trail: xyz, trailTimes };
-}
-
-/**
- * Joint positions at a time, on straight lines between the samples of the picture.
- * @param {Motion} motion
- * @param {number} at [s]
- * @returns {number[]}
- */
-export function jointsAt({ t, q, dof }, at) {
-  const k = indexAt(t, at);
-  const next = Math.min(k + 1, t.length - 1);
-  const span = t[next] - t[k];
-  const share = span > 0 ? Math.min(1, Math.max(0, (at - t[k]) / span)) : 0;
-  const value = (/** @type {number} */ j) =>
-    q[k * dof + j] + share * (q[next * dof + j] - q[k * dof + j]);
-  return Array.from({ length: dof }, (_, j) => value(j));
 }
 
 /**

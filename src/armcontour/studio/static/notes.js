@@ -1,7 +1,7 @@
 // What the server says beside figures: warnings, notes, slow places, where the time goes.
 
 import { find, say } from "./dom.js";
-import { percent, rowOf, seconds, textOf } from "./format.js";
+import { headOf } from "./figures.js";
 import { Tabular } from "./parts.js";
 import { nowAndThen, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
@@ -23,12 +23,11 @@ export function init(store) {
     tab.dataset.count = String(warnings.length || "");
     say(tab, warnings.length ? `Notes (${warnings.length})` : "Notes");
     if (region.hidden) return;
-    const shares = (picture.shares ?? []).map((/** @type {any} */ x) => [x.name, seconds(x.time), percent(x.share)]);
+    const [head = [], ...shares] = headOf(store).time ?? [];
     const slow = (picture.shortfalls ?? []).map((/** @type {any} */ x) => x.sentence);
-    const whole = html`<tfoot><tr><th scope="row">all</th><td>${textOf(rowOf(picture, "duration"))}</td><td /></tr></tfoot>`;
     render(
       html`<${Sentences} title="Warnings" sentences=${warnings} />
-        ${shares.length > 0 && html`<section><h2>What bounds the time</h2><table><${Tabular} columns=${["what", "s", "% of contours"]} rows=${shares} />${whole}</table></section>`}
+        ${shares.length > 0 && html`<section><h2>What takes the time</h2><table><${Tabular} columns=${head} rows=${shares} /></table></section>`}
         <${Sentences} title="Where it is slower than wished" sentences=${slow} />
         <${Sentences} title="Notes" sentences=${all("notes")} />`,
       region,

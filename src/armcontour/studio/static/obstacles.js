@@ -200,7 +200,7 @@ class Obstacles {
   }
 }
 
-/** @param {Store} store @param {Pointer} pointer */
-export function init(store, pointer) {
+/** @param {Store} store @param {import("./link.js").Link} _link @param {Pointer} pointer */
+export function init(store, _link, pointer) {
   new Obstacles(store, pointer);
 }

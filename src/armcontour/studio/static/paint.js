@@ -56,14 +56,14 @@ export class Painter {
     const px = 1 / view.scale;
     const executed = layers.fine(store.refusal ? null : store.latest("executed"));
     const band = bandOf(picture);
-    const objective = layers.objective(picture);
+    const objective = layers.lines(picture, "objective");
     if (band * view.scale > 1) stroke(context, objective, themed("--band"), 2 * band);
     for (const { kerf, path } of layers.cuts(picture)) stroke(context, path, themed("--kerf"), kerf);
-    stroke(context, layers.drawn(picture), themed("--ink"), px, [2 * px, 2 * px]);
+    stroke(context, layers.lines(picture, "drawn"), themed("--ink"), px, [2 * px, 2 * px]);
     const count = picture.arrays.path.length;
     const dashed = count > 0 && count < LONG;
     stroke(context, objective, count ? themed("--faint") : themed("--ink"), px, dashed ? [5 * px, 4 * px] : []);
-    stroke(context, layers.rapids(picture), themed("--faint"), 1 * px, [1.5 * px, 4 * px]);
+    stroke(context, layers.lines(picture, "rapid"), themed("--faint"), 1 * px, [1.5 * px, 4 * px]);
     for (const { path, colour, dash } of layers.strokes(picture, executed)) {
       stroke(
         context,
@@ -73,20 +73,21 @@ export class Painter {
         dash.map((d) => d * px),
       );
     }
-    if (executed && store.options.executed) this.executed(context, view, executed);
+    if (executed && store.options.executed) this.executed(context, view, executed, "--executed");
+    if (store.measured) this.executed(context, view, store.measured, "--measured", [6 * px, 3 * px]);
   }
 
-  /** @param {Context} context @param {Viewport} view @param {Frame} executed */
-  executed(context, view, executed) {
-    const colour = themed("--executed");
-    const factor = this.layers.magnification(executed, view.scale);
+  /** @param {Context} context @param {Viewport} view @param {Frame} moved @param {string} name of its colour @param {number[]} [dash] */
+  executed(context, view, moved, name, dash) {
+    const colour = themed(name);
+    const factor = this.layers.magnification(view.scale);
     const px = 1 / view.scale;
-    const { tool, errors } = this.layers.executed(executed, factor);
+    const { tool, errors } = this.layers.executed(moved, factor);
     const alpha = context.globalAlpha;
     context.globalAlpha = 0.35 * alpha;
     stroke(context, errors, colour, 0.8 * px);
     context.globalAlpha = alpha;
-    stroke(context, tool, colour, 1.3 * px);
+    stroke(context, tool, colour, 1.3 * px, dash);
   }
 
   /** @param {Context} context @param {Viewport} view @param {Frame} picture */

@@ -25,7 +25,7 @@ export function Entry({ value, send, ...more }) {
     field.current.value = value;
     field.current.select();
   };
-  return html`<input type="text" autocomplete="off" spellcheck="false" ref=${field} onChange=${change} onKeyDown=${key} ...${more} />`;
+  return html`<input type="text" autocomplete="off" spellcheck=${false} ref=${field} onChange=${change} onKeyDown=${key} ...${more} />`;
 }
 
 /** Heads of columns; a name in brackets is for screen readers only. @param {{names: string[], words?: number}} props */

@@ -37,8 +37,8 @@ const SHAPES = {
   },
 };
 
-/** @param {Store} store @param {Pointer} pointer */
-export function init(store, pointer) {
+/** @param {Store} store @param {import("./link.js").Link} _link @param {Pointer} pointer */
+export function init(store, _link, pointer) {
   const { view } = pointer;
   const ground = draw("rect", { class: "pen", width: "100%", height: "100%", tabindex: 0, role: "slider", "aria-valuenow": 0 });
   const trace = draw("path", { class: "pen-trace" });

@@ -103,7 +103,7 @@ class PlaceHandle {
   }
 }
 
-/** @param {Store} store @param {Pointer} pointer */
-export function init(store, pointer) {
+/** @param {Store} store @param {import("./link.js").Link} _link @param {Pointer} pointer */
+export function init(store, _link, pointer) {
   new PlaceHandle(store, pointer);
 }

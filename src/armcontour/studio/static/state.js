@@ -4,7 +4,7 @@
 // A picture always has the arrays of a plan; they are empty for a long drawing without one (head.tier "outline").
 //
 // Events (`store.on(event, listener)` returns a function that ends the listening):
-//   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
+//   document, arm, picture, executed, figures, changes    a new frame of the shown run: listener(frame)
 //   refusal                 the newest edit is refused, or no longer: listener(frame | null)
 //   dropped                 an edit is refused and was not made: listener(frame)
 //   pose, progress, result, cancelled, failed, saved, conflict, diff, download, notice    listener(frame)
@@ -14,7 +14,11 @@
 //   link                    listener(link state)      see link.js
 //   underlay                what is drawn under the path changed: listener()
 //   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
-//   reset                   another job or drawing is opened; picture, executed and figures are told null
+//   reset                   another job or drawing is opened; those of a run are told null
+//   open                    a file is to be opened: listener({file, log})
+//   log                     a log of the robot is kept: listener(its name)
+//   logs                    other logs are used: listener()
+//   measured                the measured motion of a log: listener(frame)
 //   layout                  listener()                a region may have another size
 
 /** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
@@ -43,7 +47,7 @@
 
 /** While answers come one after the other, texts change so often at most [ms]. */
 export const READING = 100;
-const OF_A_RUN = new Set(["picture", "executed", "figures"]);
+const OF_A_RUN = new Set(["picture", "executed", "figures", "changes"]);
 /** Arrays that a picture of a drawing without a plan lacks. */
 const PLANNED_ARRAYS = ["path", "path_breaks", "path_s", "path_t", "speed", "assigned", "binding", "xyz", "t"];
 const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
@@ -160,7 +164,7 @@ export class Store {
 
   /** Another job or drawing is opened: nothing of the one before is shown any more. */
   reset() {
-    for (const kind of OF_A_RUN) this.frames.delete(kind);
+    for (const kind of [...OF_A_RUN, "measured"]) this.frames.delete(kind);
     this.setTime(0);
     this.setRefusal(null);
     for (const event of [...OF_A_RUN, "reset"]) this.tell(event, null);
@@ -190,6 +194,12 @@ export class Store {
     return picture.rev === now && frame.rev === now && (frame.seq ?? -1) >= (picture.seq ?? -1);
   }
 
+  /** The measured motion of a log, if it is of the plan that is shown. @returns {Frame | null} */
+  get measured() {
+    const [frame, picture] = [this.latest("measured"), this.latest("picture")];
+    return frame && picture && frame.rev === picture.rev && frame.head.run === picture.head.run ? frame : null;
+  }
+
   /** Show a time. @param {number} time [s] */
   setTime(time) {
     this.time = time;
@@ -199,13 +209,13 @@ export class Store {
   /** Show the planned time at an arc length. @param {number} s [m] */
   setPlace(s) {
     const arrays = this.latest("picture")?.arrays;
-    if (arrays?.path_s.length) this.setTime(interpolate(arrays.path_s, arrays.path_t, s));
+    if (arrays?.path_s.length) this.setTime(along(arrays.path_s, arrays.path_t, s)[0]);
   }
 
   /** Arc length of the path at the shown time, as planned [m]. */
   get place() {
     const arrays = this.latest("picture")?.arrays;
-    return arrays?.path_t.length ? interpolate(arrays.path_t, arrays.path_s, this.time) : 0;
+    return arrays?.path_t.length ? along(arrays.path_t, arrays.path_s, this.time)[0] : 0;
   }
 
   /** Change what is looked at. @param {Partial<ViewOptions>} changes */
@@ -238,14 +248,16 @@ export function indexAt(increasing, value) {
 }
 
 /**
- * Linear interpolation in a table.
- * @param {Numbers} xs increasing @param {Numbers} ys @param {number} x @returns {number}
+ * A row of a table on a straight line between its rows, as at the first or last beyond them.
+ * @param {Numbers} xs increasing @param {Numbers} rows @param {number} x @param {number} [width] numbers of a row
+ * @returns {number[]}
  */
-function interpolate(xs, ys, x) {
+export function along(xs, rows, x, width = 1) {
   const i = indexAt(xs, x);
-  if (i + 1 >= xs.length || x <= xs[0]) return ys[i];
-  const span = xs[i + 1] - xs[i];
-  return span > 0 ? ys[i] + ((x - xs[i]) / span) * (ys[i + 1] - ys[i]) : ys[i];
+  const next = Math.min(i + 1, xs.length - 1);
+  const span = xs[next] - xs[i];
+  const share = span > 0 ? Math.min(1, Math.max(0, (x - xs[i]) / span)) : 0;
+  return Array.from({ length: width }, (_, k) => rows[width * i + k] + share * (rows[width * next + k] - rows[width * i + k]));
 }
 
 /**

@@ -1,9 +1,10 @@
-// Long work by buttons: check, clearance, certificate, placement, sweep, export, report; and what came of it.
+// Long work by buttons: check, clearance, certificate, placement, sweep, export, report, logs; and what came of it.
 
 import { answerOf } from "./answers.js";
 import { Chart } from "./chart.js";
 import { find, give, say } from "./dom.js";
 import { known } from "./form.js";
+import { init as hear, logOptions, Logs, logs } from "./logs.js";
 import { Host, Tabular } from "./parts.js";
 import { PlacementMap } from "./placement.js";
 import { html, render, signal, useComputed, useEffect, useMemo, useRef, useSignal } from "./vendor/preact.js";
@@ -16,13 +17,13 @@ import { html, render, signal, useComputed, useEffect, useMemo, useRef, useSigna
  * @typedef {{name: string, label: string, type?: string, value?: string | number | boolean, choices?: [string, string][], min?: number,
  *   max?: number, unit?: string}} Choice
  */
-/** @typedef {{task: string, title: string, what: string, choices?: Choice[], options?: (values: Record<string, any>, rows: any) => object}} Task */
+/** @typedef {{task: string, title: string, what: string, onLogs?: boolean, choices?: Choice[], options?: (values: Record<string, any>, rows: any) => object}} Task */
 /**
  * What came of a task.
  * @typedef {{id: string, task: string, title: string, time: string, state: "running" | "done" | "refused" | "cancelled" | "failed",
- *   told?: {steps: string[], share: number | null, eta: number | null}, frame?: Frame, sentence?: string}} Result
+ *   rev?: number, told?: {steps: string[], share: number | null, eta: number | null}, frame?: Frame, sentence?: string}} Result
  */
-/** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string}} Kept */
+/** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
 
 /** So many results are kept, rows of a table shown at once, and points of a sweep computed. */
 const [MOST_RESULTS, MOST_ROWS, SWEPT] = [12, 200, 15];
@@ -36,6 +37,9 @@ const PLACE = [
   { name: "objective", label: "best is", choices: [["cycle", "the shortest cycle"], ["clearance", "the most clearance"], ["manipulability", "the best manipulability"], ["torque", "the most torque to spare"]] },
   { name: "every", label: "plan every place", type: "checkbox" },
 ];
+
+/** @type {Task} */
+const COMPARE = { task: "measured", title: "Compare", what: "Plan against the last log: contour errors, and the measured tool in the drawing.", onLogs: true, options: logOptions };
 
 const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
 /** Joints of the arm, keys that can be swept, whether the job says where to place, and whether the server hears. */
@@ -62,11 +66,14 @@ const tasks = () => [
     task: "export", title: "Export", what: "Set-points for a robot controller, or tables.",
     choices: [
       { name: "format", label: "format", choices: formats.value.filter((x) => [null, joints.value].includes(x[2])).map(([name, label]) => [name, label]) },
-      { name: "of", label: "of", choices: [["taught", "the set-points"], ["planned", "the plan"]] },
+      { name: "of", label: "of", choices: [["taught", "the set-points"], ["planned", "the plan"], ...(logs().length ? [/** @type {[string, string]} */ (["learned", "the next set-points, by logs"])] : [])] },
     ],
-    options: ({ format, of }) => (format.startsWith("template ") ? { format: "template", template: format.slice(9), of } : { format, of }),
+    options: ({ format, of }) => ({ ...(format.startsWith("template ") ? { format: "template", template: format.slice(9) } : { format }), of, ...(of === "learned" && logOptions()) }),
   },
   { task: "report", title: "Report", what: "The page with all figures, to keep and to print." },
+  COMPARE,
+  { task: "identify", title: "Identify", what: "Finds the servo of every joint from the logs.", onLogs: true, options: logOptions },
+  { task: "learn", title: "Learn", what: "Makes the set-points of the next run, with a smaller error.", onLogs: true, options: logOptions },
 ];
 
 /** @param {Record<string, any>} values @returns {Record<string, any>} */
@@ -119,10 +126,11 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
       <button type="button" onClick=${() => link.send({ op: "cancel", id })}>Cancel</button></div>`}
     <div class="task-body">
       ${sentences.map((text) => html`<p class="task-sentence">${text}</p>`)}
+      ${frame?.head.edits?.length > 0 && html`<p class="task-file"><button type="button" onClick=${() => link.edit(frame?.head.edits)}>${frame?.head.label}</button></p>`}
       ${frame?.head.file && html`<${Download} file=${frame.head} link=${link} />`}
       ${graphs.filter((x) => x.content.x.length).map((x) => html`<${Graph} key=${x.name} graph=${x} store=${store} />`)}
-      ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>
-        <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MOST_ROWS)} /></table>
+      ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all, times }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>
+        <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MOST_ROWS).map((row, k) => (times ? [html`<button type="button" title="Show the time of its largest error" onClick=${() => store.setTime(times[k])}>${row[0]}</button>`, ...row.slice(1)] : row))} /></table>
         ${all.length > MOST_ROWS && html`<p class="quiet">And ${all.length - MOST_ROWS} more rows.</p>`}</div>`)}
       ${task === "place" && frame && map.from && results.value.find((x) => x.task === task && x.frame)?.id === id && html`<${Host} element=${map.element} />`}
     </div>
@@ -143,7 +151,7 @@ function Graph({ graph: { name, axes, content, time }, store }) {
 }
 
 /** A file to download, and to open where it can be. @param {{file: Kept, link: Link}} props */
-function Download({ file: { file, name, bytes, open }, link }) {
+function Download({ file: { file, name, bytes, open, label = `Download ${name}` }, link }) {
   const said = useSignal("");
   const size = `${Math.max(1, Math.round(bytes / 1000))} kB`;
   const download = async () => {
@@ -156,7 +164,7 @@ function Download({ file: { file, name, bytes, open }, link }) {
       said.value = `It could not be downloaded: ${error instanceof Error ? error.message : error}. Start the task again.`;
     }
   };
-  return html`<p class="task-file"><button type="button" title=${size} data-file=${name} onClick=${download}>Download ${name}</button>
+  return html`<p class="task-file"><button type="button" title=${size} data-file=${name} onClick=${download}>${label}</button>
     ${open && html`<a href=${open} target="_blank" rel="noopener" class="button">Open</a>`}<span class="quiet">${size}</span><span class="quiet" role="status">${said}</span></p>`;
 }
 
@@ -181,7 +189,7 @@ export function init(store, link) {
     const time = new Date().toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
     const isSent = link.send({ op: "task", id, task, options }) >= 0;
     const how = /** @type {Partial<Result>} */ (isSent ? { state: "running" } : { state: "failed", sentence: "There is no connection to the server." });
-    results.value = /** @type {Result[]} */ ([{ id, task, title, time, ...how }, ...results.value].slice(0, MOST_RESULTS));
+    results.value = /** @type {Result[]} */ ([{ id, task, title, time, rev: store.latest("document")?.rev, ...how }, ...results.value].slice(0, MOST_RESULTS));
     tell();
     // In a narrow page the results are below the forms.
     requestAnimationFrame(() => region.querySelector(".task-result")?.scrollIntoView({ block: "nearest" }));
@@ -189,7 +197,10 @@ export function init(store, link) {
   store.on("progress", (/** @type {Frame} */ { head }) => renew(head.id, { told: /** @type {any} */ (head) }));
   store.on("result", (/** @type {Frame} */ frame) => {
     const { id, task, kept, verdict } = frame.head;
-    if (task === "place" && results.value.some((x) => x.id === id)) map.show(frame);
+    const asked = results.value.find((x) => x.id === id);
+    if (task === "place" && asked) map.show(frame);
+    // It is drawn as long as the document is the one that it was asked for.
+    if (task === "measured" && asked) store.put({ ...frame, kind: "measured", rev: asked.rev ?? -1 });
     renew(id, { state: kept === false || verdict === "violated" ? "refused" : "done", frame });
   });
   store.on("cancelled", (/** @type {Frame} */ x) => renew(x.head.id, { state: "cancelled", sentence: "Cancelled." }));
@@ -210,10 +221,11 @@ export function init(store, link) {
   for (const event of ["document", "arm", "link"]) store.on(event, update);
   update();
   known.then((form) => (formats.value = form.formats));
+  hear(store, () => start(COMPARE, logOptions()));
   render(html`<${Page} store=${store} link=${link} map=${map} start=${start} />`, region);
 }
 
 /** @param {{store: Store, link: Link, map: PlacementMap, start: (task: Task, options: object) => void}} props */
-const Page = ({ start, ...more }) => html`<div class="task-list" role="group" aria-label="Tasks">${tasks().map((x) => html`<${Form} key=${x.task} ...${x} start=${start} />`)}</div>
+const Page = ({ start, ...more }) => html`<div class="task-list" role="group" aria-label="Tasks">${tasks().map((x) => html`${x === COMPARE && html`<${Logs} ...${more} />`}${(!x.onLogs || logs().length > 0) && html`<${Form} key=${x.task} ...${x} start=${start} />`}`)}</div>
   <div class="task-results" role="log" aria-label="Results">${results.value.map((x) => html`<${Outcome} key=${x.id} result=${x} ...${more} />`)}
     ${!results.value.length && html`<p class="quiet">Results of tasks appear here: sentences, tables, and files to download.</p>`}</div>`;

@@ -67,7 +67,7 @@ export class View2d {
       this.follow();
     });
     for (const event of ["picture", "executed"]) store.on(event, () => this.show());
-    for (const event of ["detail", "refusal", "theme", "view", "underlay"]) store.on(event, () => this.rest());
+    for (const event of ["detail", "refusal", "theme", "view", "underlay", "measured"]) store.on(event, () => this.rest());
     new ResizeObserver(() => this.resize()).observe(this.region);
     this.overlay.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     this.overlay.addEventListener("pointerdown", (event) => this.grab(event));
@@ -246,8 +246,9 @@ export class View2d {
       duration: rowOf(picture?.head, "duration")?.value ?? "",
       tier: store.isCurrent(executed) ? 2 : picture ? 1 : 0,
       "executed-seq": executed?.seq ?? "",
-      magnify: executed ? this.layers.magnification(executed, this.view.scale) : "",
+      magnify: executed ? this.layers.magnification(this.view.scale) : "",
       stale: store.refusal?.head.tier === 1,
+      measured: store.measured?.head.run ?? "",
       scale: this.view.scale,
     };
     for (const [name, value] of Object.entries(told)) mark(region, `data-${name}`, String(value));

@@ -15,6 +15,7 @@ import numpy as np
 
 from armcontour._progress import Step
 from armcontour.errors import InvalidInput
+from armcontour.studio.tasks.logs import learned
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
@@ -46,7 +47,7 @@ def report(x: Request) -> Frame:
         job = replace(job, runs=chosen)
     study = run(job, progress=x.progress)
     x.progress(Step(("writing",)))
-    return _file(f"{job.name}-report.html", render_report(study).encode(), {"run": x.run})
+    return file_frame(f"{job.name}-report.html", render_report(study).encode(), {"run": x.run})
 
 
 def certify(x: Request) -> Frame:
@@ -75,14 +76,15 @@ def certify(x: Request) -> Frame:
         **{"notes": [*data.notes, *data.warnings], "certificate": plain(data)},
     }
     page = render_report(found.study, certificate=found)
-    return _file(f"{found.job.name}-certificate.html", page.encode(), header)
+    return file_frame(f"{found.job.name}-certificate.html", page.encode(), header)
 
 
 def export(x: Request) -> Frame:
     """The set-points or the plan in a format of a controller or a table.
 
-    Options: `format`, a name of a format; for "template" its `template`; `of`,
-    "taught" or "planned"; `period` of a plan [s]; `outputs`, `derivatives` and `tool_motion`.
+    Options: `format`, a name of a format; for "template" its `template`; `of`, "taught",
+    "planned", or "learned" from `logs`; `period` of a plan [s]; `outputs`, `derivatives` and
+    `tool_motion`.
     """
     from armcontour.io.exports.formats import (
         TemplateFormat,
@@ -96,6 +98,9 @@ def export(x: Request) -> Frame:
     from armcontour.jobs import analog_outputs
 
     of, plan = format_named(str(x.option("format", "csv"))), x.taught
+    if x.option("of", "taught") == "learned":
+        study = learned(x)
+        plan = replace(study.plan, taught=study.lesson)
     own = {name: x.options[name] for name in ("template", "outputs") if name in x.options}
     format = of(**own)
     template, ending = None, format.ending
@@ -105,7 +110,7 @@ def export(x: Request) -> Frame:
             names = ", ".join(SHIPPED)
             raise InvalidInput(f"There is no template {template!r}: there are {names}.")
         ending = FilePath(SHIPPED[template].removesuffix(".j2")).suffix
-    taught = x.option("of", "taught") == "taught"
+    taught = x.option("of", "taught") != "planned"
     x.progress(Step(("writing",)))
     with tempfile.TemporaryDirectory() as folder:
         stem = f"{x.job.name}-{plan.run.name}"
@@ -139,7 +144,7 @@ def export(x: Request) -> Frame:
         **{"run": plan.run.name, "points": len(plan.taught.q)},
         "warnings": (*plan.warnings, *(f"{called}: {said}" for said in told)),
     }
-    return _file(name, content, header)
+    return file_frame(name, content, header)
 
 
 def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[..., Any]) -> Any:
@@ -151,7 +156,7 @@ def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[.
     return outputs(plan.path, plan.trajectory, job.process, plan.run.limits) or None
 
 
-def _file(name: str, content: bytes, header: Mapping[str, Any]) -> Frame:
+def file_frame(name: str, content: bytes, header: Mapping[str, Any]) -> Frame:
     """A result that is a file."""
     kind = TYPES.get(FilePath(name).suffix, "application/octet-stream")
     told = {**header, "name": name, "type": kind, "bytes": len(content)}

@@ -27,6 +27,7 @@ class Request:
         run: Name of the run.
         trust_xacro: Whether the arm may be a .xacro file.
         options: Options of the task.
+        logs: Files of logs of the robot.
         allowed: Folders in which files may be read; without any, everywhere.
         named: Files elsewhere that may be read.
         progress: Called with steps.
@@ -38,6 +39,7 @@ class Request:
     run: str | None = None
     trust_xacro: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
+    logs: Sequence[str] = ()
     allowed: Sequence[str] = ()
     named: Sequence[str] = ()
     progress: Progress = lambda step: None

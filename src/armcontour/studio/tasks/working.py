@@ -14,9 +14,10 @@ from armcontour import _process
 from armcontour._files import reading_below
 from armcontour._progress import Progress, Step
 from armcontour.errors import ArmContourError, InvalidInput
-from armcontour.studio.tasks.figures import figures
+from armcontour.studio.tasks.figures import changes, figures
 from armcontour.studio.tasks.files import certify, export, report
 from armcontour.studio.tasks.judging import check, clearance
+from armcontour.studio.tasks.logs import identify, learn, measured
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.tasks.searching import place, sweep
 from armcontour.studio.wire import Frame
@@ -37,6 +38,7 @@ runs: {one: {}}
 """
 TASKS: dict[str, Callable[[Request], Frame]] = {
     "figures": figures,
+    "changes": changes,
     "check": check,
     "certify": certify,
     "sweep": sweep,
@@ -44,6 +46,9 @@ TASKS: dict[str, Callable[[Request], Frame]] = {
     "clearance": clearance,
     "export": export,
     "report": report,
+    "measured": measured,
+    "identify": identify,
+    "learn": learn,
 }
 
 

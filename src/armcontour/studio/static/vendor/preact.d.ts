@@ -1,4 +1,4 @@
 export { render } from "preact";
 export { useEffect, useLayoutEffect, useMemo, useRef } from "preact/hooks";
-export { effect, signal, useComputed, useSignal } from "@preact/signals";
+export { computed, signal, useComputed, useSignal } from "@preact/signals";
 export { html } from "htm/preact";

@@ -1,8 +1,7 @@
-"""The section on a program: a picture of its moves, and the times and errors of its contours."""
+"""The section on the contours of a program: their times and errors."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,13 +12,12 @@ from armcontour.evaluation import ErrorProfile
 from armcontour.jobs import RunResult, Study
 from armcontour.jobs.run_data import pierce_length, work_length
 from armcontour.motion import Span
-from armcontour.program import Contour, cut_parts
+from armcontour.program import Contour
 from armcontour.report import section
 from armcontour.report.section import Section
-from armcontour.report.sections.program_picture import picture
 
 # Largest number of rows; of more contours, those with the largest errors are listed.
-MOST_ROWS = 20
+MOST_ROWS = 200
 # Share of the assigned velocity from which the velocity counts as reached.
 REACHED = 0.999
 # Shorter leads are rounding errors [m].
@@ -42,29 +40,21 @@ COLUMNS = (
 )
 
 
-def program(study: Study) -> Section | None:
-    """A picture of a program and a table of its contours; None for a single path."""
+def contours(study: Study) -> Section | None:
+    """A table of the contours of a program; None for a single path."""
     first = next(iter(study.runs.values()))
-    if first.path.single_path is not None and not cut_parts(first.path, study.job.process):
+    if first.path.single_path is not None:
         return None
-    results = study.runs.items()
-    drawn, notes = picture(first, study.job)
     return Section(
-        key="program",
-        title="Program",
+        key="contours",
+        title="Contours",
+        summary="length, time, speed and error of each contour",
         text=(
-            "As planned: contours with the process on, leads, and rapids between them; with a "
-            "kerf, the drawn contours and the band of the cut. Rapids keep the limits of the "
-            "joints, and rapid_speed and approach_speed of the process if there are any; else the "
-            "tool may be faster than the assigned velocity. Between two moves the tool is at rest."
+            'Lengths, times and errors are those at work; "as assigned" is the share of the length '
+            "that is run at the assigned velocity. Rapids between contours keep the limits of the "
+            "joints, and rapid_speed and approach_speed of the process if there are any."
         ),
-        figures=(drawn,),
-        tables=tuple(_table(name, x) for name, x in results),
-        notes=(
-            'In the table, lengths, times and errors are those at work; "as assigned" is the '
-            "share of the length that is run at the assigned velocity.",
-            *notes,
-        ),
+        choices=tuple((name, (_table(name, x),)) for name, x in study.runs.items()),
     )
 
 
@@ -86,8 +76,6 @@ def _table(name: str, result: RunResult) -> section.Table:
             "are in summary.json"
         )
     rows = [_row(k, contours[k], most) for k in order[:MOST_ROWS].tolist()]
-    if rest := [contours[k] for k in order[MOST_ROWS:].tolist()]:
-        rows.append(_rest(rest))
     used = [any(x[k] for x in rows) for k in range(len(COLUMNS))]
     columns = tuple(x if y else replace(x, label="") for x, y in zip(COLUMNS, used, strict=True))
     return section.table_of(Table("contours", columns, rows), caption)
@@ -107,19 +95,6 @@ def _row(k: int, judged: Judged, most: float) -> list[Any]:
         *(span.work[0], time, length / time, _assigned_share(contour, span, most)),
         *((None, None) if error is None else (error.rms, error.max)),
     ]
-
-
-def _rest(contours: Sequence[Judged]) -> list[Any]:
-    """The values of all contours that are not listed."""
-    length = sum(work_length(x) for x, _, _ in contours)
-    times = [end - start for start, end in (x.work or x.t for _, x, _ in contours)]
-    errors = [x for _, _, x in contours if x is not None]
-    time, rms, most = sum(times), None, None
-    if errors:
-        squares = sum(x.rms**2 * t for x, t in zip(errors, times, strict=True))
-        rms, most = float(np.sqrt(squares / time)), max(x.max for x in errors)
-    name = f"and {len(contours)} more"
-    return [name, "", length, *[None] * 4, time, length / time, None, rms, most]
 
 
 def _assigned_share(contour: Contour, span: Span, most: float) -> float | None:

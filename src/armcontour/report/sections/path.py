@@ -1,130 +1,136 @@
-"""The section on the path in space, and an animation of the arm."""
+"""The section on the path of the tool: the executed path, its corners, and the moving arm."""
 
 from __future__ import annotations
 
-from itertools import cycle
 from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
-from armcontour.evaluation import Evaluation
+from armcontour._checks import FloatArray
 from armcontour.jobs import RunResult, Study
 from armcontour.motion import Execution
-from armcontour.program import Program
-from armcontour.report.figure import Figure, Node
+from armcontour.report.figure import Figure, Node, make_trace
 from armcontour.report.outline import outline_points, simplify
 from armcontour.report.section import Section
 from armcontour.report.sections.bodies import (
+    curve,
     draw_surroundings,
     in_space,
     line_in_space,
     seen_from_base,
 )
-from armcontour.report.sections.corners import DASHES, corners, replaced_paths, replaced_programs
-from armcontour.report.sections.paths import done, executed_contours, objective_of
-from armcontour.report.style import (
-    EXPERIMENT_DASH,
-    PATH_COLOUR,
-    RUN_COLOURS,
-    run_colours,
-    run_widths,
-)
+from armcontour.report.sections.corners import Tool, corners, tools_of
+from armcontour.report.sections.motion import marked_run
+from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, run_colours
 
-# Largest number of points of an executed path.
-MOST_PLACES = 600
-# The same for a program, which may fill an area.
-MOST_OF_PROGRAM = 6000
+# Largest number of points of an executed path, and of those that are evenly spaced.
+MOST_POINTS, EVEN = 6000, 800
 # Number of drawn tool axes, and their length as a share of the size of the path.
 STICKS = 32
 STICK_LENGTH = 0.09
-# Number of frames of the animation.
-FRAMES = 50
+# Height of the figures [px], and number of frames of the animation.
+HEIGHT, FRAMES = 350, 50
 # Largest number of visible arms; the others can be shown in the legend.
 MOST_ARMS = 2
 SHOWN = {"size": 13, "color": "#222222"}
 
 
-def space(study: Study) -> Section | None:
-    """The objective path, executed paths and the moving arm in space; None in the plane."""
-    if study.job.program.dimension != 3:
-        return None
+def paths(study: Study) -> Section:
+    """The objective path and the executed paths, enlarged corners, and in space the moving arm."""
+    figures = [draw_path(study), *corners(study)]
+    text = "The executed path of the tool" if study.simulated else "The planned path of the tool"
+    if study.job.program.dimension == 3:
+        figures.append(_arm(study))
+        text += (
+            ". Sticks are the tool in the first run: its axis, and shorter its x axis where that "
+            "is given. The arm moves in the coordinates of its base"
+        )
+    for x in figures:
+        x.span = 6 // len(figures)
     return Section(
         key="paths",
         title="Path of the tool",
-        text=(
-            f"The objective path, {replaced_paths(study)}, and the {done(study)} path of the tool "
-            "in each run. "
-            "Sticks are the tool in the first run: its axis, and "
-            "shorter its x axis where that is given. The arm below moves in the "
-            "coordinates of its base, among what is known of its cell."
-        ),
-        figures=(draw_in_space(study), *corners(study), _arm(study)),
+        summary="to zoom and turn" + (", with enlarged corners" if len(figures) > 1 else ""),
+        text=f"{text}.",
+        parts=tuple(figures),
     )
 
 
-def draw_in_space(study: Study) -> Any:
-    """Figure of the paths in space."""
-    figure = Figure()
-    objective = outline_points(objective_of(study)) * 1e3
-    figure.add_trace(line_in_space(objective, "objective path", PATH_COLOUR, width=9, opacity=0.45))
-    noun = "contours" if len(study.job.program.contours) > 1 else "path"
-    replaced = replaced_programs(study, noun)
-    for (name, program), dash in zip(replaced.items(), cycle(DASHES), strict=False):
-        figure.add_trace(
-            line_in_space(outline_points(program) * 1e3, name, "#000000", width=3, dash=dash)
-        )
+def draw_path(study: Study) -> Any:
+    """Figure of the objective path and of the executed paths."""
+    first = next(iter(study.runs.values()))
+    objective = outline_points(first.objective)
+    figure = Figure(curve(objective, "objective path", PATH_COLOUR, width=6, opacity=0.5))
     for points, name, colour in _sticks(study):
-        figure.add_trace(line_in_space(points, name, colour, width=3))
-    colours, widths = run_colours(study.runs), run_widths(study.runs)
-    for name, result in study.runs.items():
-        moved: list[tuple[str, Execution, Evaluation | None, str]] = []
-        moved.append((name, result.motion, result.evaluation, "solid"))
-        if (x := result.experiment) is not None:
-            moved.append((f"{name}, experiment", x.execution, x.evaluation, EXPERIMENT_DASH))
-        for label, execution, evaluation, dash in moved:
-            points = _executed_tool(execution, evaluation, result.path) * 1e3
-            width = widths[name] + 2
-            figure.add_trace(line_in_space(points, label, colours[name], width=width, dash=dash))
-    everywhere = np.concatenate([np.stack([x.x, x.y, x.z], axis=1) for x in figure.data])
-    in_space(figure, everywhere, title="Path in space", height=680)
-    return figure
+        figure.add_trace(curve(points, name, colour, width=3))
+    for tool in tools_of(study):
+        figure.add_trace(curve(executed_points(tool), tool.name, **tool.look))
+    if objective.shape[1] == 3:
+        everywhere = np.concatenate([np.stack([x.x, x.y, x.z], axis=1) for x in figure.data])
+        in_space(figure, everywhere, title="Path of the tool", height=HEIGHT)
+        return figure
+    if (marked := marked_run(study)) is not None:
+        figure.add_trace(_switching_points(marked, run_colours(study.runs)[marked.run.name]))
+    figure.update_xaxes(title="x [mm]")
+    figure.update_yaxes(title="y [mm]", scaleanchor="x")
+    return finish(figure, title="Path of the tool", height=HEIGHT)
 
 
-def _executed_tool(
-    execution: Execution, evaluation: Evaluation | None, program: Program
-) -> FloatArray:
-    """Executed points of the tool, with its largest error, (n, 3) [m].
+def executed_points(tool: Tool) -> FloatArray:
+    """Executed points of a tool along its contours, with the largest error, (n, dimension) [m].
 
-    After each of several contours there is a gap (NaN): rapids have no path.
+    Between contours there is a gap (NaN): rapids have no path.
     """
-    peak = -1.0 if evaluation is None else evaluation.contour_error.t_max
-    worst = int(np.searchsorted(execution.t, peak))
+    x, points = tool.done, tool.done.tool
+    peak = -1.0 if tool.evaluation is None else tool.evaluation.contour_error.t_max
+    worst = int(np.searchsorted(x.t, peak))
+    spans = executed_contours(x)
+    parts = simplify([points[a:b] for a, b in spans], MOST_POINTS, even=EVEN)
+    gap, found = np.full((1, points.shape[1]), np.nan), []
+    for (a, b), few in zip(spans, parts, strict=True):
+        which = np.union1d(a + few, [worst]) if a <= worst < b else a + few
+        found += [points[which], gap]
+    return np.concatenate(found[:-1])
+
+
+def executed_contours(execution: Execution) -> list[tuple[int, int]]:
+    """Indices of the first and after the last executed sample of every contour.
+
+    Samples before and after the motion belong to the first and the last contour.
+    """
+    trajectory, last = execution.taught.trajectory, len(execution.t)
     found = []
-    followed = executed_contours(execution, program)
-    gaps = [np.full((1, 3), np.nan)] if len(followed) > 1 else []
-    for _, begin, end in followed:
-        kept = np.arange(begin, end, max(1, len(execution.t) // MOST_PLACES))
-        kept = np.union1d(kept, _shape(execution, begin, end, len(followed)))
-        if begin <= worst < end:
-            kept = np.union1d(kept, [worst])
-        found += [execution.arm.tool_position(execution.q[kept]), *gaps]
-    return np.concatenate(found)
+    for span in trajectory.contour_spans:
+        start, end = np.searchsorted(execution.t, span.t).tolist()
+        # At least two samples, also of a very short contour.
+        start = 0 if span.t[0] <= 0 else min(start, last - 2)
+        end = last if span.t[1] >= trajectory.duration else max(end + 1, start + 2)
+        found.append((start, end))
+    return found
 
 
-def _shape(execution: Execution, begin: int, end: int, contours: int) -> IntArray:
-    """Indices of the executed samples that show the shape of a contour."""
-    tool = execution.arm.tool_position(execution.q[begin:end])
-    each = max(4, MOST_OF_PROGRAM // contours)
-    even = min(max(1, each // 4), MOST_PLACES)
-    return begin + simplify([tool], each, even=even)[0]
+def _switching_points(result: RunResult, colour: str) -> Any:
+    """The switching points P0, P1, ... on the tool path."""
+    t = result.trajectory.switching_points
+    q = result.trajectory(np.minimum(t, result.trajectory.duration))
+    x, y = result.arm.tool_position(q).T * 1e3
+    return make_trace(
+        "scatter",
+        x=x,
+        y=y,
+        name=f"{result.run.name}: switching points",
+        mode="markers+text",
+        text=[f"P{k}" for k in range(len(t))],
+        textposition="top right",
+        marker={"color": colour, "size": 8, "symbol": "diamond", "line": {"width": 1}},
+    )
 
 
 def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
     """Tool axes at points along the path of the first run [mm]."""
     result = next(iter(study.runs.values()))
     arm = result.arm
-    if not hasattr(arm, "pose"):
+    if result.path.dimension == 2 or not hasattr(arm, "pose"):
         return []
     points, axes = arm.pose(_along(result))
     outline = outline_points(result.path)
@@ -135,20 +141,16 @@ def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
     if path.orientation is not None and not path.orientation.axis_only:
         ends = points + length / 2 * axes[:, :, 0]
         found.append((_separate(points, ends), "tool x axis", RUN_COLOURS[4]))
-    return [(x * 1e3, name, colour) for x, name, colour in found]
+    return found
 
 
 def _along(result: RunResult) -> FloatArray:
-    """Joint positions at points along every contour, or along some of many contours, (n, dof)."""
-    spans, contours = result.trajectory.contour_spans, result.path.contours
+    """Joint positions along every contour, or along some of many contours, (n, dof)."""
+    spans = result.trajectory.contour_spans
     every = -(-len(spans) // STICKS)
     each = max(2, STICKS * every // len(spans))
-    found = []
-    for x, contour in zip(spans[::every], contours[::every], strict=True):
-        assert x.trajectory is not None
-        places = np.linspace(0, contour.path.length, each)
-        found.append(x.trajectory(x.trajectory.time_at(places)))
-    return np.concatenate(found)
+    times = [np.linspace(*x.t, each) for x in spans[::every]]
+    return result.trajectory(np.minimum(np.concatenate(times), result.trajectory.duration))
 
 
 def _separate(start: FloatArray, end: FloatArray) -> FloatArray:
@@ -164,7 +166,8 @@ def _arm(study: Study) -> Any:
     last = min([last, *([max(ends)] if ends else [])])
     times = np.linspace(0, last, FRAMES)
     arms = {name: _arm_points(x.motion, times) for name, x in study.runs.items()}
-    path = seen_from_base(study.job.arm, outline_points(objective_of(study)))
+    first = next(iter(study.runs.values()))
+    path = seen_from_base(study.job.arm, outline_points(first.objective))
     figure = Figure(*[line_in_space(path, "objective path", PATH_COLOUR, width=7)])
     for i, (name, links) in enumerate(arms.items()):
         trace = line_in_space(links[0], name, colours[name], width=9)
@@ -191,8 +194,8 @@ def _arm(study: Study) -> Any:
         )
         for k in range(FRAMES)
     ]
-    title = "The arm along its motion, as its base has it"
-    in_space(figure, np.concatenate(drawn), title=title, height=700, top=50)
+    title = "The arm along its motion"
+    in_space(figure, np.concatenate(drawn), title=title, height=HEIGHT, top=50)
     figure.update_layout(**_playing(times))
     return figure
 

@@ -1,0 +1,379 @@
+"""`advise`: changes that save most time of a run, or repair its verdict, planned one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
+from math import floor, inf, log10
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from armcontour._progress import Progress, Step, under
+from armcontour.arms.limits import UNITS
+from armcontour.compensation.compensator import INVERSE
+from armcontour.core.render import Result, number, split
+from armcontour.core.result import FILE, JUDGED, VERDICT, Data, Row, Table
+from armcontour.errors import ArmContourError
+from armcontour.evaluation import evaluate
+from armcontour.jobs.experiment import build_plant
+from armcontour.jobs.job import Job, Run
+from armcontour.jobs.planning import plan_one
+from armcontour.jobs.results import Planned, RunResult, Study
+from armcontour.jobs.reuse import Reuse
+from armcontour.jobs.study import execute_run, teach_run
+from armcontour.jobs.verdict import judge
+from armcontour.motion import Method
+from armcontour.timing.explanation import DWELLS, NAMES, RAPIDS
+
+# Changes that are listed, and changes that are planned to find them.
+MOST_LISTED, MOST_PLANNED = 3, 6
+# Limits are raised by this factor, corner tolerances by the other.
+RAISED, WIDER = 1.2, 2.0
+# Changes that save a smaller share of the duration are not listed.
+LEAST = 2e-3
+# Factors by which a repair lowers the speed, and reserves that it tries, the mildest first.
+SLOWER, RESERVES = (0.8, 0.6, 0.4, 0.2), (0.1, 0.2, 0.4)
+# Reserves below this leave a servo no room [share of the acceleration].
+LEAST_RESERVE = 0.02
+# A repair takes so much of the accuracy, so that rounding of numbers does not decide.
+OF_ACCURACY = 0.98
+# Jobs with more segments in all runs are not planned again unasked.
+SMALL = 100
+# Which limits are those of drives; others are the user's.
+IF_DRIVE, IF_PROCESS = "the drive allows it", "the process allows it"
+IF_PART = "the part allows it"
+STEP = "changes"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Improvement:
+    """A change of a job, and what it gains.
+
+    Args:
+        label: The change in words.
+        edits: Keys of the job file, as the run sees them, and their values in SI units.
+        saved: By how much the motion gets shorter [s]; below zero it gets longer.
+        duration: Duration of the changed motion [s].
+        off_drawing: Distance of the tool from the drawing after the change [m].
+        kept: Whether the changed run is kept; None if it is not judged.
+        condition: What must be true for it.
+    """
+
+    label: str
+    edits: tuple[tuple[str, Any], ...]
+    saved: float
+    duration: float
+    off_drawing: float
+    kept: bool | None
+    condition: str = ""
+
+    @property
+    def effect(self) -> str:
+        """What the change gains, such as "saves 0.5 s"."""
+        time = number(abs(self.saved), "s")
+        return f"saves {time}" if self.saved >= 0 else f"kept, takes {time} more"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Advice(Result):
+    """What to change: at most three changes, those that save or repair most first.
+
+    Args:
+        improvements: The changes.
+        note: A sentence where there are none.
+    """
+
+    improvements: tuple[Improvement, ...]
+    note: str
+
+    def to_data(self) -> Data:
+        """A table of the changes."""
+        return Data("What to change", tables=(self.table,), notes=(self.note,) if self.note else ())
+
+    @property
+    def table(self) -> Table:
+        """The changes, which report, page, print and files have alike."""
+        columns = (
+            *(Row("change", None, "", "what to change"), Row("saved", None, "s", "saves")),
+            *(Row("off_drawing", None, "m", "off the drawing"), Row("kept", None, JUDGED, "then")),
+            *(Row("duration", None, "s"), Row("condition", None, "", "if"), Row("edits", None)),
+        )
+        rows = [
+            (x.label, x.saved, x.off_drawing, x.kept, x.duration, x.condition, x.edits)
+            for x in self.improvements
+        ]
+        return Table("changes", columns, rows, VERDICT if rows else FILE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Candidate:
+    """A change that may help.
+
+    Args:
+        label: As of `Improvement`.
+        edits: As of `Improvement`.
+        job: The changed job.
+        run: The changed run.
+        worth: About the share of the duration that it may save.
+        condition: As of `Improvement`.
+    """
+
+    label: str
+    edits: tuple[tuple[str, Any], ...]
+    job: Job
+    run: Run
+    worth: float = 0.0
+    condition: str = ""
+
+
+def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Advice:
+    """Find the changes of a run that save most time; of a run that is not kept, those that repair.
+
+    Each change is planned and simulated.
+
+    Args:
+        job: The job.
+        result: One of its runs, simulated.
+        progress: Called before each change is planned, with the share that is done.
+    """
+    tell, steps = under(progress), advising(job, result)
+    while True:
+        try:
+            tell(Step((STEP,), done=next(steps)))
+        except StopIteration as end:
+            found: Advice = end.value
+            return found
+
+
+def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
+    """The steps of `advise`, each of which plans one change.
+
+    Args:
+        job: As of `advise`.
+        result: As of `advise`.
+
+    Yields:
+        The share that is done.
+
+    Returns:
+        The advice.
+    """
+    reuse, helpful = Reuse(2), list[Improvement]()
+    repairs = result.kept is False
+    if repairs:
+        groups = list(_repairs(job, result))
+        none = "No single change of tolerance, compensation, reserve and speed makes the run kept."
+    else:
+        likely = sorted(_savings(job, result), key=lambda x: -x.worth)[:MOST_PLANNED]
+        groups = [iter([x]) for x in likely]
+        none = "No single change of a limit, the corners or the order makes the motion faster."
+    least = -inf if repairs else LEAST * result.trajectory.duration
+    for k, group in enumerate(groups):
+        for x in group:
+            yield k / len(groups)
+            tried = _try(x, result, reuse)
+            if tried is not None and tried.saved > least and tried.kept is not False:
+                helpful.append(tried)
+                break
+    found = tuple(sorted(helpful, key=lambda x: -x.saved))[:MOST_LISTED]
+    return Advice(improvements=found, note="" if found else none)
+
+
+def advised(study: Study, progress: Progress | None = None) -> Study:
+    """A study with the advice on each of its runs.
+
+    Args:
+        study: The study, simulated.
+        progress: As of `advise`, with the names of the runs before the step.
+    """
+    runs = {
+        name: replace(x, advice=advise(study.job, x, under(progress, name)))
+        for name, x in study.runs.items()
+    }
+    return replace(study, runs=MappingProxyType(runs))
+
+
+def is_small(job: Job, most: int = SMALL) -> bool:
+    """Whether changes of a job are planned within a few seconds.
+
+    Args:
+        job: The job.
+        most: Largest number of segments in all its runs.
+    """
+    segments = sum(len(x.path) for x in job.program.contours)
+    return segments * len(job.runs) <= most and not any(x.is_shaped for x in job.runs)
+
+
+def _try(x: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
+    """Plan and simulate a change; None if it is not possible."""
+    try:
+        planned = plan_one(x.job, x.run, reuse)
+        error = _contour_error(x.job, planned)
+    except ArmContourError:
+        return None
+    duration = planned.trajectory.duration
+    return Improvement(
+        label=x.label,
+        edits=x.edits,
+        saved=result.trajectory.duration - duration,
+        duration=duration,
+        off_drawing=(planned.rounding_error or 0.0) + error,
+        kept=judge(planned, error)[0],
+        condition=x.condition,
+    )
+
+
+def _contour_error(job: Job, planned: Planned) -> float:
+    """The largest contour error of a plan, executed by what judges its run [m]."""
+    run = planned.run
+    taught = teach_run(job, run, planned.trajectory)
+    plant = None
+    if run.judge is not None:
+        plant = build_plant(run.judge, job.arm, job.plant_servo, run.limits)
+    executed = execute_run(job, taught, plant)
+    return evaluate(executed, planned.path, until=run.until).contour_error.max
+
+
+def _rounded(value: float, digits: int = 3) -> float:
+    """A value with few digits, which is not larger."""
+    step = 10.0 ** (floor(log10(value)) - digits + 1)
+    return float(f"{floor(value / step * (1 + 1e-12)) * step:.{digits}g}")
+
+
+def _savings(job: Job, result: RunResult) -> Iterator[_Candidate]:
+    """Changes that may make the motion shorter."""
+    run, why = result.run, result.explanation
+    if why is None or run.duration is not None:
+        return
+    kinds, joints = why.kinds, {x.name: x.joint for x in why.bindings}
+    for x in why.shares:
+        yield from _raised_limit(job, run, x.kind, joints.get(x.name), x.of_time)
+    free = [NAMES["speed"], RAPIDS, DWELLS]
+    cornering = 1 - sum(kinds.get(x, 0.0) for x in free)
+    yield from _wider_corners(job, result, cornering)
+    if run.timing.reserve > LEAST_RESERVE:
+        reserve = max(_rounded(run.timing.reserve / 2), LEAST_RESERVE)
+        worth = (run.timing.reserve - reserve) * (1 - kinds.get(free[0], 0.0)) / 2
+        yield _reserve(job, run, reserve, worth)
+    if len(job.program.contours) > 2 and job.process.order != "shortest":
+        process = replace(job.process, order="shortest")
+        yield _Candidate(
+            label="Order the contours by the shortest ways",
+            edits=(("process.order", "shortest"),),
+            job=replace(job, process=process),
+            run=run,
+            worth=kinds.get(RAPIDS, 0.0) / 3,
+        )
+
+
+def _raised_limit(
+    job: Job, run: Run, kind: str, joint: int | None, share: float
+) -> Iterator[_Candidate]:
+    """A limit that is raised, that of one joint for a limit of joints."""
+    fields = {name: x for x, name in NAMES.items()}
+    name = fields.get(kind)
+    value = None if name is None else getattr(run.limits, name)
+    if name is None or value is None:
+        return
+    # The time along a path goes with the square root of accelerations.
+    worth = share * (1 - (1 / RAISED if "speed" in name or "velocity" in name else RAISED**-0.5))
+    words, condition = f"the {kind}", IF_PROCESS
+    raised = np.array(value, dtype=np.float64)
+    bounds = raised.reshape(raised.size if joint is None else len(raised), -1)
+    own = bounds[joint or 0]
+    old = float(np.abs(own).min())
+    own[:] = [np.sign(x) * _rounded(abs(x) * RAISED) for x in own]
+    if joint is not None:
+        words, condition = f"joint {joint + 1} {kind}", IF_DRIVE
+    yield _Candidate(
+        label=f"Raise {words} {_steps(old, float(np.abs(own).min()), UNITS[name])}",
+        edits=((f"limits.{name}", raised.tolist()),),
+        job=job,
+        run=replace(run, limits=run.limits.replace(**{name: raised if raised.ndim else own[0]})),
+        worth=worth,
+        condition=condition,
+    )
+
+
+def _steps(old: float, new: float, unit: str) -> str:
+    """Both values of a change, such as "from 0.25 to 0.5 mm"."""
+    (before, its), (after, unit) = split(old, unit), split(new, unit)
+    return f"from {before if its == unit else f'{before} {its}'} to {after} {unit}"
+
+
+def _wider_corners(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
+    """A larger corner tolerance, as far as the accuracy allows it."""
+    old, accuracy = result.tolerance, result.run.accuracy
+    if old is None or result.rounding_error is None:
+        return
+    new = old * WIDER
+    if accuracy is not None:
+        assert result.judged is not None
+        new = min(new, OF_ACCURACY * accuracy - 2 * result.judged.contour_error.max)
+    if new > old * (1 + LEAST):
+        yield _tolerance(job, result.run, _rounded(new), share / 5)
+
+
+def _tolerance(job: Job, run: Run, new: float, worth: float = 0.0) -> _Candidate:
+    """Another corner tolerance."""
+    rounding = run.rounding
+    assert rounding is not None and rounding.tolerance is not None
+    verb = "Raise" if new > rounding.tolerance else "Lower"
+    return _Candidate(
+        label=f"{verb} the corner tolerance {_steps(rounding.tolerance, new, 'm')}",
+        edits=(("corners.tolerance", new),),
+        job=job,
+        run=replace(run, rounding=replace(rounding, tolerance=new)),
+        worth=worth,
+        condition=IF_PART if verb == "Raise" else "",
+    )
+
+
+def _reserve(job: Job, run: Run, new: float, worth: float = 0.0) -> _Candidate:
+    """Another reserve for the servo."""
+    old = run.timing.reserve
+    return _Candidate(
+        label=f"{'Raise' if new > old else 'Lower'} the reserve {_steps(old, new, '1')}",
+        edits=(("timing.reserve", new),),
+        job=job,
+        run=replace(run, timing=replace(run.timing, reserve=new)),
+        worth=worth,
+    )
+
+
+def _repairs(job: Job, result: RunResult) -> Iterator[Iterator[_Candidate]]:
+    """Changes that may make a run kept, in groups of which the first that helps counts."""
+    run, e = result.run, result.judged
+    if run.accuracy is not None and result.tolerance is not None and e is not None:
+        room = OF_ACCURACY * run.accuracy - 2 * e.contour_error.max
+        if 0 < room < result.tolerance:
+            yield iter([_tolerance(job, run, _rounded(room))])
+    if run.compensation.method != INVERSE.method:
+        limits = run.compensation.command_limits
+        changed = replace(run, compensation=replace(INVERSE, command_limits=limits))
+        yield iter(
+            [
+                _Candidate(
+                    label=f"Compensate the servo by {INVERSE.method}",
+                    edits=(("compensation.method", INVERSE.method),),
+                    job=job,
+                    run=changed,
+                )
+            ]
+        )
+    if run.timing.method == Method.OPTIMAL:
+        yield (_reserve(job, run, x) for x in RESERVES if x > run.timing.reserve)
+    speed = run.limits.speed
+    if speed is not None:
+        new = [_rounded(speed * x) for x in SLOWER]
+        yield (
+            _Candidate(
+                label=f"Lower the assigned velocity {_steps(speed, x, 'm/s')}",
+                edits=(("limits.speed", x),),
+                job=job,
+                run=replace(run, limits=run.limits.replace(speed=x)),
+            )
+            for x in new
+        )

@@ -1,0 +1,109 @@
+"""The verdict on a run: how far the tool is off the drawing, and whether that is allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from armcontour.core.render import number
+from armcontour.core.result import JUDGED, VERDICT, Row
+
+if TYPE_CHECKING:
+    from armcontour.jobs.results import Planned
+    from armcontour.timing import Explanation
+
+# By default a contour may be off its path by this share of the smallest tolerance of its corners.
+DEFAULT_ACCURACY = 0.1
+# Share by which rounding of numbers may exceed a tolerance.
+ROUNDING = 1e-9
+
+
+def off_drawing(
+    rounding: float | None,
+    tolerance: float | None,
+    error: float,
+    allowed: float | None = None,
+    label: str = "off the drawing",
+) -> Row:
+    """The distance of the tool from the drawing, in sum and in parts.
+
+    Args:
+        rounding: Largest corner error [m]; None for a path as drawn.
+        tolerance: Largest corner error that the run allows [m]; None without a tolerance.
+        error: Largest contour error [m].
+        allowed: Largest contour error that the run allows [m]; None if it states none.
+        label: What the sum is called.
+    """
+    parts = [("servo", error, allowed)]
+    if rounding is not None:
+        parts.insert(0, ("rounding", rounding, tolerance))
+    note = ", ".join(
+        f"{name} {number(value, 'm')}"
+        + ("" if limit is None else f" of {number(limit, 'm')} allowed")
+        for name, value, limit in parts
+    )
+    return Row("off_drawing", (rounding or 0.0) + error, "m", label, note, VERDICT)
+
+
+def allowed_error(planned: Planned) -> float | None:
+    """The contour error that the run may have [m]; None without accuracy and tolerance."""
+    run = planned.run
+    if run.accuracy is not None:
+        return max(run.accuracy - (planned.rounding_error or 0.0), 0.0)
+    least = None if run.rounding is None else run.rounding.least_tolerance
+    return None if least is None else least * DEFAULT_ACCURACY
+
+
+def judge(planned: Planned, error: float) -> tuple[bool | None, str]:
+    """Whether a contour error is allowed, and what was compared.
+
+    Args:
+        planned: The plan.
+        error: Largest contour error [m].
+
+    Returns:
+        True or False, or None without an accuracy and a tolerance; and a sentence.
+    """
+    rounding, tolerance, run = planned.rounding_error or 0.0, planned.tolerance, planned.run
+    allowed = allowed_error(planned)
+    if allowed is None:
+        return None, ""
+    if planned.clearance is not None and not planned.clearance.kept:
+        return False, "the arm comes too near to itself or to its cell"
+    if tolerance is not None and rounding > tolerance * (1 + ROUNDING):
+        return False, f"corners may be {number(tolerance, 'm')} off the drawing"
+    if run.accuracy is not None:
+        kept = rounding + error <= run.accuracy * (1 + ROUNDING)
+        return kept, f"{number(run.accuracy, 'm')} off the drawing is allowed"
+    if error <= allowed:
+        return True, ""
+    return False, f"the servo may be {number(allowed, 'm')} off, a tenth of the smallest tolerance"
+
+
+def verdict_rows(planned: Planned, error: float | None, failure: str = "") -> Iterator[Row]:
+    """Whether a run is kept, and how far its tool is off the drawing.
+
+    Args:
+        planned: The plan.
+        error: Largest contour error [m]; None without a simulation.
+        failure: Why the run was not completed.
+    """
+    kept, note = (None, "") if error is None else judge(planned, error)
+    if failure:
+        kept, note = False, failure
+    yield Row("kept", kept, JUDGED, "verdict", note, VERDICT)
+    if error is not None:
+        # With an accuracy the parts have no limits of their own.
+        free = planned.run.accuracy is not None
+        limits = (None, None) if free else (planned.tolerance, allowed_error(planned))
+        yield off_drawing(planned.rounding_error, limits[0], error, limits[1])
+    yield Row("accuracy", planned.run.accuracy, "m")
+    yield Row("contour_error_allowed", allowed_error(planned), "m")
+
+
+def time_limit_row(explanation: Explanation | None) -> Iterator[Row]:
+    """What takes most of the time; nothing where that is not known."""
+    if explanation is not None and explanation.longest is not None:
+        limit, share = explanation.longest
+        note = f"{number(share, '1')} of the time"
+        yield Row("time_limit", limit, "", "limits the time", note, VERDICT)

@@ -1,0 +1,59 @@
+// Logs of the robot: which there are, and which of them tasks take.
+
+import { find, make } from "./dom.js";
+import { html, signal } from "./vendor/preact.js";
+
+/** @typedef {import("./state.js").Store} Store */
+
+/** Endings of logs, and of those that may be drawings as well. */
+const [BAGS, TABLES, ENDINGS] = [/\.(log|mcap|db3)$/i, /\.(csv|txt)$/i, ".csv,.txt,.log,.mcap,.db3"];
+/** A column of times, in the first line that is no comment; waypoints have none. */
+const TIMES = /(^|[^a-z])(t|time|timestamp|zeit|ipoc|sec)([^a-z0-9]|$)/i;
+/** Logs that the server keeps, the oldest first, those that tasks take, and names of columns. */
+const [all, ticked, columns] = [signal(/** @type {string[]} */ ([])), signal(/** @type {string[]} */ ([])), signal("")];
+
+/** Logs that tasks take. */
+export const logs = () => all.value.filter((name) => ticked.value.includes(name));
+export const logOptions = () => ({ logs: logs(), columns: columns.value });
+
+/** Whether a file is a log of a robot. @param {File} file @returns {Promise<boolean>} */
+export async function isLog(file) {
+  if (!TABLES.test(file.name)) return BAGS.test(file.name);
+  const first = (await file.slice(0, 4096).text()).split(/\r?\n/).find((line) => /^\s*[^#\s]/.test(line)) ?? "";
+  return /[,;\t]/.test(first) && TIMES.test(first);
+}
+
+/** Listen to new logs. @param {Store} store @param {() => void} compare */
+export function init(store, compare) {
+  /** Whether set-points were learned since the last log: the next one is of their run. */
+  let learned = false;
+  const update = () => (all.value = store.document?.logs ?? []);
+  store.on("document", update);
+  update();
+  store.on("result", (/** @type {any} */ { head: { task } }) => (learned ||= task === "learn"));
+  store.on("log", (/** @type {string} */ name) => {
+    const other = (/** @type {string} */ x) => x !== name;
+    all.value = [...all.value.filter(other), name];
+    ticked.value = [...(learned ? ticked.value.filter(other) : []), name];
+    learned = false;
+    store.setView({ tab: "tasks", dock: true });
+    find(".logs").scrollIntoView();
+    compare();
+  });
+}
+
+/** The logs, and a button for another one. @param {{store: Store}} props */
+export function Logs({ store }) {
+  const add = () => {
+    const picker = make("input", { type: "file", accept: ENDINGS, onchange: () => store.tell("open", { file: picker.files?.[0], log: true }) });
+    picker.click();
+  };
+  const tick = (/** @type {string} */ name, /** @type {boolean} */ on) => (ticked.value = [...ticked.value.filter((x) => x !== name), ...(on ? [name] : [])]);
+  return html`<section class="task logs" aria-label="Logs of the robot">
+    <div class="task-head"><button type="button" onClick=${add}>Add a log</button>
+      <p class="quiet">Or drop it: time and joint positions of a robot, as a table or a bag of ROS 2. Ticked logs are of successive runs.</p></div>
+    ${all.value.length > 0 && html`<div class="task-fields" role="group" aria-label="Logs that are used">
+      ${all.value.map((name) => html`<label class="field" key=${name}><input type="checkbox" checked=${ticked.value.includes(name)} onChange=${(/** @type {any} */ e) => tick(name, e.target.checked)} /> ${name}</label>`)}
+      <label class="field">columns <input type="text" size="16" placeholder="u#=command_#,q#=actual_#" onChange=${(/** @type {any} */ e) => (columns.value = e.target.value.trim())} /></label></div>`}
+  </section>`;
+}

@@ -1,0 +1,169 @@
+"""A log of the robot that is dropped on the page: compared, identified, learned from."""
+
+import numpy as np
+import pytest
+from playwright.sync_api import expect
+from tests.studio.robot_logs import HEAD, TRUE, Robot, write_table
+from tools.studio_page import write_job
+
+import armcontour as ac
+from armcontour.cli import main
+from armcontour.core.render import number
+from armcontour.io import parse_job
+from armcontour.io.log_file import read_log, read_run_log
+from armcontour.jobs.learning import judge_log
+
+pytestmark = pytest.mark.browser
+DROP = """async ([name, bytes]) => {
+  const data = new DataTransfer();
+  data.items.add(new File([new Uint8Array(bytes)], name));
+  const options = { dataTransfer: data, bubbles: true, cancelable: true };
+  for (const kind of ["dragover", "drop"])
+    document.body.dispatchEvent(new DragEvent(kind, options));
+}"""
+# Drives with something left do not saturate in the learned run.
+RESERVE = [("timing: {method: optimal}", "timing: {method: optimal, reserve: 10 %}")]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("logs")
+
+
+@pytest.fixture(scope="module")
+def file(folder):
+    return write_job(folder / "job.yaml", "optimal", changes=RESERVE)
+
+
+@pytest.fixture(scope="module")
+def robot(file):
+    return Robot(file)
+
+
+@pytest.fixture(scope="module")
+def log(robot, folder):
+    return robot.log(folder / "run.csv")
+
+
+@pytest.fixture
+def shown(pages, file):
+    """A page that shows the job of the robot."""
+    studio = pages()
+    studio.begin()
+    studio.open(file)
+    studio.rest()
+    return studio
+
+
+def drop(studio, log):
+    """Drop a log on the page; returns what comes of its comparison."""
+    studio.page.evaluate(DROP, [log.name, list(log.read_bytes())])
+    result = studio.find(".task-result[data-task=measured]").first
+    expect(result.locator(".task-progress")).to_have_count(0)
+    return result
+
+
+def done(studio, task):
+    """Do a task with the logs that are ticked."""
+    result = studio.do(task)
+    expect(result.locator(".task-progress")).to_have_count(0)
+    return result
+
+
+def cell(result, name):
+    """The figure of a name."""
+    return result.locator(
+        "tr", has=result.page.locator("th[scope=row]", has_text=name)
+    ).first.locator("td")
+
+
+def test_j40_a_dropped_log_is_compared_with_the_plan(shown, robot, log):
+    result = drop(shown, log)
+    expect(result).to_have_attribute("data-state", "done")
+    logged = read_run_log(log, robot.job.arm.joint_names)
+    study = judge_log(robot.job, robot.plan, robot.plan.taught, logged)
+    true = ac.evaluate(robot.execute(), robot.plan.path).contour_error
+    run = study.judged.runs[0]
+    for name, value in (("RMS", run.contour_rms), ("largest", run.contour_max)):
+        expect(cell(result, f"contour error, {name}")).to_have_text(number(value, "m"))
+        assert value == pytest.approx(
+            getattr(true, name.replace("largest", "max").lower()), rel=0.05
+        )
+    # The drawing has the measured tool, in a colour of its own.
+    shown.wait("#view2d", measured="optimal")
+    expect(shown.find("#legend")).to_contain_text("measured")
+    # The row of a contour leads to the time of its largest error.
+    result.get_by_role("button", name="contour 1").click()
+    expect(shown.find("[data-chart=measured]")).to_be_visible()
+    t = float(shown.told("#playback", "time"))
+    assert np.interp(t, true.t, true.values) > 0.9 * true.max
+    # It is gone with another plan.
+    with shown.changing():
+        shown.type("limits.speed", "0.1 m/s")
+    shown.wait("#view2d", measured="")
+    again = done(shown, "measured")
+    expect(again).to_have_attribute("data-state", "failed")
+    expect(again).to_contain_text("log of another job")
+    with shown.changing():
+        shown.find("#undo").click()
+    assert shown.told("body", "dirty") == "false"
+
+
+def test_j41_a_log_gives_the_servo_of_the_job(shown, log):
+    before = shown.text
+    drop(shown, log)
+    result = done(shown, "identify")
+    expect(result).to_have_attribute("data-state", "done")
+    found = ac.identify(read_log(log), ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
+    kp = cell(result, "joint 1").nth(0)
+    table = result.locator("table", has_text="kp")
+    expect(table).to_contain_text(number(found["joint 1"].kp.value, "1/s"))
+    expect(kp).to_be_visible()
+    with shown.changing():
+        result.get_by_role("button", name="Use this servo").click()
+    servo = parse_job(shown.text).servo
+    np.testing.assert_allclose(servo.kp, TRUE.kp, rtol=0.01)
+    np.testing.assert_allclose(servo.kv, TRUE.kv, rtol=0.01)
+    with shown.changing():
+        shown.find("#undo").click()
+    assert shown.text == before
+
+
+def test_j42_the_next_set_points_are_those_of_learn(shown, file, log, folder, monkeypatch):
+    drop(shown, log)
+    result = done(shown, "learn")
+    expect(result).to_have_attribute("data-state", "done")
+    button = result.get_by_role("button", name="Download next set-points")
+    _, content = shown.save_file(button)
+    first, second = folder / "first", folder / "second"
+    for arguments in (
+        ("run", file, "--out", first, "--no-simulation"),
+        ("learn", file, "--taught", first, "--log", log, "--out", second),
+    ):
+        monkeypatch.setattr("sys.argv", ["armcontour", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert not ended.value.code
+    assert content == (second / "optimal/taught.csv").read_bytes()
+
+
+def test_j43_what_is_wrong_with_a_log_is_said_as_text(shown, robot, folder):
+    markup = "<img src=x onerror=alert(1)>"
+    bad = write_table(folder / f"{markup}.csv", robot.table(robot.execute())[:, :4], HEAD[:-17])
+    result = drop(shown, bad)
+    expect(result).to_have_attribute("data-state", "failed")
+    # The second joint has no partner.
+    expect(result.locator(".task-sentence")).to_contain_text(f"{markup}.csv has 1 joint")
+    expect(shown.find("section.logs")).to_contain_text(markup)
+    assert shown.find("#tasks img").count() == 0
+    broken = folder / "broken.csv"
+    broken.write_bytes(b"t,q1\n" + bytes(range(256)))
+    result = drop(shown, broken)
+    expect(result.locator(".task-sentence")).to_contain_text("broken.csv cannot be read")
+    # Waypoints are no log.
+    points = folder / "points.csv"
+    points.write_text("x,y\n0.35,0.1\n0.41,0.15\n0.28,0.3\n")
+    shown.page.evaluate(DROP, [points.name, list(points.read_bytes())])
+    dialog = shown.find("#question")
+    expect(dialog).to_contain_text("Cell")
+    dialog.get_by_role("button", name="Cancel").click()

@@ -1,0 +1,135 @@
+"""What to change: each change gains what is stated, and a repair makes a run kept."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import armcontour as ac
+from armcontour.core.render import plain
+from armcontour.io import parse_job
+from armcontour.io.cell import drawing_text
+from armcontour.io.job_edits import change_data
+from armcontour.io.patch import key_of, resolve
+from armcontour.jobs import advise
+from armcontour.jobs.advice import advised, is_small
+
+DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
+CORNER = {
+    "name": "corner",
+    "arm": "pmk3s",
+    "path": {"points": [[0.30, 0.20], [0.40, 0.20], [0.40, 0.30]]},
+    "limits": {"speed": "100 mm/s", "centripetal_acceleration": 0.09},
+    "corners": {"tolerance": "2 mm"},
+    "servo": {"kp": 25, "kv": 150},
+    "runs": {"one": {"timing": {"reserve": "5 %"}}},
+}
+LATE = {"compensation": {"method": "none"}}
+ZIGZAG = [[0.30 + 0.02 * k, 0.20 + 0.03 * (k % 2)] for k in range(6)]
+SPEED = {"limits": {"speed": "50 mm/s"}}
+BOUNDS = [[-0.5, 0.72], [-0.72, 0.6]]
+HOLES = "".join(f'<circle cx="{x}" cy="{y}" r="6"/>' for x, y in ((20, 20), (90, 90), (90, 20)))
+SVG = (
+    '<svg xmlns="http://www.w3.org/2000/svg" width="110mm" height="110mm" viewBox="0 0 110 110">'
+    f'<g fill="none" stroke="black">{HOLES}</g></svg>'
+)
+JOBS = {
+    "corner": {},
+    "own speed": {"runs": {"one": SPEED}},
+    "own corners": {"runs": {"one": {"corners": {"tolerance": "0.5 mm"}}}},
+    "zigzag": {"path": {"points": ZIGZAG}},
+    "zigzag with an accuracy": {"path": {"points": ZIGZAG}, "accuracy": "2.5 mm"},
+    "sharp": {"corners": "sharp"},
+    "two-sided": {"limits": {**CORNER["limits"], "joint_acceleration": BOUNDS}},
+    "fast": {"limits": {"speed": "1 m/s"}, "corners": {"tolerance": "5 mm"}},
+    "slow joint": {"limits": {"speed": "1 m/s", "joint_velocity": [0.3, 0.2]}},
+    "holes": {"path": {"file": "holes.svg", "frame": {"position": [0.28, 0.08, 0]}}},
+    "too wide": {"corners": {"tolerance": "10 mm"}, "accuracy": "1 mm"},
+    "late": {"runs": {"one": LATE}, "corners": {"tolerance": "0.2 mm"}, "accuracy": "0.21 mm"},
+    "soft": {"plant": {"kp": 12}},
+}
+REPAIRED = ("too wide", "late", "soft")
+
+
+def run_of(data, folder):
+    (folder / "holes.svg").write_text(SVG)
+    job = parse_job(yaml.safe_dump(data), folder=folder)
+    (found,) = ac.run(job).runs.values()
+    return job, found
+
+
+def changed(data, edits, run="one"):
+    """A job with edits, as the Studio and options make them."""
+    for key, value in edits:
+        data = change_data(data, resolve(data, {key_of(key): value}, run))
+    return data
+
+
+@pytest.mark.parametrize("name", JOBS)
+def test_each_change_gains_what_is_stated(name, tmp_path):
+    data = {**CORNER, **JOBS[name]}
+    job, result = run_of(data, tmp_path)
+    assert result.kept is not (name in REPAIRED)
+    found = advise(job, result)
+    assert 0 < len(found.improvements) <= 3
+    saved = [x.saved for x in found.improvements]
+    assert saved == sorted(saved, reverse=True)
+    for x in found.improvements:
+        _, after = run_of(changed(data, x.edits), tmp_path)
+        assert after.trajectory.duration == pytest.approx(x.duration, rel=1e-12)
+        assert x.saved == pytest.approx(result.trajectory.duration - x.duration, rel=1e-12)
+        assert after.kept is x.kept
+        assert plain(after.to_data())["off_drawing"] == pytest.approx(x.off_drawing, rel=1e-9)
+        if name in REPAIRED:
+            assert x.kept is True
+        else:
+            assert x.saved > 0 and x.kept is result.kept
+
+
+def test_a_drawing_with_wide_corners_is_repaired_by_its_tolerance(tmp_path):
+    text = drawing_text("ur5e", DRAWINGS / "gasket.dxf", tmp_path)
+    data = yaml.safe_load(text) | {"corners": {"tolerance": "10 mm"}}
+    job, result = run_of(data, tmp_path)
+    assert result.kept is False
+    found = advise(job, result).improvements
+    assert [key for x in found for key, _ in x.edits] == ["corners.tolerance"]
+    _, after = run_of(changed(data, found[0].edits, "taught"), tmp_path)
+    assert after.kept is True
+
+
+def test_nothing_helps_a_motion_of_a_given_duration(tmp_path):
+    job, result = run_of({**CORNER, "runs": {"one": {"duration": "20 s"}}}, tmp_path)
+    found = advise(job, result)
+    assert not found.improvements and "No single change" in found.note
+    assert found.note in str(result.__class__.of(result, **rest_of(result), advice=found).remarks)
+
+
+def rest_of(result):
+    """What a result has besides its plan."""
+    names = ("taught", "servo", "execution", "evaluation", "executed_clearance")
+    return {x: getattr(result, x) for x in names}
+
+
+def test_a_study_has_the_changes_in_data_and_text(tmp_path):
+    job = parse_job(yaml.safe_dump(CORNER))
+    study = ac.run(job)
+    assert "changes" not in plain(study.runs["one"].to_data())
+    done = advised(study)
+    found = done.runs["one"].advice.improvements
+    rows = plain(done.figures["one"])["changes"]
+    assert [x["saved"] for x in rows] == [x.saved for x in found]
+    assert [x["edits"] for x in rows] == [plain_edits(x.edits) for x in found]
+    assert all(x.label in str(done.runs["one"]) for x in found)
+
+
+def plain_edits(edits):
+    return [[key, value if np.isscalar(value) else list(value)] for key, value in edits]
+
+
+def test_large_jobs_are_not_planned_again_unasked():
+    assert is_small(parse_job(yaml.safe_dump(CORNER)))
+    runs = {f"run-{k}": {} for k in range(100)}
+    assert not is_small(parse_job(yaml.safe_dump({**CORNER, "runs": runs})))
+    free = {"corners": {"shape": "free", "tolerance": "2 mm"}}
+    assert not is_small(parse_job(yaml.safe_dump({**CORNER, **free})))

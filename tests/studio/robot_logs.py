@@ -1,0 +1,77 @@
+"""Logs of a simulated robot whose servo differs from that of the job."""
+
+import numpy as np
+
+import armcontour as ac
+from armcontour.jobs.learning import plan_run
+
+TRUE = ac.ServoModel(kp=24.0, kv=140.0)
+HEAD = "t [s],command 1 [rad],command 2 [rad],measured 1 [rad],measured 2 [rad]"
+# Clock of the log at the start of the plan [s].
+BEGIN = 100.0033
+POINT = "trajectory_msgs/JointTrajectoryPoint"
+STATE = "control_msgs/msg/JointTrajectoryControllerState"
+FIELDS = f"std_msgs/Header header\nstring[] joint_names\n{POINT} reference\n{POINT} feedback\n"
+
+
+class Robot:
+    """A robot that executes a run of a job.
+
+    Args:
+        file: The job file.
+        run: Name of the run.
+    """
+
+    def __init__(self, file, run="optimal"):
+        self.job = ac.read_job(file)
+        self.plan = plan_run(self.job, run)
+        self.plant = ac.ServoPlant(self.job.arm, TRUE)
+
+    def execute(self, taught=None):
+        """The motion of set-points, by default those of the plan."""
+        return ac.execute(taught or self.plan.taught, self.plant)
+
+    def table(self, done, seed=0, interval=2e-3):
+        """Rows of a log: time, commands and measured positions, with rests around."""
+        t = np.arange(done.t[0] - 0.2, done.t[-1] + 0.2, interval)
+        u = np.stack([np.interp(t, done.taught.t, x) for x in done.taught.q.T], axis=1)
+        q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1)
+        q += 1e-6 * np.random.default_rng(seed).standard_normal(q.shape)
+        return np.column_stack([t + BEGIN, u, q])
+
+    def log(self, file, done=None, seed=0):
+        """Write the log of a motion, by default that of the plan."""
+        return write_table(file, self.table(self.execute() if done is None else done, seed))
+
+
+def write_table(file, rows, head=HEAD):
+    """Write a table with the titles of its columns."""
+    np.savetxt(file, rows, "%.9f", ",", header=head, comments="")
+    return file
+
+
+def write_bag(folder, rows, frame=""):
+    """Write the log as a compressed bag of ROS 2; the name of its frame may be long."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg(FIELDS, STATE))
+    make = {name.rpartition("/")[2]: x for name, x in store.types.items()}
+    none = dict.fromkeys(("velocities", "accelerations", "effort"), np.zeros(0))
+    none["time_from_start"] = make["Duration"](sec=0, nanosec=0)
+    writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/state", STATE, typestore=store)
+        for t, *q in rows:
+            ns = round(t * 1e9)
+            stamp = make["Time"](sec=ns // 10**9, nanosec=ns % 10**9)
+            both = (
+                make["JointTrajectoryPoint"](positions=np.array(x), **none) for x in (q[:2], q[2:])
+            )
+            message = make[STATE.rpartition("/")[2]](
+                make["Header"](stamp=stamp, frame_id=frame), ["joint 1", "joint 2"], *both
+            )
+            writer.write(connection, ns, store.serialize_cdr(message, STATE))
+    return next(folder.glob("*.mcap"))

@@ -1,0 +1,274 @@
+"""Logs of the robot in the Studio: kept, compared with the plan, identified, learned from."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.studio.robot_logs import BEGIN, HEAD, TRUE, Robot, write_bag, write_table
+from tests.studio.talking import NoLane, Tab, figure, session_of
+from tools.studio_page import write_job
+
+import armcontour as ac
+from armcontour.core.render import cells
+from armcontour.errors import InvalidInput
+from armcontour.io import parse_job, ros_files
+from armcontour.io.log_file import read_log, read_run_log
+from armcontour.jobs.learning import judge_log
+from armcontour.studio.disk import state_folder
+from armcontour.studio.tasks.working import do
+from armcontour.studio.uploads import MOST_LOGS
+
+# Drives with something left do not saturate in the learned run.
+RESERVE = [("timing: {method: optimal}", "timing: {method: optimal, reserve: 10 %}")]
+
+
+def quiet(step):
+    """Hears nothing."""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    return tmp_path_factory.mktemp("logs")
+
+
+@pytest.fixture(scope="module")
+def file(place):
+    return write_job(place / "job.yaml", "optimal", changes=RESERVE)
+
+
+@pytest.fixture(scope="module")
+def robot(file):
+    return Robot(file)
+
+
+@pytest.fixture(scope="module")
+def done(robot):
+    return robot.execute()
+
+
+@pytest.fixture(scope="module")
+def log(robot, done, place):
+    return robot.log(place / "run.csv", done)
+
+
+@pytest.fixture
+def ask(file):
+    """What a task makes of logs."""
+
+    def asked(task, *logs, text=None, **options):
+        request = {"text": text or file.read_text(), "folder": str(file.parent), "run": "optimal"}
+        request |= {"logs": [str(x) for x in logs], "options": options}
+        return do(task, request, quiet)
+
+    return asked
+
+
+def test_the_measured_error_is_that_of_the_robot(ask, robot, done, log):
+    frame = ask("measured", log)
+    logged = read_run_log(log, robot.job.arm.joint_names)
+    study = judge_log(robot.job, robot.plan, robot.plan.taught, logged)
+    true = ac.evaluate(done, robot.plan.path).contour_error
+    for name in ("rms", "max"):
+        shown = figure(frame.header, f"contour_{name}")
+        assert shown == getattr(study.judged.runs[0], f"contour_{name}")
+        # Noise of the encoders is left.
+        assert shown == pytest.approx(getattr(true, name), rel=0.05)
+    contours, joints = frame.header["tables"]
+    assert (contours["title"], joints["title"]) == ("contours", "joints")
+    assert contours["cells"] == cells(study.result.tables[0])
+    # The tool is where it was at the time of the slider.
+    t, base, offset = (frame.arrays[x] for x in ("t", "base", "offset"))
+    tool = robot.job.arm.tool_position(
+        np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1)
+    )
+    assert np.interp(frame.header["times"], true.t, true.values) > 0.95 * true.max
+    middle = (tool - base - offset).mean(axis=0)
+    np.testing.assert_allclose(base + offset + middle, tool, atol=2e-5)
+    assert frame.arrays["error"].max() == pytest.approx(true.max, rel=0.05)
+
+
+def test_the_servo_of_a_log_is_put_into_the_job(ask, file, log):
+    frame = ask("identify", log)
+    logged = read_log(log)
+    found = ac.identify(logged, ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
+    tables = {x["title"]: x["cells"] for x in frame.header["tables"]}
+    assert tables == {x.name: cells(x) for x in found.to_data().tables}
+    (edit,) = frame.header["edits"]
+    assert frame.header["label"] == "Use this servo" and frame.header["kept"]
+    before = file.read_text()
+    session = session_of(file)
+    session.begin()
+    tab = Tab(session)
+    tab.edit(edit)
+    text = session.document.text
+    servo = parse_job(text).servo
+    np.testing.assert_allclose(servo.kp, TRUE.kp, rtol=0.01)
+    np.testing.assert_allclose(servo.kv, TRUE.kv, rtol=0.01)
+    np.testing.assert_allclose(servo.kp, found.servo_model().kp, rtol=1e-5)
+    assert tab.last("document")["undo_label"] == "set servo"
+    tab.say("undo")
+    assert session.document.text == before
+    session.close()
+
+
+def test_a_mapping_that_is_set_keeps_the_comments_of_its_keys(tmp_path, file):
+    place, old = tmp_path / "job.yaml", "servo: {kp: 25 1/s, kv: 150 1/s}\n"
+    new = "servo:\n  kp: 25 1/s  # note of kp\n  kv: 150 1/s  # note of kv\n"
+    assert old in file.read_text()
+    place.write_text(file.read_text().replace(old, new))
+    session = session_of(place)
+    session.begin()
+    tab = Tab(session)
+    wanted = {"kp": [24.5, 25.5], "order": ["second", "second"], "kv": 140}
+    tab.edit({"do": "set", "key": "servo", "value": wanted})
+    text = session.document.text
+    assert "kp: [24.5 1/s, 25.5 1/s]  # note of kp" in text and "140 1/s  # note of kv" in text
+    assert parse_job(text).servo.kp.tolist() == [24.5, 25.5]
+    # What the mapping does not have is removed.
+    tab.edit({"do": "set", "key": "servo", "value": {"kp": 30, "kv": 150}}, gesture=2)
+    assert set(session.document.data["servo"]) == {"kp", "kv"}
+    tab.say("undo")
+    assert session.document.text == text
+    tab.say("undo")
+    assert session.document.text == place.read_text()
+    session.close()
+
+
+def test_next_set_points_are_those_of_the_command(ask, robot, file, log, place, command):
+    first, second, third = (place / x for x in ("first", "second", "third"))
+    assert command("run", file, "--out", first, "--no-simulation")[0] == 0
+    assert command("learn", file, "--taught", first, "--log", log, "--out", second)[0] == 0
+    frame = ask("learn", log)
+    content = frame.arrays["content"].tobytes()
+    assert content == (second / "optimal/taught.csv").read_bytes()
+    assert frame.header["label"] == "Download next set-points"
+    expected = figure(frame.header, "predicted")
+    assert 0 < expected < figure(frame.header, "first")
+    # The robot executes them, and the next log is compared with what it was told.
+    learned = np.loadtxt(second / "optimal/taught.csv", delimiter=",", skiprows=1)
+    moved = robot.execute(replace(robot.plan.taught, q=learned[:, 1:]))
+    again = robot.log(place / "run2.csv", moved, seed=1)
+    frame = ask("measured", log, again)
+    assert figure(frame.header, "contour_rms") < figure(ask("learn", log).header, "first")
+    assert command("learn", file, "--taught", second, "--log", again, "--out", third)[0] == 0
+    content = ask("learn", log, again).arrays["content"].tobytes()
+    assert content == (third / "optimal/taught.csv").read_bytes()
+    exported = ask("export", log, format="csv", of="learned").arrays["content"].tobytes()
+    rows = np.loadtxt(exported.decode().splitlines(), delimiter=",", skiprows=1)
+    np.testing.assert_allclose(rows[:, 1:3], learned[:, 1:], atol=1e-9)
+
+
+def test_logs_that_do_not_fit_the_job_are_refused(ask, robot, done, tmp_path):
+    rows = robot.table(done)
+    mirrored = rows.copy()
+    mirrored[:, 1:] = rows[::-1, 1:]
+    turned = rows.copy()
+    turned[:, 1:] = np.degrees(turned[:, 1:])
+    both = ("measured", "learn")
+    every = (*both, "identify")
+    single = "t [s],command 1 [rad],measured 1 [rad]"
+    for tasks, table, head, words in (
+        (every, rows[:, [0, 1, 3]], single, "1 joint .* arm has 2"),
+        (both, rows + [0, *[0.3] * 4], HEAD, "other set-points or of another arm"),
+        (both, mirrored, HEAD, "log of another job"),
+        (both, rows[::30], HEAD, "60 ms"),
+        (every, rows * [1e3, 1, 1, 1, 1], HEAD, "s"),
+        (both, rows[: len(rows) // 2], HEAD, "record the whole run"),
+        (both, rows[:, [0, 2, 1, 4, 3]], HEAD, "in the order 2, 1"),
+        (both, turned, HEAD, "degrees"),
+        (("identify",), rows[:, [0, 3, 4]], "t,q1,q2", "no command column"),
+        (every, rows[:20], HEAD, "at least 50"),
+    ):
+        log = write_table(tmp_path / "bad.csv", table, head)
+        for task in tasks:
+            with pytest.raises(InvalidInput, match=words) as refused:
+                ask(task, log)
+            # One sentence, which names the log and not where it is kept.
+            assert "bad.csv" in str(refused.value) and str(tmp_path) not in str(refused.value)
+    for task in (*every, "export"):
+        with pytest.raises(InvalidInput, match="needs a log"):
+            ask(task, of="learned")
+    for content in (bytes(range(256)) * 40, b"\x1f\x8b\x08" + bytes(200), b"x"):
+        log.write_bytes(content)
+        for task in every:
+            with pytest.raises(InvalidInput, match=r"bad\.csv") as refused:
+                ask(task, log)
+            assert str(tmp_path) not in str(refused.value)
+
+
+def test_bags_are_logs_and_do_not_unpack_to_too_much(ask, robot, done, tmp_path, monkeypatch):
+    rows = robot.table(done)
+    bag = write_bag(tmp_path / "bag", rows)
+    same = write_table(tmp_path / "run.csv", rows)
+    found = [figure(ask("measured", x).header, "contour_rms") for x in (bag, same)]
+    assert found[0] == pytest.approx(found[1], rel=1e-3)
+    monkeypatch.setattr(ros_files, "SMALL", 4_000_000)
+    bomb = write_bag(tmp_path / "bomb", rows[:100], "a" * 5_000_000)
+    assert bomb.stat().st_size < 100_000
+    for task in ("measured", "identify", "learn"):
+        with pytest.raises(InvalidInput, match="unpacks to more") as refused:
+            ask(task, bomb)
+        assert str(tmp_path) not in str(refused.value)
+
+
+def test_columns_have_the_names_that_the_page_gives(ask, robot, done, tmp_path):
+    log = write_table(tmp_path / "plain.csv", robot.table(done), "time,foo_1,foo_2,bar_1,bar_2")
+    with pytest.raises(InvalidInput, match="columns"):
+        ask("measured", log)
+    columns = "u# [rad]=foo_#,q# [rad]=bar_#"
+    rows = dict.fromkeys(("measured", "identify", "learn"))
+    for task in rows:
+        rows[task] = ask(task, log, columns=columns).header["rows"]
+    assert all(rows.values())
+    begin = figure({"rows": rows["measured"]}, "begin")
+    assert begin == pytest.approx(BEGIN, abs=0.01)
+
+
+def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, home):
+    session = session_of(file)
+    session.begin()
+    tab = Tab(session)
+    uploads = session.editor.uploads
+    assert tab.last("document")["logs"] == []
+    before = sorted(file.parent.rglob("*"))
+    session.open_upload("run.csv", b"t,q1\n", None, log=True)
+    session.open_upload("run.csv", b"t,q1\n", None, log=True)
+    session.open_upload("run.csv", b"t,q2\n", None, log=True)
+    names = tab.last("document")["logs"]
+    assert len(names) == 2 and names[0] == "run.csv" and names[1].endswith("run.csv")
+    assert not session.document.can_undo
+    assert all(x.is_relative_to(state_folder()) for x in uploads.logs.values())
+    assert all(x.parent.stat().st_mode & 0o077 == 0 for x in uploads.logs.values())
+    tab.say("task", id="t1", task="measured", options={"logs": names[::-1]})
+    _, _, request = NoLane.last.given[-1]
+    read = [Path(x).read_bytes() for x in request["logs"]]
+    assert read == [b"t,q2\n", b"t,q1\n"]
+    count = len(NoLane.last.given)
+    for names in (["other.csv"], ["../job.yaml"], [str(file)], "run.csv", [["run.csv"]], {}, 5):
+        said = tab.say("task", id="t2", task="measured", options={"logs": names})
+        # Nothing chosen is what the task itself refuses.
+        assert names == {} or said[-1].kind == "failed", names
+    assert len(NoLane.last.given) == count + 1
+    for name in (
+        "../a.csv",
+        "a/../b.csv",
+        ".csv",
+        "a.yaml",
+        "a.npz",
+        "a.csv.gz",
+        "a.zip",
+        "C:\\a.csv",
+    ):
+        with pytest.raises(InvalidInput):
+            session.open_upload(name, b"t,q1\n", None, log=True)
+    with pytest.raises(InvalidInput, match="empty"):
+        session.open_upload("a.csv", b"", None, log=True)
+    for k in range(MOST_LOGS + 2):
+        session.open_upload("run.csv", b"%d" % k, None, log=True)
+    assert len(tab.last("document")["logs"]) == MOST_LOGS
+    kept = list(uploads.logs.values())
+    assert sorted(kept[0].parent.iterdir()) == sorted(kept)
+    session.close()
+    assert not any(x.is_file() for x in (home / "armcontour").rglob("*"))
+    assert sorted(file.parent.rglob("*")) == before
