@@ -52,7 +52,7 @@ SOON, OFTEN = 0.7, 0.1
 # The steps of a run, in their order; a preview has the first three.
 STEPS = ("rounding", "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 # What a person can ask for.
-TASKS = tuple(x for x in working.TASKS if x != "figures")
+TASKS = tuple(x for x in working.TASKS if x not in ("figures", "changes"))
 # Frames after which a task is over.
 LAST = ("figures", "changes", "result", "refusal", "failed", "cancelled")
 # Names of exact figures begin so; no task of a page has such a name. Progress of a state has it.

@@ -83,16 +83,9 @@ def export(x: Request) -> Frame:
     """The set-points or the plan in a format of a controller or a table.
 
     Options: `format`, a name of a format; for "template" its `template`; `of`, "taught",
-    "planned", or "learned" from `logs`; `period` of a plan [s]; `outputs`, `derivatives` and
-    `tool_motion`.
+    "planned", or "learned" from `logs`; `period` of a plan [s].
     """
-    from armcontour.io.exports.formats import (
-        TemplateFormat,
-        format_named,
-        outputs_of,
-        put,
-        refuse_unknown_outputs,
-    )
+    from armcontour.io.exports.formats import TemplateFormat, format_named, put
     from armcontour.io.exports.table import make_table
     from armcontour.io.exports.template import SHIPPED, describe_program
     from armcontour.jobs import analog_outputs
@@ -101,8 +94,7 @@ def export(x: Request) -> Frame:
     if x.option("of", "taught") == "learned":
         study = learned(x)
         plan = replace(study.plan, taught=study.lesson)
-    own = {name: x.options[name] for name in ("template", "outputs") if name in x.options}
-    format = of(**own)
+    format = of(**{name: y for name, y in x.options.items() if name == "template"})
     template, ending = None, format.ending
     if isinstance(format, TemplateFormat):
         template = format.label
@@ -124,17 +116,13 @@ def export(x: Request) -> Frame:
             name=f"{x.job.name} {'taught' if taught else 'reference'}",
             arm=x.job.arm,
             period=None if taught else x.option("period", plan.run.period),
-            derivatives=int(x.option("derivatives", 2)),
-            tool_motion=bool(x.option("tool_motion", False)),
+            derivatives=2,
             analog=_analog(format, plan, x.job, analog_outputs),
         )
-        outputs = outputs_of(format)
-        known = (*(y.name for y in table.events), *table.analog)
-        refuse_unknown_outputs(outputs, known, option="outputs", owner=repr(table.name))
         told = describe_program(
             table,
             format.label,
-            outputs,
+            None,
             lambda event, output: f"--output {event}={output} of armcontour export",
         )
         put(file, lambda path: format.write(table, path), folder=format.kind == "mcap")
