@@ -87,9 +87,8 @@ def render_placement(placement: Placement) -> str:
     Args:
         placement: The placement.
     """
-    source = "Everything on this page was computed from the job."
     front, section = sections.placed(placement), sections.placement(placement)
-    return _page(placement.job, front, [section], source=source)
+    return _page(placement.job, front, [section], source=OF_PLAN)
 
 
 def render_batch(view: BatchView) -> str:
