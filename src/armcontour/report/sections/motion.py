@@ -76,7 +76,7 @@ def over_time(study: Study) -> Section:
     for name, result in _plans(study).items():
         why, run = result.explanation, f"{name}: " if len(study.runs) > 1 else ""
         assert why is not None
-        tables.append(table_of(why.time_table, f"{run}what takes the time"))
+        tables.append(table_of(why.time_table, run.removesuffix(": ")))
         worst = sorted(why.shortfalls, key=lambda x: x.speed / x.assigned)[:MOST_PLACES]
         places += [(f"{run}{x.sentence} ({x.kind})",) for x in worst]
     if places:
