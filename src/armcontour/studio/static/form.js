@@ -164,7 +164,7 @@ const isNamed = (f) => `${f.name.replaceAll("_", " ")} ${f.name} ${f.label ?? ""
 const isFound = (f) => isNamed(f) || [...(f.fields ?? []), ...(f.items ?? []), ...(f.each ? [f.each] : [])].some(isFound);
 
 /** Whether a field is written, or usual. @param {Field} f @param {Key} key */
-const isSet = (f, key) => writtenAt(key).written !== undefined || rowAt(key) !== undefined || jointsAt(key).length > 0;
+const isSet = (f, key) => writtenAt(key).written !== undefined || Boolean(f.label) || rowAt(key) !== undefined || jointsAt(key).length > 0;
 
 /** @param {{at: Key}} props */
 const Refusal = ({ at }) => {
@@ -184,10 +184,16 @@ function Leaf({ f, at, label = f.label ?? f.name }) {
 function One({ f, at, label = f.name }) {
   const key = at.join(".");
   // Only a field whose own state differs is rendered again.
-  const state = useComputed(() => JSON.stringify([writtenAt(at), rowAt(at)]));
+  const state = useComputed(() => {
+    const [own, whole] = [writtenAt(at), writtenAt(at.slice(0, -1))];
+    // A joint has the value of all; sharp corners are no shape in the file.
+    if (typeof at.at(-1) === "number") own.written ??= whole.written;
+    if (key === "corners.shape" && typeof (whole.written ?? "") === "string") own.written = f.choices?.[0];
+    return JSON.stringify([own, rowAt(at)]);
+  });
   const [{ written, from }, row] = JSON.parse(state.value);
   const place = useRef(/** @type {HTMLElement | null} */ (null));
-  const is = row?.from ?? (written === undefined ? "default" : from);
+  const is = written !== undefined ? from : row?.arm ? "arm" : "default";
   const [mark, where] = FROM[is];
   const isChosen = f.choices && !f.open;
   const given = textOf(key === "arm" ? (written?.name ?? written?.file ?? written) : written);
@@ -201,8 +207,8 @@ function One({ f, at, label = f.name }) {
     control = html`${control}<datalist id=${`${id}-known`}>${f.choices.map((x) => html`<option value=${String(x)} />`)}</datalist>`;
   if (f.tick) control = html`<input type="checkbox" ...${more} checked=${written ?? f.default ?? false} onChange=${(/** @type {any} */ e) => set(at, e.target.checked)} />`;
   if (isChosen) {
-    const now = row?.value ?? written ?? "";
-    const none = row || f.needed ? [] : [html`<option value="">${f.default === undefined ? "none" : `${f.default} (default)`}</option>`];
+    const now = written ?? (f.label ? f.default : "") ?? "";
+    const none = f.label || f.needed ? [] : [html`<option value="">${f.default === undefined ? "none" : `${f.default} (default)`}</option>`];
     control = html`<select ...${more} value=${String(now)} onChange=${(/** @type {any} */ e) => set(at, e.target.value)}>${none}${f.choices?.map(
       (x) => html`<option value=${String(x)} selected=${String(x) === String(now)}>${String(x).replaceAll("_", " ")}</option>`,
     )}</select>`;
@@ -214,7 +220,7 @@ function One({ f, at, label = f.name }) {
       onPointerEnter=${() => slider && place.current && ghost.wish(slider, place.current)} onPointerLeave=${() => ghost.leave()}>
     <label for=${id} title=${title}>${name}</label>
     <span class="from">${[unit, mark].filter(Boolean).join(" · ")}</span>
-    ${(is === "job" || is === "run") && !f.needed && !(isChosen && row) && html`<${Without} at=${at} name=${name} />`}
+    ${(is === "job" || is === "run") && !f.needed && !(isChosen && f.label) && html`<${Without} at=${at} name=${name} />`}
     ${control}
     ${slider && html`<${Range} slider=${slider} at=${at} written=${value} place=${place} />`}
     <${Refusal} at=${at} />
@@ -256,20 +262,28 @@ function Range({ slider, at, written, place }) {
     onInput=${slide} onChange=${end} onPointerDown=${() => ghost.hold(true)} onPointerUp=${free} onPointerCancel=${free} onLostPointerCapture=${free} />`;
 }
 
-/** A mapping, opened where something is written. @param {Props & {more?: any}} props */
+/**
+ * What is opened by hand, or because something in it is written or found; its content is made when it is open.
+ * @param {{at: Key, title: string, text?: string, count: number, told?: string, content: () => any}} props
+ */
+function Fold({ at, title, text, count, told = " set", content }) {
+  const open = useSignal(count > 0);
+  const isOpen = open.value || Boolean(wanted.value);
+  return html`<details class="part" data-key=${at.join(".")} open=${isOpen} onToggle=${(/** @type {any} */ e) => (open.value = e.target.open)}>
+    <summary title=${text}>${words(title)}${count > 0 && html` <small>${count}${told}</small>`}</summary>
+    <${Refusal} at=${at} />${isOpen && content()}
+  </details>`;
+}
+
+/** A mapping. @param {Props & {more?: any}} props */
 function Part({ f, at, label = f.label ?? f.name, more = null }) {
   const count = useComputed(() => {
     const { written } = writtenAt(at);
     return written !== null && typeof written === "object" ? Object.keys(written).length : Number(written !== undefined);
   });
-  const open = useSignal(count.peek() > 0);
-  const isOpen = open.value || Boolean(wanted.value);
-  const needed = f.needed || !count.value;
-  return html`<details class="part" data-key=${at.join(".")} open=${isOpen} onToggle=${(/** @type {any} */ e) => (open.value = e.target.open)}>
-    <summary title=${f.text}>${words(label)}${count.value > 0 && html` <small>${count.value} set</small>`}</summary>
-    <${Refusal} at=${at} />
-    ${isOpen && html`${more}${(f.fields ?? []).filter((x) => !wanted.value || isNamed(f) || isFound(x)).map((x) => html`<${Any} key=${x.name} f=${x} at=${[...at, x.name]} />`)}${!needed && html`<p class="acts"><button type="button" onClick=${() => unset(at)}>Leave ${label.replaceAll("_", " ")} out</button></p>`}`}
-  </details>`;
+  const fields = (f.fields ?? []).filter((x) => !wanted.value || isNamed(f) || isFound(x));
+  const leave = !f.needed && count.value > 0 && html`<p class="acts"><button type="button" onClick=${() => unset(at)}>Leave ${label.replaceAll("_", " ")} out</button></p>`;
+  return html`<${Fold} at=${at} title=${label} text=${f.text} count=${count.value} content=${() => html`${more}${fields.map((x) => html`<${Any} key=${x.name} f=${x} at=${[...at, x.name]} />`)}${leave}`} />`;
 }
 
 /** @param {Props} props */
@@ -284,17 +298,14 @@ function Any({ f, at, label }) {
 /** A list of mappings. @param {Props} props */
 function List({ f, at }) {
   const count = useComputed(() => writtenAt(at).written?.length ?? 0);
-  const open = useSignal(count.peek() > 0);
-  const isOpen = open.value || Boolean(wanted.value);
-  const inner = f.items ?? [];
+  const fields = f.items ?? [];
+  const one = f.name.replace(/(es|s)$/, "");
   // What an item must have gets an example, which is then changed.
-  const fresh = Object.fromEntries(inner.filter((x) => x.needed).map((x) => [x.name, x.choices?.[0] ?? x.example ?? (x.list ? [x.example ?? "100 mm", "100 mm", "100 mm"] : `${f.name.replace(/(es|s)$/, "")} ${count.value + 1}`)]));
-  return html`<details class="part" data-key=${at.join(".")} open=${isOpen} onToggle=${(/** @type {any} */ e) => (open.value = e.target.open)}>
-    <summary title=${f.text}>${words(f.name)}${count.value > 0 && html` <small>${count.value}</small>`}</summary>
-    <${Refusal} at=${at} />
-    ${isOpen && html`${Array.from({ length: count.value }, (_, k) => html`<${Part} key=${k} f=${{ ...f, fields: inner, needed: false }} at=${[...at, k]} label=${`${f.name.replace(/(es|s)$/, "")} ${k + 1}`} />`)}
-      <p class="acts"><button type="button" onClick=${() => send(at, [{ do: "set", key: [...at, count.value], value: fresh, insert: true }])}>Add</button></p>`}
-  </details>`;
+  const first = (/** @type {Field} */ x) => x.choices?.[0] ?? x.example ?? (x.list ? ["100 mm", "100 mm", "100 mm"] : `${one} ${count.value + 1}`);
+  const add = () => send(at, [{ do: "set", key: [...at, count.value], insert: true, value: Object.fromEntries(fields.filter((x) => x.needed).map((x) => [x.name, first(x)])) }]);
+  const content = () => html`${Array.from({ length: count.value }, (_, k) => html`<${Part} key=${k} f=${{ ...f, fields, needed: false }} at=${[...at, k]} label=${`${one} ${k + 1}`} />`)}
+    <p class="acts"><button type="button" onClick=${add}>Add</button></p>`;
+  return html`<${Fold} at=${at} title=${f.name} text=${f.text} count=${count.value} told="" content=${content} />`;
 }
 
 /** A mapping by names, such as of layers. @param {Props} props */
@@ -306,8 +317,6 @@ function Named({ f, at }) {
   const added = useSignal(/** @type {string[]} */ ([]));
   const given = Array.isArray(written) ? written : Object.keys(written ?? {});
   const names = [...new Set([...layers, ...given, ...added.value])].map(String);
-  const open = useSignal(given.length > 0);
-  const isOpen = open.value || Boolean(wanted.value);
   const each = f.each ?? f;
   const entry = (/** @type {string} */ name) => {
     if (!each.fields) return html`<${Leaf} key=${name} f=${{ ...each, unit: f.unit, text: f.text }} at=${[...at, name]} label=${name} />`;
@@ -320,13 +329,9 @@ function Named({ f, at }) {
     const field = event.target.querySelector("input");
     if (field.value.trim()) added.value = [...added.value, field.value.trim()];
     field.value = "";
-    open.value = true;
   };
-  return html`<details class="part" data-key=${key} open=${isOpen} onToggle=${(/** @type {any} */ e) => (open.value = e.target.open)}>
-    <summary title=${f.text}>${words(f.name)}${given.length > 0 && html` <small>${given.length} set</small>`}</summary>
-    <${Refusal} at=${at} />
-    ${isOpen && html`${names.map(entry)}${!layers.length && html`<form class="acts" onSubmit=${add}><input type="text" aria-label=${`New name of ${words(f.name).toLowerCase()}`} placeholder="name" /><button type="submit">Add</button></form>`}`}
-  </details>`;
+  const content = () => html`${names.map(entry)}${!layers.length && html`<form class="acts" onSubmit=${add}><input type="text" aria-label=${`New name of ${words(f.name).toLowerCase()}`} placeholder="name" /><button type="submit">Add</button></form>`}`;
+  return html`<${Fold} at=${at} title=${f.name} text=${f.text} count=${given.length} content=${content} />`;
 }
 
 /** The tilt of the tool, which follows from the orientation. */
@@ -347,8 +352,7 @@ function Tilt() {
 
 /** @param {{title: string, fields: Field[]}} props */
 function Group({ title, fields }) {
-  const isUsual = (/** @type {Field} */ f) => rowAt(/** @type {string} */ (f.at).split(".")) !== undefined;
-  const open = useSignal(fields.some((f) => f.usual || isUsual(f)));
+  const open = useSignal(fields.some((f) => f.usual || f.label));
   const more = useSignal(false);
   const all = everything.value || more.value || Boolean(wanted.value);
   const shown = useComputed(() => {

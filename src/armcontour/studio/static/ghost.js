@@ -1,7 +1,8 @@
 // What a slider would be worth: cycle time and contour error over its range, from a sweep in the background.
 
-import { draw, find, make } from "./dom.js";
+import { find, make } from "./dom.js";
 import { mm, quantity, seconds } from "./format.js";
+import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -98,22 +99,15 @@ export class Ghost {
 
   /** @param {Slider} slider @param {HTMLElement} element @param {Sweep} sweep */
   show(slider, element, { values, duration, rms }) {
-    const svg = draw("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, preserveAspectRatio: "none" });
-    svg.append(curve(slider, values, duration, "time"), curve(slider, values, rms, "error"));
-    const ends = [values[0], values[values.length - 1]].map((value) => quantity(value, slider));
     const range = (/** @type {Numbers} */ x, /** @type {(value: number) => string} */ text) => {
       const known = [...x].filter(Number.isFinite);
       return known.length ? `${text(Math.min(...known))} … ${text(Math.max(...known))}` : "refused";
     };
-    this.box.replaceChildren(
-      svg,
-      make(
-        "span",
-        { class: "ends" },
-        ends.map((text) => make("span", { text })),
-      ),
-      make("span", { class: "time", text: `cycle time ${range(duration, seconds)} s` }),
-      make("span", { class: "error", text: `error RMS ${range(rms, (x) => mm(x))} mm` }),
+    render(
+      html`<svg viewBox=${`0 0 ${WIDE} ${HIGH}`} preserveAspectRatio="none"><path class="time" d=${curve(slider, values, duration)} /><path class="error" d=${curve(slider, values, rms)} /></svg>
+        <span class="ends">${[values[0], values[values.length - 1]].map((value) => html`<span>${quantity(value, slider)}</span>`)}</span>
+        <span class="time">cycle time ${range(duration, seconds)} s</span><span class="error">error RMS ${range(rms, (x) => mm(x))} mm</span>`,
+      this.box,
     );
     find("main").append(this.box);
     // Beside its slider: nothing moves under the pointer.
@@ -125,9 +119,9 @@ export class Ghost {
 
 /**
  * A curve over the range of a slider; refused values leave gaps.
- * @param {Slider} slider @param {Numbers} values @param {Numbers} y @param {string} name
+ * @param {Slider} slider @param {Numbers} values @param {Numbers} y @returns {string} for `d` of a path
  */
-function curve(slider, values, y, name) {
+function curve(slider, values, y) {
   const known = [...y].filter(Number.isFinite);
   const [least, most] = [Math.min(...known), Math.max(...known)];
   let line = "";
@@ -139,5 +133,5 @@ function curve(slider, values, y, name) {
     ];
     line += `${k > 0 && Number.isFinite(y[k - 1]) ? "L" : "M"}${at.map((x) => x.toFixed(1)).join(" ")}`;
   });
-  return draw("path", { d: line, class: name });
+  return line;
 }

@@ -9,44 +9,35 @@ import { find, make } from "./dom.js";
 const TABS = ["charts", "runs", "waypoints", "corners", "tasks", "text", "notes"];
 /** What the help says. @type {[string, [string, string][]][]} */
 const HELP = [
-  [
-    "Drawing",
-    [
-      ["drag, arrow keys", "move a handle in steps of 1 mm or 1°; with Alt 0.01, with Shift 10"],
-      ["digits on a handle", "the exact value, also during a drag: 12.5 or 350, 120; Enter ends, Escape undoes"],
-      ["drag a +, or Insert", "insert a waypoint"],
-      ["Delete", "remove the waypoint or the obstacle"],
-      ["F2, double click", "name and height of an obstacle"],
-      ["Tab, Shift+Tab", "the next handle, the one before"],
-      ["Escape", "undo a drag that is under way"],
-      ["wheel, + and −", "zoom; drag the ground or Shift+arrows to pan"],
-      ["F", "show all"],
-      ["M", "move and turn the part as a whole"],
-      ["E", "show the executed tool"],
-      ["1, 2, 3", "colour by limit, speed, error"],
-      ["V", "2D, both, 3D"],
-    ],
-  ],
-  [
-    "Job",
-    [
-      ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"],
-      ["Ctrl+S", "save"],
-      ["Ctrl+Shift+D", "what saving would change"],
-      ["Ctrl+O", "open a file; or drop it on the page"],
-      ["[ and ]", "the run before, the next run"],
-      ["Ctrl+Enter", "apply the text of the job file"],
-    ],
-  ],
-  [
-    "Page",
-    [
-      ["Alt+1 … Alt+7", "tabs below the drawing"],
-      ["D", "show or hide the tabs"],
-      ["Space", "play, pause"],
-      ["?", "this help"],
-    ],
-  ],
+  ["Drawing", [
+    ["drag, arrow keys", "move a handle in steps of 1 mm or 1°; with Alt 0.01, with Shift 10"],
+    ["digits on a handle", "the exact value, also during a drag: 12.5 or 350, 120; Enter ends, Escape undoes"],
+    ["drag a +, or Insert", "insert a waypoint"],
+    ["Delete", "remove the waypoint or the obstacle"],
+    ["F2, double click", "name and height of an obstacle"],
+    ["Tab, Shift+Tab", "the next handle, the one before"],
+    ["Escape", "undo a drag that is under way"],
+    ["wheel, + and −", "zoom; drag the ground or Shift+arrows to pan"],
+    ["F", "show all"],
+    ["M", "move and turn the part as a whole"],
+    ["E", "show the executed tool"],
+    ["1, 2, 3", "colour by limit, speed, error"],
+    ["V", "2D, both, 3D"],
+  ]],
+  ["Job", [
+    ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"],
+    ["Ctrl+S", "save"],
+    ["Ctrl+Shift+D", "what saving would change"],
+    ["Ctrl+O", "open a file; or drop it on the page"],
+    ["[ and ]", "the run before, the next run"],
+    ["Ctrl+Enter", "apply the text of the job file"],
+  ]],
+  ["Page", [
+    ["Alt+1 … Alt+7", "tabs below the drawing"],
+    ["D", "show or hide the tabs"],
+    ["Space", "play, pause"],
+    ["?", "this help"],
+  ]],
 ];
 
 /** Whether keys belong to the element: text is typed there. @param {EventTarget | null} target */

@@ -1,7 +1,9 @@
 // Joint positions and tool as numbers: what the 3D view shows, for those who cannot see it.
 
-import { make, say } from "./dom.js";
+import { make } from "./dom.js";
 import { fixed, mm, seconds } from "./format.js";
+import { Tabular } from "./parts.js";
+import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./cell.js").Cell} Cell */
 /** @typedef {import("./kinematics.js").Pose} Pose */
@@ -13,37 +15,23 @@ import { fixed, mm, seconds } from "./format.js";
 /** A line of text with a table of joints under it. */
 export class Readout {
   constructor() {
-    this.line = make("summary", { text: "Posture" });
-    this.body = make("tbody");
-    const head = make("tr", {}, ["Joint", "Position", "Range"].map((text) => make("th", { scope: "col", text })));
-    const table = make("table", {}, [make("thead", {}, [head]), this.body]);
-    this.element = make("details", { class: "readout" }, [this.line, table]);
-    /** @type {HTMLTableCellElement[]} */
-    this.cells = [];
-    /** @type {Cell | null} */
-    this.cell = null;
+    this.element = make("details", { class: "readout" });
+    render(html`<summary>Posture</summary>`, this.element);
   }
 
   /** @param {Posture} posture */
   show({ cell, t, q, at, of }) {
-    if (cell !== this.cell) this.rebuild(cell);
     const tool = [at[3], at[7], at[11]].map((x) => mm(x, 1)).join(", ");
-    say(this.line, `${seconds(t)} s ${of} · tool at ${tool} mm from the base`);
-    if (!this.element.open) return;
-    cell.chain.joints.forEach((joint, k) => say(this.cells[k], degrees(q[k])));
-  }
-
-  /** @param {Cell} cell */
-  rebuild(cell) {
-    this.cell = cell;
-    this.cells = cell.chain.joints.map(() => make("td"));
-    const rows = cell.chain.joints.map((joint, k) => {
-      const [low, high] = joint.limits ?? [null, null];
-      const bound = (/** @type {number | null} */ x) => (x === null ? "no limit" : degrees(x));
-      const range = low === null && high === null ? "no limit" : `${bound(low)} to ${bound(high)}`;
-      return make("tr", {}, [make("th", { scope: "row", text: joint.name }), this.cells[k], make("td", { text: range })]);
+    const bound = (/** @type {number | null} */ x) => (x === null ? "no limit" : degrees(x));
+    const rows = cell.chain.joints.map(({ name, limits }, k) => {
+      const [low, high] = limits ?? [null, null];
+      return [name, degrees(q[k]), low === null && high === null ? "no limit" : `${bound(low)} to ${bound(high)}`];
     });
-    this.body.replaceChildren(...rows);
+    render(
+      html`<summary>${seconds(t)} s ${of} · tool at ${tool} mm from the base</summary>
+        ${this.element.open && html`<table><${Tabular} columns=${["Joint", "Position", "Range"]} rows=${rows} /></table>`}`,
+      this.element,
+    );
   }
 }
 

@@ -38,7 +38,7 @@ def compare(x: Request) -> Frame:
             raise InvalidInput("There is no edit yet: edit the job, or choose another run.")
         that = replace(x, text=text)
     results = x.result, that.result
-    found = differences(*[y.to_data() for y in results], names)
+    found = differences(results[0].to_data(), results[1].to_data(), names)
     saved = results[1].trajectory.duration - results[0].trajectory.duration
     words = "shorter" if saved > 0 else "longer"
     sentence = f"The motion is {number(abs(saved), 's')} {words}: {names[0]} against {names[1]}."

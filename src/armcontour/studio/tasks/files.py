@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 import tempfile
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from armcontour._progress import Step
 from armcontour.errors import InvalidInput
@@ -25,15 +23,6 @@ if TYPE_CHECKING:
 
 # The template whose files have names of KRL, of so many letters at most.
 KUKA, MOST_LETTERS = "kuka", 24
-TYPES = {
-    ".csv": "text/csv",
-    ".html": "text/html",
-    ".script": "text/plain",
-    ".src": "text/plain",
-    ".mod": "text/plain",
-    ".yaml": "application/yaml",
-    ".zip": "application/zip",
-}
 
 
 def report(x: Request) -> Frame:
@@ -47,7 +36,7 @@ def report(x: Request) -> Frame:
         job = replace(job, runs=chosen)
     study = run(job, progress=x.progress)
     x.progress(Step(("writing",)))
-    return file_frame(f"{job.name}-report.html", render_report(study).encode(), {"run": x.run})
+    return Frame.of_file(f"{job.name}-report.html", render_report(study).encode(), {"run": x.run})
 
 
 def certify(x: Request) -> Frame:
@@ -76,23 +65,16 @@ def certify(x: Request) -> Frame:
         **{"notes": [*data.notes, *data.warnings], "certificate": plain(data)},
     }
     page = render_report(found.study, certificate=found)
-    return file_frame(f"{found.job.name}-certificate.html", page.encode(), header)
+    return Frame.of_file(f"{found.job.name}-certificate.html", page.encode(), header)
 
 
 def export(x: Request) -> Frame:
     """The set-points or the plan in a format of a controller or a table.
 
     Options: `format`, a name of a format; for "template" its `template`; `of`, "taught",
-    "planned", or "learned" from `logs`; `period` of a plan [s]; `outputs`, `derivatives` and
-    `tool_motion`.
+    "planned", or "learned" from `logs`; `period` of a plan [s].
     """
-    from armcontour.io.exports.formats import (
-        TemplateFormat,
-        format_named,
-        outputs_of,
-        put,
-        refuse_unknown_outputs,
-    )
+    from armcontour.io.exports.formats import TemplateFormat, format_named, put
     from armcontour.io.exports.table import make_table
     from armcontour.io.exports.template import SHIPPED, describe_program
     from armcontour.jobs import analog_outputs
@@ -101,8 +83,7 @@ def export(x: Request) -> Frame:
     if x.option("of", "taught") == "learned":
         study = learned(x)
         plan = replace(study.plan, taught=study.lesson)
-    own = {name: x.options[name] for name in ("template", "outputs") if name in x.options}
-    format = of(**own)
+    format = of(**{name: y for name, y in x.options.items() if name == "template"})
     template, ending = None, format.ending
     if isinstance(format, TemplateFormat):
         template = format.label
@@ -124,17 +105,13 @@ def export(x: Request) -> Frame:
             name=f"{x.job.name} {'taught' if taught else 'reference'}",
             arm=x.job.arm,
             period=None if taught else x.option("period", plan.run.period),
-            derivatives=int(x.option("derivatives", 2)),
-            tool_motion=bool(x.option("tool_motion", False)),
+            derivatives=2,
             analog=_analog(format, plan, x.job, analog_outputs),
         )
-        outputs = outputs_of(format)
-        known = (*(y.name for y in table.events), *table.analog)
-        refuse_unknown_outputs(outputs, known, option="outputs", owner=repr(table.name))
         told = describe_program(
             table,
             format.label,
-            outputs,
+            None,
             lambda event, output: f"--output {event}={output} of armcontour export",
         )
         put(file, lambda path: format.write(table, path), folder=format.kind == "mcap")
@@ -144,7 +121,7 @@ def export(x: Request) -> Frame:
         **{"run": plan.run.name, "points": len(plan.taught.q)},
         "warnings": (*plan.warnings, *(f"{called}: {said}" for said in told)),
     }
-    return file_frame(name, content, header)
+    return Frame.of_file(name, content, header)
 
 
 def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[..., Any]) -> Any:
@@ -154,13 +131,6 @@ def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[.
     if not isinstance(format, WITH_ANALOG):
         return None
     return outputs(plan.path, plan.trajectory, job.process, plan.run.limits) or None
-
-
-def file_frame(name: str, content: bytes, header: Mapping[str, Any]) -> Frame:
-    """A result that is a file."""
-    kind = TYPES.get(FilePath(name).suffix, "application/octet-stream")
-    told = {**header, "name": name, "type": kind, "bytes": len(content)}
-    return Frame("result", told, {"content": np.frombuffer(content, np.uint8)})
 
 
 def _content_of(file: FilePath) -> tuple[str, bytes]:
