@@ -27,13 +27,13 @@ PLOT = ".js-plotly-plot"
 # The report and its part, as a selector, of each picture of a page.
 REPORTS = {
     "start/first_result": {
-        "tutorial_first": ("bracket/report.html", "#overview"),
-        "tutorial_binds": ("bracket/report.html", "#bindings"),
+        "tutorial_first": ("bracket/report.html", ".front"),
+        "tutorial_binds": ("bracket/report.html", f"#time {PLOT}"),
     },
-    "tutorials/dxf_to_ur5e": {"tutorial_program": ("first/report.html", f"#program {PLOT}")},
+    "tutorials/dxf_to_ur5e": {"tutorial_program": ("first/report.html", ".front")},
     "tutorials/own_arm": {"tutorial_seam": ("seam/report.html", f"#paths {PLOT} >> nth=1")},
     "tutorials/true_on_a_robot": {
-        "tutorial_identified": ("identified/report.html", PLOT),
+        "tutorial_identified": ("identified/report.html", ".front"),
         "tutorial_learned": ("third/report.html", PLOT),
     },
     "tutorials/placement_and_clearance": {
@@ -61,6 +61,8 @@ def show_reports(browser: Browser, page: str, folder: Path) -> None:
     for name, (report, selector) in REPORTS[page].items():
         view = browser.new_page(viewport={"width": 1000, "height": 1200})
         view.goto((folder / report).as_uri())
+        # Figures are drawn when their section is open.
+        view.evaluate("() => document.querySelectorAll('details').forEach((x) => (x.open = true))")
         part = view.locator(selector).first
         part.scroll_into_view_if_needed()
         view.wait_for_timeout(DRAWN)

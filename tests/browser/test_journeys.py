@@ -416,3 +416,31 @@ def test_j37_a_run_that_is_not_kept_is_repaired_by_its_button(studio):
         studio.find("#changes button").click()
     expect(verdict).to_have_text("✓ kept")
     assert studio.figure("off_drawing") <= 0.5e-3
+
+
+def test_j38_two_variants_are_compared_with_one_cursor(studio):
+    before = studio.figure("duration")
+    with studio.changing():
+        studio.type("corners.tolerance", "8 mm")
+    studio.rest()
+    after = studio.figure("duration")
+    studio.tab("tasks")
+    done = studio.do("compare")
+    expect(done.locator("table caption")).to_have_text("Differences")
+    row = done.get_by_role("row").filter(has=studio.page.get_by_role("rowheader", name="motion"))
+    cells = [x.split() for x in row.locator("td").all_inner_texts()]
+    numbers = [float(x) * {"s": 1.0, "ms": 1e-3}[unit] for x, unit in cells]
+    assert numbers == pytest.approx([after, before, after - before], abs=1e-4)
+    expect(done.locator("[data-chart]")).to_have_count(2)
+    # A click in one chart moves the time of all.
+    plot = done.locator("[data-chart=variants-speed] .u-over")
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    studio.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    expect(studio.find("#playback")).not_to_have_attribute("data-time", "0")
+    time = float(studio.told("#playback", "time"))
+    assert 0 < time < after
+    legend = done.locator("[data-chart=variants-error]")
+    legend.scroll_into_view_if_needed()
+    expect(legend).to_contain_text("now")
+    expect(legend).to_contain_text("before")

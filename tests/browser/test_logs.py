@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from playwright.sync_api import expect
+from tests.browser.axe_faults import faults, load_axe
 from tests.studio.robot_logs import HEAD, TRUE, Robot, write_table
 from tools.studio_page import write_job
 
@@ -119,6 +120,8 @@ def test_j41_a_log_gives_the_servo_of_the_job(shown, log):
     table = result.locator("table", has_text="kp")
     expect(table).to_contain_text(number(found["joint 1"].kp.value, "1/s"))
     expect(kp).to_be_visible()
+    load_axe(shown.page)
+    assert faults(shown.page) == []
     with shown.changing():
         result.get_by_role("button", name="Use this servo").click()
     servo = parse_job(shown.text).servo

@@ -75,6 +75,20 @@ def test_no_older_frame_is_shown_after_a_newer_one():
     assert found == [[1, 5], [1, 6], [2, 6], [2, None], [2, 7]]
 
 
+def test_a_document_that_is_told_again_makes_no_picture_old():
+    found = compute(
+        f"""{STORE}
+        listen("page", ["picture"]);
+        put("document", 6, 1, {{ id: "a" }});
+        put("document", 6, 2, {{ id: "a" }});
+        put("picture", 6, 1);
+        put("picture", 5, 3);
+        tell([told.length, store.latest("picture").seq]);
+        """
+    )
+    assert found == [1, 1]
+
+
 def test_obstacles_are_drawn_where_their_corners_are():
     random = np.random.default_rng(7)
     turn, at, size = random.uniform(-3, 3, 3), random.normal(size=3), random.uniform(0.1, 1, 3)

@@ -1,6 +1,9 @@
 """The machine of tiers: what pages see while somebody edits, and when nothing moves."""
 
+import time
 from importlib import resources
+from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -280,6 +283,22 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
     # Progress of a state that is not shown any more goes.
     during("preview", lambda: tab.edit(moved(3), gesture=3))
     assert "done" in progress(tab.edit(moved(2), gesture=2))
+
+
+def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
+    _, tab, _ = opened()
+    monkeypatch.setattr(planner, "SLOW", 0.5)
+    looks = count()
+    slow = SimpleNamespace(monotonic=time.monotonic, thread_time=lambda: next(looks))
+    monkeypatch.setattr(planner, "time", slow)
+    for _ in range(2):
+        heard = tab.edit(moved(next(looks)), final=False)
+        assert tiers(heard)[0] == "picture moving", "one late plan may be late by chance"
+    assert tiers(tab.edit(moved(3), final=False)) == ["picture outline"]
+    # Quick plans end this.
+    slow.thread_time = lambda: 0.0
+    assert tiers(tab.edit(moved(4)))[0] == "picture preview"
+    assert tiers(tab.edit(moved(5), gesture=1, final=False))[0] == "picture moving"
 
 
 def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeypatch):

@@ -1,19 +1,8 @@
 """The report of a study: the only package that plots."""
 
-from armcontour.report.report import (
-    render_batch,
-    render_demo,
-    render_learning,
-    render_placement,
-    render_report,
-    write_report,
-)
-
-__all__ = [
-    "render_batch",
-    "render_demo",
-    "render_learning",
-    "render_placement",
-    "render_report",
-    "write_report",
-]
+from armcontour.report.report import render_batch as render_batch
+from armcontour.report.report import render_demo as render_demo
+from armcontour.report.report import render_learning as render_learning
+from armcontour.report.report import render_placement as render_placement
+from armcontour.report.report import render_report as render_report
+from armcontour.report.report import write_report as write_report

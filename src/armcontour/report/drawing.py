@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour._describing import several
 from armcontour.core.palette import LIMITS, LINES
-from armcontour.core.render import number
+from armcontour.core.render import number, number_range
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import Job, RunResult
 from armcontour.program import Process, cut_parts
@@ -58,6 +58,20 @@ class Entry(NamedTuple):
     names: str
 
 
+class Mark(NamedTuple):
+    """A mark in a drawing.
+
+    Args:
+        point: Its place [m], (dimension,).
+        words: What it is.
+        along: Its direction; None for marks without.
+    """
+
+    point: FloatArray
+    words: str
+    along: FloatArray | None = None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing:
     """A drawing with its legend.
@@ -93,16 +107,17 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
     for kind, curves in _pieces(result, sheet).items():
         parts.append(_line(sheet, curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
     marks = {
+        "start": ("▶", "start of a contour", _starts(result)),
         "corner": ("○", "rounded corner", _corners(result)),
         "stop": ("■", "stop inside a contour", _stops(result)),
         "event": ("◆", "output switched", _events(result)),
     }
-    known = [("▶", "start of a contour")]
+    known = []
     for name, (symbol, words, places) in marks.items():
         if places:
             parts += sheet.mark(name, places)
             known.append((symbol, f"{words} ({len(places)})"))
-    parts += [*_starts(result, sheet), *sheet.scale()]
+    parts += [*_numbers(result, sheet), *sheet.scale()]
     legend = legend_of(result)
     what = f"Path of the tool, {several(len(outline), 'contour')}; what takes the time: "
     what += ", ".join(f"{x.word} {number(x.share, '1')}" for x in legend) or "unknown"
@@ -160,16 +175,19 @@ class Sheet:
         across = (points @ self.axes.T - self.origin) * self.size
         return np.asarray(np.stack([across[..., 0], self.height - across[..., 1]], axis=-1))
 
-    def mark(self, name: str, marks: Sequence[tuple[FloatArray, str]]) -> Iterator[str]:
+    def mark(self, name: str, marks: Iterable[Mark]) -> Iterator[str]:
         """Marks of one kind with their words; of marks in one place the first one."""
         taken: set[tuple[int, ...]] = set()
-        for point, words in marks:
-            x, y = self.place(point)
-            cell = (int(x // APART), int(y // APART))
+        for x in marks:
+            right, down = self.place(x.point)
+            cell = (int(right // APART), int(down // APART))
             if cell not in taken:
                 taken.add(cell)
-                at = f'href="#mark-{name}" x="{x:.1f}" y="{y:.1f}"'
-                yield f"<use {at}><title>{escape(words)}</title></use>"
+                along = np.array([1.0, 0.0]) if x.along is None else x.along @ self.axes.T
+                angle = -np.degrees(np.arctan2(along[1], along[0]))
+                turn = f"translate({right:.1f} {down:.1f}) rotate({angle:.0f})"
+                title = f"<title>{escape(x.words)}</title>"
+                yield f'<use href="#mark-{name}" transform="{turn}">{title}</use>'
 
     def scale(self) -> Iterator[str]:
         """A bar of a round length, and the axes of the coordinates."""
@@ -218,10 +236,8 @@ def _line(sheet: Sheet, curves: Sequence[FloatArray], look: str, words: str = ""
     """Curves as one path of SVG, simplified by the error on the screen."""
     drawn = [sheet.place(x) for x in curves]
     kept = simplify(drawn, even=1, visible=VISIBLE)
-    texts = []
-    for points, few in zip(drawn, kept, strict=True):
-        numbers = " ".join(f"{x:.1f}" for x in points[few].ravel().tolist())
-        texts.append(f"M{numbers}")
+    rows = (points[few].ravel().tolist() for points, few in zip(drawn, kept, strict=True))
+    texts = ("M" + " ".join(f"{x:.1f}" for x in row) for row in rows)
     title = f"<title>{escape(words)}</title>" if words else ""
     return f'<path {look} d="{"".join(texts)}">{title}</path>'
 
@@ -317,33 +333,30 @@ def _leads(result: RunResult, sheet: Sheet) -> Iterator[str]:
         yield _line(sheet, curves, f'class="lead" stroke="{LINES["leads"]}"', "lead")
 
 
-def _starts(result: RunResult, sheet: Sheet) -> Iterator[str]:
-    """Arrows at the starts of contours, with numbers if there are not too many."""
-    spans, contours = result.trajectory.contour_spans, result.path.contours
-    numbered = 1 < len(contours) <= MOST_NUMBERED
-    taken: set[tuple[int, int]] = set()
-    for k, (x, span) in enumerate(zip(contours, spans, strict=True)):
-        near, along = sheet.place(x.path(0.0)), x.path(0.0, 1) @ sheet.axes.T
-        cell = (int(near[0] // APART), int(near[1] // APART))
-        if cell in taken and not numbered:
-            continue
-        taken.add(cell)
-        words = f"contour {k + 1} {x.name} {x.layer}".strip()
-        words += (
-            f": {number(x.path.length, 'm')}, {number(span.t[0], 's')} to {number(span.t[1], 's')}"
-        )
-        angle = -np.degrees(np.arctan2(along[1], along[0]))
-        turn = f"translate({near[0]:.1f} {near[1]:.1f}) rotate({angle:.0f})"
-        yield f'<use href="#mark-start" transform="{turn}"><title>{escape(words)}</title></use>'
-        if numbered:
-            yield f'<text class="number" x="{near[0] + 6:.1f}" y="{near[1] - 6:.1f}">{k + 1}</text>'
+def _starts(result: RunResult) -> list[Mark]:
+    """The starts of contours, and their directions."""
+    spans, found = result.trajectory.contour_spans, []
+    for k, (x, span) in enumerate(zip(result.path.contours, spans, strict=True), start=1):
+        words = f"contour {k} {x.name} {x.layer}".strip() + f": {number(x.path.length, 'm')}"
+        words += f", {number_range(span.t, 's')}"
+        found.append(Mark(x.path(0.0), words, x.path(0.0, 1)))
+    return found
 
 
-def _corners(result: RunResult) -> list[tuple[FloatArray, str]]:
+def _numbers(result: RunResult, sheet: Sheet) -> Iterator[str]:
+    """The numbers of contours at their starts; none if there are too many or only one."""
+    contours = result.path.contours
+    if 1 < len(contours) <= MOST_NUMBERED:
+        for k, x in enumerate(contours, start=1):
+            right, down = sheet.place(x.path(0.0))
+            yield f'<text class="number" x="{right + 6:.1f}" y="{down - 6:.1f}">{k}</text>'
+
+
+def _corners(result: RunResult) -> list[Mark]:
     """The rounded corners."""
     known = (x.path.corners for x in result.path.contours if isinstance(x.path, RoundedPath))
     return [
-        (
+        Mark(
             c.point[k],
             f"corner {k + 1}: {number(c.error[k], 'm')} off, radius {number(c.radius[k], 'm')}",
         )
@@ -352,7 +365,7 @@ def _corners(result: RunResult) -> list[tuple[FloatArray, str]]:
     ]
 
 
-def _stops(result: RunResult) -> list[tuple[FloatArray, str]]:
+def _stops(result: RunResult) -> list[Mark]:
     """Places inside contours at which the tool stops."""
     found = []
     for x, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
@@ -362,13 +375,13 @@ def _stops(result: RunResult) -> list[tuple[FloatArray, str]]:
         t = motion.breaks[1:-1]
         speeds = motion.s(t, 1)
         for s in motion.s(t[speeds < STILL * motion.s(motion.breaks, 1).max(initial=0.0)]):
-            found.append((x.path(s), f"stop at s = {number(span.s[0] + s, 'm')}"))
+            found.append(Mark(x.path(s), f"stop at s = {number(span.s[0] + s, 'm')}"))
     return found
 
 
-def _events(result: RunResult) -> list[tuple[FloatArray, str]]:
+def _events(result: RunResult) -> list[Mark]:
     """Outputs that are switched."""
-    return [(np.asarray(x.point), event_words(x)) for x in result.trajectory.events]
+    return [Mark(np.asarray(x.point), event_words(x)) for x in result.trajectory.events]
 
 
 def event_words(x: Any) -> str:

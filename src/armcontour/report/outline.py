@@ -18,31 +18,25 @@ MOST_DRAWN = 20_000
 MOST_SAMPLED = 200_000
 # Number of evenly spaced points that are always drawn, so that enlarged details show.
 EVEN = 4000
-# Evenly spaced points along a program that are drawn in addition to the ends of its segments.
-DRAWN_PLACES = 800
 # Chords of a full circle.
 CHORDS = 96
 
 
 def outline_points(program: Program) -> FloatArray:
     """Points that draw the contours of a program, with a gap (NaN) after each contour."""
-    least = DRAWN_PLACES // len(program.contours)
-    curves = [x.path(fine_places(x.path, least=least)) for x in program.contours]
+    curves = [x.path(fine_places(x.path)) for x in program.contours]
     gap = np.full((1, program.dimension), np.nan)
     kept = simplify(curves)
     return np.concatenate([y for x, few in zip(curves, kept, strict=True) for y in (x[few], gap)])
 
 
-def fine_places(
-    path: Path, start: float = 0.0, end: float | None = None, *, least: int = 0
-) -> FloatArray:
+def fine_places(path: Path, start: float = 0.0, end: float | None = None) -> FloatArray:
     """Arc lengths along a path [m]: ends of segments, and chords of arcs.
 
     Args:
         path: The path.
         start: The first arc length [m].
         end: The last arc length [m]; by default the end of the path.
-        least: Number of evenly spaced places that are added if the path has fewer segments.
     """
     last = path.length if end is None else end
     chords = np.ceil(path.curvatures * path.lengths / (2 * np.pi) * CHORDS).astype(int)
@@ -50,8 +44,6 @@ def fine_places(
         path.breaks[i] + path.lengths[i] * np.arange(1, chords[i]) / chords[i]
         for i in np.flatnonzero(chords > 1)
     ]
-    if len(path) <= least:
-        inner.append(np.linspace(0.0, path.length, least))
     places = np.union1d(path.breaks, np.concatenate(inner)) if inner else path.breaks
     kept = places[(places > start) & (places < last)]
     return np.concatenate([[start], kept, [last]])

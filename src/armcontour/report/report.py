@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 # Where the figures of a page come from.
 OF_SIMULATION = "Everything on this page was computed from the job; the servo is simulated."
-OF_PLAN = "Everything on this page was computed from the plan."
+OF_PLAN = "Everything on this page was computed from the job and its plan."
 OF_LOGS = "Everything on this page was computed from the job and from logs of its robot."
 
 
@@ -87,9 +87,8 @@ def render_placement(placement: Placement) -> str:
     Args:
         placement: The placement.
     """
-    source = "Everything on this page was computed from the job."
     front, section = sections.placed(placement), sections.placement(placement)
-    return _page(placement.job, front, [section], source=source)
+    return _page(placement.job, front, [section], source=OF_PLAN)
 
 
 def render_batch(view: BatchView) -> str:

@@ -13,10 +13,8 @@ from armcontour.report.drawing import Drawing
 
 # Longer values are sentences [characters].
 LONGEST = 40
-# Widest tables that take a third and half of the page [characters], and longest in one column.
-NARROWEST, NARROW, MOST_ROWS = 58, 88, 10
-# States of a verdict, as the palette has them.
-STATES = {True: "kept", False: "not kept", None: ""}
+# Widest tables that take a third and half of the page [characters].
+NARROWEST, NARROW = 58, 88
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,8 +36,6 @@ class Table:
     @property
     def halves(self) -> tuple[Table, ...]:
         """A long table as two that are side by side."""
-        if len(self.rows) <= MOST_ROWS:
-            return (self,)
         half = -(-len(self.rows) // 2)
         return tuple(replace(self, rows=x) for x in (self.rows[:half], self.rows[half:]))
 
@@ -97,11 +93,6 @@ class Front:
     drawing: Drawing | None = None
     parts: tuple[Any, ...] = ()
     sentences: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def state(self) -> str:
-        """The state of the verdict, as the palette has it."""
-        return STATES[self.good]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,11 +11,10 @@ from armcontour._checks import FloatArray
 from armcontour.core.palette import LINES, PALETTE
 from armcontour.report.figure import make_trace
 
-RUN_COLOURS, LAYER_COLOURS = PALETTE["runs"], PALETTE["layers"]
+RUN_COLOURS = PALETTE["runs"]
 PATH_COLOUR, LIMIT_COLOUR = LINES["objective"], LINES["allowed"]
 PLANNED_COLOUR, EXECUTED_COLOUR = LINES["planned"], LINES["executed"]
-EXPERIMENT_COLOUR, LEAD_COLOUR = LINES["experiment"], LINES["leads"]
-SATURATION_COLOUR = LINES["saturated"]
+EXPERIMENT_COLOUR, SATURATION_COLOUR = LINES["experiment"], LINES["saturated"]
 # An experiment has its run's colour.
 EXPERIMENT_DASH = "dot"
 # A logarithmic axis that is longer than this has numbers at powers of ten only.

@@ -220,6 +220,8 @@ class Acts:
         if not isinstance(options, dict):
             raise InvalidInput("The options of a task are a mapping.")
         id, task = _word(said, "id"), _word(said, "task")
+        if task == "compare":
+            options = {**options, "text": self._editor.document.before}
         self._display.planner.do(id, task, self._display.request(options))
 
     def _cancel(self, tab: Tab, said: Said) -> None:

@@ -152,6 +152,11 @@ class Document:
         return bool(self._future)
 
     @property
+    def before(self) -> str:
+        """The text before the last change; "" if there is none."""
+        return self._past[-1].text if self._past else ""
+
+    @property
     def undo_label(self) -> str | None:
         """What undoing takes back; None if there is nothing."""
         return self._past[-1].label if self._past else None

@@ -41,7 +41,7 @@ QUICK = 0.03
 SHORT = 60.0
 # While edits come faster than they are executed, their plans come first for so long [s].
 WITHOUT = 0.06
-# Where a plan took longer, an outline comes first, and plans when nothing changes [s].
+# Where two plans took longer, an outline comes first, and plans when nothing changes [s].
 SLOW = 0.5
 # A plan that takes longer is given up for a newer state [s].
 LATE = 0.5
@@ -52,7 +52,7 @@ SOON, OFTEN = 0.7, 0.1
 # The steps of a run, in their order; a preview has the first three.
 STEPS = ("rounding", "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 # What a person can ask for.
-TASKS = tuple(x for x in working.TASKS if x != "figures")
+TASKS = tuple(x for x in working.TASKS if x not in ("figures", "changes"))
 # Frames after which a task is over.
 LAST = ("figures", "changes", "result", "refusal", "failed", "cancelled")
 # Names of exact figures begin so; no task of a page has such a name. Progress of a state has it.
@@ -75,7 +75,7 @@ class Seen:
         planned: The newest plan.
         executed: The newest execution.
         parts: Arm and scene that pages have.
-        took: How long the last plan of each tier took [s].
+        took: How long the last two plans of each tier took [s].
         drawn: The plan or program that pages see, how it gets on the screen, and its number.
         followed: The revision whose preview has taken the configuration of its full run.
     """
@@ -83,7 +83,7 @@ class Seen:
     planned: Preview | None = None
     executed: Executed | None = None
     parts: tuple[Arm, Scene | None] | None = None
-    took: dict[Tier, float] = field(default_factory=dict)
+    took: dict[Tier, tuple[float, float]] = field(default_factory=dict)
     drawn: tuple[Preview | Program, View, int] | None = None
     followed: int = 0
 
@@ -359,7 +359,10 @@ class Planner:
             self._tell_progress(state, step.names, step.done)
 
         planned = self.previewer.plan(state.data, state.run, tier=tier, progress=go_on)
-        took = seen.took[tier] = time.thread_time() - begin
+        took = time.thread_time() - begin
+        seen.took[tier] = seen.took.get(tier, (0.0, 0.0))[1], took
+        if took < SLOW:
+            seen.took.pop(Tier.MOVING, None)
         state.answered = True
         seen.planned = planned
         self._draw(picture_frame(planned, state.view), planned, state)
@@ -394,7 +397,9 @@ class Planner:
     def _is_slow(self, state: State) -> bool:
         """Whether a plan takes so long that the outline comes first."""
         tier = Tier.MOVING if state.moving else Tier.PREVIEW
-        return state.seen.took.get(tier, 0.0) > SLOW or self.previewer.is_long(state.data)
+        return min(state.seen.took.get(tier, (0.0, 0.0))) > SLOW or self.previewer.is_long(
+            state.data
+        )
 
     def _draw_outline(self, state: State) -> None:
         """Show the path of a state without a plan.

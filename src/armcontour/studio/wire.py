@@ -13,6 +13,7 @@ import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,16 @@ ALIGNED = 8
 LENGTH = struct.Struct("<I")
 # Types of arrays, by the names that the page knows.
 TYPES = ("f4", "f8", "u1", "u2", "u4", "i4")
+# Types of files by their endings.
+FILE_TYPES = {
+    ".csv": "text/csv",
+    ".html": "text/html",
+    ".script": "text/plain",
+    ".src": "text/plain",
+    ".mod": "text/plain",
+    ".yaml": "application/yaml",
+    ".zip": "application/zip",
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +51,13 @@ class Frame:
     kind: str
     header: Mapping[str, Any] = field(default_factory=dict)
     arrays: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
+
+    @classmethod
+    def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> Frame:
+        """A result that is a file."""
+        kind = FILE_TYPES.get(PurePath(name).suffix, "application/octet-stream")
+        facts = {**header, "name": name, "type": kind, "bytes": len(content)}
+        return cls("result", facts, {"content": np.frombuffer(content, np.uint8)})
 
     def stamped(self, **facts: Any) -> Frame:
         """The same frame with some more facts in its header."""

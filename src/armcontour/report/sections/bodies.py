@@ -145,17 +145,10 @@ def draw_surroundings(job: Job, points: FloatArray) -> list[tuple[Any, FloatArra
     if not found:
         x, y = (z.ravel() for z in np.meshgrid([low[0], high[0]], [low[1], high[1]]))
         corners = np.column_stack([x, y, 0 * x])
-        found.append((_plane(corners), corners))
+        # A hull has a thickness [mm].
+        plate = np.concatenate([corners, corners - [0.0, 0.0, 1.0]])
+        found.append((draw_body(plate, "plane of the base", OBSTACLE_COLOUR, 0.25), corners))
     return [*found, *_base_shapes(job.arm)]
-
-
-def _plane(corners: FloatArray) -> Any:
-    """The plane in which the arm's base stands."""
-    x, y, z = np.round(corners, 2).T
-    look = {"color": OBSTACLE_COLOUR, "opacity": 0.25, "hoverinfo": "skip"}
-    which = {"i": [0, 0], "j": [1, 3], "k": [3, 2]}
-    name = "plane of the base"
-    return make_trace("mesh3d", x=x, y=y, z=z, name=name, showlegend=True, **which, **look)
 
 
 def _base_shapes(arm: Arm) -> list[tuple[Any, FloatArray]]:

@@ -42,7 +42,7 @@ def certified(study: Study, found: Certificate) -> Front:
 
 def certificate(found: Certificate) -> Section:
     """The certificate, what it costs, and its derating."""
-    data, several = found.to_data(), _several(found)
+    data, several = found.to_data(), len(found.contours) > 1
     contours = sorted(found.contours, key=lambda x: x.budget.left)
     worst = [x.to_data() for x in contours[:MOST_ROWS]]
     return Section(
@@ -73,11 +73,6 @@ OF_PROGRAMS = (
     "Every contour is certified while the process is on, in the execution of the whole program; "
     "rapids only keep the limits of the joints."
 )
-
-
-def _several(found: Certificate) -> bool:
-    """Whether the program has several contours."""
-    return len(found.contours) > 1
 
 
 # Figures of a budget that are drawn.
@@ -118,7 +113,7 @@ def _derating(found: Certificate) -> Any:
         s, left = thin(np.concatenate(places), np.concatenate(shares))
         figure.add_trace(line(s, left * 100, name, RUN_COLOURS[j % len(RUN_COLOURS)], width=1.5))
     figure.update_xaxes(
-        title="arc length of the contours [m]" if _several(found) else "arc length [m]"
+        title="arc length of the contours [m]" if len(found.contours) > 1 else "arc length [m]"
     )
     figure.update_yaxes(title="usable acceleration limit [%]")
     least = 100 * min(float(x.share.min()) for x in deratings)

@@ -42,8 +42,7 @@ COLUMNS = (
 
 def contours(study: Study) -> Section | None:
     """A table of the contours of a program; None for a single path."""
-    first = next(iter(study.runs.values()))
-    if first.path.single_path is not None:
+    if next(iter(study.runs.values())).path.single_path is not None:
         return None
     return Section(
         key="contours",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
@@ -81,7 +80,7 @@ def corners(study: Study) -> list[Any]:
     )
     for k, corner in enumerate(shown):
         _corner(figure, tools, paths, corner, k)
-    title = _title(study, list(paths), len(shown), len(known), shaped=isinstance(first, ShapedPath))
+    title = _title(study, len(shown), len(known))
     finish(figure, title=title, height=HEIGHT + (rows - 1) * MORE_HEIGHT)
     figure.update_layout(margin={"t": 70})
     return [figure]
@@ -116,16 +115,11 @@ def find_corners(path: Replaced) -> list[Corner]:
     ]
 
 
-def _title(study: Study, names: list[str], shown: int, known: int, *, shaped: bool) -> str:
-    """Title of the figure: which corners it shows, and of which run their numbers are."""
-    title = "Corners enlarged"
-    if len(study.job.program.contours) > 1:
-        title += f", contour {_shown(study) + 1}"
-    if known > shown:
-        title += f": the first {shown} of {known}"
-    if len(names) > 1 and not shaped:
-        title += f" (r, error: {names[0]})"
-    return title
+def _title(study: Study, shown: int, known: int) -> str:
+    """Title of the figure: which corners it shows."""
+    several = len(study.job.program.contours) > 1
+    title = "Corners enlarged" + (f", contour {_shown(study) + 1}" if several else "")
+    return title + (f": the first {shown} of {known}" if known > shown else "")
 
 
 class Tool(NamedTuple):
@@ -165,12 +159,8 @@ def _replaced_paths(study: Study) -> dict[str, Replaced]:
         path = result.path.contours[which].path
         if isinstance(path, Replaced) and not any(alike(path, x) for x in found.values()):
             found[name] = path
-    kinds = {name: _kind(x) for name, x in found.items()}
-    alone = [kind for kind, count in Counter(kinds.values()).items() if count == 1]
-    return {
-        f"{kinds[x]} path" + ("" if kinds[x] in alone else f" of {x}"): path
-        for x, path in found.items()
-    }
+    of = " of {}" if len(found) > 1 else ""
+    return {f"{_kind(x)} path" + of.format(name): x for name, x in found.items()}
 
 
 def _kind(path: Path) -> str:

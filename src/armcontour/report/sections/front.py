@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from armcontour._describing import several
 from armcontour._text import capitalise, list_some
 from armcontour.core.render import figure
 from armcontour.core.result import Data, Row
@@ -29,12 +30,12 @@ def front(study: Study) -> Front:
     """The first screen of a study: of several runs the fastest one that is kept."""
     name = _shown(study)
     data, result = study.figures[name], study.runs[name]
-    several = len(study.runs) > 1
+    alone = len(study.runs) == 1
     return Front(
-        verdict=(f"Run {name}: " if several else "") + _verdict(study, data),
+        verdict=("" if alone else f"Run {name}: ") + _verdict(study, data),
         good=data["kept"].value,
-        tiles=() if several else tiles(_large(data)),
-        tables=(_compared(study),) if several else (),
+        tiles=tiles(_large(data)) if alone else (),
+        tables=() if alone else (_compared(study),),
         drawing=draw_plan(result, study.job),
         sentences=tuple(_sentences(study, result)),
     )
@@ -63,7 +64,8 @@ def _verdict(study: Study, data: Data) -> str:
     words = f"{figure(off)} {off.label}"
     if kept is None:
         return f"{words}: the job states no accuracy and no corner tolerance."
-    return f"{capitalise(figure(kept))}: {words}; {kept.note}."
+    note = kept.note or off.note
+    return f"{capitalise(figure(kept))}: {words}" + f" ({note})" * bool(note) + "."
 
 
 def _compared(study: Study) -> Table:
@@ -136,6 +138,6 @@ def notes(study: Study) -> Section | None:
     return Section(
         key="notes",
         title="Warnings and notes",
-        summary=f"{len(found)} warnings, {len(others)} notes",
+        summary=f"{several(len(found), 'warning')}, {several(len(others), 'note')}",
         notes=(*few(found, "warnings"), *few(others, "notes")),
     )

@@ -13,7 +13,6 @@ from armcontour.arms.limit_use import Use, use_of
 from armcontour.core import result as core
 from armcontour.core.result import Row
 from armcontour.jobs import RunResult, Study
-from armcontour.motion import Execution
 from armcontour.report.figure import make_subplots
 from armcontour.report.section import Section, Table, table_of
 from armcontour.report.style import (
@@ -110,17 +109,7 @@ def draw_joints(name: str, result: RunResult) -> Any:
     figure.update_layout(
         margin={"t": 50, "b": 90}, legend={"traceorder": "reversed"}, showlegend=True
     )
-    figure.update_xaxes(range=[0, _end(result)])
     return figure
-
-
-def _end(result: RunResult) -> float:
-    """End of the run and its experiment [s]."""
-    e = result.evaluation
-    ends = [result.trajectory.duration if e is None else e.until]
-    if result.experiment is not None:
-        ends.append(result.experiment.evaluation.until)
-    return max(ends)
 
 
 def _curves(
@@ -132,17 +121,16 @@ def _curves(
     if result.experiment is not None:
         done = result.experiment.execution
         look = {"colour": EXPERIMENT_COLOUR, "width": 1.2}
-        found["experiment"] = (done.t, _state(done, order), look)
+        found["experiment"] = (done.t, (done.q, done.dq, done.ddq)[order], look)
     if (moved := result.execution) is not None:
-        found["executed"] = (moved.t, _state(moved, order), {"colour": EXECUTED_COLOUR})
+        found["executed"] = (
+            moved.t,
+            (moved.q, moved.dq, moved.ddq)[order],
+            {"colour": EXECUTED_COLOUR},
+        )
     dotted = {"colour": PLANNED_COLOUR, "width": 1.5, "dash": "dot"}
     found["planned"] = (t, result.trajectory(t, order), dotted)
     return found
-
-
-def _state(done: Execution, order: int) -> FloatArray:
-    """Joint positions, velocities or accelerations of an execution, (n, dof)."""
-    return (done.q, done.dq, done.ddq)[order]
 
 
 def _bounds(result: RunResult, dof: int) -> list[tuple[FloatArray, FloatArray]]:

@@ -70,15 +70,13 @@ def over_time(study: Study) -> Section:
         text += "Rapids are cut off at the top; a double click shows all of them. "
     if marked is not None:
         text += f"Dotted lines are the switching points of the run {marked.run.name}. "
-    notes: tuple[str, ...] = ()
     if any(x.experiment is not None for x in study.runs.values()):
         text += "Dotted curves are experiments on the arm's rigid bodies. "
-        notes = unknown_notes(study)
     tables, places = [], []
     for name, result in _plans(study).items():
         why, run = result.explanation, f"{name}: " if len(study.runs) > 1 else ""
         assert why is not None
-        tables.append(table_of(why.time_table, f"{run}what takes the time"))
+        tables.append(table_of(why.time_table, run.removesuffix(": ")))
         worst = sorted(why.shortfalls, key=lambda x: x.speed / x.assigned)[:MOST_PLACES]
         places += [(f"{run}{x.sentence} ({x.kind})",) for x in worst]
     if places:
@@ -87,11 +85,10 @@ def over_time(study: Study) -> Section:
     return Section(
         key="time",
         title="Over time",
-        summary="tool speed, the limit that restricts it"
-        + (", contour error" if study.simulated else ""),
+        summary="tool speed and active limits" + ", contour error" * study.simulated,
         text=text,
         parts=(draw_over_time(study, speed, limits, error), *tables),
-        notes=notes,
+        notes=unknown_notes(study),
     )
 
 
@@ -223,16 +220,11 @@ def error(study: Study) -> Panel | None:
 
 def _plans(study: Study) -> dict[str, RunResult]:
     """Every explained plan once, by the names of all runs that have this plan."""
-    found: list[list[RunResult]] = []
-    for result in study.runs.values():
-        if result.explanation is None:
-            continue
-        same = next((x for x in found if x[0].trajectory is result.trajectory), None)
-        if same is None:
-            found.append([result])
-        else:
-            same.append(result)
-    return {", ".join(y.run.name for y in x): x[0] for x in found}
+    found: dict[int, list[str]] = {}
+    for name, result in study.runs.items():
+        if result.explanation is not None:
+            found.setdefault(id(result.trajectory), []).append(name)
+    return {", ".join(names): study.runs[names[0]] for names in found.values()}
 
 
 def _is_squeezed(study: Study) -> bool:

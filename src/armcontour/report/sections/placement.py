@@ -60,11 +60,13 @@ def placement(found: Placement) -> Section:
     Args:
         found: The placement.
     """
+    rows = tuple((kind, str(n)) for kind, n in found.refusals.items())
+    refused = Table(header=("refused by", "places"), rows=rows)
     return Section(
         key="placement",
         title="Other maps and figures",
         summary="figures of the best place and of the job's own place; refused places",
-        parts=(side_by_side(found.comparison), *_refusals(found)),
+        parts=(side_by_side(found.comparison), *([refused] if found.refusals else [])),
         choices=tuple(_maps(found)[1:]),
         notes=found.notes[1:],
     )
@@ -98,14 +100,6 @@ def _text(found: Placement) -> str:
     return " ".join(parts)
 
 
-def _refusals(found: Placement) -> tuple[Table, ...]:
-    """How many places were refused, by kind; nothing without any."""
-    if not found.refusals:
-        return ()
-    rows = tuple((kind, str(n)) for kind, n in found.refusals.items())
-    return (Table(header=("refused by", "places"), rows=rows),)
-
-
 def _varied(found: Placement) -> list[Axis]:
     """The axes along which there is more than one place, at least one."""
     return [x for x in found.axes if len(x.values) > 1] or [found.axes[0]]
@@ -127,9 +121,11 @@ def _figure(found: Placement, x: Row, values: FloatArray) -> Any:
     axes = _varied(found)[:2]
     kept = [k for k, a in enumerate(found.axes) if any(a is b for b in axes)]
     others = tuple(k for k in range(len(found.axes)) if k not in kept)
-    worst = np.inf if _small(x) else -np.inf
+    # Short times are good, and other figures where they are large.
+    small = x.unit == "s"
+    worst = np.inf if small else -np.inf
     filled = np.where(np.isnan(values), worst, values)
-    best = filled.min(axis=others) if _small(x) else filled.max(axis=others)
+    best = filled.min(axis=others) if small else filled.max(axis=others)
     best = np.where(np.isinf(best), np.nan, best)
     numbers = {kind: k for k, kind in enumerate(GREYS)}
     kinds = np.array([numbers.get(v.refusal, -1) for v in found.verdicts])
@@ -167,7 +163,7 @@ def _map(
             y=at[1],
             z=values.T,
             colorscale=SCALE,
-            reversescale=_small(x),
+            reversescale=x.unit == "s",
             colorbar={"title": {"text": _title(x.label, x.unit), "side": "right"}},
             hovertemplate="%{x:.4g}, %{y:.4g}<br>%{z:.5g}<extra></extra>",
         )
@@ -224,11 +220,6 @@ def _line(
     drawn.update_xaxes(title=_title(axes[0].name, axes[0].unit))
     drawn.update_yaxes(title=_title(x.label, x.unit))
     return finish(drawn, title=f"Places by {x.label}", height=HEIGHT)
-
-
-def _small(x: Row) -> bool:
-    """Whether small values of a map are good."""
-    return x.unit == "s"
 
 
 def _title(label: str, unit: str) -> str:

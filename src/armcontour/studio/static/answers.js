@@ -11,7 +11,7 @@ import { largest } from "./strokes.js";
 /** @typedef {import("./chart.js").Axes} Axes */
 /** @typedef {import("./chart.js").Content} Content */
 /** @typedef {{title?: string, columns: string[], rows: string[][], times?: number[]}} Table `times` [s] of its rows */
-/** @typedef {{name: string, axes: Axes, content: Content, time: boolean}} Graph `time`: whether its x is time */
+/** @typedef {{name: string, axes: Axes, content: Content, time: boolean, along?: boolean}} Graph `time`: whether its x is time; `along`: arc length */
 /** @typedef {{sentences: string[], tables?: Table[], graphs?: Graph[]}} Answer */
 
 const KINDS = /** @type {Record<string, string>} */ ({
@@ -37,6 +37,7 @@ const ANSWERS = {
     sentences: [head.sentence, ...(head.not_judged ?? []).map((/** @type {string} */ x) => `Not judged: ${x}.`)],
     tables: [tableOf("Limits of the plan", head.table)],
   }),
+  compare: compareAnswer,
   certify: ({ head }) => ({ sentences: [head.sentence] }),
   place: ({ head }) => ({ sentences: [head.sentence] }),
   export: ({ head }) => ({ sentences: [`${head.points} set-points.`] }),
@@ -76,6 +77,25 @@ function measuredAnswer(frame, store) {
     sentences: [`The measured contour error is ${rms} RMS, ${most} at most.`],
     tables: [{ ...contours, times: frame.head.times }, figuresOf(frame.head), ...more],
     graphs: [{ name: "measured", time: true, axes, content: { x: t, curves, range: [0, 0], summary: "measured and simulated" } }],
+  };
+}
+
+/**
+ * @param {Frame} frame
+ * @returns {Answer}
+ */
+function compareAnswer({ head, arrays }) {
+  const curves = (/** @type {string} */ name) => head.names.map((/** @type {string} */ label, /** @type {number} */ k) => ({
+    label, colour: RUN_COLOURS[1 - k], dash: k ? [6, 3] : [], y: withGaps(arrays[`${name}_${k}`], 1000),
+  }));
+  const axes = { title: "Tool speed along the path", x: "Arc length [mm]", xUnit: "mm", y: "Speed", unit: "mm/s" };
+  return {
+    sentences: [head.sentence],
+    tables: [tableOf("Differences", head.table)],
+    graphs: [
+      { name: "variants-speed", time: false, along: true, axes, content: { x: arrays.s.map((x) => 1000 * x), curves: curves("speed"), range: [0, 0], summary: head.names.join(" and ") } },
+      { name: "variants-error", time: true, axes: { title: "Contour error", x: "Time [s]", xUnit: "s", y: "Error", unit: "mm" }, content: { x: arrays.t, curves: curves("error"), range: [0, 0], summary: head.names.join(" and ") } },
+    ],
   };
 }
 

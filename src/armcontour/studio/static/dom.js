@@ -40,6 +40,16 @@ export function draw(tag, attributes = {}) {
   return element;
 }
 
+/**
+ * Something to grab in a drawing, with its parts and the round place where it is grabbed.
+ * @param {Record<string, any>} attributes of a slider @param {Element[]} parts @param {number} [radius] px @returns {SVGGElement}
+ */
+export function grip(attributes, parts, radius = 12) {
+  const element = draw("g", { role: "slider", tabindex: 0, "aria-valuenow": 0, ...attributes });
+  element.append(draw("circle", { r: radius, class: "target" }), ...parts);
+  return element;
+}
+
 /** @param {Element} element @param {string} name @param {any} value */
 function put(element, name, value) {
   if (value === false || value === null || value === undefined) return;

@@ -2,7 +2,7 @@
 // inserted. A handle follows the pointer at once; what the server answers is drawn when it comes.
 
 import { along, apexAt, beyond, handledOf, LEAST_TOLERANCE, toleranceEdits, wordsOf } from "./corner.js";
-import { draw, mark } from "./dom.js";
+import { draw, grip, mark } from "./dom.js";
 import { mm } from "./format.js";
 import { Pointer } from "./pointer.js";
 
@@ -150,14 +150,9 @@ export class Handles {
 
   /** The middle of the line that ends at a waypoint. @param {number} index @returns {Handle} */
   middle(index) {
-    const element = draw("g", {
-      class: "handle middle",
-      "data-index": index,
-      role: "button",
-      tabindex: -1,
-      "aria-label": `Insert a waypoint before waypoint ${index + 1}`,
-    });
-    element.append(draw("circle", { r: 12, class: "target" }), draw("path", { d: "M-4 0H4M0-4V4", class: "seen" }));
+    const name = `Insert a waypoint before waypoint ${index + 1}`;
+    const plus = draw("path", { d: "M-4 0H4M0-4V4", class: "seen" });
+    const element = grip({ class: "handle middle", "data-index": index, role: "button", tabindex: -1, "aria-label": name, "aria-valuenow": null }, [plus]);
     const insert = (/** @type {Point | null} */ at) => [{ do: "insert_waypoint", index, at }];
     const middle = () => {
       const [a, b] = [this.waypointAt(index - 1), this.waypointAt(index)];
@@ -203,16 +198,7 @@ export class Handles {
   /** @param {string} kind @param {number} index @param {SVGElement[]} parts @returns {SVGGElement} */
   shape(kind, index, parts) {
     const name = kind === "waypoint" ? `Waypoint ${index + 1}` : `Tolerance of corner ${index + 1}`;
-    const element = draw("g", {
-      class: `handle ${kind}`,
-      "data-index": index,
-      role: "slider",
-      tabindex: 0,
-      "aria-label": name,
-      "aria-valuenow": 0,
-    });
-    element.append(draw("circle", { r: 12, class: "target" }), ...parts);
-    return element;
+    return grip({ class: `handle ${kind}`, "data-index": index, "aria-label": name }, parts);
   }
 
   /**

@@ -37,7 +37,8 @@ export function init(store, compare) {
     ticked.value = [...(learned ? ticked.value.filter(other) : []), name];
     learned = false;
     store.setView({ tab: "tasks", dock: true });
-    find(".logs").scrollIntoView();
+    // Tasks on logs appear with the first one.
+    requestAnimationFrame(() => find(".logs").scrollIntoView());
     compare();
   });
 }

@@ -55,6 +55,9 @@ export function tellEarly(sentence) {
 
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
+  // Messages lie over the drawing, and not over the buttons above it.
+  const place = () => document.body.style.setProperty("--messages", `${find("#views").getBoundingClientRect().top + 12}px`);
+  new ResizeObserver(place).observe(find("#figures"));
   store.on("picture", () => early.clear());
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
   find("#messages").append(refused, work);
@@ -95,7 +98,7 @@ export function init(store, link) {
   store.on("notice", (/** @type {any} */ frame) => notify(frame.head.sentence));
   // What became of a task is said beside its button.
   store.on("failed", (/** @type {any} */ { head }) => head.id || notify(head.sentence, "alarm"));
-  const place = find("#link-state");
+  const state = find("#link-state");
   const banner = make("div", { class: "message alarm" });
   /** What had the focus before the page could not be used. @type {HTMLElement | null} */
   let focused = null;
@@ -109,6 +112,6 @@ export function init(store, link) {
     if (!gone && document.activeElement === document.body) focused?.focus({ preventScroll: true });
     document.body.dataset.link = link.state;
     document.body.dataset.busy = String(link.busy);
-    say(place, link.state === "open" ? "" : link.sentence);
+    say(state, link.state === "open" ? "" : link.sentence);
   });
 }

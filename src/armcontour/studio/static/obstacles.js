@@ -1,7 +1,7 @@
 // Obstacles over the drawing: they are moved, boxes are sized, all by drag or by arrow keys.
 
 import { show } from "./ask.js";
-import { draw, find, make, mark } from "./dom.js";
+import { draw, find, grip, make, mark } from "./dom.js";
 import { axesOf, dot, outlineOf, planeOf, standing } from "./footprint.js";
 import { mm } from "./format.js";
 import { tellEarly } from "./messages.js";
@@ -147,11 +147,7 @@ class Obstacles {
     const body = draw("g", { class: "handle obstacle", role: "slider", tabindex: 0, "aria-valuenow": 0 });
     const shape = draw("polygon", { class: "seen" });
     body.append(shape);
-    const sizer = draw("g", { class: "handle sizer", role: "slider", tabindex: 0, "aria-valuenow": 0 });
-    sizer.append(
-      draw("circle", { r: 12, class: "target" }),
-      draw("rect", { x: -4, y: -4, width: 8, height: 8, class: "seen" }),
-    );
+    const sizer = grip({ class: "handle sizer" }, [draw("rect", { x: -4, y: -4, width: 8, height: 8, class: "seen" })]);
     this.group.append(body, sizer);
     /** @type {Obstacle} as it was when it was grabbed */
     let from;

@@ -49,10 +49,11 @@ export function init(store, _link, pointer) {
   const buttons = Object.keys(SHAPES).map(button);
   const group = make("span", { class: "group choice", role: "group", "aria-label": "Pen" }, buttons);
   find("#add-obstacle").before(group);
-  /** Where the shape begins. @type {Point} */
+  /** The shape that is drawn, and where it begins. */
+  let shape = SHAPES.Line;
+  /** @type {Point} */
   let from = [0, 0];
-  const shape = () => SHAPES[store.options.pen];
-  const startOf = (/** @type {number[]} */ values) => shape().start?.(from, values) ?? from;
+  const startOf = (/** @type {number[]} */ values) => shape.start?.(from, values) ?? from;
 
   /** The end of the path if it is near, or by keys; else a round place. @param {PointerEvent | KeyboardEvent} event @returns {Point} */
   const placeOf = (event) => {
@@ -62,22 +63,24 @@ export function init(store, _link, pointer) {
     return Math.hypot(...away) < NEAR ? pointer.local(last) : /** @type {Point} */ (pointer.rounded(pointer.local(uv), event));
   };
 
-  /** The shape as it will be. @param {number[]} values */
-  const show = (values) => {
+  /** A shape as a path on the screen. @param {number[]} values */
+  const outline = (values) => {
     const at = (/** @type {Point} */ xy) => pointer.screen(pointer.global(xy)).join(" ");
-    const radius = (shape().radius?.(from, values) ?? 0) * view.view.scale;
+    const radius = (shape.radius?.(from, values) ?? 0) * view.view.scale;
     const [a, b] = from;
-    const lines = shape().segments(from, values).map(({ to, via, center }) => {
+    const lines = shape.segments(from, values).map(({ to, via, center }) => {
       const arc = (/** @type {Point} */ end, /** @type {0 | 1} */ long = 0) => `A${radius} ${radius} 0 ${long} 0 ${at(end)}`;
       return center ? arc([a - values[0], b], 1) + arc([a + values[0], b], 1) : via ? arc(to) : `L${at(to)}`;
     });
-    mark(trace, "d", `M${at(startOf(values))}${lines.join("")}`);
+    return `M${at(startOf(values))}${lines.join("")}`;
   };
 
-  pointer.movable(ground, {
+  /** @type {import("./pointer.js").Movable} */
+  const pen = {
     start: (event) => {
+      shape = SHAPES[store.options.pen];
       from = placeOf(event);
-      const { names, isPoint } = shape();
+      const { names, isPoint } = shape;
       return { names, unit: store.document.path.unit, values: isPoint ? from : names.map(() => 0) };
     },
     moved: (by, start) => {
@@ -85,15 +88,16 @@ export function init(store, _link, pointer) {
       return start.length === 1 ? [Math.hypot(...way)] : start.map((x, k) => x + way[k]);
     },
     edits: (values) => {
-      show(values);
-      const segments = shape().segments(from, values).map((segment) => Object.fromEntries(Object.entries(segment).map(([key, xy]) => [key, pointer.global(xy)])));
+      const segments = shape.segments(from, values).map((segment) => Object.fromEntries(Object.entries(segment).map(([key, xy]) => [key, pointer.global(xy)])));
       return [{ do: "draw", start: pointer.global(startOf(values)), segments }];
     },
-    end: (edits) => {
-      mark(trace, "d", "");
-      // A path goes on; after a whole shape its handles are wanted.
-      if (edits.length && !shape().isPoint) store.setView({ pen: "" });
-    },
+    // A path goes on; after a whole shape its handles are wanted.
+    end: (edits) => edits.length && !shape.isPoint && store.setView({ pen: "" }),
+  };
+  pointer.movable(ground, pen);
+  view.followers.add(() => {
+    const values = pointer.held(pen);
+    mark(trace, "d", values ? outline(values) : "");
   });
   ground.addEventListener("keydown", (event) => event.key === "Escape" && !event.defaultPrevented && store.setView({ pen: "" }));
 
@@ -105,16 +109,16 @@ export function init(store, _link, pointer) {
     if (now !== id || !can) {
       id = now;
       // On an empty plane the pen is wanted first.
-      const pen = isBlank ? "Rectangle" : "";
-      if (pen !== store.options.pen) return store.setView({ pen });
+      const first = isBlank ? "Rectangle" : "";
+      if (first !== store.options.pen) return store.setView({ pen: first });
     }
-    const { pen } = store.options;
+    const chosen = store.options.pen;
     group.hidden = !can;
     hint.hidden = !isBlank;
     say(hint, sentence ?? "");
-    for (const x of buttons) mark(x, "aria-pressed", String(x.textContent === pen));
-    ground.toggleAttribute("hidden", !pen);
-    mark(ground, "aria-label", `Pen: ${pen}`);
+    for (const x of buttons) mark(x, "aria-pressed", String(x.textContent === chosen));
+    ground.toggleAttribute("hidden", !chosen);
+    mark(ground, "aria-label", `Pen: ${chosen}`);
   };
   for (const event of ["document", "view"]) store.on(event, update);
 }

@@ -1,6 +1,6 @@
 // The handle that moves and turns the part as a whole.
 
-import { draw, mark } from "./dom.js";
+import { draw, grip, mark } from "./dom.js";
 import { short } from "./format.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -18,15 +18,10 @@ class PlaceHandle {
     this.pointer = pointer;
     this.group = draw("g", { class: "place", hidden: true });
     this.stem = draw("line", { class: "stem" });
-    this.mover = this.shape("Place of the part", [
-      draw("path", {
-        class: "seen",
-        d: "M0-11V11M-11 0H11M-3.5-8 0-12 3.5-8M-3.5 8 0 12 3.5 8M-8-3.5-12 0-8 3.5M8-3.5 12 0 8 3.5",
-      }),
-    ]);
-    this.turner = this.shape("Turn of the part", [
-      draw("path", { class: "seen", d: "M-6 2.5A6.5 6.5 0 1 1 0 6.5M-3 3.5 0 6.5-3 9.5" }),
-    ]);
+    const shape = (/** @type {string} */ label, /** @type {string} */ d) =>
+      grip({ class: "handle", "aria-label": label, "aria-valuetext": "as it was" }, [draw("path", { class: "seen", d })], 14);
+    this.mover = shape("Place of the part", "M0-11V11M-11 0H11M-3.5-8 0-12 3.5-8M-3.5 8 0 12 3.5 8M-8-3.5-12 0-8 3.5M8-3.5 12 0 8 3.5");
+    this.turner = shape("Turn of the part", "M-6 2.5A6.5 6.5 0 1 1 0 6.5M-3 3.5 0 6.5-3 9.5");
     this.group.append(this.stem, this.mover, this.turner);
     this.view.overlay.append(this.group);
     /** The point that is turned about, at the start of a gesture. @type {Point} */
@@ -55,20 +50,6 @@ class PlaceHandle {
     };
     pointer.movable(this.mover, this.moving);
     pointer.movable(this.turner, this.turning);
-  }
-
-  /** @param {string} label @param {SVGElement[]} parts */
-  shape(label, parts) {
-    const element = draw("g", {
-      class: "handle",
-      role: "slider",
-      tabindex: 0,
-      "aria-label": label,
-      "aria-valuenow": 0,
-      "aria-valuetext": "as it was",
-    });
-    element.append(draw("circle", { r: 14, class: "target" }), ...parts);
-    return element;
   }
 
   /** Angle from the handle's rest, straight up, to the pointer. @param {PointerEvent} event @returns {number} rad */

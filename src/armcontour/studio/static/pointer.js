@@ -18,7 +18,7 @@ import { oncePerFrame } from "./state.js";
  * @property {(by: Point, start: number[], event: PointerEvent | KeyboardEvent) => number[]} moved   by a way in the plane [m]
  * @property {(values: number[]) => object[]} edits
  * @property {"picture"} [answer]   the frame that has what was changed, by default the document
- * @property {(edits: object[], cancelled: boolean) => void} [end]   without edits nothing was changed
+ * @property {(edits: object[], cancelled: boolean) => unknown} [end]   without edits nothing was changed
  * @property {number} [step]    values are multiples of it; with Alt of a hundredth, with Shift of ten
  * @property {number} [least]   smallest value; those below a step have one digit
  */

@@ -135,7 +135,8 @@ export class Store {
     if (frame.kind === "picture") for (const name of PLANNED_ARRAYS) frame.arrays[name] ??= new Float32Array(0);
     if (OF_A_RUN.has(frame.kind) || frame.kind === "refusal" || frame.kind === "document") {
       if (this.isOld(frame)) return;
-      this.advance(frame);
+      // A document that is told again, as its draft is gone, makes no picture of it old.
+      if (frame.kind !== "document" || frame.rev !== this.newest.rev) this.advance(frame);
     }
     if (frame.kind === "refusal") {
       // The document is as it was, and so is what is shown.

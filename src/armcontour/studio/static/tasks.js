@@ -42,6 +42,7 @@ const PLACE = [
 const COMPARE = { task: "measured", title: "Compare", what: "Plan against the last log: contour errors, and the measured tool in the drawing.", onLogs: true, options: logOptions };
 
 const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
+const others = signal(/** @type {string[]} */ ([]));
 /** Joints of the arm, keys that can be swept, whether the job says where to place, and whether the server hears. */
 const [joints, rows, placed, isOpen] = [signal(0), signal(/** @type {Record<string, any>} */ ({})), signal(false), signal(false)];
 /** The newest first. */
@@ -50,6 +51,10 @@ const results = signal(/** @type {Result[]} */ ([]));
 /** All tasks, in the order of their buttons. @returns {Task[]} */
 const tasks = () => [
   { task: "check", title: "Check", what: "Looks at every limit of the planned and the executed motion." },
+  {
+    task: "compare", title: "Variants", what: "The shown run against another one, or the job before its last edit: time by limit, errors, clearance.",
+    choices: [{ name: "with", label: "with", choices: [["", "the job before the last edit"], ...others.value.map((x) => /** @type {[string, string]} */ ([x, x]))] }], options: (values) => values,
+  },
   { task: "clearance", title: "Clearance", what: "How near the arm comes to itself and to obstacles, at any time." },
   {
     task: "certify", title: "Certify", what: "Finds the fastest plan whose execution is proved to keep the tolerance.",
@@ -137,14 +142,14 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
   </article>`;
 }
 
-/** A chart; one over time has the cursor of all. @param {{graph: import("./answers.js").Graph, store: Store}} props */
-function Graph({ graph: { name, axes, content, time }, store }) {
+/** A chart; one over time or along the path has the cursor of all. @param {{graph: import("./answers.js").Graph, store: Store}} props */
+function Graph({ graph: { name, axes, content, time, along }, store }) {
   const place = useRef(/** @type {HTMLElement | null} */ (null));
   useEffect(() => {
-    const chart = new Chart(name, axes, (t) => time && store.setTime(t));
+    const chart = new Chart(name, axes, (x) => (along ? store.setPlace(x / 1000) : time && store.setTime(x)));
     chart.show(content);
     place.current?.append(chart.element);
-    const ends = [store.on("theme", () => chart.repaint()), ...(time ? [store.on("time", () => chart.point(store.time))] : [])];
+    const ends = [store.on("theme", () => chart.repaint()), ...(time || along ? [store.on("time", () => chart.point(along ? 1000 * store.place : store.time))] : [])];
     return () => ends.forEach((end) => end());
   }, []);
   return html`<div ref=${place}></div>`;
@@ -213,6 +218,7 @@ export function init(store, link) {
   const update = () => {
     const { values = {}, placement = false } = store.document ?? {};
     rows.value = values;
+    others.value = (store.document?.runs ?? []).map((/** @type {any} */ x) => x.name).filter((/** @type {string} */ x) => x !== store.document.run);
     placed.value = placement;
     joints.value = store.latest("arm")?.head.joints.length ?? 0;
     isOpen.value = link.state.state === "open" && store.document !== null;

@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 import tempfile
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from armcontour._progress import Step
 from armcontour.errors import InvalidInput
@@ -25,15 +23,6 @@ if TYPE_CHECKING:
 
 # The template whose files have names of KRL, of so many letters at most.
 KUKA, MOST_LETTERS = "kuka", 24
-TYPES = {
-    ".csv": "text/csv",
-    ".html": "text/html",
-    ".script": "text/plain",
-    ".src": "text/plain",
-    ".mod": "text/plain",
-    ".yaml": "application/yaml",
-    ".zip": "application/zip",
-}
 
 
 def report(x: Request) -> Frame:
@@ -47,7 +36,7 @@ def report(x: Request) -> Frame:
         job = replace(job, runs=chosen)
     study = run(job, progress=x.progress)
     x.progress(Step(("writing",)))
-    return file_frame(f"{job.name}-report.html", render_report(study).encode(), {"run": x.run})
+    return Frame.of_file(f"{job.name}-report.html", render_report(study).encode(), {"run": x.run})
 
 
 def certify(x: Request) -> Frame:
@@ -76,7 +65,7 @@ def certify(x: Request) -> Frame:
         **{"notes": [*data.notes, *data.warnings], "certificate": plain(data)},
     }
     page = render_report(found.study, certificate=found)
-    return file_frame(f"{found.job.name}-certificate.html", page.encode(), header)
+    return Frame.of_file(f"{found.job.name}-certificate.html", page.encode(), header)
 
 
 def export(x: Request) -> Frame:
@@ -132,7 +121,7 @@ def export(x: Request) -> Frame:
         **{"run": plan.run.name, "points": len(plan.taught.q)},
         "warnings": (*plan.warnings, *(f"{called}: {said}" for said in told)),
     }
-    return file_frame(name, content, header)
+    return Frame.of_file(name, content, header)
 
 
 def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[..., Any]) -> Any:
@@ -142,13 +131,6 @@ def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[.
     if not isinstance(format, WITH_ANALOG):
         return None
     return outputs(plan.path, plan.trajectory, job.process, plan.run.limits) or None
-
-
-def file_frame(name: str, content: bytes, header: Mapping[str, Any]) -> Frame:
-    """A result that is a file."""
-    kind = TYPES.get(FilePath(name).suffix, "application/octet-stream")
-    told = {**header, "name": name, "type": kind, "bytes": len(content)}
-    return Frame("result", told, {"content": np.frombuffer(content, np.uint8)})
 
 
 def _content_of(file: FilePath) -> tuple[str, bytes]:

@@ -53,12 +53,13 @@ def identify(x: Request) -> Frame:
 def learn(x: Request) -> Frame:
     """The set-points of the next run, as `armcontour learn` writes them."""
     from armcontour.io.exports.table import taught_pieces
-    from armcontour.studio.tasks.files import file_frame
 
     study = learned(x)
     content = "".join(taught_pieces(study.lesson, study.job.arm.joint_names)).encode()
     name = f"{study.job.name}-{study.plan.run.name}-taught.csv"
-    return file_frame(name, content, {"label": "Download next set-points", **_shown(study.result)})
+    return Frame.of_file(
+        name, content, {"label": "Download next set-points", **_shown(study.result)}
+    )
 
 
 def learned(x: Request) -> LearningStudy:

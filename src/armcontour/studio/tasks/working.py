@@ -14,6 +14,7 @@ from armcontour import _process
 from armcontour._files import reading_below
 from armcontour._progress import Progress, Step
 from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.studio.tasks.comparing import compare
 from armcontour.studio.tasks.figures import changes, figures
 from armcontour.studio.tasks.files import certify, export, report
 from armcontour.studio.tasks.judging import check, clearance
@@ -40,6 +41,7 @@ TASKS: dict[str, Callable[[Request], Frame]] = {
     "figures": figures,
     "changes": changes,
     "check": check,
+    "compare": compare,
     "certify": certify,
     "sweep": sweep,
     "place": place,
@@ -116,9 +118,8 @@ class _Telling:
 
 
 def _be_ready() -> None:
-    """Load what tasks need, without taking processors from previews; end with the parent."""
+    """Load what tasks need; end with the parent."""
     if _process.is_other() and hasattr(os, "nice"):
-        os.nice(10)
         threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     figures(Request(text=SMALL))
 

@@ -1,0 +1,51 @@
+"""Differences of two results: figures, and the time by what takes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from armcontour.core.render import figure, number
+from armcontour.core.result import FIRST, TABLE, Data, Row, Table
+
+
+def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other")) -> Table:
+    """The figures of two runs that matter first, and the time of each limit, with differences.
+
+    Args:
+        one: What the one run says.
+        other: What the other run says.
+        names: What they are called.
+
+    Returns:
+        A row for each figure: what it is, both values and their difference, the first less the
+        second.
+    """
+    columns = ("figure", *names, "difference")
+    rows = [
+        (before.label or after.label, figure(before), figure(after), _difference(before, after))
+        for before, after in _pairs(one, other)
+    ]
+    return Table("differences", tuple(Row(x, None, "", x) for x in columns), rows, TABLE)
+
+
+def _pairs(one: Data, other: Data) -> Iterator[tuple[Row, Row]]:
+    """Rows of both results of one name, and of one thing that takes time."""
+    known = {x.name: x for x in other.shown(FIRST)}
+    for x in one.shown(FIRST):
+        if x.name in known:
+            yield x, known[x.name]
+    times = [
+        {y["name"]: y["time"] for x in data.tables if x.name == "time" for y in x.as_dicts()}
+        for data in (one, other)
+    ]
+    for name in dict.fromkeys([*times[0], *times[1]]):
+        row, after = (Row(name, x.get(name, 0.0), "s", f"time: {name}") for x in times)
+        yield row, after
+
+
+def _difference(one: Row, other: Row) -> str:
+    """The difference of two figures with its sign; "" for texts and judgements."""
+    before, after = one.figure, other.figure
+    if any(isinstance(x, bool | str) or x is None for x in (before, after)):
+        return ""
+    return f"{'+' if before > after else ''}{number(before - after, one.unit)}"
