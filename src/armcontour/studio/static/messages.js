@@ -61,12 +61,13 @@ export function init(store, link) {
   store.on("picture", () => early.clear());
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
   find("#messages").append(refused, work);
+  const refuse = (sentence = "", rest = "") => render(html`<span>${sentence}</span><span class="quiet">${rest}</span>`, refused);
+  refuse();
   store.on("refusal", (/** @type {any} */ frame) => {
     refused.hidden = !frame;
     document.body.dataset.refused = String(Boolean(frame));
     if (!frame) return;
-    const rest = frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "";
-    render(html`<span>${frame.head.sentence}</span><span class="quiet">${rest}</span>`, refused);
+    refuse(frame.head.sentence, frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "");
   });
   let task = "";
   store.on("progress", (/** @type {any} */ { head }) => {
