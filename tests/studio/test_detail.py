@@ -8,6 +8,7 @@ from tools.studio_page import write_shapes
 from armcontour.studio.document import Document
 from armcontour.studio.preview import Previewer
 from armcontour.studio.session import Session
+from armcontour.studio.thinning import Detail
 
 COLUMNS, ROWS, PITCH, RADIUS = 40, 50, 8e-3, 2.5e-3
 # Width of the view [px]; half a pixel is not seen.
@@ -164,3 +165,16 @@ def test_a_plan_and_its_execution_are_drawn_finer_too(tmp_path, no_hurry):
         (answer,) = tab.say("detail", **wrong)
         assert answer.kind == "failed"
     session.close()
+
+
+def test_a_part_that_is_moved_has_the_same_points(program):
+    paths = [x.path for x in program.contours]
+    smooth = Detail(np.inf)
+    parts = [x(smooth.places(x)) for x in paths]
+    points, ends = np.concatenate(parts)[:, :2], np.cumsum([0, *map(len, parts)])
+    turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
+    kept = []
+    for moved in (points, points @ turn.T + [0.1, 0.2]):
+        detail = Detail.of_whole(moved)
+        kept.append(detail.needed(moved, ends))
+    assert np.array_equal(*kept) and 10_000 < kept[0].sum() < len(points) / 2

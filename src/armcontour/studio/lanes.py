@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Future
@@ -15,6 +16,9 @@ from armcontour._process import ProcessEnded
 from armcontour.errors import ArmContourError
 from armcontour.studio.tasks.working import WARM, Given, work
 from armcontour.studio.wire import Frame
+
+# By how much previews go before what the other process does.
+NICE = 10
 
 
 class Stale(Protocol):
@@ -151,7 +155,7 @@ class SlowLane:
                 self._end(Frame("failed", {"sentence": str(error)}))
                 # Another process gets ready for the next task.
                 with suppress(RuntimeError):
-                    self._pool.submit(work, WARM)
+                    _get_ready(self._pool)
 
     def _next(self) -> Future[bytes] | None:
         """Begin the next task, after a while; None at the end."""
@@ -161,7 +165,7 @@ class SlowLane:
                 return None
             if self._pool is None:
                 self._pool = ProcessPool(1)
-                self._pool.submit(work, WARM)
+                _get_ready(self._pool)
             self._running = given = self._waiting.popleft()
             self._doing = self._pool.submit_heard(self._hear, partial(work, given))
             return self._doing
@@ -193,3 +197,10 @@ class SlowLane:
             finally:
                 with self._news:
                     self._saying = False
+
+
+def _get_ready(pool: ProcessPool) -> None:
+    """Have a process load what tasks need, without taking processors from previews."""
+    if hasattr(os, "nice"):
+        pool.submit(os.nice, NICE)
+    pool.submit(work, WARM)

@@ -80,7 +80,9 @@ class Detail:
     @classmethod
     def of_whole(cls, uv: FloatArray) -> Detail:
         """Enough to see all points of a path at once."""
-        size = float(np.ptp(uv, axis=0).max(initial=0.0))
+        # It stays when the path is turned.
+        away = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
+        size = 2.0 * float(away.max(initial=0.0))
         return cls(max(size, SMALLEST) / FINENESS)
 
     def has(self, box_of: Callable[[Path], FloatArray], path: Path) -> bool:
@@ -142,9 +144,11 @@ class Detail:
             places = np.flatnonzero(kept)
             which = np.searchsorted(places, left) - 1
             off = _from_piece(points[left], points[places[which]], points[places[which + 1]])
+            # Of places that are equally far, all are kept: a path that is moved has the same.
+            off = np.round(off / self.error, 6)
             worst = np.zeros(len(places))
             np.maximum.at(worst, which, off)
-            far = worst[which] > self.error
+            far = worst[which] > 1.0
             kept[left[far & (off == worst[which])]] = True
             left = left[far & (off < worst[which])]
         return kept

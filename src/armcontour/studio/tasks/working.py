@@ -118,9 +118,8 @@ class _Telling:
 
 
 def _be_ready() -> None:
-    """Load what tasks need, without taking processors from previews; end with the parent."""
+    """Load what tasks need; end with the parent."""
     if _process.is_other() and hasattr(os, "nice"):
-        os.nice(10)
         threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     figures(Request(text=SMALL))
 
