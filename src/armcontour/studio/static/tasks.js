@@ -149,7 +149,9 @@ function Graph({ graph: { name, axes, content, time, along }, store }) {
     const chart = new Chart(name, axes, (x) => (along ? store.setPlace(x / 1000) : time && store.setTime(x)));
     chart.show(content);
     place.current?.append(chart.element);
-    const ends = [store.on("theme", () => chart.repaint()), ...(time || along ? [store.on("time", () => chart.point(along ? 1000 * store.place : store.time))] : [])];
+    const point = () => (time || along) && chart.point(along ? 1000 * store.place : store.time);
+    point();
+    const ends = [store.on("theme", () => chart.repaint()), store.on("time", point)];
     return () => ends.forEach((end) => end());
   }, []);
   return html`<div ref=${place}></div>`;
