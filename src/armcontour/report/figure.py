@@ -30,7 +30,8 @@ TYPES = {
 }
 # Characters that could end a script, as they are written in JSON.
 UNSAFE = {"<": "\\u003c", ">": "\\u003e", "/": "\\u002f"}
-CONFIG = {"displaylogo": False}
+# Nothing is done with points that are selected.
+CONFIG = {"displaylogo": False, "modeBarButtonsToRemove": ["select2d", "lasso2d"]}
 # How hard plotly.js is packed: 9 takes twice as long and saves 0.5 %.
 PACKED = 6
 # Least width of a plot of several in a row [pixels].

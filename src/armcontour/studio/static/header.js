@@ -1,6 +1,7 @@
 // The bar on top: name and state of the file, undo, the shown run.
 
-import { find, make, say } from "./dom.js";
+import { find, say } from "./dom.js";
+import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -10,17 +11,6 @@ const ON_DISK = /** @type {Record<string, string>} */ ({
   missing: "not on disk",
   none: "not yet a file",
 });
-
-/**
- * Set the choices of a list, only where they differ.
- * @param {HTMLSelectElement} select @param {[string, string][]} choices value and text @param {string} chosen
- */
-function choose(select, choices, chosen) {
-  const old = [...select.options].map((o) => [o.value, o.text]);
-  if (JSON.stringify(old) !== JSON.stringify(choices))
-    select.replaceChildren(...choices.map(([value, text]) => make("option", { value, text })));
-  if (select.value !== chosen) select.value = chosen;
-}
 
 /** Whether something would be lost; a drawing that was only looked at is in no job file yet. @param {any} head @returns {boolean} */
 export const hasChanges = (head) => Boolean(head?.dirty && (head.on_disk !== "missing" || head.can_undo));
@@ -60,10 +50,7 @@ export function init(store, link) {
     disable(buttons, { undo: !head.can_undo, redo: !head.can_redo, diff: !head.dirty });
     buttons.undo.title = `Undo${head.undo_label ? `: ${head.undo_label}` : ""} (Ctrl+Z)`;
     buttons.redo.title = `Redo${head.redo_label ? `: ${head.redo_label}` : ""} (Ctrl+Shift+Z)`;
-    choose(
-      run,
-      head.runs.map((/** @type {any} */ r) => [r.name, r.name]),
-      head.run,
-    );
+    render(html`${head.runs.map((/** @type {any} */ { name }) => html`<option key=${name} value=${name} selected=${name === head.run}>${name}</option>`)}`, run);
+    run.value = head.run;
   });
 }

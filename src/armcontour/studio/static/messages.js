@@ -1,8 +1,9 @@
 // Sentences of the server: refusals, notices, what failed; and the state of the connection.
 
-import { find, make, mark, say } from "./dom.js";
+import { find, make, say } from "./dom.js";
 import { hasMotion } from "./figures.js";
 import { refuseAt } from "./form.js";
+import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -19,14 +20,10 @@ const MOST = 4;
  */
 export function notify(sentence, tone = "notice") {
   const region = find("#messages");
-  const old = [...region.querySelectorAll(".message")].filter(
-    (m) => m.firstChild?.textContent === sentence || m.classList.contains("leaving"),
-  );
+  const old = [...region.querySelectorAll(".message")].filter((m) => m.firstChild?.textContent === sentence);
   old.forEach((m) => m.remove());
-  const message = make("div", { class: `message ${tone}` }, [make("span", { text: sentence })]);
-  message.append(
-    make("button", { type: "button", text: "×", "aria-label": "Close this message", onclick: () => message.remove() }),
-  );
+  const close = make("button", { type: "button", text: "×", "aria-label": "Close this message", onclick: () => message.remove() });
+  const message = make("div", { class: `message ${tone}` }, [make("span", { text: sentence }), close]);
   region.append(message);
   while (region.querySelectorAll(".message").length > MOST) region.querySelector(".message")?.remove();
   setTimeout(() => message.remove(), SHOWN_FOR);
@@ -62,37 +59,31 @@ export function init(store, link) {
   const place = () => document.body.style.setProperty("--messages", `${find("#views").getBoundingClientRect().top + 12}px`);
   new ResizeObserver(place).observe(find("#figures"));
   store.on("picture", () => early.clear());
-  const refused = make("div", { class: "message alarm refusal", hidden: true }, [
-    make("span"),
-    make("span", { class: "quiet" }),
-  ]);
-  find("#messages").append(refused);
+  const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
+  find("#messages").append(refused, work);
+  const refuse = (sentence = "", rest = "") => render(html`<span>${sentence}</span><span class="quiet">${rest}</span>`, refused);
+  refuse();
   store.on("refusal", (/** @type {any} */ frame) => {
     refused.hidden = !frame;
     document.body.dataset.refused = String(Boolean(frame));
     if (!frame) return;
-    say(/** @type {Element} */ (refused.firstChild), frame.head.sentence);
-    say(/** @type {Element} */ (refused.lastChild), frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "");
+    refuse(frame.head.sentence, frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "");
   });
-  const [step, bar] = [make("span"), make("progress", { max: 1, "aria-label": "Progress" })];
-  const button = make("button", { type: "button", onclick: () => link.send(button.dataset.does === "resume" ? { op: "resume" } : { op: "cancel", id: OWN }) });
-  const work = make("div", { class: "message work", hidden: true }, [step, bar, button]);
-  find("#messages").append(work);
   let task = "";
   store.on("progress", (/** @type {any} */ { head }) => {
     const { steps = [], share, state, tier } = head;
     if (!(head.task in WORK)) return;
     task = head.task;
-    const [isStopped, name] = [state === "stopped", tier === "exact" ? "Exact figures" : WORK[task]];
     work.hidden = state === "done";
-    bar.toggleAttribute("hidden", isStopped);
-    if (share === null || share === undefined) bar.removeAttribute("value");
-    else bar.value = share;
-    button.hidden = task !== OWN;
-    mark(button, "data-does", isStopped ? "resume" : "cancel");
-    say(button, isStopped ? "Start again" : "Cancel");
+    const name = tier === "exact" ? "Exact figures" : WORK[task];
     const how = `: ${steps.at(-1) ?? "…"}${share ? `, ${Math.round(100 * share)} %` : ""}`;
-    say(step, isStopped ? (steps[0] ?? `${name} stopped.`) : name + how);
+    const [does, text] = state === "stopped" ? ["resume", "Start again"] : ["cancel", "Cancel"];
+    render(
+      html`<span>${state === "stopped" ? (steps[0] ?? `${name} stopped.`) : name + how}</span>
+        <progress key=${typeof share} max="1" value=${share ?? undefined} hidden=${state === "stopped"} aria-label="Progress" />
+        <button type="button" data-does=${does} hidden=${task !== OWN} onClick=${() => link.send({ op: does, id: OWN })}>${text}</button>`,
+      work,
+    );
   });
   // A job that is refused has started, too.
   for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => (work.hidden ||= task === "start" && Boolean(frame)));

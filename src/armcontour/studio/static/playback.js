@@ -1,9 +1,10 @@
 // Playback: moves the shown time, at a chosen rate, and asks for the exact posture where it rests.
 
-import { find, make, say } from "./dom.js";
+import { find } from "./dom.js";
 import { seconds } from "./format.js";
 import { motionOf } from "./motion.js";
 import { nowAndThen, READING } from "./state.js";
+import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
@@ -50,16 +51,6 @@ class Playback {
     this.told = 0;
     /** Whether an answer is awaited, and whether it is out of date. */
     this.asked = { waits: false, again: false };
-    this.button = make("button", { type: "button", class: "play", onclick: () => this.toggle(), title: "Play or pause (Space)" });
-    this.slider = make("input", { type: "range", min: 0, max: 1, step: "any", value: 0, "aria-label": "Time", class: "scrub" });
-    this.slider.addEventListener("input", () => this.scrub(Number(this.slider.value)));
-    this.clock = make("output", { class: "clock" });
-    this.of = select("Motion", [["planned", "planned"], ["executed", "executed"]], "planned", (x) =>
-      store.setView({ time: /** @type {Which} */ (x) }),
-    );
-    this.speed = select("Rate", RATES.map((x) => [String(x), `${x}×`]), "1", (x) => (this.rate = Number(x)));
-    this.loop = make("button", { type: "button", text: "loop", "aria-pressed": "false", onclick: () => this.toggleLoop() });
-    region.append(this.button, this.slider, this.clock, this.of.label, this.speed.label, this.loop);
     region.addEventListener("keydown", (event) => this.press(event));
     document.addEventListener("visibilitychange", () => document.hidden && this.pause());
     this.renew();
@@ -74,12 +65,7 @@ class Playback {
   /** There is another motion, or another choice. */
   renew() {
     const motion = this.motion;
-    for (const x of [this.button, this.slider, this.loop]) x.disabled = !motion;
     if (!motion) this.pause();
-    this.of.input.value = this.store.options.time;
-    const executed = /** @type {HTMLOptionElement} */ (this.of.input.options[1]);
-    executed.disabled = !motionOf(this.store, "executed");
-    this.slider.max = String(motion?.duration ?? 1);
     if (motion && this.store.time > motion.duration) this.store.setTime(motion.duration);
     this.tell();
     clearTimeout(this.resting);
@@ -116,11 +102,6 @@ class Playback {
     this.ask();
   }
 
-  toggleLoop() {
-    this.loops = !this.loops;
-    this.loop.setAttribute("aria-pressed", String(this.loops));
-  }
-
   /**
    * One frame of the animation.
    * @param {number} now [ms]
@@ -152,7 +133,7 @@ class Playback {
   press(event) {
     const duration = this.motion?.duration;
     if (!duration || event.ctrlKey || event.metaKey || event.altKey) return;
-    const onSlider = event.target === this.slider;
+    const onSlider = event.target instanceof Element && event.target.matches(".scrub");
     const far = STEP * duration * (event.shiftKey ? 10 : 1);
     if (event.key === " " && onSlider) this.toggle();
     else if (onSlider && (event.key === "ArrowRight" || event.key === "ArrowUp")) this.scrub(this.store.time + far);
@@ -187,27 +168,24 @@ class Playback {
     this.told = performance.now();
     const motion = this.motion;
     const duration = motion?.duration ?? 0;
-    const { time } = this.store;
-    this.slider.value = String(time);
-    this.slider.setAttribute("aria-valuetext", `${seconds(time)} s of ${seconds(duration)} s`);
-    say(this.clock, `${seconds(time)} / ${seconds(duration)} s`);
-    say(this.button, this.playing ? "Pause" : "Play");
+    const { time, options } = this.store;
+    const loop = () => {
+      this.loops = !this.loops;
+      this.tell();
+    };
+    const choice = (/** @type {string} */ name, /** @type {[string, string, boolean?][]} */ all, /** @type {string} */ chosen, /** @type {(value: string) => void} */ choose) =>
+      html`<label class="field">${name} <select value=${chosen} onChange=${(/** @type {any} */ e) => choose(e.target.value)}>${all.map(([value, text, isOff]) => html`<option value=${value} disabled=${isOff} selected=${value === chosen}>${text}</option>`)}</select></label>`;
+    render(
+      html`<button type="button" class="play" title="Play or pause (Space)" disabled=${!motion} onClick=${() => this.toggle()}>${this.playing ? "Pause" : "Play"}</button>
+        <input type="range" class="scrub" min="0" max=${duration || 1} step="any" value=${time} aria-label="Time" aria-valuetext=${`${seconds(time)} s of ${seconds(duration)} s`} disabled=${!motion} onInput=${(/** @type {any} */ e) => this.scrub(Number(e.target.value))} />
+        <output class="clock">${seconds(time)} / ${seconds(duration)} s</output>
+        ${choice("Motion", [["planned", "planned"], ["executed", "executed", !motionOf(this.store, "executed")]], options.time, (x) => this.store.setView({ time: /** @type {Which} */ (x) }))}
+        ${choice("Rate", RATES.map((x) => [String(x), `${x}×`]), String(this.rate), (x) => (this.rate = Number(x)))}
+        <button type="button" aria-pressed=${String(this.loops)} disabled=${!motion} onClick=${loop}>loop</button>`,
+      this.region,
+    );
     this.region.dataset.state = this.playing ? "playing" : "paused";
     this.region.dataset.time = String(time);
     this.region.dataset.of = motion?.of ?? "none";
   }
-}
-
-/**
- * A choice with its label.
- * @param {string} name
- * @param {[string, string][]} options values and texts
- * @param {string} chosen
- * @param {(value: string) => void} choose
- */
-function select(name, options, chosen, choose) {
-  const input = make("select", {}, options.map(([value, text]) => make("option", { value, text })));
-  input.value = chosen;
-  input.addEventListener("change", () => choose(input.value));
-  return { input, label: make("label", { class: "field" }, [`${name} `, input]) };
 }

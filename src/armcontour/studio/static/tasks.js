@@ -127,7 +127,7 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
   const step = told ? `${steps.join(", ")}${eta ? `, about ${Math.ceil(eta)} s left` : ""}` : "Starting";
   return html`<article class="task-result" data-task=${task} data-id=${id} data-state=${state} data-share=${share ?? ""}>
     <h3>${title} <span class="quiet">${time}</span></h3>
-    ${state === "running" && html`<div class="task-progress"><progress max="1" value=${share ?? undefined} aria-label=${`${title}: progress`} /><span class="quiet">${step}</span>
+    ${state === "running" && html`<div class="task-progress"><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label=${`${title}: progress`} /><span class="quiet">${step}</span>
       <button type="button" onClick=${() => link.send({ op: "cancel", id })}>Cancel</button></div>`}
     <div class="task-body">
       ${sentences.map((text) => html`<p class="task-sentence">${text}</p>`)}
