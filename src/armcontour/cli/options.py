@@ -225,7 +225,7 @@ class RunOptions:
     Args:
         simulate: Simulate the servo, and write a report of it.
         changes: Plan changes of each run, and report those that save most time or make a run that
-            is not kept one that is; by default for jobs of up to 100 segments in all runs.
+            is not kept one that is; by default for jobs of up to 50 segments in all runs.
     """
 
     simulate: Annotated[bool, typer.Option("--simulate/--no-simulation")] = True

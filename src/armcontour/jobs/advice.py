@@ -40,7 +40,7 @@ LEAST_RESERVE = 0.02
 # A repair takes so much of the accuracy, so that rounding of numbers does not decide.
 OF_ACCURACY = 0.98
 # Jobs with more segments in all runs are not planned again unasked.
-SMALL = 100
+SMALL = 50
 # Which limits are those of drives; others are the user's.
 IF_DRIVE, IF_PROCESS = "the drive allows it", "the process allows it"
 IF_PART = "the part allows it"

@@ -90,6 +90,11 @@ def _sentences(study: Study, result: RunResult) -> Iterator[tuple[str, str]]:
             label = ""
         if result.advice.note:
             yield label, result.advice.note
+    elif why is not None and study.simulated:
+        yield (
+            "What to change",
+            "The command run plans changes of a job of this size with --changes.",
+        )
     found = warnings_of([result])
     if found:
         more = f" {len(found) - 1} more under Warnings and notes." if len(found) > 1 else ""
