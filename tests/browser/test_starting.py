@@ -1,7 +1,6 @@
 """The start page and the pen in a real browser: from a card or a shape to a planned motion."""
 
 import re
-import time
 
 import pytest
 from playwright.sync_api import expect
@@ -10,8 +9,6 @@ from tests.browser.test_journeys import agree
 from tools.studio_page import serving, write_job
 
 pytestmark = pytest.mark.browser
-# A new user's first motion is to be reached within this [s].
-FIRST_MOTION = 60.0
 
 
 @pytest.fixture
@@ -57,12 +54,11 @@ def draw(studio, begin, end, *, typed=""):
 
 
 def test_j50_the_first_motion_of_an_own_rectangle(started, judge):
-    studio, begin = started, time.monotonic()
+    studio = started
     take(studio, "empty")
     text = studio.text
     draw(studio, (-100, 60), (20, -30))
     studio.rest()
-    assert time.monotonic() - begin < FIRST_MOTION
     agree(studio, judge(studio, "taught"))
     # It has whole millimetres, and the handles can be grabbed.
     expect(studio.find("g.handle.waypoint")).to_have_count(5)

@@ -160,7 +160,9 @@ export class Store {
   /** @param {Frame} frame */
   advance(frame) {
     const same = frame.rev === this.newest.rev;
-    this.newest = { rev: frame.rev, seq: frame.seq ?? (same ? this.newest.seq : -1) };
+    // A document that is told again, such as when it is saved, makes no picture old.
+    const seq = frame.kind === "document" ? null : frame.seq;
+    this.newest = { rev: frame.rev, seq: seq ?? (same ? this.newest.seq : -1) };
   }
 
   /** Another job or drawing is opened: nothing of the one before is shown any more. */
