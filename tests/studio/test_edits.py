@@ -18,6 +18,7 @@ from armcontour.io.patch import key_of, place
 from armcontour.io.units import parse
 from armcontour.studio.edits import EDITS, EditState, changes_of
 from armcontour.studio.edits.runs import remove_run
+from armcontour.studio.edits.tilt import tilt_of
 from armcontour.studio.fields import values_of
 from armcontour.studio.handles import blank_handles, handles_of, is_blank
 
@@ -410,3 +411,46 @@ def unit_in_si(key):
     joints = {"joint_velocity": "rad/s", "joint_acceleration": "rad/s^2", "joint_jerk": "rad/s^3"}
     name = key.split(".")[1]
     return joints.get(name) or kinds[name.rpartition("_")[2]]
+
+
+def test_names_of_digits_are_names_in_lists_of_keys():
+    data = edited(TEXT, "mac", do="set", key=["process", "by_layer", "0", "passes"], value=2)
+    assert data["process"] == {"by_layer": {"0": {"passes": 2}}}
+    data = edited(TEXT, "mac", do="set", key=["corners", "at", 2], value="1 mm")
+    assert data["corners"]["at"] == {2: "1 mm"}
+
+
+def test_a_value_of_one_run_takes_the_rest_of_its_mapping_along():
+    shaped = TEXT.replace("{tolerance: 5 mm}", "{tolerance: 5 mm, shape: arc}")
+    state = state_of(shaped, "mac")
+    edit = {"do": "set", "key": ["corners", "tolerance"], "value": "2", "run": True}
+    data = change_data(state.data, changes_of(edit, state))
+    assert data["runs"]["mac"]["corners"] == {"tolerance": "2 mm", "shape": "arc"}
+    assert data["corners"]["tolerance"] == "5 mm"
+    # Mappings that are empty without a key go with it, but for the run.
+    text = TEXT.replace(
+        "{timing: {method: mac}, compensation: {method: none}}", "{limits: {speed: 1}}"
+    )
+    assert edited(text, "mac", do="unset", key=["limits", "speed"])["runs"]["mac"] == {}
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        "{axis: [0, 0, -1]}",
+        "{rpy: [180 deg, 0, 0]}",
+        "{quaternion: [1, 0, 0, 0]}",
+        "{follow_tangent: {up: [0, 0, 1]}}",
+    ],
+)
+def test_the_tool_is_tilted_by_one_angle_however_its_orientation_is_given(given):
+    text = ROBOT.replace("{axis: [0, 0, -1]}", given)
+    for name, value, wanted in (("angle", "10", (10, 0)), ("towards", "90 deg", (10, 90))):
+        data, job = load(text, ""), parse_job(text)
+        state = EditState(data=data, run="own", handles=handles_of(job, data))
+        text = change_text(text, changes_of({"do": "tilt", name: value}, state))
+        new = load(text, "")
+        found = tilt_of(handles_of(parse_job(text), new), new)
+        assert (found["angle"], found["towards"]) == pytest.approx(wanted, abs=1e-6)
+    (kept,) = (x for x in ("axis", "rpy", "quaternion", "follow_tangent") if x in given)
+    assert list(new["path"]["orientation"]) == [kept]

@@ -20,7 +20,7 @@ from armcontour.execution import Plant, RigidBodyPlant, ServoPlant
 from armcontour.execution.rigid_body_plant import STEP
 from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.results import Planned
+from armcontour.jobs.planned import Planned
 from armcontour.motion import TaughtData, Trajectory
 from armcontour.program import Contour, Program
 from armcontour.robustness.box import Box

@@ -3,14 +3,16 @@
 from armcontour._lazy import lazy_names
 
 _HOME = {
-    "advice": "Advice Improvement advise",
+    "advice": "advise",
     "analog": "analog_outputs",
     "experiment": "Experiment build_plant",
     "goal": "Goal",
+    "improvements": "Advice Improvement",
     "job": "Job Rounding Run",
     "place_search": "PlaceSearch",
+    "planned": "Planned ShapingGain",
     "planning": "plan_one programs_of",
-    "results": "ExperimentResult Planned RunResult ShapingGain Study warnings_of",
+    "results": "ExperimentResult RunResult Study warnings_of",
     "study": "STEPS run steps_of",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

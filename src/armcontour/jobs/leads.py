@@ -13,7 +13,7 @@ from armcontour._checks import FloatArray
 from armcontour.arms import PlanarTwoLink
 from armcontour.errors import ArmContourError, locate_errors
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.results import Planned
+from armcontour.jobs.planned import Planned
 from armcontour.jobs.warnings import SAME_SPEED, assigned_speed
 from armcontour.program import Contour, Leads, Process, Program, arrange, prepare
 from armcontour.timing import Optimal

@@ -22,7 +22,7 @@ from armcontour.jobs.alternatives import (
     refuse_collision,
 )
 from armcontour.jobs.job import TANGENT, Job, Rounding, Run
-from armcontour.jobs.results import Planned
+from armcontour.jobs.planned import Planned
 from armcontour.jobs.reuse import Reuse, comparable
 from armcontour.jobs.single_corners import corner_tolerances, refuse_missing
 from armcontour.motion import Method, Trajectory

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any
 
 from armcontour._describing import brief, draw, several, to_html
-from armcontour._text import capitalise
 from armcontour._version import __version__
-from armcontour.arms import Arm, compare_limits
+from armcontour.arms import Arm
 from armcontour.clearance import Clearance
 from armcontour.compensation import NoCompensation
 from armcontour.core.fields import checked
@@ -22,17 +20,13 @@ from armcontour.errors import ExecutionError
 from armcontour.evaluation import Evaluation
 from armcontour.evaluation.evaluation import duration_row
 from armcontour.execution import RigidBodyPlant
-from armcontour.geometry import RoundedPath, ShapedPath, count_full_stops
-from armcontour.geometry.shaped import SHAPED, doubt_search
+from armcontour.geometry import RoundedPath
 from armcontour.jobs import warnings
-from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops
-from armcontour.jobs.job import Job, Run
+from armcontour.jobs.improvements import Advice
+from armcontour.jobs.job import Job
+from armcontour.jobs.planned import Planned
 from armcontour.jobs.quantities import (
-    Torques,
-    Weaving,
     applied_torques,
-    planned_torques,
-    weavings,
 )
 from armcontour.jobs.run_data import (
     angular_rows,
@@ -46,16 +40,9 @@ from armcontour.jobs.run_data import (
     warning_rows,
 )
 from armcontour.jobs.verdict import time_limit_row, verdict_rows
-from armcontour.motion import Execution, TaughtData, Trajectory
-from armcontour.program import Program
+from armcontour.motion import Execution, TaughtData
 from armcontour.servo import ServoModel
-from armcontour.timing import Conventional, Explanation, Tracing
 
-if TYPE_CHECKING:
-    from armcontour.jobs.advice import Advice
-
-# The clearance of the arm from itself is reported where it is below this [m].
-NEAR = 10e-3
 # Begin of the labels of what the simulated rigid bodies give.
 ON_BODIES = "on rigid bodies: "
 # Begin of the names of these figures.
@@ -64,48 +51,6 @@ BODIES = "experiment."
 SHOWN_OF_BODIES = ("experiment.contour_error", "experiment.torque")
 # Figures of the verdict, in its order; those of the clearance are a part of their own.
 OF_VERDICT = ("kept", "off_drawing", "duration", "time_limit", "saturated", "warning_count")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ShapingGain:
-    """What shaping the contours of a program gained, without rapids and dwells between them.
-
-    Args:
-        starts: How many contours each start won, by the names of the starts.
-        durations: Sums over all contours of the least durations, of every start that all contours
-            have and of the shaped paths as "shaped" [s].
-        iterations: Largest number of iterations of a contour.
-    """
-
-    starts: Mapping[str, int]
-    durations: Mapping[str, float]
-    iterations: int
-
-    @staticmethod
-    def of(program: Program) -> ShapingGain | None:
-        """What shaping gained in a program; None if it has no shaped contour."""
-        found = [x.path.outcome for x in program.contours if isinstance(x.path, ShapedPath)]
-        if not found:
-            return None
-        won = [x.start for x in found]
-        common = [name for name in found[0].durations if all(name in x.durations for x in found)]
-        return ShapingGain(
-            starts={name: won.count(name) for name in dict.fromkeys(won)},
-            durations={name: sum(x.durations[name] for x in found) for name in common},
-            iterations=max(max(len(x.history) - 1, 0) for x in found),
-        )
-
-    @property
-    def gain(self) -> float:
-        """Share of the duration of the fastest start that the shapes save."""
-        starts = [x for name, x in self.durations.items() if name != SHAPED]
-        return 1 - self.durations[SHAPED] / min(starts)
-
-    def __str__(self) -> str:
-        """The durations, such as "shaped: 4.74 s (arcs 5.33 s, stops 5.23 s)"."""
-        others = sorted(name for name in self.durations if name != SHAPED)
-        text = ", ".join(f"{name} {self.durations[name]:.4g} s" for name in others)
-        return f"shaped: {self.durations[SHAPED]:.4g} s ({text})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -130,155 +75,6 @@ class ExperimentResult:
         return f"Experiment on rigid bodies. {self.evaluation}"
 
     __repr__ = brief
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Planned:
-    """The plan of a run.
-
-    Args:
-        run: The run.
-        objective: The program with sharp corners; a path becomes a program.
-        path: The program that the tool follows: with rounded or shaped corners, if the run rounds
-            corners.
-        trajectory: The realizable trajectory.
-        traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
-        clearance: How far the arm stays from itself and from its cell, as planned; None for an arm
-            whose shapes are not known.
-        avoided: Sentences on other joint paths that were taken to keep clear; without a clearance,
-            on why there is none.
-        explanation: Which limit binds where, for a plan of the method "optimal".
-    """
-
-    run: Run
-    objective: Program
-    path: Program
-    trajectory: Trajectory
-    traced: Tracing | None = None
-    clearance: Clearance | None = None
-    avoided: tuple[str, ...] = ()
-    explanation: Explanation | None = None
-
-    @classmethod
-    def of(cls, planned: Planned, **more: Any) -> Self:
-        """A plan with more values, which may replace its own."""
-        return cls(**{x.name: getattr(planned, x.name) for x in fields(Planned)} | more)
-
-    @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences on what makes the result worse than requested, without the run's name."""
-        return tuple(filter(None, self._warnings()))
-
-    def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
-        run, trajectory = self.run, self.trajectory
-        yield from self.path.notes
-        yield from warnings.capped(self.objective, run)
-        yield compare_limits(run.limits, self.arm)
-        yield from warnings.stops(self.jerk_stops)
-        # In a given duration contours are slower than assigned on purpose.
-        if run.duration is None:
-            ends_only = bool(self.jerk_stops)
-            yield from warnings.slow(self.path, trajectory, run, ends_only=ends_only)
-        yield from (x.sentence for x in self.weaves if x.differs)
-        yield from warnings.collisions(self.clearance, executed, self.avoided)
-        yield from warnings.coarse(trajectory, run)
-
-    @property
-    def rounding_error(self) -> float | None:
-        """Largest distance of the path from the objective, at corners [m]; None as drawn."""
-        known = (getattr(x.path, "deviation", None) for x in self.path.contours)
-        return max((x for x in known if x is not None), default=None)
-
-    @property
-    def tolerance(self) -> float | None:
-        """The largest corner error that the run allows [m]; None without a tolerance."""
-        rounding = self.run.rounding
-        return None if rounding is None else rounding.tolerance
-
-    @property
-    def arm(self) -> Arm:
-        """The arm."""
-        return self.trajectory.require_arm()
-
-    @cached_property
-    def torques(self) -> Torques | None:
-        """Torques of the plan over time; None if the arm has no bodies."""
-        return planned_torques(self.arm, self.trajectory)
-
-    @cached_property
-    def jerk_stops(self) -> tuple[JerkStop, ...]:
-        """Where limits of jerk make the tool stop inside contours, because the curvature jumps."""
-        return jerk_stops(self.path, self.traced, self.trajectory, self.run)
-
-    @property
-    def full_stops(self) -> dict[str, int]:
-        """How often the tool comes to a full stop inside contours, by the reasons."""
-        by_jerk = len(self.jerk_stops)
-        return self._stops_of_path | ({CURVATURE_JUMPS: by_jerk} if by_jerk else {})
-
-    @cached_property
-    def _stops_of_path(self) -> dict[str, int]:
-        """Full stops that the path asks for, whatever the limits, by the reasons."""
-        if isinstance(self.run.timing, Conventional):
-            # It goes through corners at its uniform speed.
-            return {}
-        found: Counter[str] = Counter()
-        for x in self.path.contours:
-            found.update(count_full_stops(x.path))
-        return dict(sorted(found.items()))
-
-    @property
-    def stops_note(self) -> str | None:
-        """A sentence on the full stops inside contours; None without any but those of jerk.
-
-        Of these there is a warning.
-        """
-        found = self._stops_of_path
-        count = sum(found.values())
-        if not count:
-            return None
-        what = "1 full stop" if count == 1 else f"{count} full stops"
-        why = ", ".join(f"{n} {reason}" for reason, n in found.items())
-        return f"Run {self.run.name}: {what} inside contours ({why})."
-
-    @cached_property
-    def weaves(self) -> tuple[Weaving, ...]:
-        """Width and frequency of each weave in the plan."""
-        return tuple(weavings(self.path, self.trajectory))
-
-    @property
-    def clearance_note(self) -> str | None:
-        """A sentence on the clearance of the plan; None for an arm whose shapes are not known.
-
-        Of margins that are not kept there is a warning.
-        """
-        if self.clearance is None or not self.clearance.kept:
-            return None
-        done = "".join(f" {capitalise(x)}." for x in self.avoided)
-        return f"Run {self.run.name}: {self.clearance.sentence}{done}"
-
-    @property
-    def _far_from_itself(self) -> bool:
-        """Whether nothing is near the arm, and only the arm itself was to be looked at."""
-        if self.clearance is None or self.avoided:
-            return False
-        return all(x.kind != "environment" and x.low > NEAR for x in self.clearance.nearest)
-
-    @property
-    def shaped(self) -> ShapingGain | None:
-        """How the shape of all contours was found; None if the run shapes none."""
-        return ShapingGain.of(self.path)
-
-    @property
-    def shape_note(self) -> str | None:
-        """A sentence on what shaping gained; None if the run shapes no contour."""
-        found = self.shaped
-        if found is None:
-            return None
-        early = "".join(
-            f" {capitalise(x)}" for x in doubt_search(x.path for x in self.path.contours)
-        )
-        return f"Run {self.run.name}: {found}.{early}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

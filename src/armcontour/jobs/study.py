@@ -21,8 +21,9 @@ from armcontour.execution import RigidBodyPlant, ServoPlant, execute
 from armcontour.execution.rigid_body_plant import refuse_without_mujoco
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.job import Job, Run
+from armcontour.jobs.planned import Planned
 from armcontour.jobs.planning import ROUNDING, SHAPING, explain_plan, plan_one
-from armcontour.jobs.results import ExperimentResult, Planned, RunResult, Study
+from armcontour.jobs.results import ExperimentResult, RunResult, Study
 from armcontour.jobs.reuse import Reuse
 from armcontour.motion import Execution, Method, TaughtData, Trajectory
 from armcontour.program import Program

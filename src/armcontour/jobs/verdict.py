@@ -9,7 +9,7 @@ from armcontour.core.render import number
 from armcontour.core.result import JUDGED, VERDICT, Row
 
 if TYPE_CHECKING:
-    from armcontour.jobs.results import Planned
+    from armcontour.jobs.planned import Planned
     from armcontour.timing import Explanation
 
 # By default a contour may be off its path by this share of the smallest tolerance of its corners.

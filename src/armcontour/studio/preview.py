@@ -29,8 +29,8 @@ from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, Run
 from armcontour.jobs.alternatives import below_base
 from armcontour.jobs.experiment import build_plant
+from armcontour.jobs.planned import Planned
 from armcontour.jobs.planning import explain_plan, plan_one
-from armcontour.jobs.results import Planned
 from armcontour.jobs.reuse import LARGE_RESULTS, Reuse, comparable
 from armcontour.jobs.study import execute_run, teach_run
 from armcontour.motion import Execution, TaughtData

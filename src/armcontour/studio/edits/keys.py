@@ -25,6 +25,8 @@ from armcontour.studio.edits.state import EditState
 SHARP = "sharp"
 # The tolerance of corners that were sharp before.
 FIRST_TOLERANCE = "1 mm"
+# Mappings by numbers, of waypoints and of tools.
+NUMBERED = ("at", "tools")
 # Mappings that a job has, be they empty.
 NEEDED: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 
@@ -59,7 +61,9 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         if value == SHARP or not isinstance(values, Mapping):
             arcs = {"shape": value, "tolerance": FIRST_TOLERANCE}
             keys, value = tuple(outer), SHARP if value == SHARP else arcs
-    elif isinstance(last, int) and not isinstance(values, list | dict):
+    elif (
+        isinstance(last, int) and not isinstance(values, list | dict) and outer[-1] not in NUMBERED
+    ):
         keys, value = tuple(outer), _for_joints(keys, value, values, state)
     else:
         value = written(value, now, keys)

@@ -29,6 +29,8 @@ const FROM = {
 };
 /** Keys of which a layer that is left out is not run, and of layers. */
 const [READ, BY_LAYER] = ["path.layers", "process.by_layer"];
+/** Keys of mappings by numbers, of waypoints and of tools. */
+const NUMBERED = ["corners.at", "path.tools"];
 
 const head = signal(/** @type {any} */ (null));
 const everything = signal(false);
@@ -187,7 +189,7 @@ function One({ f, at, label = f.name }) {
   const state = useComputed(() => {
     const [own, whole] = [writtenAt(at), writtenAt(at.slice(0, -1))];
     // A joint has the value of all; sharp corners are no shape in the file.
-    if (typeof at.at(-1) === "number") own.written ??= whole.written;
+    if (typeof at.at(-1) === "number" && typeof whole.written !== "object") own.written ??= whole.written;
     if (key === "corners.shape" && typeof (whole.written ?? "") === "string") own.written = f.choices?.[0];
     return JSON.stringify([own, rowAt(at)]);
   });
@@ -319,7 +321,7 @@ function Named({ f, at }) {
   const names = [...new Set([...layers, ...given, ...added.value])].map(String);
   const each = f.each ?? f;
   const entry = (/** @type {string} */ name) => {
-    if (!each.fields) return html`<${Leaf} key=${name} f=${{ ...each, unit: f.unit, text: f.text }} at=${[...at, name]} label=${name} />`;
+    if (!each.fields) return html`<${Leaf} key=${name} f=${{ ...each, unit: f.unit, text: f.text }} at=${[...at, NUMBERED.includes(key) ? Number(name) : name]} label=${name} />`;
     const isRun = written === undefined || given.includes(name);
     const tick = html`<label class="field"><input type="checkbox" checked=${isRun} onChange=${() => (isRun ? unset([...at, name]) : set([...at, name], {}))} /> run this layer</label>`;
     return html`<${Part} key=${name} f=${{ ...each, needed: key === READ, text: f.text }} at=${[...at, name]} label=${name} more=${key === READ && tick} />`;

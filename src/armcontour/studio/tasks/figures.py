@@ -11,7 +11,7 @@ from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
-    from armcontour.jobs.advice import Advice
+    from armcontour.jobs.improvements import Advice
 
 # Jobs of more segments are not planned again while somebody works on them.
 MOST_SEGMENTS = 200
