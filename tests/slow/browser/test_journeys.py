@@ -264,10 +264,10 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
     least = studio.figure("clearance.low")
     assert least == pytest.approx(found.clearance.low, abs=EXACT)
     with studio.changing():
-        studio.drag(box, (-120, 0))
+        studio.drag(box, (-100, 0))
     assert studio.figure("clearance.low") < least
     with studio.renewing():
-        studio.drag(box, (-360, 0))
+        studio.drag(box, (-380, 0))
     studio.wait("body", refused="true")
 
 

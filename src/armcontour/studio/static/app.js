@@ -12,6 +12,7 @@ import { init as keys } from "./keys.js";
 import { Link } from "./link.js";
 import { init as marks } from "./marks.js";
 import { init as messages, notify } from "./messages.js";
+import { init as pen } from "./pen.js";
 import { init as splitter } from "./splitter.js";
 import { init as start } from "./start.js";
 import { Store } from "./state.js";
@@ -20,7 +21,7 @@ import { View2d } from "./view2d.js";
 import { init as viewbar } from "./viewbar.js";
 
 /** Regions that show a plan, or are seen once they are opened. */
-const LATER = ["obstacles", "pen", "place", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "tasks"];
+const LATER = ["obstacles", "place", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "tasks"];
 const store = new Store();
 const link = new Link(store);
 messages(store, link);
@@ -68,6 +69,7 @@ makeAll([
   () => header(store, link),
   () => figures(store, link),
   () => viewbar(store, view),
+  () => pen(store, link, grabbed.pointer),
   () => marks(store, view),
   () => form(store, link),
   () => files(store, link),

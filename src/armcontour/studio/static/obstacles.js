@@ -15,7 +15,7 @@ import { tellEarly } from "./messages.js";
 const NEW_SIDE = 60; // px
 const LEAST_SIZE = 1e-3; // m
 // From the part to a new obstacle: the radius of a wrist of usual arms, and what they may not come nearer than.
-const BESIDE = 0.08; // m
+const BESIDE = 0.14; // m
 /** Free of rounding errors. @param {number} metres */
 const round = (metres) => Number(metres.toFixed(9));
 

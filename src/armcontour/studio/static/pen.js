@@ -113,9 +113,9 @@ export function init(store, _link, pointer) {
       if (first !== store.options.pen) return store.setView({ pen: first });
     }
     const chosen = store.options.pen;
-    group.hidden = !can;
     hint.hidden = !isBlank;
     say(hint, sentence ?? "");
+    for (const x of buttons) x.disabled = !can;
     for (const x of buttons) mark(x, "aria-pressed", String(x.textContent === chosen));
     ground.toggleAttribute("hidden", !chosen);
     mark(ground, "aria-label", `Pen: ${chosen}`);

@@ -103,7 +103,7 @@ export function init(store, view) {
           <span class="times">${magnify ? `×${magnify}` : ""}</span>
           <${Toggle} text="Auto" title="Magnify errors so that they are well seen" is=${options.magnify === 0} act=${() => set("magnify")(store.options.magnify ? 0 : Number(view.region.dataset.magnify) || 100)} />
         </span>
-        <${Choice} label="A drag of a tolerance changes" names=${CORNERS} now=${isSingle ? options.corners : "all"} choose=${set("corners")} hidden=${!corners.length} without=${isSingle ? "" : TOGETHER} />
+        <${Choice} label="A drag of a tolerance changes" names=${CORNERS} now=${isSingle ? options.corners : "all"} choose=${set("corners")} without=${isSingle ? "" : TOGETHER} />
         <${Toggle} text="Place part" title="Move and turn the part as a whole (M)" is=${options.place} act=${() => set("place")(!store.options.place)} />
         <button type="button" id="add-obstacle" data-later title="A box beside the part, with a name and a height; drag it or its corner, press F2 to change them">Add obstacle</button>
         <span class="spring" />
