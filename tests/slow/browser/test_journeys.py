@@ -23,6 +23,8 @@ from armcontour.studio.tabs import without_options
 pytestmark = pytest.mark.browser
 DRAWINGS = Path(__file__).parents[3] / "examples" / "drawings"
 EXACT = 1e-9
+# How far an obstacle is dragged off a part, and back [m].
+CLEAR, NEARER = 0.28, 0.06
 
 
 def press(studio, within, name):
@@ -257,17 +259,19 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
     with pytest.raises(ac.Collision) as refused:
         judge(studio, "optimal")
     assert studio.refusal == without_options(str(refused.value))
+    # The room beside the part in pixels, at the scale that the new box has left.
+    clear, near = (length * float(studio.told("#view2d", "scale")) for length in (CLEAR, NEARER))
     with studio.changing():
-        studio.drag(box, (480, 0))
+        studio.drag(box, (clear, 0))
     found = judge(studio, "optimal")
     agree(studio, found)
     least = studio.figure("clearance.low")
     assert least == pytest.approx(found.clearance.low, abs=EXACT)
     with studio.changing():
-        studio.drag(box, (-100, 0))
+        studio.drag(box, (-near, 0))
     assert studio.figure("clearance.low") < least
     with studio.renewing():
-        studio.drag(box, (-380, 0))
+        studio.drag(box, (near - clear, 0))
     studio.wait("body", refused="true")
 
 
@@ -575,6 +579,8 @@ def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(page
     assert len(held) == 1 and studio.find("g.handle.obstacle").count() == 0
     held[0].continue_()
     studio.begin()
+    with studio.renewing():
+        press(studio, "#question", "OK")
     expect(studio.find("g.handle.obstacle")).to_be_visible()
     expect(studio.find("#tasks form").first).to_be_visible()
     # What was there before is shown as well.
