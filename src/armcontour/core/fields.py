@@ -98,8 +98,10 @@ def check(value: Any) -> None:
         if shapes:
             _refuse_misfits(value, shapes)
     except InvalidInput as error:
-        where = getattr(value, "source", getattr(value, "name", None))
-        if not isinstance(where, str) or not where or name in ("source", "name"):
+        # A property may need the field that does not fit.
+        named = {x.name for x in fields(kind)} & {"source", "name"} - {name}
+        where = getattr(value, max(named)) if named else None
+        if not isinstance(where, str) or not where:
             raise
         raise error.at(shorten(where, _checks.LONGEST_NAME)) from None
 
