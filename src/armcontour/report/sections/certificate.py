@@ -115,9 +115,9 @@ def _derating(found: Certificate) -> Any:
     figure.update_xaxes(
         title="arc length of the contours [m]" if len(found.contours) > 1 else "arc length [m]"
     )
-    figure.update_yaxes(title="usable acceleration limit [%]")
+    figure.update_yaxes(title="usable [%]")
     least = 100 * min(float(x.share.min()) for x in deratings)
     if least > 100 - LEAST_RANGE:
         # Rounding errors must not fill the height of the figure.
         figure.update_yaxes(range=[100 - LEAST_RANGE, 100 + LEAST_RANGE / 10])
-    return finish(figure, title="Derating of limits", height=HEIGHT, span=2)
+    return finish(figure, title="Usable share of the acceleration limits", height=HEIGHT, span=2)
