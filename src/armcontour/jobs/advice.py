@@ -24,7 +24,7 @@ from armcontour.jobs.planning import plan_one
 from armcontour.jobs.results import RunResult, Study
 from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.study import execute_run, teach_run
-from armcontour.jobs.verdict import farthest, judge
+from armcontour.jobs.verdict import farthest, judge, weave_speed
 from armcontour.motion import Method
 from armcontour.timing.explanation import DWELLS, NAMES, RAPIDS
 
@@ -191,6 +191,7 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
     kinds, joints = why.kinds, {x.name: x.joint for x in why.bindings}
     for x in why.shares:
         yield from ([y] for y in _raised_limit(job, run, x.kind, joints.get(x.name), x.of_time))
+    yield from ([x] for x in _faster_weave(job, result, kinds.get(NAMES["speed"], 0.0)))
     free = [NAMES["speed"], RAPIDS, DWELLS]
     cornering = 1 - sum(kinds.get(x, 0.0) for x in free)
     yield from ([x] for x in _wider_corners(job, result, cornering))
@@ -210,6 +211,23 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
                 worth=kinds.get(RAPIDS, 0.0) / 3,
             )
         ]
+
+
+def _faster_weave(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
+    """A higher travel speed of the weave, where it is the assigned velocity."""
+    weave = job.process.weave
+    if weave is None or weave.speed is None or weave_speed(result) is None:
+        return
+    new = _rounded(weave.speed * RAISED)
+    process = replace(job.process, weave=replace(weave, speed=new))
+    yield _Candidate(
+        label=f"Raise the travel speed of the weave {_steps(weave.speed, new, 'm/s')}",
+        edits=(("process.weave.speed", new),),
+        job=replace(job, process=process),
+        run=result.run,
+        worth=share * (1 - 1 / RAISED),
+        condition=IF_PROCESS,
+    )
 
 
 def _raised_limit(

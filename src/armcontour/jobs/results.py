@@ -381,7 +381,7 @@ def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[
 def _verdict(result: RunResult) -> Iterator[Row]:
     """What is off the drawing, whether that is kept, what limits the time, the worst warning."""
     yield from verdict_rows(result, result._errors, result._failure)
-    yield from time_limit_row(result.explanation)
+    yield from time_limit_row(result)
     yield from warning_rows(result.warnings)
 
 

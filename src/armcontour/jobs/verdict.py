@@ -10,10 +10,11 @@ from armcontour.core.result import JUDGED, VERDICT, Row
 
 if TYPE_CHECKING:
     from armcontour.jobs.planned import Planned
-    from armcontour.timing import Explanation
 
 # By default a contour may be off its path by this share of the smallest tolerance of its corners.
 DEFAULT_ACCURACY = 0.1
+# What explanations call the assigned velocity.
+ASSIGNED = "assigned velocity"
 # Share by which rounding of numbers may exceed a tolerance.
 ROUNDING = 1e-9
 
@@ -115,9 +116,25 @@ def verdict_rows(
     yield Row("contour_error_allowed", allowed_error(planned), "m")
 
 
-def time_limit_row(explanation: Explanation | None) -> Iterator[Row]:
+def weave_speed(planned: Planned) -> float | None:
+    """Travel speed of weaves that is the assigned velocity everywhere [m/s]; None if there is none.
+
+    Args:
+        planned: The plan.
+    """
+    contours, most = planned.path.contours, planned.run.limits.speed
+    if most is not None and any((x.path.speeds > most).any() for x in contours):
+        return None
+    known = [x.woven.frequency * x.woven.pitch for x in contours if x.woven is not None]
+    return next((x for x in known if x > 0), None)
+
+
+def time_limit_row(planned: Planned) -> Iterator[Row]:
     """What takes most of the time; nothing where that is not known."""
-    if explanation is not None and explanation.longest is not None:
-        limit, share = explanation.longest
+    why = planned.explanation
+    if why is not None and why.longest is not None:
+        limit, share = why.longest
         note = f"{number(share, '1')} of the time"
+        if limit == ASSIGNED and (travel := weave_speed(planned)) is not None:
+            note += f"; the weave travels at {number(travel, 'm/s')}"
         yield Row("time_limit", limit, "", "limits the time", note, VERDICT)
