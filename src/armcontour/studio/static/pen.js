@@ -14,6 +14,8 @@ import { draw, find, make, mark, say } from "./dom.js";
 
 // A shape that begins so near the end of the path begins there.
 const NEAR = 14; // px
+/** Segments and sides that are not longer are none. */
+const LEAST = 1e-6; // m
 /** Height of a new arc over its chord, as a share of that; its middle waypoint changes it. */
 const BULGE = 1 / 4;
 /** @type {Record<string, Shape>} */
@@ -78,10 +80,18 @@ export function init(store, _link, pointer) {
   /** @type {import("./pointer.js").Movable} */
   const pen = {
     start: (event) => {
+      const { unit } = store.document.path;
+      if (!store.options.pen) return { names: [], unit, values: null };
       shape = SHAPES[store.options.pen];
       from = placeOf(event);
       const { names, isPoint } = shape;
-      return { names, unit: store.document.path.unit, values: isPoint ? from : names.map(() => 0) };
+      return { names, unit, values: isPoint ? from : names.map(() => 0) };
+    },
+    lacks: (values) => {
+      const { names, isPoint } = shape;
+      if (isPoint) return Math.hypot(values[0] - from[0], values[1] - from[1]) > LEAST ? "" : "The segment ends where it starts: move its end, or type x, y.";
+      const missing = names.filter((_, k) => Math.abs(values[k]) <= LEAST).join(" and ");
+      return missing && `The ${names.length > 1 ? "rectangle" : "circle"} has no ${missing} yet: use more arrow keys, or type ${names.join(", ")}.`;
     },
     moved: (by, start) => {
       const way = pointer.turned(by);
@@ -117,6 +127,8 @@ export function init(store, _link, pointer) {
     say(hint, sentence ?? "");
     for (const x of buttons) x.disabled = !can;
     for (const x of buttons) mark(x, "aria-pressed", String(x.textContent === chosen));
+    // The pen that is put away leaves the focus at its button.
+    if (!chosen && document.activeElement === ground) (buttons.find((x) => SHAPES[x.textContent ?? ""] === shape) ?? ground).focus();
     ground.toggleAttribute("hidden", !chosen);
     mark(ground, "aria-label", `Pen: ${chosen}`);
   };
