@@ -147,7 +147,7 @@ def test_j55_the_pen_by_keys_draws_no_shape_without_a_side(started, judge):
         for key in ("Shift+ArrowRight", "Shift+ArrowRight", "Shift+ArrowUp", "Enter"):
             keys.press(key)
     assert len(re.findall(r"\bto:", studio.text)) == 4
-    assert studio.page.evaluate("() => document.activeElement.textContent") == "Rectangle"
+    assert studio.page.evaluate("() => document.activeElement.ariaLabel") == "Rectangle"
     agree(studio, judge(studio, "taught"))
 
 

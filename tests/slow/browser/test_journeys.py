@@ -23,6 +23,9 @@ from armcontour.studio.tabs import without_options
 pytestmark = pytest.mark.browser
 DRAWINGS = Path(__file__).parents[3] / "examples" / "drawings"
 EXACT = 1e-9
+# From the middle of the part to the face of an obstacle [m]: the wrist is nearer to the box than to
+# its own arm, and not any more.
+NEAR, FAR = 0.104, 0.25
 
 
 def press(studio, within, name):
@@ -246,6 +249,7 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
     free = judge(studio, "optimal")
     agree(studio, free)
     studio.find("#add-obstacle").click()
+    studio.find("#question").get_by_label("Height").fill("60")
     with studio.changing():
         press(studio, "#question", "OK")
     # It is beside the part, on which it is set now.
@@ -257,17 +261,19 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
     with pytest.raises(ac.Collision) as refused:
         judge(studio, "optimal")
     assert studio.refusal == without_options(str(refused.value))
+    scale, side = float(studio.told("#view2d", "scale")), box.bounding_box()["width"]
+    near, far = (scale * x + side / 2 for x in (NEAR, FAR))
     with studio.changing():
-        studio.drag(box, (480, 0))
+        studio.drag(box, (far, 0))
     found = judge(studio, "optimal")
     agree(studio, found)
     least = studio.figure("clearance.low")
     assert least == pytest.approx(found.clearance.low, abs=EXACT)
     with studio.changing():
-        studio.drag(box, (-100, 0))
+        studio.drag(box, (near - far, 0))
     assert studio.figure("clearance.low") < least
     with studio.renewing():
-        studio.drag(box, (-380, 0))
+        studio.drag(box, (-near, 0))
     studio.wait("body", refused="true")
 
 
@@ -575,6 +581,8 @@ def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(page
     assert len(held) == 1 and studio.find("g.handle.obstacle").count() == 0
     held[0].continue_()
     studio.begin()
+    with studio.renewing():
+        press(studio, "#question", "OK")
     expect(studio.find("g.handle.obstacle")).to_be_visible()
     expect(studio.find("#tasks form").first).to_be_visible()
     # What was there before is shown as well.

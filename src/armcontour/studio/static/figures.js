@@ -24,12 +24,13 @@ class Figures {
     this.store = store;
     this.link = link;
     this.region = find("#figures");
+    this.row = make("div", { class: "row" });
     /** @type {Record<string, Box>} */
     this.boxes = Object.fromEntries(FIGURES.map((name) => [name, this.box(name)]));
     this.state = make("span", { class: "exactness" });
     this.boxes.duration.label.after(this.state);
     this.changes = make("div", { id: "changes", role: "group", "aria-label": "What to change" });
-    this.region.append(this.changes);
+    this.region.append(this.row, this.changes);
     this.spoken = "";
     const update = oncePerFrame(() => this.update());
     for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, update);
@@ -51,7 +52,7 @@ class Figures {
       make("span", { class: "number" }, [value, unit]),
       note,
     ]);
-    this.region.append(box);
+    this.row.append(box);
     return { box, label, value, unit, note };
   }
 
@@ -71,7 +72,7 @@ class Figures {
     if (this.changes.dataset.shown === shown) return;
     mark(this.changes, "data-shown", shown);
     const buttons = changes.map((/** @type {any} */ { label, effect, condition, edits }) =>
-      make("button", { type: "button", title: condition, onclick: () => this.link.edit(edits) }, [`${label}: `, make("b", { text: effect })]),
+      make("button", { type: "button", title: `${label}. ${condition}`, onclick: () => this.link.edit(edits) }, [make("span", { text: `${label}: ` }), make("b", { text: effect })]),
     );
     this.changes.replaceChildren(make("span", { class: "quiet", text: `What to change${state}` }), ...buttons);
     mark(this.region, "data-changes", share < 1 ? "" : String(changes.length));
@@ -104,7 +105,6 @@ class Figures {
     box.style.color = looks?.colour ?? "";
     say(value, looks ? `${looks.mark} ${row?.text}` : (row?.text ?? NONE));
     // A figure that is not known for a moment leaves its place.
-    mark(box, "data-unknown", String(!row));
     if (!row) return;
     box.hidden = false;
     say(label, row.label);

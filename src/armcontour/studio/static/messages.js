@@ -57,7 +57,7 @@ export function tellEarly(sentence) {
 export function init(store, link) {
   // Messages lie over the drawing, and not over the buttons above it.
   const place = () => document.body.style.setProperty("--messages", `${find("#views").getBoundingClientRect().top + 12}px`);
-  new ResizeObserver(place).observe(find("#figures"));
+  new ResizeObserver(place).observe(find("#views"));
   store.on("picture", () => early.clear());
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
   find("#messages").append(refused, work);

@@ -39,6 +39,9 @@ const SHAPES = {
   },
 };
 
+/** Whether shapes can be added to the path. @param {Store} store @returns {boolean} */
+export const canDraw = ({ document }) => Boolean(document?.path?.editable) && document.path.kind !== "spline";
+
 /** @param {Store} store @param {import("./link.js").Link} _link @param {Pointer} pointer */
 export function init(store, _link, pointer) {
   const { view } = pointer;
@@ -47,10 +50,6 @@ export function init(store, _link, pointer) {
   const hint = make("p", { class: "hint quiet" });
   view.region.append(hint);
   view.overlay.append(trace, ground);
-  const button = (/** @type {string} */ text) => make("button", { type: "button", text, title: "Pen: drag in the drawing, or type values; Escape puts it away", onclick: () => store.setView({ pen: store.options.pen === text ? "" : text }) });
-  const buttons = Object.keys(SHAPES).map(button);
-  const group = make("span", { class: "group choice", role: "group", "aria-label": "Pen" }, buttons);
-  find("#add-obstacle").before(group);
   /** The shape that is drawn, and where it begins. */
   let shape = SHAPES.Line;
   /** @type {Point} */
@@ -114,9 +113,8 @@ export function init(store, _link, pointer) {
   let id = "";
   const update = () => {
     const { path = {}, sentence, id: now = "" } = store.document ?? {};
-    const can = path.editable && path.kind !== "spline";
     const isBlank = path.kind === "blank";
-    if (now !== id || !can) {
+    if (now !== id || !canDraw(store)) {
       id = now;
       // On an empty plane the pen is wanted first.
       const first = isBlank ? "Rectangle" : "";
@@ -125,10 +123,9 @@ export function init(store, _link, pointer) {
     const chosen = store.options.pen;
     hint.hidden = !isBlank;
     say(hint, sentence ?? "");
-    for (const x of buttons) x.disabled = !can;
-    for (const x of buttons) mark(x, "aria-pressed", String(x.textContent === chosen));
     // The pen that is put away leaves the focus at its button.
-    if (!chosen && document.activeElement === ground) (buttons.find((x) => SHAPES[x.textContent ?? ""] === shape) ?? ground).focus();
+    const name = Object.keys(SHAPES).find((x) => SHAPES[x] === shape);
+    if (!chosen && document.activeElement === ground) find(`#viewbar [aria-label=${name}]`).focus();
     ground.toggleAttribute("hidden", !chosen);
     mark(ground, "aria-label", `Pen: ${chosen}`);
   };

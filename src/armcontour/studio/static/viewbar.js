@@ -1,7 +1,8 @@
-// The bar over the drawing: what colours the path, how far errors are magnified, fit and zoom; and the legend.
+// The bar over the drawing: what colours the path, how far errors are magnified, the pen, fit and zoom; and the legend.
 
 import { find, make } from "./dom.js";
 import { legendOf, scalesOf } from "./legend.js";
+import { canDraw } from "./pen.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -13,6 +14,8 @@ import { html, render } from "./vendor/preact.js";
 const COLOURINGS = { limit: "Limit", speed: "Speed", error: "Error" };
 const CORNERS = { one: "One corner", all: "All" };
 const STAGES = { "2d": "2D", both: "Both", "3d": "3D" };
+/** Shapes of the pen, each with its picture. */
+const PEN = { Line: "M3 13L13 3", Arc: "M2 12A6.3 6.3 0 0 1 14 12", Circle: "M8 2a6 6 0 1 0 .1 0z", Rectangle: "M2 4h12v8H2z" };
 const LEGEND_EVERY = 250; // ms
 /** Why a corner may have no tolerance of its own. */
 const TOGETHER = "Corners of several contours have one tolerance: corners.tolerance, or that of a layer";
@@ -30,6 +33,10 @@ const Choice = ({ label, names, now, choose, hidden = false, without = "" }) => 
 
 /** @param {{text: string, title: string, is: boolean, act: () => void}} props */
 const Toggle = ({ text, title, is, act }) => html`<button type="button" title=${title} aria-pressed=${String(is)} onClick=${act}>${text}</button>`;
+
+/** Shapes that can be drawn, of which one may be chosen. @param {{now: string, can: boolean, choose: (name: string) => void}} props */
+const Pen = ({ now, can, choose }) => html`<span class="group choice" role="group" aria-label="Pen">
+  ${Object.entries(PEN).map(([name, d]) => html`<button type="button" aria-label=${name} title=${`${name}: drag in the drawing, or type values; Escape puts the pen away`} disabled=${!can} aria-pressed=${String(now === name)} onClick=${() => choose(name)}><svg viewBox="0 0 16 16" aria-hidden="true"><path d=${d} /></svg></button>`)}</span>`;
 
 /** A sample with its text, or shades between theirs. @param {{entry: Sample | Shades}} props */
 function Entry({ entry }) {
@@ -105,6 +112,7 @@ export function init(store, view) {
         </span>
         <${Choice} label="A drag of a tolerance changes" names=${CORNERS} now=${isSingle ? options.corners : "all"} choose=${set("corners")} without=${isSingle ? "" : TOGETHER} />
         <${Toggle} text="Place part" title="Move and turn the part as a whole (M)" is=${options.place} act=${() => set("place")(!store.options.place)} />
+        <${Pen} now=${options.pen} can=${canDraw(store)} choose=${(/** @type {string} */ name) => set("pen")(store.options.pen === name ? "" : name)} />
         <button type="button" id="add-obstacle" data-later title="A box beside the part, with a name and a height; drag it or its corner, press F2 to change them">Add obstacle</button>
         <span class="spring" />
         <span class="group">${button("−", "Zoom out (−)", () => view.zoomBy(1 / 1.4))}${button("+", "Zoom in (+)", () => view.zoomBy(1.4))}${button("Fit", "Show all (F)", () => view.fit())}</span>
@@ -113,7 +121,7 @@ export function init(store, view) {
     );
     updateLegend();
   };
-  for (const event of ["view", "theme"]) store.on(event, oncePerFrame(update));
+  for (const event of ["document", "view", "theme"]) store.on(event, oncePerFrame(update));
   const follow = nowAndThen(READING, update);
   for (const event of ["picture", "executed"]) store.on(event, follow);
   view.followers.add(follow);

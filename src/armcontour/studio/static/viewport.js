@@ -42,8 +42,8 @@ export class Viewport {
     this.v += fixed[1] - now[1];
   }
 
-  /** Show all of a box. @param {Box} box m @param {number} [margin] px */
-  fit(box, margin = 56) {
+  /** Show all of a box, with room for handles around it. @param {Box} box m @param {number} [margin] px */
+  fit(box, margin = Math.min(56, 0.16 * this.width, 0.16 * this.height)) {
     const wide = Math.max(box.right - box.left, 1e-6);
     const high = Math.max(box.top - box.bottom, 1e-6);
     const room = [Math.max(40, this.width - 2 * margin), Math.max(40, this.height - 2 * margin)];
