@@ -120,6 +120,20 @@ def test_j42_typed_digits_are_exact_and_escape_reverts(studio, judge):
     agree(studio, judge(studio))
 
 
+def test_j46_an_arrow_key_moves_a_small_tolerance_by_a_part_of_it(studio):
+    with studio.changing():
+        studio.type("corners.tolerance", "0.25 mm")
+    studio.rest()
+    studio.find("#viewbar [data-name=all]").click()
+    corner = studio.handle("corner", 0)
+    for key, value in (("ArrowUp", 0.3), ("ArrowDown", 0.25), ("Alt+ArrowUp", 0.2505)):
+        corner.focus()
+        with studio.changing():
+            studio.page.keyboard.press(key)
+        assert f"tolerance: {value:g} mm" in studio.text
+        studio.rest()
+
+
 def test_j43_one_corner_or_all_by_a_switch(studio, judge):
     switch = studio.find("#viewbar [aria-label='A drag of a tolerance changes']")
     expect(switch.get_by_role("button", name="One corner")).to_have_attribute(

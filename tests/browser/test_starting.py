@@ -125,6 +125,57 @@ def test_j52_each_card_leads_to_a_motion(started, judge):
     agree(studio, judge(studio, "optimal"))
 
 
+def test_j55_the_pen_by_keys_draws_no_shape_without_a_side(started, judge):
+    studio = started
+    take(studio, "weld")
+    take(studio, "empty")
+    text, keys = studio.text, studio.page.keyboard
+    pen = studio.find("rect.pen")
+    for press in (("ArrowRight", "Enter"), ("Enter",), ("Escape",)):
+        pen.focus()
+        for key in press:
+            keys.press(key)
+        expect(pen).to_be_visible()
+        assert studio.page.evaluate("() => document.activeElement.classList.contains('pen')")
+        assert studio.text == text
+    # By the mouse, too.
+    draw(studio, (-100, 60), (20, 60))
+    studio.wait("body", busy="false")
+    assert studio.text == text
+    pen.focus()
+    with studio.changing():
+        for key in ("Shift+ArrowRight", "Shift+ArrowRight", "Shift+ArrowUp", "Enter"):
+            keys.press(key)
+    assert len(re.findall(r"\bto:", studio.text)) == 4
+    assert studio.page.evaluate("() => document.activeElement.ariaLabel") == "Rectangle"
+    agree(studio, judge(studio, "taught"))
+
+
+def test_j56_figures_that_are_not_known_leave_no_notes(started):
+    studio = started
+    take(studio, "paper")
+    studio.rest()
+    written = re.compile(".")
+    notes = studio.find(".figure[data-value=''] .note:visible").filter(has_text=written)
+    changes = studio.find("#changes")
+    expect(studio.find("#figures .note:visible").filter(has_text=written).first).to_be_visible()
+    expect(studio.find("#figures:not([data-changes=''])")).to_be_visible()
+    shown = changes.text_content() or ""
+    # Refused, and the start of another job.
+    studio.drag(studio.handle("waypoint", 1), (320, 0))
+    studio.wait("body", refused="true", busy="false")
+    expect(studio.find(".figure[data-value='']:visible").first).to_be_visible()
+    expect(notes).to_have_count(0)
+    expect(changes).not_to_contain_text("%")
+    take(studio, "empty")
+    expect(studio.find("#figures .value").filter(has_text=re.compile("[0-9]"))).to_have_count(0)
+    expect(notes).to_have_count(0)
+    expect(changes).not_to_contain_text("%")
+    take(studio, "paper")
+    studio.rest()
+    expect(changes).to_have_text(shown.strip())
+
+
 def test_j53_new_loses_nothing_and_recent_files_come_back(started, pages, tmp_path):
     studio = started
     take(studio, "drawing")

@@ -174,7 +174,7 @@ def test_refusals(refuses):
     itself = ball("end", 0.05, [0, 0, 0])
     unknown = ball("x", 0.1, [0, 0, 0], allow=("gripper",))
     refuses(lambda: check_clearance(motion, UR5E.with_shapes(None)), InvalidInput, "shapes")
-    for obstacle, words in ((itself, "end is an obstacle"), (unknown, "allows 'gripper'")):
+    for obstacle, words in ((itself, "end is an obstacle"), (unknown, "Write end")):
         scene = Scene(obstacles=(obstacle,))
         refuses(lambda x=scene: check_clearance(motion, BALL, x), InvalidInput, words)
 

@@ -176,18 +176,26 @@ def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
 
 def test_another_configuration_of_the_full_run_is_announced(opened):
     session, tab, lane = opened(SQUARE, fast=Resting)
+    # Nothing exact was shown before the first full run: it changes nothing.
+    tab.edit({"do": "set", "key": "limits.speed", "value": 0.09}, gesture=9)
     answer(lane)
+    before = session.display.planner.planned.start
+    answer(lane, start=before + [0, 0, 0, 0, 0, np.pi / 2])
+    assert session.display.planner.planned.start == pytest.approx(
+        before + [0, 0, 0, 0, 0, np.pi / 2]
+    )
+    assert "notice" not in kinds(tab.frames)
     for k, turn in enumerate((0.0, np.pi / 2), 1):
         tab.edit({"do": "set", "key": "limits.speed", "value": 0.1 + 0.01 * k}, gesture=k)
         assert "notice" not in kinds(tab.frames)
         asked = figures_asked(lane)
-        assert len(asked) == k + 1 and asked[k][2]["text"] == session.document.text
+        assert len(asked) == k + 2 and asked[-1][2]["text"] == session.document.text
         before = session.display.planner.planned.start
         answer(lane, start=before + [0, 0, 0, 0, 0, turn])
     assert kinds(tab.frames).count("notice") == 1
     told = tab.last("notice")["sentence"]
     after = session.display.planner.planned.start
-    assert all(f"{np.degrees(q[5]):.1f}" in told for q in (before, after))
+    assert all(f"{np.degrees(q[5]):.1f}" in told for q in (before, after)) and "joint 6" in told
 
 
 class Nested(Resting):

@@ -162,7 +162,10 @@ def _without_shape(chain: Chain, own: Iterable[Body]) -> list[LeftOut]:
 
 def _refuse_unknown(own: Iterable[Body], scene: Scene) -> None:
     """Refuse an obstacle that allows what the arm does not have, or that is a link of the arm."""
+    own = list(own)
     names, moving = {x.name for x in own} | {TOOL}, {x.name for x in own if x.link}
+    end = max((x for x in own if not x.tool), key=lambda x: x.link, default=None)
+    repair = "Remove the name" if end is None else f"Write {end.name}, the end of the arm,"
     for x in scene.obstacles:
         if x.name in moving:
             raise InvalidInput(
@@ -173,7 +176,7 @@ def _refuse_unknown(own: Iterable[Body], scene: Scene) -> None:
             if name not in names:
                 raise InvalidInput(
                     f"{x.name} of the scene allows {name!r} to touch it, but the bodies of the arm "
-                    f"are {', '.join(sorted(names))}."
+                    f"are {', '.join(sorted(names))}. {repair} in allow of {x.name}."
                 )
 
 

@@ -78,6 +78,7 @@ class Seen:
         took: How long the last two plans of each tier took [s].
         drawn: The plan or program that pages see, how it gets on the screen, and its number.
         followed: The revision whose preview has taken the configuration of its full run.
+        has_exact: Whether exact figures were shown.
     """
 
     planned: Preview | None = None
@@ -86,6 +87,7 @@ class Seen:
     took: dict[Tier, tuple[float, float]] = field(default_factory=dict)
     drawn: tuple[Preview | Program, View, int] | None = None
     followed: int = 0
+    has_exact: bool = False
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -520,25 +522,28 @@ class Planner:
         taken = self._deliver(Frame("figures", frame.header), state)
         self._end_progress(state)
         seen, start = state.seen, frame.header.get("start")
+        had_exact, seen.has_exact = seen.has_exact, seen.has_exact or taken
         if not taken or start is None or state is not self._newest or seen.followed == state.rev:
             return
         if seen.planned is None or np.abs(seen.planned.start - np.asarray(start)).max() <= SAME:
             return
         seen.followed = state.rev
-        self._lane.submit(partial(self._follow, state, np.asarray(start)))
+        self._lane.submit(partial(self._follow, state, np.asarray(start), had_exact))
 
-    def _follow(self, state: State, start: FloatArray, stale: Stale) -> None:
-        """Show a state again, in the configuration that the full run takes."""
+    def _follow(self, state: State, start: FloatArray, had_exact: bool, stale: Stale) -> None:
+        """Show a state again, in the configuration that the full run takes.
+
+        A page that has shown no exact motion of the document yet is not told of the change.
+        """
         planned = state.seen.planned
         assert planned is not None
-        if CONFIGURATION in planned.differs:
-            before, after = (
-                ", ".join(f"{x:z.1f}" for x in np.degrees(q)) for q in (planned.start, start)
-            )
+        if CONFIGURATION in planned.differs and had_exact:
+            joint = int(np.argmax(np.abs(planned.start - start)))
+            before, after = np.degrees((planned.start[joint], start[joint]))
             sentence = (
-                "The arm is in another configuration now, in which the motion is faster: it starts "
-                f"at {after} deg, and started at {before} deg before. `start` in the job file "
-                "fixes one."
+                "The arm is in another configuration now, in which the motion is faster: joint "
+                f"{joint + 1} starts at {after:z.1f} deg, and started at {before:z.1f} deg before. "
+                "`start` in the job file fixes one."
             )
             self._deliver(Frame("notice", {"sentence": sentence}), state)
         self.previewer.keep_start(planned.job, start)

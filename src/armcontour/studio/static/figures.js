@@ -67,7 +67,7 @@ class Figures {
   updateChanges() {
     const frame = this.store.latest("changes");
     const { share = 0, changes = [], note = "" } = this.store.isCurrent(frame) ? frame?.head : {};
-    const state = share < 1 ? `: planning, ${Math.round(100 * share)} %` : `: ${note}`;
+    const state = !isPlanned(this.store) ? `: ${NONE}` : share < 1 ? `: planning, ${Math.round(100 * share)} %` : `: ${note}`;
     const shown = JSON.stringify([state, changes]);
     if (this.changes.dataset.shown === shown) return;
     mark(this.changes, "data-shown", shown);
@@ -147,6 +147,9 @@ export function hasMotion(store) {
   const picture = store.latest("picture");
   return picture !== null && picture.head.tier !== "outline";
 }
+
+/** Whether the document, and not one before, has a motion. @param {Store} store */
+const isPlanned = (store) => !store.refusal && hasMotion(store);
 
 /** How true the figures are, in a word. @param {Store} store @returns {string} */
 export function exactnessOf(store) {

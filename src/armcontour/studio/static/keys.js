@@ -10,7 +10,7 @@ const TABS = ["charts", "runs", "waypoints", "corners", "tasks", "text", "notes"
 /** What the help says. @type {[string, [string, string][]][]} */
 const HELP = [
   ["Drawing", [
-    ["drag, arrow keys", "move a handle in steps of 1 mm or 1°; with Alt 0.01, with Shift 10"],
+    ["drag, arrow keys", "move a handle in steps of 1 mm or 1°, a small tolerance by half its first digit; with Alt 0.01, with Shift 10"],
     ["digits on a handle", "the exact value, also during a drag: 12.5 or 350, 120; Enter ends, Escape undoes"],
     ["drag a +, or Insert", "insert a waypoint"],
     ["Delete", "remove the waypoint or the obstacle"],

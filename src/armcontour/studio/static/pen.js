@@ -1,6 +1,6 @@
 // The pen: lines, arcs, circles and rectangles that are drawn at the end of the path, or on an empty plane.
 
-import { draw, make, mark, say } from "./dom.js";
+import { draw, find, make, mark, say } from "./dom.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./pointer.js").Pointer} Pointer */
@@ -14,6 +14,8 @@ import { draw, make, mark, say } from "./dom.js";
 
 // A shape that begins so near the end of the path begins there.
 const NEAR = 14; // px
+/** Segments and sides that are not longer are none. */
+const LEAST = 1e-6; // m
 /** Height of a new arc over its chord, as a share of that; its middle waypoint changes it. */
 const BULGE = 1 / 4;
 /** @type {Record<string, Shape>} */
@@ -77,10 +79,18 @@ export function init(store, _link, pointer) {
   /** @type {import("./pointer.js").Movable} */
   const pen = {
     start: (event) => {
+      const { unit } = store.document.path;
+      if (!store.options.pen) return { names: [], unit, values: null };
       shape = SHAPES[store.options.pen];
       from = placeOf(event);
       const { names, isPoint } = shape;
-      return { names, unit: store.document.path.unit, values: isPoint ? from : names.map(() => 0) };
+      return { names, unit, values: isPoint ? from : names.map(() => 0) };
+    },
+    lacks: (values) => {
+      const { names, isPoint } = shape;
+      if (isPoint) return Math.hypot(values[0] - from[0], values[1] - from[1]) > LEAST ? "" : "The segment ends where it starts: move its end, or type x, y.";
+      const missing = names.filter((_, k) => Math.abs(values[k]) <= LEAST).join(" and ");
+      return missing && `The ${names.length > 1 ? "rectangle" : "circle"} has no ${missing} yet: use more arrow keys, or type ${names.join(", ")}.`;
     },
     moved: (by, start) => {
       const way = pointer.turned(by);
@@ -113,6 +123,9 @@ export function init(store, _link, pointer) {
     const chosen = store.options.pen;
     hint.hidden = !isBlank;
     say(hint, sentence ?? "");
+    // The pen that is put away leaves the focus at its button.
+    const name = Object.keys(SHAPES).find((x) => SHAPES[x] === shape);
+    if (!chosen && document.activeElement === ground) find(`#viewbar [aria-label=${name}]`).focus();
     ground.toggleAttribute("hidden", !chosen);
     mark(ground, "aria-label", `Pen: ${chosen}`);
   };

@@ -4,6 +4,7 @@
 import { find, make, say } from "./dom.js";
 import { rowOf, seconds, short } from "./format.js";
 import { dragged, Gesture } from "./gesture.js";
+import { notify } from "./messages.js";
 import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -20,7 +21,8 @@ import { oncePerFrame } from "./state.js";
  * @property {"picture"} [answer]   the frame that has what was changed, by default the document
  * @property {(edits: object[], cancelled: boolean) => unknown} [end]   without edits nothing was changed
  * @property {number} [step]    values are multiples of it; with Alt of a hundredth, with Shift of ten
- * @property {number} [least]   smallest value; those below a step have one digit
+ * @property {number} [least]   smallest value; those below a step have one digit, and an arrow key moves them by half of it
+ * @property {(values: number[]) => string} [lacks]   why values make nothing; keys end such a gesture by Enter or Escape alone
  */
 
 const STEP = 1e-3; // m
@@ -131,15 +133,16 @@ export class Pointer {
       }
       if (!isHeld()) return;
       if (arrow) {
-        const step = STEP * (event.shiftKey ? 10 : event.altKey ? 0.01 : 1);
+        const step = keyStep(event, this.going?.values[0] ?? 0, what.least);
         from = [from[0] + step * arrow[0], from[1] + step * arrow[1]];
         this.move(from, event, place);
-      } else if (ends) end(event.key === "Escape");
+      } else if (ends && event.key === "Enter" && this.lacking) notify(this.lacking);
+      else if (ends) end(event.key === "Escape");
       else if (!this.type(event)) return;
       event.preventDefault();
       event.stopPropagation();
       clearTimeout(timer);
-      if (arrow) timer = setTimeout(end, KEYS_WITHIN);
+      if (arrow && !what.lacks) timer = setTimeout(end, KEYS_WITHIN);
     });
     element.addEventListener("blur", () => element.classList.contains("dragging") || end());
   }
@@ -167,7 +170,8 @@ export class Pointer {
 
   /** @param {number[]} values @param {PointerEvent | KeyboardEvent} event @param {{step?: number, least?: number}} [how] @returns {number[]} */
   rounded(values, event, { step = STEP, least } = {}) {
-    return values.map((x) => snapped(x, step * (event.shiftKey ? 10 : event.altKey ? 0.01 : 1), least));
+    const byKeys = least && event instanceof KeyboardEvent;
+    return values.map((x) => snapped(x, byKeys ? keyStep(event, x, least) : step * timesOf(event), least));
   }
 
   /** @param {number[]} values @param {number} at ms */
@@ -176,7 +180,7 @@ export class Pointer {
     this.going.values = values;
     this.changed.set(this.going.what, { values, seq: Infinity });
     this.follow();
-    this.going.gesture.update(this.going.what.edits(values), at);
+    if (!this.lacking) this.going.gesture.update(this.going.what.edits(values), at);
     this.tell();
   }
 
@@ -194,11 +198,19 @@ export class Pointer {
     return true;
   }
 
+  /** Why the values, once changed, make nothing. */
+  get lacking() {
+    const { what, values } = this.going ?? {};
+    return what && this.changed.has(what) ? (what.lacks?.(values ?? []) ?? "") : "";
+  }
+
   end(cancelled = false) {
     if (!this.going) return;
     const { what, gesture } = this.going;
+    const lacking = cancelled ? "" : this.lacking;
+    if (lacking) notify(lacking);
     this.going = null;
-    if (cancelled) gesture.cancel();
+    if (cancelled || lacking) gesture.cancel();
     else gesture.end();
     this.label.hidden = true;
     const changed = this.changed.get(what);
@@ -240,9 +252,17 @@ export class Pointer {
 /** Free of rounding errors, and of the sign of zero. @param {number} x */
 const exact = (x) => Number(x.toPrecision(15)) + 0;
 
+/** @param {MouseEvent | KeyboardEvent} event */
+const timesOf = (event) => (event.shiftKey ? 10 : event.altKey ? 0.01 : 1);
+
+/** Size of the first digit of a value, without a smallest value infinite. @param {number} value @param {number} [least] */
+const digitOf = (value, least) => (least ? 10 ** Math.floor(Math.log10(Math.max(value, least)) + SAME) : Infinity);
+
+/** How far an arrow key moves a value. @param {KeyboardEvent} event @param {number} value @param {number} [least] */
+const keyStep = (event, value, least) => timesOf(event) * Math.min(STEP, digitOf(value, least) / 2);
+
 /** @param {number} value @param {number} step @param {number} [least] @returns {number} */
 function snapped(value, step, least) {
-  const digit = least ? 10 ** Math.floor(Math.log10(Math.max(value, least)) + SAME) : Infinity;
-  const fine = Math.min(step, digit);
+  const fine = Math.min(step, digitOf(value, least));
   return Math.max(least ?? -Infinity, exact(fine * Math.round(value / fine)));
 }
