@@ -20,7 +20,7 @@ from armcontour.io import parse_job
 from armcontour.jobs import run
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.line import NOTHING
-from armcontour.studio.picture import drawing_frame, picture_frame
+from armcontour.studio.picture import MOST_SHORTFALLS, drawing_frame, picture_frame
 from armcontour.studio.preview import CONFIGURATION, MOVING_SAMPLES, Previewer, Tier
 from armcontour.studio.refusals import refusal_header
 from armcontour.studio.thinning import thin
@@ -120,6 +120,15 @@ def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
     for x in frame.header["shortfalls"]:
         near(x["uv"], uv(view, planned.path.path(x["s"])), 1e-12)
         assert x["t"] == pytest.approx(float(planned.trajectory.time_at(x["s"])))
+
+
+def test_slow_places_that_are_not_listed_are_counted(shown, view):
+    why, most = shown[0].explanation, MOST_SHORTFALLS
+    slow = [replace(why.shortfalls[0], speed=0.01 + 1e-4 * (k % most)) for k in range(2 * most)]
+    planned = replace(shown[0], explanation=replace(why, shortfalls=tuple(slow)))
+    header = picture_frame(planned, view).header
+    assert len(header["shortfalls"]) == most and f"{most} more places" in " ".join(header["notes"])
+    assert not any("more places" in x for x in shown[1].header["notes"])
 
 
 def test_other_methods_have_no_colours(plans, view):

@@ -27,7 +27,7 @@ from armcontour.timing import Explanation
 # Points of a drawn rapid, and about the largest number of those of all.
 OF_RAPID, MOST_OF_RAPIDS = 16, 50_000
 # Longest lists in headers: corners have handles, and sentences are read.
-MOST_CORNERS, MOST_SHORTFALLS = 400, 100
+MOST_CORNERS, MOST_SHORTFALLS = 400, 60
 # Smallest share of the time in the legend.
 VISIBLE = 5e-5
 
@@ -257,7 +257,13 @@ def _notes(planned: Preview) -> list[str]:
     """What a reader of the picture should know."""
     found = [*planned.differs]
     found += [x for x in (planned.stops_note, planned.shape_note) if x is not None]
-    if planned.explanation is None:
+    why = planned.explanation
+    if why is not None and (more := len(why.shortfalls) - MOST_SHORTFALLS) > 0:
+        found.append(
+            f"{more} more places are below the assigned velocity; the {MOST_SHORTFALLS} slowest "
+            "are marked and listed."
+        )
+    if why is None:
         found.append(
             f"plans of the method {planned.trajectory.method} have no explanation: which limit "
             "binds is known for the method optimal."

@@ -69,7 +69,7 @@ def changes(x: Request) -> Frame:
     found = [
         {
             **{"label": y.label, "effect": y.effect, "edits": [_set(*z) for z in y.edits]},
-            "condition": y.condition and f"If {y.condition}",
+            "condition": y.condition and f"if {y.condition}",
         }
         for y in advice.improvements
     ]
