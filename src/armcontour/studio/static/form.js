@@ -368,7 +368,7 @@ function Group({ title, fields }) {
   if (!listed.length) return null;
   const isOpen = open.value || Boolean(wanted.value);
   const rest = fields.length - listed.length;
-  const isTilted = fields.some((f) => f.at === "path.orientation") && !wanted.value;
+  const isTilted = fields.some((f) => f.at === "path.orientation" && (!wanted.value || isWanted || isNamed(f)));
   const toggle = (/** @type {any} */ { target }) => {
     open.value = target.open;
     // Fields do not go once one of them is written.
