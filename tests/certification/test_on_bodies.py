@@ -200,6 +200,7 @@ def test_a_certificate_for_servos_says_that_it_is_not_for_bodies():
     found = ac.certify(parse_job(job))
     assert found.on_bodies.startswith("Valid for independent joint servos only: ")
     page = render_report(found.study, certificate=found)
+    assert f"{len(found.warnings)} warnings," in page and found.warnings[-1] == found.on_bodies
     assert "Valid for independent joint servos only" in page
     tried = ac.certify(parse_job(job + "experiment: {}\n"))
     e = tried.experiment.evaluation

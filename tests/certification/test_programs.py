@@ -194,3 +194,13 @@ def test_rapids_of_a_certified_program_keep_their_speed():
         t = np.linspace(0, x.trajectory.duration, 5001)
         most = np.linalg.norm(arm.tool_velocity(*x.trajectory.motion(t, 1)), axis=1).max()
         assert 0.99 * speed < most <= speed
+
+
+def test_a_certificate_says_what_limits_the_time(certified):
+    data, run = certified.to_data(), certified.result
+    assert sum(x.time for x in run.explanation.shares) == pytest.approx(certified.duration)
+    assert data["time_limit"].value == run.explanation.longest[0]
+    assert run.to_data()["off_drawing"].value <= data["off_drawing"].value
+    page = render_report(certified.study, certificate=certified)
+    front = page[: page.index("Warnings and notes")]
+    assert all(x in front for x in ("Why it takes this long", "What to change", "limits the time"))

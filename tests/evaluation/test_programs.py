@@ -196,3 +196,12 @@ def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
     planned, whole = plain.taught.trajectory, Program(moves=(Contour(path=BEND),))
     found = [ac.check(planned, ARM, LIMITS, x).path_deviation for x in (whole, BEND)]
     assert found[0] == found[1]
+
+
+def test_the_mean_speed_is_that_at_work_and_not_above_the_largest(execution, program):
+    found = ac.evaluate(execution, program)
+    plan = execution.taught.trajectory
+    works = [x.work for x in plan.contour_spans]
+    inside = np.any([(execution.t >= a) & (execution.t <= b) for a, b in works], axis=0)
+    mean = np.average(execution.tool_speed[inside])
+    assert found.path_velocity == pytest.approx(mean, rel=0.01) and mean < found.speed

@@ -133,3 +133,11 @@ def test_large_jobs_are_not_planned_again_unasked():
     assert not is_small(parse_job(yaml.safe_dump({**CORNER, "runs": runs})))
     free = {"corners": {"shape": "free", "tolerance": "2 mm"}}
     assert not is_small(parse_job(yaml.safe_dump({**CORNER, **free})))
+
+
+def test_a_smaller_reserve_is_offered_where_it_saves_more_than_a_better_drive(tmp_path):
+    job = parse_job(drawing_text("ur5e", DRAWINGS / "gasket.dxf", tmp_path), folder=tmp_path)
+    (result,) = ac.run(job).runs.values()
+    edits = {key: value for x in advise(job, result).improvements for key, value in x.edits}
+    assert edits["timing.reserve"] == 0.02
+    assert not any("joint" in key for key in edits)

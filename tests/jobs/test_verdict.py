@@ -86,7 +86,7 @@ def test_wide_corners_of_a_drawing_are_not_kept():
     (run,) = ac.run(read_cell("ur5e", DRAWINGS / "gasket.dxf", patch=at)).runs.values()
     data = run.to_data()
     assert run.kept is False and data["off_drawing"].value == pytest.approx(3.19e-3, abs=1e-5)
-    assert "NOT KEPT" in render.verdict(data) and "3.19 mm" in render.verdict(data)
+    assert "NOT KEPT" in render.verdict(data) and "3.189 mm" in render.verdict(data)
     # What takes the time adds up to it.
     time = plain(data)["time"]
     assert sum(x["time"] for x in time) == pytest.approx(run.trajectory.duration, rel=1e-12)
@@ -107,3 +107,11 @@ def test_the_limit_that_binds_for_the_longest_time_is_named(runs):
         times[x.name] = times.get(x.name, 0.0) + x.t[1] - x.t[0]
     times.pop("nothing", None)
     assert runs["late"].to_data()["time_limit"].value == max(times, key=times.get)
+
+
+def test_rounding_and_servo_of_different_contours_are_not_added():
+    (run,) = ac.run(read_cell("ur5e", DRAWINGS / "gasket.dxf")).runs.values()
+    roundings = [getattr(x.path, "deviation", None) or 0.0 for x in run.path.contours]
+    errors = [x.max for x in run.evaluation.contours]
+    sums = [x + y for x, y in zip(roundings, errors, strict=True)]
+    assert plain(run.to_data())["off_drawing"] == max(sums) < max(roundings) + max(errors)

@@ -5,6 +5,7 @@ from tests.geometry.tables import each
 
 from armcontour.core.render import plain
 from armcontour.io.job_file import parse_job
+from armcontour.jobs import advise
 from armcontour.jobs.study import run
 
 JOB = """\
@@ -46,3 +47,14 @@ def test_it_warns_of_a_weave_that_is_not_as_asked(old, new, word):
     (found,) = plan.weaves
     assert found.differs and word in found.sentence and found.sentence in plan.warnings
     assert not any(found.sentence in x for x in plan.remarks)
+
+
+def test_the_travel_speed_that_limits_the_time_is_named_and_offered():
+    job = parse_job(JOB)
+    found = run(job).runs["only"]
+    limit = found.to_data()["time_limit"]
+    assert limit.value == "assigned velocity" and "6 mm/s" in limit.note
+    edits = {key: value for x in advise(job, found).improvements for key, value in x.edits}
+    assert edits["process.weave.speed"] == pytest.approx(7.2e-3)
+    capped = run(parse_job(JOB.replace("0.15 m/s", "5 mm/s"))).runs["only"]
+    assert "mm/s" not in capped.to_data()["time_limit"].note

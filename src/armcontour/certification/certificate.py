@@ -26,12 +26,12 @@ from armcontour.jobs.goal import Goal
 from armcontour.jobs.job import ARC, FREE, Job, Run
 from armcontour.jobs.results import ExperimentResult, RunResult, Study
 from armcontour.jobs.run_data import field_rows, warning_rows
-from armcontour.jobs.verdict import ROUNDING, off_drawing
+from armcontour.jobs.verdict import ROUNDING, off_drawing, time_limit_row
 from armcontour.jobs.warnings import beyond_logs
 from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
 from armcontour.program import Program
 from armcontour.robustness.monte_carlo import Spread
-from armcontour.timing import Tracing
+from armcontour.timing import Tracing, explain
 
 # Label of the bound of the distance from the drawing.
 GUARANTEED = "off the drawing, guaranteed"
@@ -329,11 +329,17 @@ class Certificate(Result):
         """What is off the drawing, guaranteed; what it costs, and what is left."""
         off = max(self.contours, key=lambda x: x.budget.total)
         rounding = None if off.shape is None else off.budget.rounding
-        row = off_drawing(rounding, self.result.tolerance, off.budget.executed, label=GUARANTEED)
+        budget, most = off.budget, self.run.accuracy if self.goal.tolerance is None else None
+        allowed = budget.servo_allowed if budget.allowed is None else None
+        tolerance = None if budget.allowed is not None else self.result.tolerance
+        row = off_drawing(rounding, tolerance, budget.executed, allowed, GUARANTEED)
+        sums = {"certified within": budget.allowed, "the job allows": most}
+        ends = (f"; {words} {number(x, 'm')}" for words, x in sums.items() if x is not None)
         yield replace(row, note=row.note + self._on(off))
-        note = f"limits {self.check.verdict}, between samples too"
+        note = f"limits {self.check.verdict}, between samples too" + "".join(ends)
         yield Row("kept", self.kept, JUDGED, "verdict", note, VERDICT)
         yield duration_row(self.duration, VERDICT)
+        yield from time_limit_row(self.result)
         optimum = self.uncertified.duration
         note = f"{number(self.cost / optimum, '1')} of the uncertified {number(optimum, 's')}"
         yield Row("cost", self.cost, "s", "cost", note, VERDICT)
@@ -560,7 +566,7 @@ class Certificate(Result):
             path=self.path,
             traced=None if single is None else Tracing.along(self.joint_path, single),
             trajectory=self.trajectory,
-            explanation=None,
+            explanation=explain(self.trajectory, self.job.arm),
             taught=self.taught,
             servo=self.job.servo,
             execution=self.execution,

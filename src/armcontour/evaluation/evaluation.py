@@ -69,7 +69,8 @@ class Evaluation(Result, Checked):
             may be that of a segment; NaN without one.
         speed_overshoot: Largest excess of the tool speed over the velocity assigned at its place
             [m/s]; 0 without one.
-        path_velocity: Mean tool speed over the planned time of the motion [m/s].
+        path_velocity: Mean tool speed over the planned time of the motion; of a program, over the
+            time at work [m/s].
         utilisation: Share of the planned time in which some joint was within 1 % of a limit of its
             acceleration, velocity or torque; None unless `evaluate` was asked for the use of limits
             by `limit_use=True`.
@@ -159,7 +160,7 @@ class Evaluation(Result, Checked):
             Row("speed_ratio", self.speed_ratio, "1", "tool speed of the assigned"),
             Row("speed_overshoot", self.speed_overshoot, "m/s"),
             Row("path_velocity", self.path_velocity, "m/s", "tool speed, mean"),
-            Row("utilisation", self.utilisation, "1", "some joint at a limit", "of the motion"),
+            Row("utilisation", self.utilisation, "1", "some joint at a limit", self._reserved),
             Row("limit_ratios", self.limit_ratios, "1", "limit use, planned", largest),
             Row("demand", self.demand, "rad/s^2"),
             demand_row(self.demand_ratio),
@@ -168,6 +169,15 @@ class Evaluation(Result, Checked):
             Row("command_jerk", self.command_jerk, "rad/s^3"),
             saturated_row(self.saturated),
         )
+
+    @property
+    def _reserved(self) -> str:
+        """The condition of `utilisation`, with the reserve of the plan."""
+        plan = None if self.judged is None else self.judged.executed.taught.trajectory
+        if plan is None or not plan.reserve:
+            return "of the motion"
+        left = number(1 - plan.reserve, "1")
+        return f"of the motion; planned for {left} of the accelerations and torques"
 
     @property
     def _cornering(self) -> Table:
@@ -296,6 +306,9 @@ def evaluate(
     shares = [x.speed_shares(bounds.speed) for x in pieces]
     ratio = max(float(x.max()) for x in shares)
     delay = common_delay(executed)
+    times = [(t[moved], speed[moved])]
+    if program.single_path is None:
+        times = [(x.t, x.speed) for x in pieces]
     return Evaluation(
         duration=duration,
         settled=settled,
@@ -321,7 +334,10 @@ def evaluate(
             float((piece.speed * (1 - 1 / np.maximum(share, 1.0))).max())
             for piece, share in zip(pieces, shares, strict=True)
         ),
-        path_velocity=float(np.trapezoid(speed[moved], t[moved]) / duration),
+        path_velocity=float(
+            sum(np.trapezoid(y, x) for x, y in times)
+            / (duration if program.single_path else sum(x[-1] - x[0] for x, _ in times))
+        ),
         **_compute_demands(executed, bounds, end),
         utilisation=_utilisation(executed, bounds, duration) if limit_use else None,
         limit_ratios=measure_limit_ratios(trajectory, executed.arm, bounds) if limit_use else None,

@@ -83,8 +83,8 @@ class JointIdentification(JointEstimates):
             f"Servo of {self.name}",
             (
                 Row("name", self.name, "", "joint"),
-                Row("share", self.share, "1", "of tracking"),
-                Row("contour_ratio", self.contour_ratio, "1", "of contour"),
+                Row("share", self.share, "1", "tracking error left"),
+                Row("contour_ratio", self.contour_ratio, "1", "contour error left"),
                 Row("unseen_rms", self.unseen_rms, "rad", "error, RMS"),
                 Row("unexplained", self.unexplained, "rad", "largest"),
                 Row("order", self.order, "", "model", ", ".join(filter(None, words))),
@@ -170,7 +170,7 @@ class Identification(IdentifiedJoints):
         doubt = "" if said.trusted else "compensation may be worse than none"
         sole = "judged on one program only, provisional: record a different one"
         return Data(
-            f"Servo of {count} identified from {self.source}",
+            f"Servo models of {count} from {self.source}",
             (
                 Row("judgement.trusted", said.trusted, "", "trusted", doubt, VERDICT),
                 Row("judgement.ratio", said.ratio, "1", "contour error left", UNFITTED, VERDICT),

@@ -24,7 +24,7 @@ from armcontour.jobs.planning import plan_one
 from armcontour.jobs.results import RunResult, Study
 from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.study import execute_run, teach_run
-from armcontour.jobs.verdict import judge
+from armcontour.jobs.verdict import farthest, judge, weave_speed
 from armcontour.motion import Method
 from armcontour.timing.explanation import DWELLS, NAMES, RAPIDS
 
@@ -107,8 +107,8 @@ def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
         groups = list(_repairs(job, result))
         none = "No single change of tolerance, compensation, reserve and speed makes the run kept."
     else:
-        likely = sorted(_savings(job, result), key=lambda x: -x.worth)[:MOST_PLANNED]
-        groups = [iter([x]) for x in likely]
+        likely = sorted(_savings(job, result), key=lambda x: -x[0].worth)[:MOST_PLANNED]
+        groups = list(map(iter, likely))
         none = "No single change of a limit, the corners or the order makes the motion faster."
     least = -inf if repairs else LEAST * result.trajectory.duration
     for k, group in enumerate(groups):
@@ -151,7 +151,7 @@ def _try(x: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
     """Plan and simulate a change; None if it is not possible."""
     try:
         planned = plan_one(x.job, x.run, reuse)
-        error = _contour_error(x.job, planned)
+        errors = _contour_errors(x.job, planned)
     except ArmContourError:
         return None
     duration = planned.trajectory.duration
@@ -160,21 +160,21 @@ def _try(x: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
         edits=x.edits,
         saved=result.trajectory.duration - duration,
         duration=duration,
-        off_drawing=(planned.rounding_error or 0.0) + error,
-        kept=judge(planned, error)[0],
+        off_drawing=sum(filter(None, farthest(planned, errors))),
+        kept=judge(planned, errors)[0],
         condition=x.condition,
     )
 
 
-def _contour_error(job: Job, planned: Planned) -> float:
-    """The largest contour error of a plan, executed by what judges its run [m]."""
+def _contour_errors(job: Job, planned: Planned) -> list[float]:
+    """The largest contour error of each contour of a plan, executed by what judges its run [m]."""
     run = planned.run
     taught = teach_run(job, run, planned.trajectory)
     plant = None
     if run.judge is not None:
         plant = build_plant(run.judge, job.arm, job.plant_servo, run.limits)
     executed = execute_run(job, taught, plant)
-    return evaluate(executed, planned.path, until=run.until).contour_error.max
+    return [x.max for x in evaluate(executed, planned.path, until=run.until).contours]
 
 
 def _rounded(value: float, digits: int = 3) -> float:
@@ -183,30 +183,51 @@ def _rounded(value: float, digits: int = 3) -> float:
     return float(f"{floor(value / step * (1 + 1e-12)) * step:.{digits}g}")
 
 
-def _savings(job: Job, result: RunResult) -> Iterator[_Candidate]:
-    """Changes that may make the motion shorter."""
+def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
+    """Changes that may make the motion shorter, in groups of which the first that helps counts."""
     run, why = result.run, result.explanation
     if why is None or run.duration is not None:
         return
     kinds, joints = why.kinds, {x.name: x.joint for x in why.bindings}
     for x in why.shares:
-        yield from _raised_limit(job, run, x.kind, joints.get(x.name), x.of_time)
+        yield from ([y] for y in _raised_limit(job, run, x.kind, joints.get(x.name), x.of_time))
+    yield from ([x] for x in _faster_weave(job, result, kinds.get(NAMES["speed"], 0.0)))
     free = [NAMES["speed"], RAPIDS, DWELLS]
     cornering = 1 - sum(kinds.get(x, 0.0) for x in free)
-    yield from _wider_corners(job, result, cornering)
+    yield from ([x] for x in _wider_corners(job, result, cornering))
     if run.timing.reserve > LEAST_RESERVE:
-        reserve = max(_rounded(run.timing.reserve / 2), LEAST_RESERVE)
-        worth = (run.timing.reserve - reserve) * (1 - kinds.get(free[0], 0.0)) / 2
-        yield _reserve(job, run, reserve, worth)
+        # The smallest reserve saves most, if the servo can follow.
+        reserves = sorted({LEAST_RESERVE, max(_rounded(run.timing.reserve / 2), LEAST_RESERVE)})
+        share = (1 - kinds.get(free[0], 0.0)) / 2
+        yield [_reserve(job, run, x, (run.timing.reserve - x) * share) for x in reserves]
     if len(job.program.contours) > 2 and job.process.order != "shortest":
         process = replace(job.process, order="shortest")
-        yield _Candidate(
-            label="Order the contours by the shortest ways",
-            edits=(("process.order", "shortest"),),
-            job=replace(job, process=process),
-            run=run,
-            worth=kinds.get(RAPIDS, 0.0) / 3,
-        )
+        yield [
+            _Candidate(
+                label="Order the contours by the shortest ways",
+                edits=(("process.order", "shortest"),),
+                job=replace(job, process=process),
+                run=run,
+                worth=kinds.get(RAPIDS, 0.0) / 3,
+            )
+        ]
+
+
+def _faster_weave(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
+    """A higher travel speed of the weave, where it is the assigned velocity."""
+    weave = job.process.weave
+    if weave is None or weave.speed is None or weave_speed(result) is None:
+        return
+    new = _rounded(weave.speed * RAISED)
+    process = replace(job.process, weave=replace(weave, speed=new))
+    yield _Candidate(
+        label=f"Raise the travel speed of the weave {_steps(weave.speed, new, 'm/s')}",
+        edits=(("process.weave.speed", new),),
+        job=replace(job, process=process),
+        run=result.run,
+        worth=share * (1 - 1 / RAISED),
+        condition=IF_PROCESS,
+    )
 
 
 def _raised_limit(

@@ -115,13 +115,13 @@ class RunResult(Planned, Result):
 
         None without a simulation, and without an accuracy and a tolerance.
         """
-        kept: bool | None = next(verdict_rows(self, self._error, self._failure)).value
+        kept: bool | None = next(verdict_rows(self, self._errors, self._failure)).value
         return kept
 
     @property
-    def _error(self) -> float | None:
-        """The contour error that judges the run [m]; None without a simulation."""
-        return None if self.judged is None else self.judged.contour_error.max
+    def _errors(self) -> list[float] | None:
+        """The contour errors that judge the run [m]; None without a simulation."""
+        return None if self.judged is None else [x.max for x in self.judged.contours]
 
     @property
     def _failure(self) -> str:
@@ -380,8 +380,8 @@ def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[
 
 def _verdict(result: RunResult) -> Iterator[Row]:
     """What is off the drawing, whether that is kept, what limits the time, the worst warning."""
-    yield from verdict_rows(result, result._error, result._failure)
-    yield from time_limit_row(result.explanation)
+    yield from verdict_rows(result, result._errors, result._failure)
+    yield from time_limit_row(result)
     yield from warning_rows(result.warnings)
 
 

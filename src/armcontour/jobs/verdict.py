@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from armcontour.core.render import number
@@ -10,10 +10,11 @@ from armcontour.core.result import JUDGED, VERDICT, Row
 
 if TYPE_CHECKING:
     from armcontour.jobs.planned import Planned
-    from armcontour.timing import Explanation
 
 # By default a contour may be off its path by this share of the smallest tolerance of its corners.
 DEFAULT_ACCURACY = 0.1
+# What explanations call the assigned velocity.
+ASSIGNED = "assigned velocity"
 # Share by which rounding of numbers may exceed a tolerance.
 ROUNDING = 1e-9
 
@@ -54,12 +55,23 @@ def allowed_error(planned: Planned) -> float | None:
     return None if least is None else least * DEFAULT_ACCURACY
 
 
-def judge(planned: Planned, error: float) -> tuple[bool | None, str]:
-    """Whether a contour error is allowed, and what was compared.
+def farthest(planned: Planned, errors: Sequence[float]) -> tuple[float | None, float]:
+    """Rounding and contour error of the contour with the largest sum of both [m].
 
     Args:
         planned: The plan.
-        error: Largest contour error [m].
+        errors: Largest contour error of each contour [m].
+    """
+    roundings = [getattr(x.path, "deviation", None) for x in planned.path.contours]
+    return max(zip(roundings, errors, strict=True), key=lambda x: (x[0] or 0.0) + x[1])
+
+
+def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
+    """Whether contour errors are allowed, and what was compared.
+
+    Args:
+        planned: The plan.
+        errors: Largest contour error of each contour [m].
 
     Returns:
         True or False, or None without an accuracy and a tolerance; and a sentence.
@@ -73,37 +85,56 @@ def judge(planned: Planned, error: float) -> tuple[bool | None, str]:
     if tolerance is not None and rounding > tolerance * (1 + ROUNDING):
         return False, f"corners may be {number(tolerance, 'm')} off the drawing"
     if run.accuracy is not None:
-        kept = rounding + error <= run.accuracy * (1 + ROUNDING)
+        kept = sum(filter(None, farthest(planned, errors))) <= run.accuracy * (1 + ROUNDING)
         return kept, f"{number(run.accuracy, 'm')} off the drawing is allowed"
-    if error <= allowed:
+    if max(errors) <= allowed:
         return True, ""
     return False, f"the servo may be {number(allowed, 'm')} off, a tenth of the smallest tolerance"
 
 
-def verdict_rows(planned: Planned, error: float | None, failure: str = "") -> Iterator[Row]:
+def verdict_rows(
+    planned: Planned, errors: Sequence[float] | None, failure: str = ""
+) -> Iterator[Row]:
     """Whether a run is kept, and how far its tool is off the drawing.
 
     Args:
         planned: The plan.
-        error: Largest contour error [m]; None without a simulation.
+        errors: Largest contour error of each contour [m]; None without a simulation.
         failure: Why the run was not completed.
     """
-    kept, note = (None, "") if error is None else judge(planned, error)
+    kept, note = (None, "") if errors is None else judge(planned, errors)
     if failure:
         kept, note = False, failure
     yield Row("kept", kept, JUDGED, "verdict", note, VERDICT)
-    if error is not None:
+    if errors is not None:
         # With an accuracy the parts have no limits of their own.
         free = planned.run.accuracy is not None
         limits = (None, None) if free else (planned.tolerance, allowed_error(planned))
-        yield off_drawing(planned.rounding_error, limits[0], error, limits[1])
+        rounding, error = farthest(planned, errors)
+        yield off_drawing(rounding, limits[0], error, limits[1])
     yield Row("accuracy", planned.run.accuracy, "m")
     yield Row("contour_error_allowed", allowed_error(planned), "m")
 
 
-def time_limit_row(explanation: Explanation | None) -> Iterator[Row]:
+def weave_speed(planned: Planned) -> float | None:
+    """Travel speed of weaves that is the assigned velocity everywhere [m/s]; None if there is none.
+
+    Args:
+        planned: The plan.
+    """
+    contours, most = planned.path.contours, planned.run.limits.speed
+    if most is not None and any((x.path.speeds > most).any() for x in contours):
+        return None
+    known = [x.woven.frequency * x.woven.pitch for x in contours if x.woven is not None]
+    return next((x for x in known if x > 0), None)
+
+
+def time_limit_row(planned: Planned) -> Iterator[Row]:
     """What takes most of the time; nothing where that is not known."""
-    if explanation is not None and explanation.longest is not None:
-        limit, share = explanation.longest
+    why = planned.explanation
+    if why is not None and why.longest is not None:
+        limit, share = why.longest
         note = f"{number(share, '1')} of the time"
+        if limit == ASSIGNED and (travel := weave_speed(planned)) is not None:
+            note += f"; the weave travels at {number(travel, 'm/s')}"
         yield Row("time_limit", limit, "", "limits the time", note, VERDICT)

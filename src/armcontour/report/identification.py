@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._text import capitalise
-from armcontour.core.render import number, verdict
+from armcontour.core.render import figure
 from armcontour.core.result import TABLE, VERDICT, Data
 from armcontour.identification import BodyIdentification, Identification
 from armcontour.report.figure import make_subplots, render_page
@@ -50,15 +50,20 @@ def _front(found: Identification | BodyIdentification, data: Data) -> Front:
     shown = table_of(next(x for x in data.tables if x.level <= TABLE), "All joints")
     known = [bool(x.estimates) and all(y.determined for y in x.estimates) for x in found.joints]
     if len(shown.rows) == len(known):
-        more = [(number(x), _next(y)) for x, y in zip(known, found.joints, strict=True)]
+        more = [("yes" if x else "no", _next(y)) for x, y in zip(known, found.joints, strict=True)]
         shown = Table(
             header=(*shown.header, "determined", "record next"),
             rows=tuple((*x, *y) for x, y in zip(shown.rows, more, strict=True)),
             caption=shown.caption,
         )
-    joints = Tile(label="joints determined", value=f"{sum(known)} of {len(known)}")
+    joints = Tile(
+        label="joints with all parameters determined",
+        value=f"{sum(known)} of {len(known)}",
+    )
+    words = [first.label if first.value else f"not {first.label}", first.note]
+    said = [f"{x.label} {figure(x)}" + f" ({x.note})" * bool(x.note) for x in rows]
     return Front(
-        verdict=capitalise(verdict(data).removeprefix(f"{data.title}: ")),
+        verdict=capitalise("; ".join([": ".join(filter(None, words)), *said])) + ".",
         good=bool(first.value),
         tiles=(*tiles(rows[:2]), joints),
         tables=(shown,),
@@ -72,7 +77,8 @@ def _next(joint: Any) -> str:
     if ": record" in note:
         return str(note.rsplit(": ", 1)[1])
     unknown = [x.label for x in joint.estimates if not x.determined]
-    return f"open: {', '.join(unknown)}" if unknown else "-"
+    words = "more motion at other velocities and accelerations, to determine"
+    return f"{words} {', '.join(unknown)}" if unknown else "-"
 
 
 def _sections(found: Identification | BodyIdentification, data: Data) -> list[Section]:

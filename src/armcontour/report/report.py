@@ -39,7 +39,7 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
         certificate: Certificate of the only run, for the first section.
     """
     source = OF_SIMULATION if study.simulated else OF_PLAN
-    found = sections_of(study)
+    found = sections_of(study, () if certificate is None else certificate.warnings)
     if certificate is None:
         return _page(study.job, sections.front(study), found, source=source)
     front = sections.certified(study, certificate)
@@ -65,10 +65,10 @@ def render_demo(studies: Sequence[Study]) -> str:
     )
 
 
-def sections_of(study: Study) -> list[Section]:
-    """The folded sections that have content for a study."""
+def sections_of(study: Study, warnings: Sequence[str] = ()) -> list[Section]:
+    """The folded sections that have content for a study; of a certificate with its warnings."""
     found = [
-        sections.notes(study),
+        sections.notes(study, warnings),
         sections.all_figures(study),
         sections.contours(study),
         sections.over_time(study),
@@ -124,7 +124,7 @@ def describe(job: Job) -> str:
     parts = [
         job.arm.name,
         f"{several(count, 'contour')}",
-        f"{number(job.program.length, 'm')} of path",
+        f"{number(job.program.length, 'm')} as drawn",
     ]
     if servo.order != "unknown":
         parts.append(f"servo {servo}")

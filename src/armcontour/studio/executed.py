@@ -106,7 +106,7 @@ def _figures(executed: Executed) -> Data:
     return Data(
         "Preview",
         (
-            *verdict_rows(planned, errors.max),
+            *verdict_rows(planned, [x.contour_error.max for x in executed.pieces]),
             settled_row(executed.settled),
             *error_rows("contour_error", "contour error", errors, FIRST, FIRST),
             demand_row(demand_ratio(execution, limits)),

@@ -44,7 +44,7 @@ def picture_frame(planned: Preview, view: View) -> Frame:
     duration = duration_row(planned.trajectory.duration)
     header |= {
         "run": planned.run.name,
-        "rows": frame(Data("Plan", (duration, *time_limit_row(planned.explanation)))),
+        "rows": frame(Data("Plan", (duration, *time_limit_row(planned)))),
         **view.header,
         **time_header(planned.explanation),
         "shortfalls": _shortfalls(planned, view),

@@ -8,12 +8,15 @@ import numpy as np
 
 from armcontour._text import capitalise
 from armcontour.core import result as core
-from armcontour.core.render import figure
+from armcontour.core.render import figure, number
+from armcontour.jobs.advice import IF_DRIVE, IF_PROCESS
 from armcontour.report.drawing import draw_plan
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Front, Section, side_by_side, table_of, tiles
 from armcontour.report.sections.contours import MOST_ROWS
+from armcontour.report.sections.front import time_sentences
 from armcontour.report.style import RUN_COLOURS, finish, line, thin
+from armcontour.timing.explanation import BETWEEN, DWELLS, RAPIDS
 
 if TYPE_CHECKING:
     from armcontour.certification import Certificate
@@ -26,6 +29,8 @@ def certified(study: Study, found: Certificate) -> Front:
     rows = {x.name: x for x in data.shown()}
     off, kept = rows["off_drawing"], data["kept"]
     sentences = [
+        *time_sentences(found.result),
+        *(("What to change", x) for x in [_change(found)] if x),
         ("Valid for", f"{capitalise(found.model)}. It does not cover collisions and flexibility."),
         ("What the certificate costs", f"{figure(rows['cost'])}, {rows['cost'].note}."),
         ("Weakest point", (*data.warnings, *data.notes, "None known.")[0]),
@@ -34,9 +39,25 @@ def certified(study: Study, found: Certificate) -> Front:
     return Front(
         verdict=f"{words}: {figure(off)} {off.label}; {kept.note}.",
         good=kept.value,
-        tiles=tiles(rows[x] for x in ("duration", "off_drawing", "budget.left")),
+        tiles=tiles(rows[x] for x in ("duration", "off_drawing", "time_limit")),
         drawing=draw_plan(next(iter(study.runs.values())), study.job),
         sentences=tuple(sentences),
+    )
+
+
+def _change(found: Certificate) -> str:
+    """The limit to raise: that of the largest share of the time; empty if it is not known."""
+    why = found.result.explanation
+    shares = () if why is None else why.shares
+    share = next((x for x in shares if x.kind != BETWEEN), None)
+    if share is None:
+        return ""
+    advice = "raise that limit, if " + (IF_DRIVE if share.kind != share.name else IF_PROCESS)
+    if share.kind in (RAPIDS, DWELLS):
+        advice = "shorten them, for example by process.order: shortest"
+    return (
+        f"{capitalise(share.name)} takes {number(share.of_time, '1')} of the time: {advice}. The "
+        "command run with --changes plans changes without a certificate."
     )
 
 
@@ -61,7 +82,7 @@ def certificate(found: Certificate) -> Section:
             ),
             side_by_side({found.run.name: data}, caption="Figures"),
         ),
-        notes=(*data.notes, *data.warnings),
+        notes=data.notes,
     )
 
 
@@ -115,9 +136,9 @@ def _derating(found: Certificate) -> Any:
     figure.update_xaxes(
         title="arc length of the contours [m]" if len(found.contours) > 1 else "arc length [m]"
     )
-    figure.update_yaxes(title="usable acceleration limit [%]")
+    figure.update_yaxes(title="usable [%]")
     least = 100 * min(float(x.share.min()) for x in deratings)
     if least > 100 - LEAST_RANGE:
         # Rounding errors must not fill the height of the figure.
         figure.update_yaxes(range=[100 - LEAST_RANGE, 100 + LEAST_RANGE / 10])
-    return finish(figure, title="Derating of limits", height=HEIGHT, span=2)
+    return finish(figure, title="Usable share of the acceleration limits", height=HEIGHT, span=2)

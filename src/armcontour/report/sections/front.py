@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from armcontour._describing import several
 from armcontour._text import capitalise, list_some
-from armcontour.core.render import figure
+from armcontour.core.render import figure, number
 from armcontour.core.result import Data, Row
 from armcontour.jobs import RunResult, Study, warnings_of
 from armcontour.jobs.quantities import assumed_numbers
 from armcontour.report.drawing import draw_plan
 from armcontour.report.section import Front, Section, Table, side_by_side, tiles
 from armcontour.report.style import few
+from armcontour.timing.explanation import BETWEEN, NAMES
 
 # Figures in large print, of which the first three that are known are shown.
 TILES = ("duration", "off_drawing", "time_limit", "speed")
@@ -24,6 +25,9 @@ COLUMNS = {
     "limits the time": "time_limit",
 }
 ON_BODIES = "experiment."
+# Shares of the time that are named on the first screen, and limits of them that a reserve reduces.
+MOST_SHARES = 4
+RESERVED_NAMES = (NAMES["joint_acceleration"], NAMES["joint_torque"])
 
 
 def front(study: Study) -> Front:
@@ -80,9 +84,7 @@ def _compared(study: Study) -> Table:
 def _sentences(study: Study, result: RunResult) -> Iterator[tuple[str, str]]:
     """Why the motion takes so long, what to change, and what is assumed."""
     why = result.explanation
-    slowest = [] if why is None else sorted(why.shortfalls, key=lambda x: x.speed / x.assigned)
-    if slowest:
-        yield "Why it takes this long", f"Slowest place: {slowest[0].sentence}."
+    yield from time_sentences(result)
     if result.advice is not None:
         label = "What to change"
         for x in result.advice.improvements:
@@ -100,6 +102,23 @@ def _sentences(study: Study, result: RunResult) -> Iterator[tuple[str, str]]:
         more = f" {len(found) - 1} more under Warnings and notes." if len(found) > 1 else ""
         yield "Weakest point", f"{found[0]}{more}"
     yield "Assumed", _assumed(study)
+
+
+def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
+    """Why the motion takes so long: the largest shares of the time, then the slowest place."""
+    why, reserve = result.explanation, result.run.timing.reserve
+    if why is None:
+        return
+    largest = [x for x in why.shares if x.kind != BETWEEN][:MOST_SHARES]
+    words = ", ".join(f"{x.name} {number(x.of_time, '1')}" for x in largest)
+    text = f"{capitalise(words)} of the time."
+    if reserve and any(x.kind in RESERVED_NAMES for x in largest):
+        text += f" Joints are planned for {number(1 - reserve, '1')} of their accelerations."
+    slowest = min(why.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
+    if slowest is not None:
+        text += f" Slowest place: {slowest.sentence}."
+    if largest:
+        yield "Why it takes this long", text
 
 
 def _assumed(study: Study) -> str:
@@ -126,14 +145,19 @@ def all_figures(study: Study) -> Section:
     )
 
 
-def notes(study: Study) -> Section | None:
-    """Warnings, notes and assumptions; None without any."""
+def notes(study: Study, warnings: Sequence[str] = ()) -> Section | None:
+    """Warnings, notes and assumptions; None without any.
+
+    Args:
+        study: The study.
+        warnings: Those of its certificate, in place of those of its runs.
+    """
     runs = study.runs.values()
     uses_masses = any(
         x.run.experiment is not None or x.run.limits.joint_torque is not None for x in runs
     )
     assumed = assumed_numbers(study.job.arm)
-    found = warnings_of(runs)
+    found = tuple(warnings) or warnings_of(runs)
     others = (
         *dict.fromkeys(z for y in runs for z in (*y.path.remarks, *y.remarks)),
         *((f"About the masses: {assumed}",) if assumed and uses_masses else ()),
