@@ -224,5 +224,9 @@ def test_settings_are_found_by_names_and_descriptions(studio):
     seek.fill("dead time")
     expect(studio.slider("servo.dead_time")).to_be_visible()
     expect(studio.slider("limits.speed")).to_have_count(0)
+    for words in ("tilt", "work angle", "torch"):
+        seek.fill(words)
+        expect(studio.slider("tilt")).to_be_visible()
+        expect(studio.find("#panel [data-key='path.orientation']")).to_be_visible()
     seek.fill("")
     expect(studio.slider("limits.speed")).to_be_visible()

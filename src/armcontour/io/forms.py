@@ -64,7 +64,7 @@ class AxesModel:
     Args:
         x, y, z: Where the part is tried along this axis.
         yaw: How far it is turned about z.
-        tilt: How far it is turned about y of the turned part.
+        tilt: How far it is turned about y of the turned part; the tool has `path.orientation`.
     """
 
     x: LengthsModel | None = None
@@ -86,7 +86,7 @@ class OffModel:
     Args:
         x, y, z: To both sides along this axis [m].
         yaw: In both directions about z [rad].
-        tilt: In both directions about y of the turned part [rad].
+        tilt: In both directions about y of the turned part; does not tilt the tool [rad].
     """
 
     x: Distance | None = None

@@ -272,8 +272,9 @@ class PathModel(ReadOptions):
         repeat: Copies of the drawing in columns and rows, after `scale` and before `frame`; their
             contours have names such as `hole [2,1]` (row, column).
         tool: For G-code, the tool whose contours are run, such as T2; all tools by default.
-        orientation: The required tool orientation in space: one for the whole path, or one per
-            waypoint; for a file, in the coordinates of the drawing.
+        orientation: The required tool orientation in space (tilt, work angle, push or drag angle of
+            a torch): one for the whole path, or one per waypoint; for a file, in the coordinates of
+            the drawing.
     """
 
     points: list[Point] | None = None

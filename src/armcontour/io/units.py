@@ -93,6 +93,9 @@ def _parse_text(text: str, unit: str) -> float:
     # Checked here, because pint would compute any arithmetic in the text.
     found = QUANTITY.fullmatch(text)
     if not found:
+        pointed = re.sub(r"(?<=\d),(?=\d)", ".", text, count=1)
+        if pointed != text and QUANTITY.fullmatch(pointed):
+            raise ValueError(f"{text!r} has a decimal comma: write {pointed!r}")
         raise ValueError(f"{show(text)} is not a quantity in {unit}: write a number and a unit")
     number, given = found.groups()
     factor = USUAL.get(unit, {}).get(given.strip())

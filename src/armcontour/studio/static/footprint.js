@@ -77,9 +77,7 @@ export function outlineOf(obstacle, plane) {
 function cornersOf({ kind, size, radius = 0, length = 0 }) {
   const signs = [-0.5, 0.5];
   if (kind === "boxes" && size)
-    return signs.flatMap((a) =>
-      signs.flatMap((b) => signs.map((c) => /** @type {Vector} */ ([a * size[0], b * size[1], c * (size[2] ?? 0)]))),
-    );
+    return signs.flatMap((a) => signs.flatMap((b) => signs.map((c) => /** @type {Vector} */ ([a * size[0], b * size[1], c * (size[2] ?? 0)]))));
   if (kind !== "spheres" && kind !== "cylinders" && kind !== "capsules") return null;
   const angles = Array.from({ length: ROUND }, (_, k) => (2 * Math.PI * k) / ROUND);
   const circle = (/** @type {number} */ z) =>

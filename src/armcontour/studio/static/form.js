@@ -260,7 +260,7 @@ function Range({ slider, at, written, place }) {
     if (place.current?.matches(":hover")) ghost.wish(slider, place.current);
   };
   const position = typeof slider.value === "number" ? positionOf(slider, slider.value) : STEPS;
-  return html`<input type="range" ref=${range} min="0" max=${STEPS} value=${gesture.current ? undefined : position} aria-label=${`${slider.label}, slider`} aria-valuetext=${written}
+  return html`<input type="range" ref=${range} min="0" max=${STEPS} value=${gesture.current ? undefined : position} data-unset=${String(typeof slider.value !== "number")} aria-label=${`${slider.label}, slider`} aria-valuetext=${written}
     onInput=${slide} onChange=${end} onPointerDown=${() => ghost.hold(true)} onPointerUp=${free} onPointerCancel=${free} onLostPointerCapture=${free} />`;
 }
 
@@ -368,7 +368,7 @@ function Group({ title, fields }) {
   if (!listed.length) return null;
   const isOpen = open.value || Boolean(wanted.value);
   const rest = fields.length - listed.length;
-  const isTilted = fields.some((f) => f.at === "path.orientation") && !wanted.value;
+  const isTilted = fields.some((f) => f.at === "path.orientation" && (!wanted.value || isWanted || isNamed(f)));
   const toggle = (/** @type {any} */ { target }) => {
     open.value = target.open;
     // Fields do not go once one of them is written.

@@ -88,17 +88,13 @@ export class Handles {
     // The view is fitted to the first picture: until then a handle would be elsewhere.
     if (!this.store.latest("picture") && !this.store.refusal) return [];
     const movable = found.waypoints.filter((/** @type {any} */ x) => !x.why_not);
-    return movable.length <= MOST_HANDLES
-      ? movable
-      : movable.filter((/** @type {any} */ x) => this.inView(x.uv)).slice(0, MOST_HANDLES);
+    return movable.length <= MOST_HANDLES ? movable : movable.filter((/** @type {any} */ x) => this.inView(x.uv)).slice(0, MOST_HANDLES);
   }
 
   /** Rounded corners. @returns {any[]} */
   corners() {
     const seen = handledOf(this.store.latest("picture"));
-    return seen.length <= MOST_HANDLES
-      ? seen
-      : seen.filter((/** @type {any} */ x) => this.inView(x.apex)).slice(0, MOST_HANDLES);
+    return seen.length <= MOST_HANDLES ? seen : seen.filter((/** @type {any} */ x) => this.inView(x.apex)).slice(0, MOST_HANDLES);
   }
 
   /** @param {Point} uv @returns {boolean} */
@@ -227,16 +223,8 @@ export class Handles {
   /** Every handle at its place on the screen. */
   place() {
     if ((this.store.document?.waypoints?.length ?? 0) > MOST_HANDLES) this.build();
-    const points = this.waypoints()
-      .filter(({ role }) => isOnPath(role))
-      .map(({ index }) => this.waypointAt(index));
-    const corners = points
-      .filter((p) => p !== null)
-      .map((p) =>
-        this.pointer.screen(p)
-          .map((x) => x.toFixed(1))
-          .join(),
-      );
+    const points = this.waypoints().map(({ role, index }) => isOnPath(role) && this.waypointAt(index));
+    const corners = points.flatMap((p) => (p ? [this.pointer.screen(p).map((x) => x.toFixed(1)).join()] : []));
     mark(this.polygon, "points", corners.join(" "));
     for (const handle of this.handles.values()) {
       const at = handle.at();

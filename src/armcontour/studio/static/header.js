@@ -34,9 +34,7 @@ function disable(buttons, dead) {
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   const run = /** @type {HTMLSelectElement} */ (find("#run"));
-  const buttons = Object.fromEntries(
-    ["undo", "redo", "save", "diff"].map((id) => [id, /** @type {HTMLButtonElement} */ (find(`#${id}`))]),
-  );
+  const buttons = Object.fromEntries(["undo", "redo", "save", "diff"].map((id) => [id, /** @type {HTMLButtonElement} */ (find(`#${id}`))]));
   run.addEventListener("change", () => link.send({ op: "select", run: run.value }));
   buttons.undo.addEventListener("click", () => link.send({ op: "undo" }));
   buttons.redo.addEventListener("click", () => link.send({ op: "redo" }));

@@ -5,6 +5,9 @@ import { draw, find, make } from "./dom.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./link.js").Link} Link */
 
+/** Where a job is that an earlier session has not saved. */
+const UNSAVED = "not saved";
+
 /** The arm that is chosen, while the start page is shown. @returns {string} */
 export const chosenArm = () => /** @type {HTMLInputElement | null} */ (document.querySelector("#start[open] input:checked"))?.value ?? "";
 
@@ -30,8 +33,10 @@ export function init(store, link) {
     const recent = head.recent.map((/** @type {{id: string, name: string, where: string}} */ { id, name, where }) =>
       make("button", { type: "button", "data-recent": id }, [make("b", { text: name }), make("span", { class: "quiet", text: where })]),
     );
-    find(".recent", dialog).replaceChildren(...recent);
-    find("#recent-title").hidden = !recent.length;
+    const isDraft = (/** @type {HTMLElement} */ x) => x.lastChild?.textContent === UNSAVED;
+    find(".drafts", dialog).replaceChildren(...recent.filter(isDraft));
+    find(".opened", dialog).replaceChildren(...recent.filter((/** @type {HTMLElement} */ x) => !isDraft(x)));
+    find("#recent-title").hidden = recent.every(isDraft);
     const question = /** @type {HTMLDialogElement} */ (find("#question"));
     const open = () => dialog.open || dialog.showModal();
     // What is asked is answered first.
