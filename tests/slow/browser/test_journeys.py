@@ -191,7 +191,7 @@ def test_j10_corners_and_speeds_are_changed_by_keys_alone(studio, judge):
     found = judge(studio)
     agree(studio, found)
     assert found.trajectory.duration < before
-    assert "9.000 mm" in element.get_attribute("aria-valuetext")
+    assert "7.000 mm" in element.get_attribute("aria-valuetext")
     tab_to(studio, "speed, slider")
     slower = studio.figure("duration")
     with studio.changing():
