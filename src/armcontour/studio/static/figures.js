@@ -72,7 +72,7 @@ class Figures {
     if (this.changes.dataset.shown === shown) return;
     mark(this.changes, "data-shown", shown);
     const buttons = changes.map((/** @type {any} */ { label, effect, condition, edits }) =>
-      make("button", { type: "button", title: [label, condition].filter(Boolean).join(", "), onclick: () => this.link.edit(edits) }, [make("span", { text: `${label}: ` }), make("b", { text: effect }), ...(condition ? [make("span", { text: condition })] : [])]),
+      make("button", { type: "button", title: [label, condition].filter(Boolean).join(", "), onclick: () => this.link.edit(edits) }, [make("span", { text: `${label}: ` }), make("b", { text: effect }), ...(condition ? [make("span", { text: ` ${condition}` })] : [])]),
     );
     this.changes.replaceChildren(make("span", { class: "quiet", text: `What to change${state}` }), ...buttons);
     mark(this.region, "data-changes", share < 1 ? "" : String(changes.length));
