@@ -374,7 +374,7 @@ def test_j35_a_drawing_with_wide_corners_is_not_kept(studio):
         studio.type("corners.tolerance", "10 mm")
     expect(verdict.locator(".value")).to_have_text("✗ NOT KEPT")
     assert studio.figure("off_drawing") == pytest.approx(3.19e-3, abs=1e-5)
-    expect(studio.find("[data-figure=off_drawing] .number")).to_have_text("3.19mm")
+    expect(studio.find("[data-figure=off_drawing] .number")).to_have_text("3.189mm")
     assert verdict.evaluate("e => getComputedStyle(e).color") != green
     # What rapids take is in the legend, in the words of the table.
     rapids = next(x for x in shares(studio) if x[0] == "rapids between contours")
