@@ -2,6 +2,8 @@
 
 import dataclasses
 import functools
+import os
+import shutil
 from collections.abc import Callable
 from contextlib import ExitStack
 from importlib.util import find_spec
@@ -36,6 +38,13 @@ def job(tmp_path_factory):
     """The paper's job with three of its runs, set-points every 4 ms."""
     folder = tmp_path_factory.mktemp("studio")
     return write_job(folder / "job.yaml", "conventional", "proposed", "optimal")
+
+
+@pytest.fixture(autouse=True)
+def state():
+    """What earlier tests have not saved is offered to none."""
+    yield
+    shutil.rmtree(os.environ["XDG_STATE_HOME"], ignore_errors=True)
 
 
 @pytest.fixture(scope="module")
