@@ -10,12 +10,15 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import pytest
+from tests.studio.robot_logs import log, robot
 from tools.studio_page import PATIENCE, Studio, browsing, find_browser, serving, write_job
 
 import armcontour as ac
 
 if TYPE_CHECKING:
     pass
+
+__all__ = ["log", "robot"]
 
 Open = Callable[..., Studio]
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 from tests.browser.axe_faults import faults, load_axe
-from tests.studio.robot_logs import HEAD, TRUE, Robot, write_table
-from tools.studio_page import write_job
+from tests.studio.robot_logs import HEAD, TRUE, write_table
 
 import armcontour as ac
 from armcontour.cli import main
@@ -22,36 +21,14 @@ DROP = """async ([name, bytes]) => {
   for (const kind of ["dragover", "drop"])
     document.body.dispatchEvent(new DragEvent(kind, options));
 }"""
-# Drives with something left do not saturate in the learned run.
-RESERVE = [("timing: {method: optimal}", "timing: {method: optimal, reserve: 10 %}")]
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("logs")
-
-
-@pytest.fixture(scope="module")
-def file(folder):
-    return write_job(folder / "job.yaml", "optimal", changes=RESERVE)
-
-
-@pytest.fixture(scope="module")
-def robot(file):
-    return Robot(file)
-
-
-@pytest.fixture(scope="module")
-def log(robot, folder):
-    return robot.log(folder / "run.csv")
 
 
 @pytest.fixture
-def shown(pages, file):
+def shown(pages, robot):
     """A page that shows the job of the robot."""
     studio = pages()
     studio.begin()
-    studio.open(file)
+    studio.open(robot.file)
     studio.rest()
     return studio
 
@@ -132,16 +109,16 @@ def test_j41_a_log_gives_the_servo_of_the_job(shown, log):
     assert shown.text == before
 
 
-def test_j42_the_next_set_points_are_those_of_learn(shown, file, log, folder, monkeypatch):
+def test_j42_the_next_set_points_are_those_of_learn(shown, robot, log, monkeypatch):
     drop(shown, log)
     result = done(shown, "learn")
     expect(result).to_have_attribute("data-state", "done")
     button = result.get_by_role("button", name="Download next set-points")
     _, content = shown.save_file(button)
-    first, second = folder / "first", folder / "second"
+    first, second = robot.folder / "first", robot.folder / "second"
     for arguments in (
-        ("run", file, "--out", first, "--no-simulation"),
-        ("learn", file, "--taught", first, "--log", log, "--out", second),
+        ("run", robot.file, "--out", first, "--no-simulation"),
+        ("learn", robot.file, "--taught", first, "--log", log, "--out", second),
     ):
         monkeypatch.setattr("sys.argv", ["armcontour", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:
@@ -150,21 +127,23 @@ def test_j42_the_next_set_points_are_those_of_learn(shown, file, log, folder, mo
     assert content == (second / "optimal/taught.csv").read_bytes()
 
 
-def test_j43_what_is_wrong_with_a_log_is_said_as_text(shown, robot, folder):
+def test_j43_what_is_wrong_with_a_log_is_said_as_text(shown, robot):
     markup = "<img src=x onerror=alert(1)>"
-    bad = write_table(folder / f"{markup}.csv", robot.table(robot.execute())[:, :4], HEAD[:-17])
+    bad = write_table(
+        robot.folder / f"{markup}.csv", robot.table(robot.execute())[:, :4], HEAD[:-17]
+    )
     result = drop(shown, bad)
     expect(result).to_have_attribute("data-state", "failed")
     # The second joint has no partner.
     expect(result.locator(".task-sentence")).to_contain_text(f"{markup}.csv has 1 joint")
     expect(shown.find("section.logs")).to_contain_text(markup)
     assert shown.find("#tasks img").count() == 0
-    broken = folder / "broken.csv"
+    broken = robot.folder / "broken.csv"
     broken.write_bytes(b"t,q1\n" + bytes(range(256)))
     result = drop(shown, broken)
     expect(result.locator(".task-sentence")).to_contain_text("broken.csv cannot be read")
     # Waypoints are no log.
-    points = folder / "points.csv"
+    points = robot.folder / "points.csv"
     points.write_text("x,y\n0.35,0.1\n0.41,0.15\n0.28,0.3\n")
     shown.page.evaluate(DROP, [points.name, list(points.read_bytes())])
     dialog = shown.find("#question")

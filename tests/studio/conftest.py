@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.cli.conftest import command
+from tests.studio.robot_logs import log, robot
 from tests.studio.talking import JOB, Tab, session_of
 from tools.studio_page import SQUARE
 
@@ -15,7 +16,7 @@ from armcontour.studio import planner
 from armcontour.studio.preview import Previewer
 from armcontour.studio.view import View
 
-__all__ = ["command"]
+__all__ = ["command", "log", "robot"]
 
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 PAPER = load(files("armcontour.jobs.library").joinpath("paper.yaml").read_text(), "paper")

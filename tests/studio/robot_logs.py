@@ -1,12 +1,16 @@
 """Logs of a simulated robot whose servo differs from that of the job."""
 
 import numpy as np
+import pytest
+from tools.studio_page import write_job
 
 import armcontour as ac
 from armcontour.jobs.learning import plan_run
 
 TRUE = ac.ServoModel(kp=24.0, kv=140.0)
 HEAD = "t [s],command 1 [rad],command 2 [rad],measured 1 [rad],measured 2 [rad]"
+# Drives with something left do not saturate in the learned run.
+RESERVE = [("timing: {method: optimal}", "timing: {method: optimal, reserve: 10 %}")]
 # Clock of the log at the start of the plan [s].
 BEGIN = 100.0033
 POINT = "trajectory_msgs/JointTrajectoryPoint"
@@ -23,6 +27,7 @@ class Robot:
     """
 
     def __init__(self, file, run="optimal"):
+        self.file, self.folder = file, file.parent
         self.job = ac.read_job(file)
         self.plan = plan_run(self.job, run)
         self.plant = ac.ServoPlant(self.job.arm, TRUE)
@@ -42,6 +47,19 @@ class Robot:
     def log(self, file, done=None, seed=0):
         """Write the log of a motion, by default that of the plan."""
         return write_table(file, self.table(self.execute() if done is None else done, seed))
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory):
+    """A robot with a job in a folder of its own."""
+    file = tmp_path_factory.mktemp("logs") / "job.yaml"
+    return Robot(write_job(file, "optimal", changes=RESERVE))
+
+
+@pytest.fixture(scope="module")
+def log(robot):
+    """The log of the plan."""
+    return robot.log(robot.folder / "run.csv")
 
 
 def write_table(file, rows, head=HEAD):

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.studio.robot_logs import BEGIN, HEAD, TRUE, Robot, write_bag, write_table
+from tests.studio.robot_logs import BEGIN, HEAD, TRUE, write_bag, write_table
 from tests.studio.talking import NoLane, Tab, figure, session_of
-from tools.studio_page import write_job
 
 import armcontour as ac
 from armcontour.core.render import cells
@@ -19,37 +18,19 @@ from armcontour.studio.disk import state_folder
 from armcontour.studio.tasks.working import do
 from armcontour.studio.uploads import MOST_LOGS
 
-# Drives with something left do not saturate in the learned run.
-RESERVE = [("timing: {method: optimal}", "timing: {method: optimal, reserve: 10 %}")]
-
 
 def quiet(step):
     """Hears nothing."""
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    return tmp_path_factory.mktemp("logs")
-
-
-@pytest.fixture(scope="module")
-def file(place):
-    return write_job(place / "job.yaml", "optimal", changes=RESERVE)
-
-
-@pytest.fixture(scope="module")
-def robot(file):
-    return Robot(file)
+def file(robot):
+    return robot.file
 
 
 @pytest.fixture(scope="module")
 def done(robot):
     return robot.execute()
-
-
-@pytest.fixture(scope="module")
-def log(robot, done, place):
-    return robot.log(place / "run.csv", done)
 
 
 @pytest.fixture
@@ -135,8 +116,8 @@ def test_a_mapping_that_is_set_keeps_the_comments_of_its_keys(tmp_path, file):
     session.close()
 
 
-def test_next_set_points_are_those_of_the_command(ask, robot, file, log, place, command):
-    first, second, third = (place / x for x in ("first", "second", "third"))
+def test_next_set_points_are_those_of_the_command(ask, robot, file, log, command):
+    first, second, third = (robot.folder / x for x in ("first", "second", "third"))
     assert command("run", file, "--out", first, "--no-simulation")[0] == 0
     assert command("learn", file, "--taught", first, "--log", log, "--out", second)[0] == 0
     frame = ask("learn", log)
@@ -148,7 +129,7 @@ def test_next_set_points_are_those_of_the_command(ask, robot, file, log, place, 
     # The robot executes them, and the next log is compared with what it was told.
     learned = np.loadtxt(second / "optimal/taught.csv", delimiter=",", skiprows=1)
     moved = robot.execute(replace(robot.plan.taught, q=learned[:, 1:]))
-    again = robot.log(place / "run2.csv", moved, seed=1)
+    again = robot.log(robot.folder / "run2.csv", moved, seed=1)
     frame = ask("measured", log, again)
     assert figure(frame.header, "contour_rms") < figure(ask("learn", log).header, "first")
     assert command("learn", file, "--taught", second, "--log", again, "--out", third)[0] == 0
