@@ -21,6 +21,7 @@ from armcontour._progress import Step
 from armcontour.arms import Arm
 from armcontour.errors import ArmContourError, InvalidInput
 from armcontour.jobs import Job
+from armcontour.jobs.study import STEPS
 from armcontour.program import Program
 from armcontour.scene import Scene
 from armcontour.studio.executed import executed_frame
@@ -49,8 +50,8 @@ LATE = 0.5
 PATIENCE = 2.0
 # Work that is done by then has no progress, and progress is told so often at most [s].
 SOON, OFTEN = 0.7, 0.1
-# The steps of a run, in their order; a preview has the first three.
-STEPS = ("rounding", "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
+# So many of the steps of a run, the first ones, are those of a plan.
+OF_PLAN = 3
 # What a person can ask for.
 TASKS = tuple(x for x in working.TASKS if x not in ("figures", "changes"))
 # Frames after which a task is over.
@@ -560,7 +561,8 @@ class Planner:
                 state.told = now
                 tier = Tier.EXACT if state.answered else Tier.PREVIEW
                 if steps and steps[-1] in STEPS:
-                    number, count = STEPS.index(steps[-1]) + 1, 7 if state.answered else 3
+                    number = STEPS.index(steps[-1]) + 1
+                    count = len(STEPS) if state.answered else OF_PLAN
                     steps = (*steps[:-1], f"{steps[-1]} (step {number} of {count})")
                 told = {"id": OWN, "task": OWN, "tier": tier, "state": how or WORKING}
                 self._deliver(Frame("progress", {**told, "steps": steps, "share": share}), state)
