@@ -10,7 +10,7 @@ from dataclasses import fields
 from pathlib import Path as FilePath
 from typing import Any, TypeAlias
 
-from armcontour.io.cell import YAML, cell_names
+from armcontour.io.cell import OWN_PATH, YAML, cell_names
 from armcontour.io.drawings.endings import READERS
 from armcontour.io.exports.formats import FORMATS, TemplateFormat
 from armcontour.io.exports.template import SHIPPED
@@ -50,8 +50,8 @@ CALLED = {"method", "shape"}
 # Keys of geometry, which the drawing changes, of runs, which have a table, and of the arm, which
 # has one field.
 OMITTED = (
-    *("path.points", "path.start", "path.segments", "path.spline", "path.file", "runs"),
-    *("arm.name", "arm.file"),
+    *(f"path.{x}" for x in (*OWN_PATH, "file")),
+    *("runs", "arm.name", "arm.file"),
 )
 UNIT = re.compile(r" \[([a-zN1][^\],]*)\]")
 # Shapes of corners; `sharp` stands for the whole key.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from armcontour.errors import InvalidInput
+from armcontour.io.cell import OWN_PATH
 from armcontour.io.job_edits import line_of, value_at
 from armcontour.io.patch import place
 from armcontour.io.units import unit_of
@@ -16,12 +17,10 @@ from armcontour.studio.disk import START
 from armcontour.studio.document import Document
 from armcontour.studio.edits.tilt import tilt_of
 from armcontour.studio.fields import values_of
-from armcontour.studio.handles import LENGTH, POINTS, SEGMENTS, SPLINE, Handles, obstacles_of
+from armcontour.studio.handles import LENGTH, Handles, obstacles_of
 from armcontour.studio.wire import Frame
 from armcontour.timing import Optimal
 
-# Keys of a path with its points.
-GEOMETRY = (POINTS, "start", SEGMENTS, SPLINE)
 # What an edit is called in the list of what can be undone.
 LABELS = {
     "move_waypoint": "move waypoint {number}",
@@ -165,7 +164,7 @@ def _options(path: Any) -> Any:
     """The path of a job without its points, which may be many."""
     if not isinstance(path, Mapping):
         return path
-    return {key: x for key, x in path.items() if key not in GEOMETRY}
+    return {key: x for key, x in path.items() if key not in OWN_PATH}
 
 
 def _layers(job: Job) -> list[str]:
