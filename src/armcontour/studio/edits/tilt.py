@@ -13,7 +13,7 @@ from armcontour._text import plain_number
 from armcontour.errors import InvalidInput
 from armcontour.frames import exp, quaternions, shortest, to_rpy
 from armcontour.geometry.orienting import POINTING_DOWN
-from armcontour.io.job_edits import Change, Keys
+from armcontour.io.job_edits import Change, Keys, value_at
 from armcontour.io.job_model import OrientationModel
 from armcontour.io.keys import Keys as Model
 from armcontour.io.keys import read_keys
@@ -65,8 +65,7 @@ def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         parts = [round(float(x), DECIMALS) + 0.0 for x in wanted]
         return [Change((*keys, "axis"), [int(x) if x == int(x) else x for x in parts])]
     turned = exp(shortest(axis, wanted)) @ rotation
-    given = _mapping(state.data, keys)
-    if given.get("quaternion") is not None:
+    if value_at(state.data, (*keys, "quaternion")) is not None:
         return [Change((*keys, "quaternion"), quaternions(turned).tolist())]
     angles = to_rpy(turned)
     return [
@@ -76,7 +75,7 @@ def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 def _oriented(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None, FloatArray] | None:
     """Keys, rotation (None for an axis alone) and axis of the tool; None for a list of them."""
-    given = _mapping(data, KEYS)
+    given = value_at(data, KEYS) or {}
     if isinstance(given, list):
         return None
     model = read_keys(Model(OrientationModel), given, "job")
@@ -88,14 +87,6 @@ def _oriented(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None, FloatAr
     rotation = rotation_of("", model if follow is None else follow)
     rotation = POINTING_DOWN if rotation is None else rotation
     return keys, rotation, np.asarray(rotation[:, 2])
-
-
-def _mapping(data: Mapping[str, Any], keys: Keys) -> Any:
-    """The mapping at keys, empty if there is none."""
-    found: Any = data
-    for key in keys:
-        found = found.get(key) or {}
-    return found
 
 
 def _degrees(name: str, value: Any) -> float:
