@@ -131,13 +131,14 @@ def exports_of(x: ExportOptions) -> Exports:
     from armcontour._quantities import Interval
     from armcontour.errors import InvalidInput
     from armcontour.io.exports.formats import TemplateFormat, format_named
+    from armcontour.io.exports.template import ending_of
 
     kinds = [format_named(name) for name in x.export or ()]
     if TemplateFormat in kinds:
         raise InvalidInput("--export template needs its template: give it with --template.")
     targets = [Target(format=of(), ending=of.ending) for of in kinds]
     targets += [
-        Target(format=TemplateFormat(template=name), ending=_ending(name))
+        Target(format=TemplateFormat(template=name), ending=ending_of(name))
         for name in x.template or ()
     ]
     period = read_option("--period", x.period, Interval)
@@ -477,11 +478,3 @@ def _format(file: FilePath, options: StoredExportOptions) -> ExportFormat:
     if of is TemplateFormat:
         raise InvalidInput("The format template needs a template: kuka, abb, or a file.")
     return of()
-
-
-def _ending(template: str) -> str:
-    """The ending of the file that a template makes, such as ".src" for "kuka.src.j2"."""
-    from armcontour.io.exports.template import SHIPPED
-
-    file = SHIPPED.get(template, template)
-    return FilePath(FilePath(file).name.removesuffix(".j2")).suffix or ".txt"

@@ -7,13 +7,12 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
-from pathlib import Path as FilePath
 from typing import Any, TypeAlias
 
 from armcontour.io.cell import OWN_PATH, YAML, cell_names
 from armcontour.io.drawings.endings import READERS
 from armcontour.io.exports.formats import FORMATS, TemplateFormat
-from armcontour.io.exports.template import SHIPPED
+from armcontour.io.exports.template import ending_of, templates
 from armcontour.io.job_file import json_schema
 from armcontour.io.job_model import JobModel, RunModel, SharedModel
 from armcontour.io.job_options import settings
@@ -63,9 +62,9 @@ Field: TypeAlias = dict[str, Any]
 
 def form_text() -> str:
     """The form as the JSON that the page reads at its start."""
-    programs = {x: FilePath(file.removesuffix(".j2")).suffix for x, file in SHIPPED.items()}
     formats = [[x, f"{x} ({of.ending})", of.joints] for x, of in FORMATS.items() if of.ending]
-    formats += [[f"template {x}", f"{x} ({y})", TemplateFormat.joints] for x, y in programs.items()]
+    joints = TemplateFormat.joints
+    formats += [[f"template {x}", f"{x} ({ending_of(x)})", joints] for x in templates()]
     form = {
         "groups": [{"title": title, "fields": x} for title, x in _groups().items()],
         "in_run": [x.name for x in fields(RunModel)],

@@ -85,6 +85,12 @@ class _Refused(Exception):
     """The refusal of a table by a template, with the template's reason."""
 
 
+def ending_of(template: str) -> str:
+    """The ending of the file that a template makes, such as ".src" for "kuka.src.j2"."""
+    file = FilePath(SHIPPED.get(template, template)).name
+    return FilePath(file.removesuffix(ENDING)).suffix or ".txt"
+
+
 def templates() -> tuple[str, ...]:
     """Names of the templates that come with the package."""
     return tuple(SHIPPED)

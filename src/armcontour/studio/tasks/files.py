@@ -76,7 +76,7 @@ def export(x: Request) -> Frame:
     """
     from armcontour.io.exports.formats import TemplateFormat, format_named, put
     from armcontour.io.exports.table import make_table
-    from armcontour.io.exports.template import SHIPPED, describe_program
+    from armcontour.io.exports.template import SHIPPED, describe_program, ending_of
     from armcontour.jobs import analog_outputs
 
     of, plan = format_named(str(x.option("format", "csv"))), x.taught
@@ -90,7 +90,7 @@ def export(x: Request) -> Frame:
         if template not in SHIPPED:
             names = ", ".join(SHIPPED)
             raise InvalidInput(f"There is no template {template!r}: there are {names}.")
-        ending = FilePath(SHIPPED[template].removesuffix(".j2")).suffix
+        ending = ending_of(template)
     taught = x.option("of", "taught") != "planned"
     x.progress(Step(("writing",)))
     with tempfile.TemporaryDirectory() as folder:
