@@ -14,8 +14,8 @@ from armcontour.io.drawings.endings import READERS
 from armcontour.io.exports.formats import FORMATS, TemplateFormat
 from armcontour.io.exports.template import ending_of, templates
 from armcontour.io.job_file import json_schema
-from armcontour.io.job_model import JobModel, RunModel, SharedModel
-from armcontour.io.job_options import settings
+from armcontour.io.job_model import RunModel, SharedModel
+from armcontour.io.job_options import usual_ranges
 from armcontour.io.patch import MERGED
 from armcontour.io.robots.loading import arm_names
 
@@ -87,12 +87,7 @@ def _groups() -> dict[str, list[Field]]:
     tree = _fields(schema, schema["$defs"])
     run = _fields(schema["$defs"]["RunModel"], schema["$defs"])
     tree += [x for x in run if x["name"] not in {y["name"] for y in tree}]
-    ranges = {
-        ".".join(map(str, keys)): about.usual
-        for of in (JobModel, RunModel)
-        for keys, about, *_ in settings(of)
-        if about.usual[1]
-    }
+    ranges = {".".join(map(str, keys)): x for keys, x in usual_ranges().items()}
     for key in OMITTED:
         _take(tree, key.split("."))
     listed = {key: title for title, keys in GROUPS.items() for key in keys}

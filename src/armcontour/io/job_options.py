@@ -13,7 +13,7 @@ from armcontour._text import capitalise, describe_fields
 from armcontour.core.fields import parts_of
 from armcontour.io.forms import FORMS, Form
 from armcontour.io.job_edits import Keys
-from armcontour.io.job_model import JobModel
+from armcontour.io.job_model import JobModel, RunModel
 from armcontour.io.si_data import alternatives
 
 # Topics in the help of commands, by the first key.
@@ -46,6 +46,12 @@ def settings(of: type = JobModel, outer: Keys = ()) -> Iterator[tuple[Keys, Abou
         for kind in alternatives(hint):
             if dataclasses.is_dataclass(kind) and isinstance(kind, type):
                 yield from settings(kind, keys)
+
+
+def usual_ranges() -> dict[Keys, tuple[float, float]]:
+    """The usual ranges of the quantities of a job and its runs that have one, in SI units."""
+    every = (x for of in (JobModel, RunModel) for x in settings(of))
+    return {keys: about.usual for keys, about, *_ in every if about.usual[1]}
 
 
 def options_text() -> str:

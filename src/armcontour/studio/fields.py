@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.io.job_edits import Keys, value_at
 from armcontour.io.job_model import JobModel, RunModel
-from armcontour.io.job_options import settings
+from armcontour.io.job_options import usual_ranges
 from armcontour.io.patch import place
 from armcontour.io.si_data import quantity_of
 from armcontour.io.units import unit_of
@@ -22,9 +22,8 @@ from armcontour.studio.edits.keys import run_of, value_of
 @cache
 def quantities() -> dict[Keys, tuple[float, float]]:
     """The keys that have a slider, with their usual range: not those of the real servo."""
-    every = ((keys, x) for of in (JobModel, RunModel) for keys, x, *_ in settings(of))
-    found = {keys: x.usual for keys, x in every if x.usual[1] and len(keys) <= 2}
-    return {keys: usual for keys, usual in found.items() if keys[0] != "plant"}
+    every = usual_ranges().items()
+    return {keys: x for keys, x in every if len(keys) <= 2 and keys[0] != "plant"}
 
 
 def values_of(data: Mapping[str, Any], job: Job, run: str) -> dict[str, dict[str, Any]]:
