@@ -79,10 +79,12 @@ def export(x: Request) -> Frame:
     from armcontour.io.exports.template import SHIPPED, describe_program, ending_of
     from armcontour.jobs import analog_outputs
 
-    of, plan = format_named(str(x.option("format", "csv"))), x.taught
-    if x.option("of", "taught") == "learned":
+    of, source = format_named(str(x.option("format", "csv"))), x.option("of", "taught")
+    if source == "learned":
         study = learned(x)
         plan = replace(study.plan, taught=study.lesson)
+    else:
+        plan = x.taught
     format = of(**{name: y for name, y in x.options.items() if name == "template"})
     template, ending = None, format.ending
     if isinstance(format, TemplateFormat):
@@ -91,7 +93,7 @@ def export(x: Request) -> Frame:
             names = ", ".join(SHIPPED)
             raise InvalidInput(f"There is no template {template!r}: there are {names}.")
         ending = ending_of(template)
-    taught = x.option("of", "taught") != "planned"
+    taught = source != "planned"
     x.progress(Step(("writing",)))
     with tempfile.TemporaryDirectory() as folder:
         stem = f"{x.job.name}-{plan.run.name}"
