@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from armcontour.io.job_edits import Keys, value_at
-from armcontour.io.job_model import JobModel, RunModel
+from armcontour.io.job_model import JobModel
 from armcontour.io.job_options import usual_ranges
-from armcontour.io.patch import place
+from armcontour.io.patch import full_key, place
 from armcontour.io.si_data import quantity_of
 from armcontour.io.units import unit_of
 from armcontour.jobs import Job
@@ -70,7 +70,7 @@ def _quantity(
 
 def _row(asked: Keys, value: float | None, written: Any) -> dict[str, Any]:
     """A value and the range of its slider."""
-    kind = quantity_of(JobModel, asked) or quantity_of(RunModel, asked)
+    kind = quantity_of(JobModel, full_key(asked))
     assert kind is not None
     unit, factor = unit_of(written, kind)
     low, high = usual = quantities()[asked]
