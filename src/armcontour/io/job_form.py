@@ -43,7 +43,8 @@ GROUPS = {
     "Cell": ("scene", "ignore_collisions"),
     "Name, certificate, placement": ("name", "title", "certificate", "placement", "experiment"),
 }
-# Mappings whose fields are fields of the group, and fields that are called like their mapping.
+# Mappings whose fields are shown as fields of the group, and the fields among these that have the
+# label of their mapping.
 FLAT = ("corners", "servo", "timing", "compensation")
 CALLED = {"method", "shape"}
 # Keys of geometry, which the drawing changes, of runs, which have a table, and of the arm, which
@@ -81,7 +82,7 @@ def form_text() -> str:
 def _groups() -> dict[str, list[Field]]:
     """The fields of each group, with their keys as `at`.
 
-    A mapping of which groups have some keys shows the rest as fields of its own group.
+    If groups list single keys of a mapping, its other keys are fields of the mapping's group.
     """
     schema = json_schema()
     tree = _fields(schema, schema["$defs"])

@@ -57,7 +57,7 @@ def executed_frame(executed: Executed, view: View) -> Frame:
 
 
 def executed_lines(executed: Executed, view: View, detail: Detail | None = None) -> dict[str, Any]:
-    """Arrays of where the tool is beside the path that is seen.
+    """Arrays of the deviation of the tool from the visible part of the path.
 
     Args:
         executed: The execution.
@@ -72,7 +72,14 @@ def executed_lines(executed: Executed, view: View, detail: Detail | None = None)
 def tool_lines(
     pieces: Sequence[Piece], view: View, detail: Detail | None = None, **columns: FloatArray
 ) -> dict[str, Any]:
-    """The same for the motion along each contour; columns have a row for each of all samples."""
+    """Arrays of the deviation of the tool from the visible part of the path.
+
+    Args:
+        pieces: The motion along each contour.
+        view: As of `executed_frame`.
+        detail: As of `executed_lines`.
+        **columns: More values of each sample of the motion, (n, k), by the array's name.
+    """
     base = np.concatenate([x.on_path for x in pieces])
     detail = detail or Detail.of_whole(view.uv(base))
     ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])

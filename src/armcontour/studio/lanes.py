@@ -17,7 +17,7 @@ from armcontour.errors import ArmContourError
 from armcontour.studio.tasks.working import WARM, Given, work
 from armcontour.studio.wire import Frame
 
-# By how much previews go before what the other process does.
+# Niceness of the other process, so that previews come first.
 NICE = 10
 
 

@@ -20,7 +20,7 @@ from armcontour.timing import Explanation
 
 # About the largest number of points that are drawn for the speed alone; a short path needs fewer.
 MOST_POINTS, LEAST_POINTS = 20_000, 1_200
-# Where another limit binds for so many largest errors of the line, that is seen.
+# A stretch on which another limit binds is drawn if it is longer than so many errors of the line.
 SEEN = 8.0
 # Where no limit binds, or it is not known.
 NOTHING = 255

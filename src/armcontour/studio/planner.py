@@ -48,7 +48,7 @@ SLOW = 0.5
 LATE = 0.5
 # Exact figures that took longer are not waited for when they are out of date [s].
 PATIENCE = 2.0
-# Work that is done by then has no progress, and progress is told so often at most [s].
+# Progress is reported after so long at the earliest, and then at such intervals at least [s].
 SOON, OFTEN = 0.7, 0.1
 # So many of the steps of a run, the first ones, are those of a plan.
 OF_PLAN = 3
@@ -195,7 +195,7 @@ class Planner:
             self._lane.submit(partial(self._work, state))
 
     def stop(self) -> None:
-        """Leave the newest state as far as it is."""
+        """Stop the work on the newest state; pages keep what they have of it."""
         with self._lock:
             state = self._newest
             if state is not None:
@@ -503,7 +503,7 @@ class Planner:
                 self._changes = frame
                 self._deliver(Frame("changes", frame.header), state)
             elif task == "changes":
-                # It is no loss.
+                # Pages do without what to change.
                 pass
             elif frame.kind == "refusal":
                 self._deliver(frame, state)

@@ -31,7 +31,7 @@ from armcontour.studio.wire import Frame
 DRAWINGS = {"drawing": "plate.svg", "gcode": "slot.ngc", "weld": "seam.svg"}
 PAPER, EMPTY = "paper", "empty"
 WEAVE = {"width": "4 mm", "frequency": "2 Hz", "speed": "6 mm/s"}
-# Files that the start page offers; more are not recognized by their names.
+# Largest number of files on the start page: users recognize few by their names.
 MOST_RECENT = 8
 DOWN = np.diag([1.0, -1.0, -1.0])
 
@@ -170,7 +170,7 @@ def _recent() -> dict[str, dict[str, Any]]:
 
 
 def find_recent(identity: str) -> Mapping[str, Any]:
-    """A draft, or a file and its cell, by what the page was given.
+    """A draft, or a file and its cell, by the identity that the page has.
 
     Raises:
         InvalidInput: It is not there any more.

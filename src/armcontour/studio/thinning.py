@@ -13,7 +13,7 @@ from armcontour.geometry import Path
 # Times of a motion that are drawn, whatever happens between them, are so close [s], and at most so
 # many: on straight lines between them an arm that accelerates by 20 rad/s² is off by 0.3 mrad.
 CLOSE, MOST_EVEN = 10e-3, 2_000
-# A picture of all lines is as fine as this part of its size, and no size is below this [m].
+# The error of a picture of all lines is its size divided by this; its size is at least this [m].
 FINENESS, SMALLEST = 5_000, 1e-4
 # Curves are drawn with points that are not farther apart than this [rad], and at most so many.
 TURN, MOST_PER_ARC = 0.06, 20_000
@@ -67,7 +67,7 @@ def thin(weight: FloatArray, rows: Sequence[FloatArray], most: int) -> IntArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detail:
-    """How finely lines are drawn, and the part of them that is.
+    """How finely lines are drawn, and which part of them.
 
     Args:
         error: Largest distance of the path from the drawn line [m].
@@ -80,7 +80,7 @@ class Detail:
     @classmethod
     def of_whole(cls, uv: FloatArray) -> Detail:
         """Enough to see all points of a path at once."""
-        # It stays when the path is turned.
+        # The size is the same when the path is turned.
         away = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
         size = 2.0 * float(away.max(initial=0.0))
         return cls(max(size, SMALLEST) / FINENESS)

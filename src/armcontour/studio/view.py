@@ -14,7 +14,7 @@ import numpy as np
 from armcontour._checks import FloatArray
 from armcontour.geometry import Path
 
-# Points at which a path is looked at for its box, beside the ends of its segments.
+# The box of a path is computed from so many of its points, and from the ends of its segments.
 LOOKS = 41
 
 
