@@ -94,4 +94,4 @@ def _leave(desks: list[Desk]) -> None:
 def _unsaved(desks: list[Desk]) -> str | None:
     """A sentence on changes that were not saved."""
     session = desks[0].session if desks else None
-    return None if session is None else session.unsaved()
+    return None if session is None else session.document.unsaved()

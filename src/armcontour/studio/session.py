@@ -156,10 +156,6 @@ class Session:
                 self.display.show_all()
         return name
 
-    def unsaved(self) -> str | None:
-        """As of `Document.unsaved`."""
-        return self.document.unsaved()
-
     def close(self) -> None:
         """End all work."""
         self.display.planner.close()
