@@ -152,7 +152,7 @@ export function hasMotion(store) {
 const isPlanned = (store) => !store.refusal && hasMotion(store);
 
 /** How true the figures are, in a word. @param {Store} store @returns {string} */
-export function exactnessOf(store) {
+function exactnessOf(store) {
   if (store.isOffline) return "not connected";
   if (store.refusal?.head.tier === 1) return hasMotion(store) ? "refused, the last" : "refused";
   if (!hasMotion(store)) return "not planned yet";

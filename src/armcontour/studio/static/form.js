@@ -242,7 +242,6 @@ const Without = ({ at, name }) =>
 /** @param {{slider: Slider, at: Key, written: string, place: {current: HTMLElement | null}}} props */
 function Range({ slider, at, written, place }) {
   const gesture = useRef(/** @type {Gesture | null} */ (null));
-  const range = useRef(/** @type {HTMLInputElement | null} */ (null));
   const slide = (/** @type {any} */ { target, timeStamp }) => {
     gesture.current ??= new Gesture(link);
     const value = valueAt(slider, Number(target.value));
@@ -260,7 +259,7 @@ function Range({ slider, at, written, place }) {
     if (place.current?.matches(":hover")) ghost.wish(slider, place.current);
   };
   const position = typeof slider.value === "number" ? positionOf(slider, slider.value) : STEPS;
-  return html`<input type="range" ref=${range} min="0" max=${STEPS} value=${gesture.current ? undefined : position} data-unset=${String(typeof slider.value !== "number")} aria-label=${`${slider.label}, slider`} aria-valuetext=${written}
+  return html`<input type="range" min="0" max=${STEPS} value=${gesture.current ? undefined : position} data-unset=${String(typeof slider.value !== "number")} aria-label=${`${slider.label}, slider`} aria-valuetext=${written}
     onInput=${slide} onChange=${end} onPointerDown=${() => ghost.hold(true)} onPointerUp=${free} onPointerCancel=${free} onLostPointerCapture=${free} />`;
 }
 

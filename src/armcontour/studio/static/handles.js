@@ -22,7 +22,7 @@ const MOST_HANDLES = 300;
 /** No waypoint that is to have the focus. */
 const NOTHING = { index: -1, seq: Infinity, count: 0 };
 
-export class Handles {
+class Handles {
   /** @param {Store} store @param {Link} link @param {View2d} view */
   constructor(store, link, view) {
     this.store = store;
