@@ -114,10 +114,12 @@ function send(at, edits) {
   link.edit([...more.flatMap((x) => x.edits), ...edits]);
 }
 
+/** Whether a change of a key is for the shown run alone. @param {Key} key @returns {boolean} */
+const isOfRun = (key) => forRun.value && form.in_run.includes(key[0]);
+
 /** @param {Key} key @param {any} value */
 function set(key, value) {
-  const own = forRun.value && form.in_run.includes(key[0]);
-  send(key, value === "" ? [{ do: "unset", key }] : [...listed(key), { do: "set", key, value, run: own }]);
+  send(key, value === "" ? [{ do: "unset", key }] : [...listed(key), { do: "set", key, value, run: isOfRun(key) }]);
 }
 
 /** Edits that list all layers that are run, before one of them has values of its own: others would not be run. @param {Key} key @returns {object[]} */
@@ -248,7 +250,7 @@ function Range({ slider, at, written, place }) {
     const field = place.current?.querySelector("input");
     if (field) field.value = quantity(value, slider);
     target.setAttribute("aria-valuetext", quantity(value, slider));
-    gesture.current.update([{ do: "set", key: at, value, run: forRun.value && form.in_run.includes(at[0]) }], timeStamp);
+    gesture.current.update([{ do: "set", key: at, value, run: isOfRun(at) }], timeStamp);
   };
   const end = () => {
     gesture.current?.end();
