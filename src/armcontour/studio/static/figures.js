@@ -36,8 +36,9 @@ class Figures {
     for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, update);
     const others = nowAndThen(READING, () => this.update());
     for (const event of ["executed", "changes"]) store.on(event, others);
+    // The cycle time is shown with each picture.
     store.on("picture", () => {
-      this.updateFirst();
+      this.showAll(["duration", "time_limit"]);
       others();
     });
     setInterval(() => this.speak(), SPOKEN_EVERY);
@@ -57,9 +58,7 @@ class Figures {
   }
 
   update() {
-    const { exact, rows } = knownOf(this.store);
-    for (const name of FIGURES) this.show(name, rows.get(name), exact);
-    this.updateState();
+    this.showAll(FIGURES);
     this.updateChanges();
   }
 
@@ -78,10 +77,10 @@ class Figures {
     mark(this.region, "data-changes", share < 1 ? "" : String(changes.length));
   }
 
-  /** The cycle time, with each picture. */
-  updateFirst() {
+  /** @param {string[]} names */
+  showAll(names) {
     const { exact, rows } = knownOf(this.store);
-    for (const name of ["duration", "time_limit"]) this.show(name, rows.get(name), exact);
+    for (const name of names) this.show(name, rows.get(name), exact);
     this.updateState();
   }
 
