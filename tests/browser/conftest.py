@@ -7,15 +7,11 @@ import shutil
 from collections.abc import Callable
 from contextlib import ExitStack
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 import pytest
 from tools.studio_page import PATIENCE, Studio, browsing, find_browser, serving, write_job
 
 import armcontour as ac
-
-if TYPE_CHECKING:
-    pass
 
 Open = Callable[..., Studio]
 
