@@ -41,7 +41,7 @@ const help = signal("");
 const refusals = signal(/** @type {Record<string, string>} */ ({}));
 /**
  * Edits of a key.
- * @typedef {{key: string, edits: object[], outer: string}} Wish `outer` is what was refused of them
+ * @typedef {{key: string, edits: object[], outer: string}} Wish `outer` is the key around `key` that the server refused, or empty
  */
 /** What was refused because of other keys of `outer`: it is sent again with the next edit there. @type {Wish[]} */
 let waiting = [];
