@@ -30,7 +30,7 @@ import armcontour
 from benchmarks.commands import gcode
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, Mouse
 
 # How long each motion of the mouse lasts [s], and how often it moves [Hz].
 SECONDS, RATE = 5.0, 60.0
@@ -98,18 +98,11 @@ def segments(browser: Browser, folder: FilePath) -> Iterator[Found]:
     file = folder / "part.ngc"
     file.write_text(gcode(SEGMENTS))
     with _studio(browser, file, "--cell", "pmk3s") as studio:
-        box = studio.find("#view2d").bounding_box()
-        assert box is not None
-        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        mouse = studio.page.mouse
-
-        def pan(t: float) -> None:
-            mouse.move(x + 80 * math.sin(3 * t), y + 60 * math.cos(2 * t))
+        mouse, pan = _panning(studio)
 
         def zoom(t: float) -> None:
             mouse.wheel(0, 60 * math.cos(2 * t))
 
-        mouse.move(x, y)
         for name, act in (("pan", pan), ("zoom", zoom)):
             if name == "pan":
                 mouse.down()
@@ -136,7 +129,7 @@ def corner(browser: Browser, folder: FilePath) -> Iterator[Found]:
 
 
 def contours(browser: Browser, folder: FilePath) -> Iterator[Found]:
-    """A drawing of 2,000 contours is opened, edited, panned and zoomed."""
+    """2,000 contours are opened, their planning is stopped and resumed, and they are panned."""
     file = write_shapes(folder / "shapes.dxf", CONTOURS, 50, 8.0, 2.5)
     with serving(file, "--cell", "ur5e", folder=folder) as server:
         begin = time.perf_counter()
@@ -161,17 +154,21 @@ def contours(browser: Browser, folder: FilePath) -> Iterator[Found]:
         studio.close()
 
 
-def _panned(studio: Studio, what: str, wheel: float) -> Iterator[Found]:
-    """Frames of the screen while the drawing is panned."""
+def _panning(studio: Studio) -> tuple[Mouse, Callable[[float], None]]:
+    """The mouse in the middle of the drawing, and how it moves around it."""
     x, y = studio.middle(studio.find("#view2d"))
     mouse = studio.page.mouse
     mouse.move(x, y)
+    return mouse, lambda t: mouse.move(x + 80 * math.sin(3 * t), y + 60 * math.cos(2 * t))
+
+
+def _panned(studio: Studio, what: str, wheel: float) -> Iterator[Found]:
+    """Frames of the screen while the drawing is panned."""
+    mouse, pan = _panning(studio)
     mouse.wheel(0, wheel)
     studio.page.wait_for_timeout(1500)
     mouse.down()
-    frames = _frames(
-        studio, lambda t: mouse.move(x + 80 * math.sin(3 * t), y + 60 * math.cos(2 * t))
-    )
+    frames = _frames(studio, pan)
     mouse.up()
     more = f"p50 {_share(frames, 0.5):.0f}, max {max(frames):.0f}"
     yield Found(f"{what}: frames, p95", _share(frames, 0.95), 50.0, "ms", more=more)

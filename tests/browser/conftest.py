@@ -7,16 +7,12 @@ import shutil
 from collections.abc import Callable
 from contextlib import ExitStack
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 import pytest
 from tests.studio.robot_logs import log, robot
 from tools.studio_page import PATIENCE, Studio, browsing, find_browser, serving, write_job
 
 import armcontour as ac
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["log", "robot"]
 

@@ -8,6 +8,7 @@ from tools.studio_page import serving
 from armcontour._yaml import load
 from armcontour.io import parse_job
 
+pytestmark = pytest.mark.browser
 DRAWING = """\
 0
 SECTION

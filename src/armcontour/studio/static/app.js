@@ -27,7 +27,7 @@ const link = new Link(store);
 messages(store, link);
 theme(store);
 const view = new View2d(store);
-const grabbed = handles(store, link, view);
+const { pointer } = handles(store, link, view);
 /** Buttons of regions that are not there yet, which were pressed. @type {Set<HTMLElement>} */
 const pressed = new Set();
 
@@ -46,7 +46,7 @@ function makeAll(regions) {
 async function makeRest() {
   try {
     const regions = await Promise.all(LATER.map((name) => import(`./${name}.js`)));
-    store.catchUp(() => makeAll(regions.map(({ init }) => () => init(store, link, grabbed.pointer))));
+    store.catchUp(() => makeAll(regions.map(({ init }) => () => init(store, link, pointer))));
   } catch (error) {
     console.error(error);
     notify("Charts, tables and tasks did not load: load the page again.", "alarm");
@@ -69,7 +69,7 @@ makeAll([
   () => header(store, link),
   () => figures(store, link),
   () => viewbar(store, view),
-  () => pen(store, link, grabbed.pointer),
+  () => pen(store, link, pointer),
   () => marks(store, view),
   () => form(store, link),
   () => files(store, link),

@@ -36,8 +36,9 @@ class Figures {
     for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, update);
     const others = nowAndThen(READING, () => this.update());
     for (const event of ["executed", "changes"]) store.on(event, others);
+    // The cycle time is shown with each picture.
     store.on("picture", () => {
-      this.updateFirst();
+      this.showAll(["duration", "time_limit"]);
       others();
     });
     setInterval(() => this.speak(), SPOKEN_EVERY);
@@ -57,9 +58,7 @@ class Figures {
   }
 
   update() {
-    const { exact, rows } = knownOf(this.store);
-    for (const name of FIGURES) this.show(name, rows.get(name), exact);
-    this.updateState();
+    this.showAll(FIGURES);
     this.updateChanges();
   }
 
@@ -78,10 +77,10 @@ class Figures {
     mark(this.region, "data-changes", share < 1 ? "" : String(changes.length));
   }
 
-  /** The cycle time, with each picture. */
-  updateFirst() {
+  /** @param {string[]} names */
+  showAll(names) {
     const { exact, rows } = knownOf(this.store);
-    for (const name of ["duration", "time_limit"]) this.show(name, rows.get(name), exact);
+    for (const name of names) this.show(name, rows.get(name), exact);
     this.updateState();
   }
 
@@ -152,7 +151,7 @@ export function hasMotion(store) {
 const isPlanned = (store) => !store.refusal && hasMotion(store);
 
 /** How true the figures are, in a word. @param {Store} store @returns {string} */
-export function exactnessOf(store) {
+function exactnessOf(store) {
   if (store.isOffline) return "not connected";
   if (store.refusal?.head.tier === 1) return hasMotion(store) ? "refused, the last" : "refused";
   if (!hasMotion(store)) return "not planned yet";

@@ -4,7 +4,7 @@ import { difference, show } from "./ask.js";
 import { find, give, make, mark } from "./dom.js";
 import { known } from "./form.js";
 import { hasChanges } from "./header.js";
-import { isLog } from "./logs.js";
+import { ENDINGS, isLog } from "./logs.js";
 import { notify } from "./messages.js";
 import { chosenArm } from "./start.js";
 
@@ -12,8 +12,6 @@ import { chosenArm } from "./start.js";
 /** @typedef {import("./link.js").Link} Link */
 
 const LARGEST = 64 * 2 ** 20; // bytes, as the server's limit
-/** Endings of logs, which their first lines tell as well. */
-const LOGS = [".txt", ".log", ".mcap", ".db3"];
 
 class Files {
   /** @param {Store} store @param {Link} link */
@@ -21,7 +19,7 @@ class Files {
     this.store = store;
     this.link = link;
     this.picker = /** @type {HTMLInputElement} */ (find("#picker"));
-    known.then(({ drawings, jobs }) => (this.picker.accept = [...drawings, ...jobs, ...LOGS].join()));
+    known.then(({ drawings, jobs }) => (this.picker.accept = [...drawings, ...jobs, ENDINGS].join()));
     /** Document whose draft was offered. */
     this.offered = "";
     find("#open").addEventListener("click", () => this.picker.click());

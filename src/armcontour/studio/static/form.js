@@ -41,7 +41,7 @@ const help = signal("");
 const refusals = signal(/** @type {Record<string, string>} */ ({}));
 /**
  * Edits of a key.
- * @typedef {{key: string, edits: object[], outer: string}} Wish `outer` is what was refused of them
+ * @typedef {{key: string, edits: object[], outer: string}} Wish `outer` is the key around `key` that the server refused, or empty
  */
 /** What was refused because of other keys of `outer`: it is sent again with the next edit there. @type {Wish[]} */
 let waiting = [];
@@ -114,10 +114,12 @@ function send(at, edits) {
   link.edit([...more.flatMap((x) => x.edits), ...edits]);
 }
 
+/** Whether a change of a key is for the shown run alone. @param {Key} key @returns {boolean} */
+const isOfRun = (key) => forRun.value && form.in_run.includes(key[0]);
+
 /** @param {Key} key @param {any} value */
 function set(key, value) {
-  const own = forRun.value && form.in_run.includes(key[0]);
-  send(key, value === "" ? [{ do: "unset", key }] : [...listed(key), { do: "set", key, value, run: own }]);
+  send(key, value === "" ? [{ do: "unset", key }] : [...listed(key), { do: "set", key, value, run: isOfRun(key) }]);
 }
 
 /** Edits that list all layers that are run, before one of them has values of its own: others would not be run. @param {Key} key @returns {object[]} */
@@ -242,14 +244,13 @@ const Without = ({ at, name }) =>
 /** @param {{slider: Slider, at: Key, written: string, place: {current: HTMLElement | null}}} props */
 function Range({ slider, at, written, place }) {
   const gesture = useRef(/** @type {Gesture | null} */ (null));
-  const range = useRef(/** @type {HTMLInputElement | null} */ (null));
   const slide = (/** @type {any} */ { target, timeStamp }) => {
     gesture.current ??= new Gesture(link);
     const value = valueAt(slider, Number(target.value));
     const field = place.current?.querySelector("input");
     if (field) field.value = quantity(value, slider);
     target.setAttribute("aria-valuetext", quantity(value, slider));
-    gesture.current.update([{ do: "set", key: at, value, run: forRun.value && form.in_run.includes(at[0]) }], timeStamp);
+    gesture.current.update([{ do: "set", key: at, value, run: isOfRun(at) }], timeStamp);
   };
   const end = () => {
     gesture.current?.end();
@@ -260,7 +261,7 @@ function Range({ slider, at, written, place }) {
     if (place.current?.matches(":hover")) ghost.wish(slider, place.current);
   };
   const position = typeof slider.value === "number" ? positionOf(slider, slider.value) : STEPS;
-  return html`<input type="range" ref=${range} min="0" max=${STEPS} value=${gesture.current ? undefined : position} data-unset=${String(typeof slider.value !== "number")} aria-label=${`${slider.label}, slider`} aria-valuetext=${written}
+  return html`<input type="range" min="0" max=${STEPS} value=${gesture.current ? undefined : position} data-unset=${String(typeof slider.value !== "number")} aria-label=${`${slider.label}, slider`} aria-valuetext=${written}
     onInput=${slide} onChange=${end} onPointerDown=${() => ghost.hold(true)} onPointerUp=${free} onPointerCancel=${free} onLostPointerCapture=${free} />`;
 }
 

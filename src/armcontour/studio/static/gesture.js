@@ -1,7 +1,6 @@
 // A gesture: what one drag, or one held arrow key, changes. It is undone in one step.
 
 /** @typedef {import("./link.js").Link} Link */
-/** @typedef {{x: number, y: number, alt: boolean, shift: boolean, at: number}} Place  px within the region; `at` ms */
 
 /** Browsers hold "pointermove" back for the next frame of the screen; some tell the same at once, too. */
 const MOVED = "onpointerrawupdate" in globalThis ? "pointerrawupdate" : "pointermove";

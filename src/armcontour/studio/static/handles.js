@@ -22,7 +22,7 @@ const MOST_HANDLES = 300;
 /** No waypoint that is to have the focus. */
 const NOTHING = { index: -1, seq: Infinity, count: 0 };
 
-export class Handles {
+class Handles {
   /** @param {Store} store @param {Link} link @param {View2d} view */
   constructor(store, link, view) {
     this.store = store;
@@ -81,7 +81,7 @@ export class Handles {
     return name;
   }
 
-  /** Waypoints that can be moved. @returns {{index: number, uv: Point, written: string[], role?: string, why_not?: string}[]} */
+  /** Waypoints that can be moved. @returns {{index: number, uv: Point, written: string[], role: string, why_not?: string}[]} */
   waypoints() {
     const found = this.store.document;
     if (!found?.path?.editable) return [];
@@ -250,8 +250,8 @@ export function insertable({ waypoints }, index) {
   return index > 0 && index <= ends.length && (ends[index]?.divisible ?? true);
 }
 
-/** Whether the path goes through a point; others shape an arc. @param {string | undefined} role */
-const isOnPath = (role) => role === undefined || role === "point" || role === "end";
+/** Whether the path goes through a point; others shape an arc. @param {string} role */
+export const isOnPath = (role) => role === "point" || role === "end";
 
 /** @param {Store} store @param {Link} link @param {View2d} view @returns {Handles} */
 export function init(store, link, view) {

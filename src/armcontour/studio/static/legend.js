@@ -31,8 +31,8 @@ function kindsOf(store) {
   });
 }
 
-/** What colours the path: kinds of limits, or a scale. @param {Store} store @param {Layers} layers @param {Frame} picture @returns {(Sample | Shades)[]} */
-function colouringOf(store, layers, picture) {
+/** What colours the path: kinds of limits, or a scale. @param {Store} store @param {Layers} layers @returns {(Sample | Shades)[]} */
+function colouringOf(store, layers) {
   const { colour } = store.options;
   const executed = store.refusal ? null : store.latest("executed");
   // Without an execution there are no errors: then limits colour the path.
@@ -50,7 +50,7 @@ function colouringOf(store, layers, picture) {
  * @returns {(Sample | Shades)[]}
  */
 export function legendOf(store, layers, picture, magnify) {
-  const found = colouringOf(store, layers, picture);
+  const found = colouringOf(store, layers);
   if (magnify) found.push(sample(themed("--executed"), [], 1.5, `executed tool, error ×${magnify}`));
   if (store.measured) found.push(sample(themed("--measured"), [6, 3], 1.5, "measured tool, by the log"));
   found.push(sample(themed("--faint"), [5, 4], 1, "objective"));

@@ -5,8 +5,10 @@ import { html, signal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 
-/** Endings of logs, and of those that may be drawings as well. */
-const [BAGS, TABLES, ENDINGS] = [/\.(log|mcap|db3)$/i, /\.(csv|txt)$/i, ".csv,.txt,.log,.mcap,.db3"];
+/** All endings of logs, for pickers. */
+export const ENDINGS = ".csv,.txt,.log,.mcap,.db3";
+/** Names of logs, and of tables, which may be drawings as well. */
+const [BAGS, TABLES] = [/\.(log|mcap|db3)$/i, /\.(csv|txt)$/i];
 /** A column of times, in the first line that is no comment; waypoints have none. */
 const TIMES = /(^|[^a-z])(t|time|timestamp|zeit|ipoc|sec)([^a-z0-9]|$)/i;
 /** Logs that the server keeps, the oldest first, those that tasks take, and names of columns. */

@@ -1,6 +1,7 @@
 // The pen: lines, arcs, circles and rectangles that are drawn at the end of the path, or on an empty plane.
 
 import { draw, find, make, mark, say } from "./dom.js";
+import { isOnPath } from "./handles.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./pointer.js").Pointer} Pointer */
@@ -58,7 +59,7 @@ export function init(store, _link, pointer) {
 
   /** The end of the path if it is near, or by keys; else a round place. @param {PointerEvent | KeyboardEvent} event @returns {Point} */
   const placeOf = (event) => {
-    const last = store.document.waypoints.findLast((/** @type {any} */ x) => x.role === "point" || x.role === "end")?.uv;
+    const last = store.document.waypoints.findLast((/** @type {any} */ x) => isOnPath(x.role))?.uv;
     const uv = event instanceof KeyboardEvent ? (last ?? pointer.centre) : pointer.plane(event);
     const away = last ? pointer.screen(last).map((x, k) => x - pointer.screen(uv)[k]) : [Infinity];
     return Math.hypot(...away) < NEAR ? pointer.local(last) : /** @type {Point} */ (pointer.rounded(pointer.local(uv), event));

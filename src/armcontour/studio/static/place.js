@@ -63,7 +63,7 @@ class PlaceHandle {
   /** What is read aloud. @param {number[]} by @param {number} turn */
   describe(by, turn) {
     const text = `moved by ${short(1000 * by[0])} and ${short(1000 * by[1])} mm, turned by ${short((turn * 180) / Math.PI)}°`;
-    for (const element of [this.mover, this.turner]) element.setAttribute("aria-valuetext", text);
+    for (const element of [this.mover, this.turner]) mark(element, "aria-valuetext", text);
     mark(this.mover, "aria-valuenow", String(Math.round(1000 * Math.hypot(...by))));
     mark(this.turner, "aria-valuenow", String(Math.round((turn * 180) / Math.PI)));
   }

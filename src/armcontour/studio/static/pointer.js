@@ -160,12 +160,14 @@ export class Pointer {
   /** @param {Point} by m @param {PointerEvent | KeyboardEvent} event @param {Point} place px */
   move(by, event, place) {
     if (!this.going || this.going.typed) return;
-    const { what, start } = this.going;
+    const { what, start, values: last } = this.going;
     this.place(place);
     const moved = what.moved(by, start, event);
     const round = this.rounded(moved, event, what);
     // What does not move is not rounded.
-    this.set(moved.map((x, k) => (Math.abs(x - start[k]) < SAME ? start[k] : round[k])), event.timeStamp);
+    const values = moved.map((x, k) => (Math.abs(x - start[k]) < SAME ? start[k] : round[k]));
+    // Many motions of a pointer stay within one step, so the values do not change.
+    if (!this.changed.has(what) || values.some((x, k) => x !== last[k])) this.set(values, event.timeStamp);
   }
 
   /** @param {number[]} values @param {PointerEvent | KeyboardEvent} event @param {{step?: number, least?: number}} [how] @returns {number[]} */

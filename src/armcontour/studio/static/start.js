@@ -30,13 +30,13 @@ export function init(store, link) {
       return make("label", {}, [make("input", { type: "radio", name: "arm", value: name, checked: name === before, autofocus: name === before }), picture, name]);
     });
     find(".arms", dialog).replaceChildren(...arms);
-    const recent = head.recent.map((/** @type {{id: string, name: string, where: string}} */ { id, name, where }) =>
-      make("button", { type: "button", "data-recent": id }, [make("b", { text: name }), make("span", { class: "quiet", text: where })]),
-    );
-    const isDraft = (/** @type {HTMLElement} */ x) => x.lastChild?.textContent === UNSAVED;
-    find(".drafts", dialog).replaceChildren(...recent.filter(isDraft));
-    find(".opened", dialog).replaceChildren(...recent.filter((/** @type {HTMLElement} */ x) => !isDraft(x)));
-    find("#recent-title").hidden = recent.every(isDraft);
+    const [drafts, opened] = [find(".drafts", dialog), find(".opened", dialog)];
+    for (const place of [drafts, opened]) place.replaceChildren();
+    for (const { id, name, where } of head.recent) {
+      const button = make("button", { type: "button", "data-recent": id }, [make("b", { text: name }), make("span", { class: "quiet", text: where })]);
+      (where === UNSAVED ? drafts : opened).append(button);
+    }
+    find("#recent-title").hidden = !opened.hasChildNodes();
     const question = /** @type {HTMLDialogElement} */ (find("#question"));
     const open = () => dialog.open || dialog.showModal();
     // What is asked is answered first.

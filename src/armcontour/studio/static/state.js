@@ -7,17 +7,17 @@
 //   document, arm, picture, executed, figures, changes    a new frame of the shown run: listener(frame)
 //   refusal                 the newest edit is refused, or no longer: listener(frame | null)
 //   dropped                 an edit is refused and was not made: listener(frame)
-//   pose, progress, result, cancelled, failed, saved, conflict, diff, download, notice    listener(frame)
+//   pose, progress, result, cancelled, failed, saved, conflict, diff, download, notice, start    listener(frame)
 //   time                    listener()                the shown time changed
 //   view                    listener(options)         an option changed, see `ViewOptions`
 //   theme                   listener("light" | "dark")
 //   link                    listener(link state)      see link.js
 //   underlay                what is drawn under the path changed: listener()
+//   finer                   the drawing needs finer lines: listener({box, px}), metres
 //   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
 //   reset                   another job or drawing is opened; those of a run are told null
 //   open                    a file is to be opened: listener({file, log})
 //   log                     a log of the robot is kept: listener(its name)
-//   logs                    other logs are used: listener()
 //   measured                the measured motion of a log: listener(frame)
 //   layout                  listener()                a region may have another size
 

@@ -93,10 +93,10 @@ const same = (x) => x;
 
 /**
  * @param {Numbers} points pairs @param {Numbers} values one per point @param {number} most value of the last shade
- * @param {Theme} theme @param {Set<number>} [starts] first points of lines
+ * @param {Theme} theme @param {Set<number>} starts first points of lines
  * @returns {Stroke[]}
  */
-export function strokesByHeat(points, values, most, theme, starts = new Set(), shareOf = same) {
+export function strokesByHeat(points, values, most, theme, starts, shareOf = same) {
   const found = buckets(
     points,
     (i) => {

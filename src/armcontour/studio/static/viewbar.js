@@ -65,19 +65,10 @@ export function init(store, view) {
   const legend = find("#legend");
   const scales = make("div", { class: "scales", "aria-hidden": "true" });
   view.region.append(scales);
-  let legendAt = -Infinity;
-  let timer = 0;
   /** Width of the page for which the legend has its lines [px], and what it shows. */
   let [wide, shown] = [0, ""];
   /** The legend is not made again at every move. */
-  const updateLegend = () => {
-    clearTimeout(timer);
-    const wait = legendAt + LEGEND_EVERY - performance.now();
-    if (wait > 0) {
-      timer = setTimeout(updateLegend, wait);
-      return;
-    }
-    legendAt = performance.now();
+  const updateLegend = nowAndThen(LEGEND_EVERY, () => {
     const picture = store.latest("picture");
     if (!picture) return;
     const magnify = store.options.executed ? Number(view.region.dataset.magnify) : 0;
@@ -91,7 +82,7 @@ export function init(store, view) {
     if (innerWidth !== wide) legend.style.minHeight = "";
     wide = innerWidth;
     legend.style.minHeight = `${legend.offsetHeight}px`;
-  };
+  });
   const update = () => {
     const { options } = store;
     const magnify = Number(view.region.dataset.magnify);
@@ -121,7 +112,8 @@ export function init(store, view) {
     );
     updateLegend();
   };
-  for (const event of ["document", "view", "theme"]) store.on(event, oncePerFrame(update));
+  const soon = oncePerFrame(update);
+  for (const event of ["document", "view", "theme"]) store.on(event, soon);
   const follow = nowAndThen(READING, update);
   for (const event of ["picture", "executed"]) store.on(event, follow);
   view.followers.add(follow);
