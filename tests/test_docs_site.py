@@ -53,8 +53,8 @@ def test_every_public_name_and_every_name_of_a_room_has_one_entry():
     for name in rooms():
         room = importlib.import_module(f"armcontour.{name}")
         own = {name: getattr(room, name) for name in getattr(room, "__all__", ())}
-        called = {name: x for name, x in own.items() if inspect.isclass(x) or inspect.isfunction(x)}
-        missing += [f"{module.name}.{key}" for key, x in called.items() if id(x) not in known]
+        called = {key: x for key, x in own.items() if inspect.isclass(x) or inspect.isfunction(x)}
+        missing += [f"{name}.{key}" for key, x in called.items() if id(x) not in known]
     assert missing == []
 
 
