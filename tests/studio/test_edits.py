@@ -29,7 +29,7 @@ corners: {tolerance: 5 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
 cycle: 4 ms
 runs:
-  mac: {timing: {method: paper, knots: 600}, compensation: {method: none}}
+  paper: {timing: {method: paper, knots: 600}, compensation: {method: none}}
   own: {limits: {speed: 20 mm/s}, corners: sharp, cycle: 0.002}
 """
 PLANE = HEAD.replace("{arm}", "pmk3s") + (
@@ -373,7 +373,7 @@ limits: {speed: 0.15 m/s, joint_acceleration: [0.72 rad/s^2, 41 deg/s^2]}
 corners: {tolerance: 5 mm}
 servo: {kp: 25 1/s, kv: 150}
 runs:
-  mac: {timing: {method: paper}, compensation: {method: none}}
+  paper: {timing: {method: paper}, compensation: {method: none}}
   own: {limits: {speed: 20 mm/s}, corners: sharp, cycle: 0.002}
 """
 ROBOT = """\

@@ -408,7 +408,7 @@ def test_a_period_beyond_the_motion_is_refused(conventional, tmp_path, refuses):
     place, duration = tmp_path / "a.csv", conventional.duration
     # Somebody who means milliseconds.
     refuses(lambda: export(conventional, place, cycle=20), InvalidInput, allowed=duration)
-    refusals(lambda x: export(conventional, place, cycle=x), [(1e-12, "longer period")])
+    refusals(lambda x: export(conventional, place, cycle=x), [(1e-12, "longer cycle")])
     export(conventional, place, cycle=duration)
 
 
