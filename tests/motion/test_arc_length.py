@@ -33,7 +33,7 @@ MAKERS = {
     "optimal": lambda: ac.plan(ROUNDED, ARM, LIMITS, ac.Optimal(intervals=400)),
     "optimal, sharp": lambda: ac.plan(OBJECTIVE, ARM, LIMITS, ac.Optimal(intervals=400)),
     "paper": lambda: ac.plan(ROUNDED, ARM, SLOW, ac.Paper()),
-    "mac, sharp": lambda: ac.plan(OBJECTIVE, ARM, SLOW, ac.Paper()),
+    "paper, sharp": lambda: ac.plan(OBJECTIVE, ARM, SLOW, ac.Paper()),
     "conventional": lambda: ac.plan(ROUNDED, ARM, SLOW, ac.Conventional()),
     "conventional, uneven": lambda: ac.plan(UNEVEN, ARM, SLOW, ac.Conventional()),
     "program, optimal": lambda: ac.plan(PROGRAM, ARM, LIMITS, ac.Optimal(intervals=400)),

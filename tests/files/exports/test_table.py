@@ -135,7 +135,7 @@ def test_refuses_what_cannot_be_a_table(set_points, conventional, arm):
     data, three = set_points(np.zeros((3, 2))), set_points(np.zeros((3, 3)))
     late = set_points(np.zeros((3, 2)), events=early(-0.05))
     table = [
-        ((data, {"cycle": 0.008}), "its own interval of 0.004 s"),
+        ((data, {"cycle": 0.008}), "their own cycle of 0.004 s"),
         ((three, {"arm": arm}), "has 2 joints, but 'x' has 3"),
         ((data, {"joint_names": ["a", "b" * 81]}), "81 characters, more than 80"),
         (([1, 2], {}), "not list"),
