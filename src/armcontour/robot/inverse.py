@@ -13,7 +13,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.frames import UNTURNED, Pose, read_poses
 from armcontour.core.pool import map_in_threads, split_evenly
-from armcontour.robot import _newton
+from armcontour.robot import newton
 from armcontour.robot.arm import hint_at_unit
 from armcontour.robot.planar import PlanarTwoLink
 from armcontour.robot.serial import ChainArm, SerialArm
@@ -176,7 +176,7 @@ def search(
 
     def approach(part: slice) -> FloatArray:
         own = q[part], SEARCH_WEIGHT, MOST_STEPS
-        return np.asarray(_newton.approach(arm.link_table, task, target, *own))
+        return np.asarray(newton.approach(arm.link_table, task, target, *own))
 
     if near is None:
         residuals = np.concatenate(map_in_threads(approach, split_evenly(len(q), PARTS)))
@@ -237,5 +237,5 @@ def _approach(
     """Where searches from joint positions end [rad], (k, dof), and how far from the pose [m]."""
     tried = q.copy()
     own = tried, REACH_WEIGHT, MOST_STEPS
-    residuals = _newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *own)
+    residuals = newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *own)
     return tried, np.asarray(residuals[:, 0])

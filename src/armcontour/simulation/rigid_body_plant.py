@@ -20,9 +20,9 @@ from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.chain import Chain
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import polynomials, sample_command
-from armcontour.simulation import _mujoco, _stepping
-from armcontour.simulation._mujoco import Springs
-from armcontour.simulation._stepping import Bodies, Loops, Rows
+from armcontour.simulation import drive_loop, mujoco_model
+from armcontour.simulation.drive_loop import Bodies, Loops, Rows
+from armcontour.simulation.mujoco_model import Springs, count_parts
 from armcontour.simulation.plant import (
     PATIENCE,
     RUNAWAY,
@@ -32,7 +32,6 @@ from armcontour.simulation.plant import (
     count_intervals,
     patience,
 )
-from armcontour.simulation.stability import count_parts
 
 # Cycle time of a drive's velocity loop [s]: 4 kHz is usual, divides every usual cycle,
 # and delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
@@ -430,16 +429,16 @@ class _Robot:
         self.step = step
         self.start = set_points.start_time
         self.steps = 0
-        self.mujoco = _mujoco.load()
+        self.mujoco = mujoco_model.load()
         springs = plant._springs
-        self.model = _mujoco.build(plant.chain, step, friction=plant.friction, springs=springs)
+        self.model = mujoco_model.build(plant.chain, step, friction=plant.friction, springs=springs)
         self.data = self.mujoco.MjData(self.model)
         self.parts = 1
         # The controller's model with a state at rest, for computing the torques of gravity.
         self.known_model = (
             self.model
             if plant.known_chain is plant.chain and springs is None
-            else _mujoco.build(plant.known_chain, step, friction=False)
+            else mujoco_model.build(plant.known_chain, step, friction=False)
         )
         self.still = self.mujoco.MjData(self.known_model)
         self.rng = np.random.default_rng(plant.seed)
@@ -447,7 +446,7 @@ class _Robot:
         # Without springs both are the same.
         self.data.qpos[-len(motors) :] = motors
         self.data.qpos[: len(links)] = links
-        self.functions = _mujoco.functions()
+        self.functions = mujoco_model.functions()
         self.bodies = Bodies.of(self.model, self.data)
         self.known = Bodies.of(self.known_model, self.still)
         ki = np.array(plant.servo.ki)
@@ -472,7 +471,7 @@ class _Robot:
     def refine(self, parts: int) -> None:
         """Integrate every step in so many parts."""
         self.parts = parts
-        _mujoco.set_step(self.model, self.step / parts)
+        mujoco_model.set_step(self.model, self.step / parts)
         # Compiled calls of MuJoCo cannot raise exceptions: one of its errors would end the process.
         # A step from Python shows whether there are any, as all steps do the same.
         self.mujoco.mj_step(self.model, self.mujoco.MjData(self.model))
@@ -498,7 +497,7 @@ class _Robot:
         at_once = max(1, STEPS_AT_ONCE // self.parts)
         for first in range(0, n, at_once):
             end = min(first + at_once, n)
-            reached = _stepping.advance(
+            reached = drive_loop.advance(
                 self.functions, self.bodies, self.known, self.loops, self.parts,
                 commands, integrated, noise, first, end, RUNAWAY, rows,
             )  # fmt: skip
@@ -524,7 +523,7 @@ class _Robot:
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         gain = np.where(plant.servo.ki > 0, np.inf, gain)
         motors = links = first
-        weight, fed = _mujoco.weight(self.model, self.data, links), self._fed_forward(motors)
+        weight, fed = mujoco_model.weight(self.model, self.data, links), self._fed_forward(motors)
         for _ in range(ITERATIONS):
             before = motors, links
             motors = first - (weight - fed) / gain
@@ -532,7 +531,10 @@ class _Robot:
             moved = np.abs(np.subtract((motors, links), before)).max(axis=0)
             if moved.max() <= EQUILIBRIUM:
                 break
-            weight, fed = _mujoco.weight(self.model, self.data, links), self._fed_forward(motors)
+            weight, fed = (
+                mujoco_model.weight(self.model, self.data, links),
+                self._fed_forward(motors),
+            )
         else:
             j = int(np.argmax(moved))
             loops = "servo gains are" if springs is None else "servo gains or its stiffness are"
@@ -552,7 +554,7 @@ class _Robot:
         """Torques that the controller adds against gravity at q [N m], (dof,)."""
         if not self.plant.gravity_feedforward:
             return np.zeros(len(q))
-        return _mujoco.weight(self.known_model, self.still, q)
+        return mujoco_model.weight(self.known_model, self.still, q)
 
     def _refuse_runaway(self, k: int) -> None:
         """Refuse a motion that is faster than `RUNAWAY` in step k of the commands.
@@ -583,7 +585,7 @@ def require_mujoco() -> None:
     Raises:
         InvalidInput: MuJoCo is not installed.
     """
-    _mujoco.load()
+    mujoco_model.load()
 
 
 def rest_window(servo: ServoModel) -> float:
@@ -664,8 +666,8 @@ def _springs(
 
 def _nominal(chain: Chain, reference: FloatArray) -> FloatArray:
     """Inertia of each joint at the reference position without payload [kg m²], (dof,)."""
-    model = _mujoco.build(chain.replace(payload=None), STEP, friction=False)
-    return np.asarray(np.diagonal(_mujoco.mass_matrix(model, reference)))
+    model = mujoco_model.build(chain.replace(payload=None), STEP, friction=False)
+    return np.asarray(np.diagonal(mujoco_model.mass_matrix(model, reference)))
 
 
 def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
@@ -694,8 +696,8 @@ def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
         )
     lower, upper = (np.clip(x, -np.pi, np.pi) for x in own.joint_range(dof))
     shares = np.random.default_rng(0).uniform(size=(RATED_POSES, dof))
-    model = _mujoco.build(chain.replace(payload=None), STEP, friction=False)
-    matrices = np.abs(_mujoco.mass_matrices(model, lower + shares * (upper - lower)))
+    model = mujoco_model.build(chain.replace(payload=None), STEP, friction=False)
+    matrices = np.abs(mujoco_model.mass_matrices(model, lower + shares * (upper - lower)))
     return np.asarray(np.max([x @ limits.acceleration_bounds(dof)[1] for x in matrices], axis=0))
 
 

@@ -399,7 +399,7 @@ def least_off(
         turned: The tool's axes as columns, (n, 3, 3).
         reach: Largest distance of the tool from the point of the path that it follows [m].
     """
-    from armcontour.verification._following import find_places
+    from armcontour.verification.kernels import find_places
 
     assert path.orientation is not None
     angle = angle_off(path.orientation, nearest.s, turned)

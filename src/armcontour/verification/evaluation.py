@@ -23,8 +23,7 @@ from armcontour.motion import Execution, SetPoints
 from armcontour.program import Program
 from armcontour.robot import Limits, resolve_limits
 from armcontour.robot.limit_use import use_of
-from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
-from armcontour.verification.pieces import (
+from armcontour.verification.contour_execution import (
     ContourExecution,
     CornerDeviation,
     common_delay,
@@ -32,7 +31,8 @@ from armcontour.verification.pieces import (
     pieces_of,
     settling_time,
 )
-from armcontour.verification.tally import measure_limit_ratios
+from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
+from armcontour.verification.limit_verdict import measure_limit_ratios
 
 # A joint makes full use of a limit from this share on.
 NEAR = 0.99

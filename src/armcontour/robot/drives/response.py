@@ -1,4 +1,4 @@
-"""`Response`: how joints deviate from a motion when commands or torques differ a little."""
+"""`Response` and `simulate`: linear response and motion of the nominal robot, with dry friction."""
 
 from __future__ import annotations
 
@@ -8,16 +8,99 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.errors import ExecutionError
 from armcontour.core.fields import Checked
+from armcontour.core.kernels import compiled
 from armcontour.robot import Arm
-from armcontour.robot.drives._response import spread
 from armcontour.robot.drives.drives import Drives
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
+
+# Friction torques of coupled joints are found one joint after the other until none changes by more
+# than this part of the largest one; a few rounds do, since the drives dominate the coupling.
+EXACT = 1e-10
+ROUNDS = 60
+
+
+@compiled()
+def spread(
+    mass: FloatArray,
+    damping: FloatArray,
+    stiffness: FloatArray,
+    step: float,
+    torque: FloatArray,
+    hold: FloatArray,
+    moved: FloatArray,
+    coulomb: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Deviations from a motion under torques, from rest, and the torques of dry friction.
+
+    By the method of Newmark with constant mean acceleration, of second order and stable for every
+    step: `M (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / 2h + K mean(x) = f[k]` with
+    `mean(x) = (x[k+1] + 2 x[k] + x[k-1]) / 4`. Friction brakes with the Coulomb torque, or holds a
+    joint at rest with what it takes, up to that torque.
+
+    Args:
+        mass: M at the times, (n, dof, dof).
+        damping: D at the times, (n, dof, dof).
+        stiffness: K at the times, (n, dof, dof).
+        step: h [s].
+        torque: f, means about the times, for several cases [N m], (n, dof, cases).
+        hold: Share of M / h² + D / 2h + K / 4 by which a joint that sticks is stiffer from each
+            time to the next, (n, dof); 0 for others.
+        moved: What the motion moves from each time to the next [rad], (n - 1, dof).
+        coulomb: Coulomb friction [N m], (dof,).
+
+    Returns:
+        Deviations [rad], and friction torques in each step [N m], (n, dof, cases) each.
+    """
+    n, dof, cases = torque.shape
+    found, friction = np.zeros((n, dof, cases)), np.zeros((n, dof, cases))
+    right, free, enough = np.zeros(dof), np.zeros(dof), EXACT * coulomb.max()
+    for k in range(n - 1):
+        m, d, s = mass[k] / step**2, damping[k] / (2 * step), stiffness[k] / 4
+        ahead, here, before = m + d + s, 2 * m - 2 * s, m - d + s
+        for i in range(dof):
+            more = hold[k, i] * ahead[i, i]
+            ahead[i, i] += more
+            here[i, i] += more
+        inverse, earlier = np.linalg.inv(ahead), max(k - 1, 0)
+        for c in range(cases):
+            brake = friction[k, :, c]
+            brake[:] = friction[earlier, :, c]
+            for i in range(dof):
+                right[i] = torque[k, i, c]
+                for j in range(dof):
+                    right[i] += here[i, j] * found[k, j, c] - before[i, j] * found[earlier, j, c]
+            for i in range(dof):
+                free[i] = 0.0
+                for j in range(dof):
+                    free[i] += inverse[i, j] * right[j]
+            for _ in range(ROUNDS):
+                change = 0.0
+                for i in range(dof):
+                    # What the joint would still move, and the friction that stops it.
+                    rest = moved[k, i] + free[i] - found[k, i, c]
+                    for j in range(dof):
+                        rest -= inverse[i, j] * brake[j]
+                    wanted = brake[i] + rest / inverse[i, i]
+                    new = min(max(wanted, -coulomb[i]), coulomb[i])
+                    change = max(change, abs(new - brake[i]))
+                    brake[i] = new
+                if change <= enough:
+                    break
+            for i in range(dof):
+                found[k + 1, i, c] = free[i]
+                for j in range(dof):
+                    found[k + 1, i, c] -= inverse[i, j] * brake[j]
+    friction[n - 1] = friction[max(n - 2, 0)]
+    return found, friction
+
 
 # The linear response is that of the motion at times this far apart [s], and interpolated: arms
 # hardly change between them.
@@ -237,3 +320,143 @@ def respond_along(
         rows = loop * one, np.where(loop, kv, lag * one), gain
         mass, damping, stiffness = (np.broadcast_to(np.diag(x), shape) for x in rows)
     return Response(t=t, mass=mass, damping=damping, stiffness=stiffness, gain=gain, servo=own)
+
+
+# Corrections below this [rad], less than the best encoder resolves, end the iteration. What is left
+# is a thousandth of them.
+EXACT = 1e-9
+# Each correction leaves about a thousandth of the one before it.
+CORRECTIONS = 40
+# How much stiffer than inertia and drive a joint that sticks is held.
+HELD = 1e6
+# A joint that a correction moves by more than this [rad] runs away.
+AWAY = 1e3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Simulation:
+    """A motion of the nominal robot, and how it answers to small torques.
+
+    Args:
+        t: Regular times [s], (n,).
+        q: Joint positions [rad], (n, dof).
+        dq: Joint velocities, central differences [rad/s], (n, dof).
+        ddq: Joint accelerations, second differences [rad/s²], (n, dof).
+        friction: Torque of dry friction [N m], (n, dof).
+        held: Whether a joint sticks from each time to the next, (n, dof).
+        mass: M at the times [kg m²], (n, dof, dof).
+        damping: D at the times [N m s/rad], (n, dof, dof).
+        stiffness: K at the times [N m/rad], (n, dof, dof).
+    """
+
+    t: FloatArray
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+    friction: FloatArray
+    held: BoolArray
+    mass: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+
+    @property
+    def step(self) -> float:
+        """Time between two times [s]."""
+        return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
+
+    def to_torque(self, torque: FloatArray) -> FloatArray:
+        """Deviations of the joints under small additional torques [rad], from the first time on.
+
+        Joints that stick go on to stick, and friction brakes in the same direction.
+
+        Args:
+            torque: Torque at the times for several cases [N m], (n, dof, cases).
+        """
+        n, dof, _ = torque.shape
+        loops, still = (self.mass, self.damping, self.stiffness), np.zeros((n - 1, dof))
+        hold = np.where(self.held, HELD, 0.0)
+        return spread(*loops, self.step, torque, hold, still, np.zeros(dof))[0]
+
+
+def simulate(
+    drives: Drives,
+    command: FloatArray,
+    t: FloatArray,
+    near: FloatArray,
+    *,
+    speed: FloatArray | None = None,
+    viscous: FloatArray | None = None,
+    lag: float = 0.0,
+) -> Simulation:
+    """The motion of `Drives` under a command, on a grid of times.
+
+    The torques balance in every step of the method of Newmark. The solution is found by
+    corrections, each of which is the linear response to the torque that the motion before it lacks.
+
+    Args:
+        drives: The nominal robot. Friction is that of its arm.
+        command: Command at the times, after interpolation, dead time and `lag` [rad], (n, dof).
+        t: Regular times [s], (n,).
+        near: A motion near the solution [rad], (n, dof); its first row is where the
+            joints start.
+        speed: Joint velocities at the first time [rad/s], (dof,); by default zero.
+        viscous: Viscous friction instead of that of the arm [N m s/rad], (dof,), of either sign.
+        lag: Time by which the torque of the loops comes late [s], such as half a cycle of the
+            drives. Small against the loops' time constants.
+
+    Raises:
+        ExecutionError: A joint runs away, or friction has no solution.
+    """
+    step = float((t[-1] - t[0]) / (len(t) - 1))
+    chain = drives.arm.dynamics.chain
+    coulomb = np.array(chain.coulomb)
+    brake = np.asarray(chain.viscous) if viscous is None else viscous
+    # What comes late takes inertia and damping away.
+    lost_mass, lost_damping = drives.damping * lag, drives.stiffness * lag
+    before = near[0] - step * (np.zeros(drives.arm.dof) if speed is None else speed)
+    wanted = drives.stiffness * _mean(command, command[0])
+    q, free = np.array(near), np.zeros(near.shape)
+    for k in range(CORRECTIONS):
+        dq, ddq = _rates(q, before, step)
+        if k < 2:
+            mass, damping, stiffness = linear_along(drives, t, q, dq, ddq)
+            mass -= np.diag(lost_mass)
+            damping += np.diag(brake - np.asarray(chain.viscous) - lost_damping)
+        lacking = wanted - drives.stiffness * _mean(q, before)
+        lacking -= (drives.damping + brake - lost_damping) * dq - lost_mass * ddq
+        lacking -= drives.inertial_torque(q, dq, ddq)
+        loops, moved = (mass, damping, stiffness), np.diff(q, axis=0)
+        x, friction = (
+            found[:, :, 0]
+            for found in spread(*loops, step, lacking[:, :, None], free, moved, coulomb)
+        )
+        q = q + x
+        size = float(np.abs(x).max())
+        if not size < AWAY:
+            break
+        if size <= EXACT:
+            dq, ddq = _rates(q, before, step)
+            held = np.abs(friction) < coulomb * (1 - 1e-9)
+            return Simulation(
+                t=checks.frozen_array(t), q=q, dq=dq, ddq=ddq, friction=friction, held=held,
+                mass=mass, damping=damping, stiffness=stiffness,
+            )  # fmt: skip
+    raise ExecutionError(
+        f"The motion of {drives.arm.name} cannot be simulated with its servo gains and inertias: "
+        f"corrections of {size:.2g} rad remain; look at gains, inertias and units."
+    )
+
+
+def _mean(values: FloatArray, before: FloatArray) -> FloatArray:
+    """Weighted means of values and their neighbours, (n, dof)."""
+    around = np.concatenate([before[None], values, values[-1:]])
+    return np.asarray((around[2:] + 2 * around[1:-1] + around[:-2]) / 4)
+
+
+def _rates(q: FloatArray, before: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Central first and second differences, the last ones repeated, (n, dof) each."""
+    around = np.concatenate([before[None], q, q[-1:]])
+    dq = (around[2:] - around[:-2]) / (2 * step)
+    ddq = (around[2:] - 2 * around[1:-1] + around[:-2]) / step**2
+    dq[-1], ddq[-1] = dq[-2], ddq[-2]
+    return dq, ddq

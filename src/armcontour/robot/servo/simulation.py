@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ExecutionError
-from armcontour.robot.servo._simulation import Joints, Run, run_joints
+from armcontour.robot.servo.march import Joints, Run, run_joints
 from armcontour.robot.servo.model import ServoModel, lead_of, sliding
 
 # Kinds of commands, as in `march`.

@@ -34,14 +34,14 @@ from armcontour.robot.servo.simulation import (
     polynomials,
     with_integrated,
 )
-from armcontour.simulation.robustness._monte_carlo import (
+from armcontour.simulation.robustness.kernels import (
     Clock,
     Line,
     Sample,
     Setting,
     simulate_sample,
 )
-from armcontour.simulation.robustness.box import Uncertainty
+from armcontour.simulation.robustness.uncertainty import Uncertainty
 
 # Longest time between two samples of the contour error: 2 ms [s], and half of the shortest time
 # constant of a servo. The RMS error of the paper's job is then within 1e-4 of that at 0.1 ms.

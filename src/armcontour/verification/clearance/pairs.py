@@ -12,8 +12,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.robot import Arm, Chain
-from armcontour.robot.scene import ArmShapes, HalfSpace, LeftOut, Mesh, Scene, Shape
-from armcontour.robot.scene.scene import BASE, TOOL
+from armcontour.robot.scene import BASE, TOOL, ArmShapes, HalfSpace, LeftOut, Mesh, Scene, Shape
 
 ENVIRONMENT, OWN = "environment", "own"
 # The kind of the pairs of links with the plane in which the base is mounted.

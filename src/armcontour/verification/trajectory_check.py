@@ -28,10 +28,8 @@ from armcontour.robot import Arm, Limits, SerialArm, resolve_limits
 from armcontour.robot.limit_use import Use
 from armcontour.robot.limits import TOOL_LIMITS
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
-from armcontour.verification.checking_samples import Log, judge_samples
 from armcontour.verification.contour_windows import find_windows
-from armcontour.verification.following import follow_path
-from armcontour.verification.tally import (
+from armcontour.verification.limit_verdict import (
     CANNOT_TELL,
     KEPT,
     VERDICTS,
@@ -43,6 +41,8 @@ from armcontour.verification.tally import (
     merge_uses,
     shift_use,
 )
+from armcontour.verification.path_following import follow_path
+from armcontour.verification.sample_check import Log, judge_samples
 
 # A computed number may be wrong by this many units in its last binary place.
 ULPS = 4

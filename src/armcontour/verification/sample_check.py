@@ -22,7 +22,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.robot import Limits, SerialArm
 from armcontour.robot.limit_use import SLOWEST, States, across, angular
-from armcontour.verification.tally import LimitUseAccumulator
+from armcontour.verification.limit_verdict import LimitUseAccumulator
 
 # Windows are not widened further once rounding is at most this share of every limit.
 NEGLIGIBLE = 1e-7

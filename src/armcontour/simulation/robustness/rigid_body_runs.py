@@ -17,8 +17,8 @@ from armcontour.motion import SetPoints
 from armcontour.robot import Limits
 from armcontour.simulation import RigidBodyPlant, simulate
 from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
-from armcontour.simulation.robustness.unknowns import Unknowns
-from armcontour.verification.following import follow_path
+from armcontour.simulation.robustness.uncertainty import Unknowns
+from armcontour.verification.path_following import follow_path
 
 # Longest time between two samples of the contour error [s].
 RESOLUTION = 5e-4

@@ -10,9 +10,9 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
 from armcontour.geometry._segments import Point, search_along
-from armcontour.robot._kinematics import tool_point
-from armcontour.robot.servo._response import Motion, Servo
-from armcontour.robot.servo._simulation import march
+from armcontour.robot.kernels import tool_point
+from armcontour.robot.servo.joint_response import Motion, Servo
+from armcontour.robot.servo.march import march
 
 # Number of cycles simulated at a time: their results fit in the processor's cache.
 CHUNK = 64

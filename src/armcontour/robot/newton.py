@@ -15,7 +15,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernels import compiled
-from armcontour.robot._kinematics import Vector, add, cross, write_frames
+from armcontour.robot.kernels import Vector, add, cross, write_frames
 
 # Newton's method ends when its step is below this [rad]: the next step would be the square of this
 # one times the condition number of the Jacobian.

@@ -29,7 +29,7 @@ from armcontour.verification.error_profile import (
     climb_smooth,
     find_peak,
 )
-from armcontour.verification.following import Followed, follow_path
+from armcontour.verification.path_following import Followed, follow_path
 
 # Errors at some times, and the places of the tool on the path then, (n,) each.
 Errors = tuple[FloatArray, FloatArray]

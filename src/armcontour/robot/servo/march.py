@@ -9,8 +9,8 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.kernels import FUSED, compiled
-from armcontour.robot.servo._cascade import march_cascade, march_lines
-from armcontour.robot.servo._response import (
+from armcontour.robot.servo.cascade import march_cascade, march_lines
+from armcontour.robot.servo.joint_response import (
     LARGEST_STEP,
     Cubic,
     Motion,

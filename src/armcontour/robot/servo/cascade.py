@@ -14,7 +14,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
-from armcontour.robot.servo._response import MOST_PHASES, MOST_STEPS, ROUNDING, Motion, Servo
+from armcontour.robot.servo.joint_response import MOST_PHASES, MOST_STEPS, ROUNDING, Motion, Servo
 
 # Times [s] that differ by less than this are equal, as in `march`.
 NEAR = 4e-12

@@ -71,7 +71,7 @@ class Followed:
             ends: Places of both points [m].
             off: The larger one of their distances [m].
         """
-        from armcontour.verification._following import follow
+        from armcontour.verification.kernels import follow
 
         padded = pad(points)
         travel = float(length(points - points[0]).max())
@@ -106,7 +106,7 @@ def follow_path(
         judged: The points for which places are found. Those before them, and those after them as
             long as the tool is on the path, only count for what is left out. By default all.
     """
-    from armcontour.verification._following import Way, follow, measure_coverage
+    from armcontour.verification.kernels import Way, follow, measure_coverage
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
