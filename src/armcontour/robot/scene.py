@@ -243,12 +243,12 @@ class ArmShapes(Checked):
 
     def _check_together(self) -> None:
         names = {x.name for x in self.shapes}
-        for x in self.left_out:
-            for name in (x.first, x.second):
+        for pair in self.left_out:
+            for name in (pair.first, pair.second):
                 if name not in names:
                     raise InvalidInput(
-                        f"The pair {x.first}, {x.second} cannot be left out: {name} has no shape; "
-                        f"shapes are those of {', '.join(sorted(names))}."
+                        f"The pair {pair.first}, {pair.second} cannot be left out: {name} has no "
+                        f"shape; shapes are those of {', '.join(sorted(names))}."
                     )
 
     def with_tool(self, shapes: Iterable[LinkShape]) -> ArmShapes:
@@ -339,16 +339,16 @@ class Scene(Checked):
 
     def _check_together(self) -> None:
         if not isinstance(self.floor, str):
-            place = Frame(position=np.array([0.0, 0.0, self.floor]))
-            floor = Obstacle(name=FLOOR, shape=HalfSpace(), place=place)
+            frame = Frame(position=np.array([0.0, 0.0, self.floor]))
+            floor = Obstacle(name=FLOOR, shape=HalfSpace(), place=frame)
             # A copy of a scene with a floor has it already.
             others = (x for x in self.obstacles if not _is_same(x, floor))
             object.__setattr__(self, "obstacles", (*others, floor))
-        seen: set[str] = set()
-        for x in self.obstacles:
-            if x.name in seen:
-                raise InvalidInput(f"Two obstacles of the scene have the name {x.name!r}.")
-            seen.add(x.name)
+        names: set[str] = set()
+        for obstacle in self.obstacles:
+            if obstacle.name in names:
+                raise InvalidInput(f"Two obstacles of the scene have the name {obstacle.name!r}.")
+            names.add(obstacle.name)
 
     @property
     def has_mounting_plane(self) -> bool:

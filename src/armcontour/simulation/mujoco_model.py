@@ -94,11 +94,11 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
     # With 0 every step would use the maximum number of iterations.
     spec.option.tolerance = 1e-12
     # A simulation that diverges is reported; MuJoCo must not reset it to the start.
-    off = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    disabled = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_AUTORESET
     if not friction or not np.any(chain.coulomb):
         # Dry friction is the only constraint; without any, the search for some takes time.
-        off |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    spec.option.disableflags = off
+        disabled |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    spec.option.disableflags = disabled
     masses, moments = _add_links(mujoco, spec, chain)
     if springs is not None:
         _add_motors(mujoco, spec, len(chain))
@@ -118,13 +118,13 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
     set_step(model, step)
     # Joints that move no inertia are searched with additional inertia at every joint: without it
     # MuJoCo would write a warning to a file.
-    for more in (1.0, 0.0):
-        model.dof_armature[:] = more
+    for extra in (1.0, 0.0):
+        model.dof_armature[:] = extra
         model.dof_armature[drives] += np.asarray(chain.armature)
         mujoco.mj_setConst(model, mujoco.MjData(model))
-        if more:
+        if extra:
             still = np.zeros(len(chain))
-            _refuse_singular(chain, mass_matrix(model, still) - more * np.eye(model.nv), springs)
+            _refuse_singular(chain, mass_matrix(model, still) - extra * np.eye(model.nv), springs)
     return model
 
 
@@ -147,14 +147,14 @@ def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
     mujoco = load()
     # Memory for a state takes longer than a matrix.
     data, units = mujoco.MjData(model), np.eye(model.nv)
-    found = np.empty((len(q), model.nv, model.nv))
-    for place, matrix in zip(q, found, strict=True):
-        data.qpos[: len(place)] = place
+    matrices = np.empty((len(q), model.nv, model.nv))
+    for position, matrix in zip(q, matrices, strict=True):
+        data.qpos[: len(position)] = position
         for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb):
             compute(model, data)
         for column, unit in zip(matrix, units, strict=True):
             mujoco.mj_mulM(model, data, column, unit)
-    return found
+    return matrices
 
 
 def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
@@ -165,12 +165,12 @@ def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
         data: A state without velocities, of which the positions are lost.
         q: The positions [rad], (dof,).
     """
-    mujoco, found = load(), np.zeros(model.nv)
+    mujoco, torque = load(), np.zeros(model.nv)
     data.qpos[: len(q)] = q
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    mujoco.mj_rne(model, data, 0, found)
-    return found[: len(q)]
+    mujoco.mj_rne(model, data, 0, torque)
+    return torque[: len(q)]
 
 
 def _refuse_singular(chain: Chain, matrix: FloatArray, springs: Springs | None) -> None:
@@ -228,10 +228,10 @@ def _link(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
     load = chain.payload
     if load is None or load.mass == 0.0 or k + 1 < len(chain):
         return mass, center, inertia
-    at = chain.tip.position + chain.tip.rotation @ load.center
+    load_center = chain.tip.position + chain.tip.rotation @ load.center
     turned = chain.tip.rotation @ load.inertia @ chain.tip.rotation.T
     total = mass + load.mass
-    apart = at - center
+    apart = load_center - center
     # Parallel axis theorem for two bodies about their common centre of mass.
     between = mass * load.mass / total * (apart @ apart * np.eye(3) - np.outer(apart, apart))
     return total, center + load.mass / total * apart, inertia + turned + between
@@ -239,9 +239,9 @@ def _link(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
 
 def _quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
     """The quaternion of a rotation matrix, in MuJoCo's order w, x, y, z."""
-    found = np.empty(4)
-    mujoco.mju_mat2Quat(found, np.array(rotation).ravel())
-    return found
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.array(rotation).ravel())
+    return quaternion
 
 
 # Number of set-points at which a run is checked before the simulation.
@@ -281,7 +281,7 @@ def count_parts(
     pulls = np.ones((1, 1)) if springs is None else np.array([[1.0, -1.0], [-1.0, 1.0]])
     stiffness, damping = np.kron(pulls, np.diag(k)), np.kron(pulls, np.diag(d))
     damping[-len(loop) :, -len(loop) :] += np.diag(viscous)
-    most, n = 1, len(damping)
+    largest, n = 1, len(damping)
     looks = np.unique(np.linspace(0, len(set_points.q) - 1, LOOKS).astype(int))
     for i, mass in zip(looks, mass_matrices(model, set_points.q[looks]), strict=True):
         t = float(set_points.start_time + i * set_points.cycle)
@@ -298,7 +298,7 @@ def count_parts(
                 needed=float(parts),
                 allowed=float(MOST_PARTS),
             )
-        most = max(most, parts)
+        largest = max(largest, parts)
         if springs is not None:
             continue
         rate = np.sqrt(loop)
@@ -317,4 +317,4 @@ def count_parts(
                 needed=step,
                 allowed=2 / fastest,
             )
-    return most
+    return largest

@@ -152,10 +152,10 @@ class RigidBodyPlant(LimitedPlant):
         self.servo = servo.for_joints(arm.dof)
         self.servo.check_orders("A rigid-body plant", integrator=True)
         if self.servo.acceleration_limit is not None:
-            least = float(self.servo.acceleration_limit.min())
+            smallest = float(self.servo.acceleration_limit.min())
             raise InvalidInput(
                 "A rigid-body plant saturates at torques, but the servo has an acceleration_limit "
-                f"of {least} rad/s²: leave it out, and give the plant limits with joint_torque."
+                f"of {smallest} rad/s²: leave it out, and give the plant limits with joint_torque."
             )
         assert self.servo.kv is not None
         self.kv = self.servo.kv
@@ -175,13 +175,13 @@ class RigidBodyPlant(LimitedPlant):
 
     def _drives(self, planned: Limits | None) -> dict[str, Any]:
         """What saturates, by the names of the attributes, with the limits of a plan."""
-        own = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
-        torques = _torques(own, self.arm.limits, self.known_chain)
+        resolved = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
+        torques = _torques(resolved, self.arm.limits, self.known_chain)
         # A limit that stands for accelerations bounds the torque for motion alone; a torque limit
         # bounds the sum of the torques for motion and against gravity.
         return {
             "torque_limit": checks.frozen_array(torques),
-            "_on_top": own.joint_torque is None,
+            "_on_top": resolved.joint_torque is None,
         }
 
     @property
@@ -279,7 +279,7 @@ class RigidBodyPlant(LimitedPlant):
                 return logs
         worst = int(np.argmax(moved))
         j = worst % self.arm.dof
-        off = abs(float(log.q[-1, worst] - set_points.q[-1, j]))
+        offset = abs(float(log.q[-1, worst] - set_points.q[-1, j]))
         missing = (
             "; the inertia of its drive, armature, is missing"
             if np.asarray(self.chain.armature)[j] == 0
@@ -287,8 +287,8 @@ class RigidBodyPlant(LimitedPlant):
         )
         raise ExecutionError(
             f"Joint {j + 1} is not at rest {robot.now - begin:.3g} s after its last set-point: "
-            f"{off:.3g} rad from it, it still moves by {moved[worst]:.3g} rad in {window:.3g} s, "
-            f"so its servo gains, torque limit and friction do not let it settle{missing}.",
+            f"{offset:.3g} rad from it, it still moves by {moved[worst]:.3g} rad in {window:.3g} "
+            f"s, so its servo gains, torque limit and friction do not let it settle{missing}.",
             t=robot.now,
             joint=j,
         )
@@ -309,9 +309,9 @@ class RigidBodyPlant(LimitedPlant):
             return
         j = int(np.argmax(weak))
         needed, allowed = (float(abs(x[-1, j])) for x in (log.wanted, log.torque))
-        off = log.q[-1, -self.arm.dof :] - last
+        offset = log.q[-1, -self.arm.dof :] - last
         raise ExecutionError(
-            f"Joint {j + 1} rests {abs(off[j]):.3g} rad from its last set-point, "
+            f"Joint {j + 1} rests {abs(offset[j]):.3g} rad from its last set-point, "
             f"since its drive gives {allowed:.4g} N m where its servo asks for {needed:.4g} N m: "
             "raise its torque limit or lighten its load.",
             t=now,
@@ -323,7 +323,7 @@ class RigidBodyPlant(LimitedPlant):
 
     def _execution(self, set_points: SetPoints, logs: list[_Log], span: float) -> Execution:
         """The execution of consecutive logs with a time `span` between results [s]."""
-        q, dq, ddq, demand, wanted, torque = (
+        q, dq, ddq, demand, torque_demand, torque = (
             np.concatenate([getattr(x, name) for x in logs])
             for name in ("q", "dq", "ddq", "demand", "wanted", "torque")
         )
@@ -338,7 +338,7 @@ class RigidBodyPlant(LimitedPlant):
             motor_q=None if self._springs is None else q[:, dof:],
             demand=demand,
             torque=torque,
-            torque_demand=wanted,
+            torque_demand=torque_demand,
             demand_range=np.stack(
                 [
                     np.min([x.demand_range[0] for x in logs], axis=0),
@@ -544,10 +544,10 @@ class _Robot:
                 t=self.start,
                 joint=j,
             )
-        where, torque = "the first set-point", weight - fed
+        location, torque = "the first set-point", weight - fed
         if plant._on_top and plant.gravity_feedforward:
-            weight, where = torque, f"{where}, beside gravity feed-forward"
-        check_weight(np.abs(weight), plant.torque_limit, where, self.start)
+            weight, location = torque, f"{location}, beside gravity feed-forward"
+        check_weight(np.abs(weight), plant.torque_limit, location, self.start)
         return motors, links, torque
 
     def _fed_forward(self, q: FloatArray) -> FloatArray:
@@ -612,8 +612,8 @@ def _straight(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
     """Linear or stepped commands at the starts of all steps between set-points, (n steps, dof)."""
     if interpolation == "step":
         return np.repeat(q[:-1], steps, axis=0)
-    share = np.arange(steps)[:, None] / steps
-    between = q[:-1, None] + share * np.diff(q, axis=0)[:, None]
+    fraction = np.arange(steps)[:, None] / steps
+    between = q[:-1, None] + fraction * np.diff(q, axis=0)[:, None]
     return np.asarray(between.reshape(-1, q.shape[1]))
 
 
@@ -670,7 +670,7 @@ def _nominal(chain: Chain, reference: FloatArray) -> FloatArray:
     return np.asarray(np.diagonal(mujoco_model.mass_matrix(model, reference)))
 
 
-def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
+def _torques(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
     """Torque limits of the drives [N m], (dof,).
 
     Without torque limits the drives are rated for the acceleration limits: without payload, they
@@ -678,7 +678,7 @@ def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
 
     Args:
         limits: The limits that saturate.
-        own: The limits of the arm, which give the joint ranges.
+        arm_limits: The limits of the arm, which give the joint ranges.
         chain: The arm's bodies.
 
     Raises:
@@ -694,7 +694,7 @@ def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
             "The rigid-body plant saturates alike in both directions: give it one value of "
             "joint_acceleration per joint, or joint_torque."
         )
-    lower, upper = (np.clip(x, -np.pi, np.pi) for x in own.joint_range(dof))
+    lower, upper = (np.clip(x, -np.pi, np.pi) for x in arm_limits.joint_range(dof))
     shares = np.random.default_rng(0).uniform(size=(RATED_POSES, dof))
     model = mujoco_model.build(chain.replace(payload=None), STEP, friction=False)
     matrices = np.abs(mujoco_model.mass_matrices(model, lower + shares * (upper - lower)))

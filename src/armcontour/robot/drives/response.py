@@ -60,15 +60,15 @@ def spread(
         Deviations [rad], and friction torques in each step [N m], (n, dof, cases) each.
     """
     n, dof, cases = torque.shape
-    found, friction = np.zeros((n, dof, cases)), np.zeros((n, dof, cases))
+    deviations, friction = np.zeros((n, dof, cases)), np.zeros((n, dof, cases))
     right, free, enough = np.zeros(dof), np.zeros(dof), EXACT * coulomb.max()
     for k in range(n - 1):
         m, d, s = mass[k] / step**2, damping[k] / (2 * step), stiffness[k] / 4
-        ahead, here, before = m + d + s, 2 * m - 2 * s, m - d + s
+        ahead, present, before = m + d + s, 2 * m - 2 * s, m - d + s
         for i in range(dof):
-            more = hold[k, i] * ahead[i, i]
-            ahead[i, i] += more
-            here[i, i] += more
+            extra = hold[k, i] * ahead[i, i]
+            ahead[i, i] += extra
+            present[i, i] += extra
         inverse, earlier = np.linalg.inv(ahead), max(k - 1, 0)
         for c in range(cases):
             brake = friction[k, :, c]
@@ -76,7 +76,10 @@ def spread(
             for i in range(dof):
                 right[i] = torque[k, i, c]
                 for j in range(dof):
-                    right[i] += here[i, j] * found[k, j, c] - before[i, j] * found[earlier, j, c]
+                    right[i] += (
+                        present[i, j] * deviations[k, j, c]
+                        - before[i, j] * deviations[earlier, j, c]
+                    )
             for i in range(dof):
                 free[i] = 0.0
                 for j in range(dof):
@@ -85,21 +88,21 @@ def spread(
                 change = 0.0
                 for i in range(dof):
                     # What the joint would still move, and the friction that stops it.
-                    rest = moved[k, i] + free[i] - found[k, i, c]
+                    slip = moved[k, i] + free[i] - deviations[k, i, c]
                     for j in range(dof):
-                        rest -= inverse[i, j] * brake[j]
-                    wanted = brake[i] + rest / inverse[i, i]
-                    new = min(max(wanted, -coulomb[i]), coulomb[i])
+                        slip -= inverse[i, j] * brake[j]
+                    required = brake[i] + slip / inverse[i, i]
+                    new = min(max(required, -coulomb[i]), coulomb[i])
                     change = max(change, abs(new - brake[i]))
                     brake[i] = new
                 if change <= enough:
                     break
             for i in range(dof):
-                found[k + 1, i, c] = free[i]
+                deviations[k + 1, i, c] = free[i]
                 for j in range(dof):
-                    found[k + 1, i, c] -= inverse[i, j] * brake[j]
+                    deviations[k + 1, i, c] -= inverse[i, j] * brake[j]
     friction[n - 1] = friction[max(n - 2, 0)]
-    return found, friction
+    return deviations, friction
 
 
 # The linear response is that of the motion at times this far apart [s], and interpolated: arms
@@ -184,8 +187,8 @@ class Response(Checked):
         # Copies that can be written to: for locked ones the kernel would be compiled once more.
         loops = (self.mass, self.damping, self.stiffness)
         mass, damping, stiffness = (np.array(x, order="C") for x in loops)
-        found, _ = spread(mass, damping, stiffness, self.step, means, free, free[1:], free[0])
-        return found.reshape(torque.shape)
+        deviations, _ = spread(mass, damping, stiffness, self.step, means, free, free[1:], free[0])
+        return deviations.reshape(torque.shape)
 
     def equations(self) -> Equations:
         """The equations `A x = S u + U a` of the loops in discrete time.
@@ -195,23 +198,23 @@ class Response(Checked):
         other torques, this is exact. An integrator is a filter of first order, which multiplies
         what the loops give and divides what the bodies need.
         """
-        servo, late = self.servo, self.servo.drive_cycle / 2
+        servo, delay = self.servo, self.servo.drive_cycle / 2
         lags = np.isfinite(servo.kp)
         loop = np.zeros_like(servo.kp) if servo.kv is None else np.isfinite(servo.kv) * 1.0
         # What the loops give, and the share of a step by which it is late.
         loops = loop / np.where(lags, servo.kp, 1.0), lags * 1.0
-        share = lags * late / self.step
-        before, after = (np.diag(0.25 + x * share / 2) for x in (1, -1))
+        fraction = lags * delay / self.step
+        before, after = (np.diag(0.25 + x * fraction / 2) for x in (1, -1))
         unit, shape = np.eye(len(loop)), (len(self.t) - 1, 3, len(loop), len(loop))
         means = _banded(unit, np.broadcast_to([before, unit / 2, after], shape))
         damping, stiffness = (np.diag(x) for x in loops)
         gain = self.gain[:, None]
         mass, slow, stiff = (x / gain for x in (self.mass, self.damping, self.stiffness))
-        mass, slow = mass - late * damping, slow - late * stiffness
+        mass, slow = mass - delay * damping, slow - delay * stiffness
         if not servo.ki.any():
             return Equations(self._steps(mass, slow, stiff), means, means)
-        own = -late * damping, damping - late * stiffness, stiffness
-        driven = self._steps(*(np.broadcast_to(x, mass.shape) for x in own))
+        loop_terms = -delay * damping, damping - delay * stiffness, stiffness
+        driven = self._steps(*(np.broadcast_to(x, mass.shape) for x in loop_terms))
         bodies = self._steps(mass, slow, stiff) - driven
         filters = [
             integrator_filter(x, self.step, servo.drive_cycle)
@@ -254,10 +257,10 @@ def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
     values = np.concatenate([first[None], blocks.reshape(-1, dof, dof)])
     row_starts = np.append(0, 1 + 3 * np.arange(n))
     parts = values, np.append(0, columns), row_starts
-    found = csc_array(bsr_array(parts, shape=(n * dof, n * dof)))
-    found.sum_duplicates()
-    found.eliminate_zeros()
-    return found
+    matrix = csc_array(bsr_array(parts, shape=(n * dof, n * dof)))
+    matrix.sum_duplicates()
+    matrix.eliminate_zeros()
+    return matrix
 
 
 def linear_along(
@@ -265,11 +268,11 @@ def linear_along(
 ) -> list[FloatArray]:
     """Mass, damping and stiffness at the times, interpolated, (n, dof, dof) each."""
     rows = np.linspace(0, len(t) - 1, max(int((t[-1] - t[0]) / APART), 1) + 1).astype(np.intp)
-    place = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
-    before = np.minimum(place.astype(np.intp), len(rows) - 2)
-    share = (place - before)[:, None, None]
+    position = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
+    before = np.minimum(position.astype(np.intp), len(rows) - 2)
+    fraction = (position - before)[:, None, None]
     linear = drives.linear(q[rows], dq[rows], ddq[rows])
-    return [(1 - share) * x[before] + share * x[before + 1] for x in linear]
+    return [(1 - fraction) * x[before] + fraction * x[before + 1] for x in linear]
 
 
 def regular_times(start: float, end: float, longest: float) -> FloatArray:
@@ -304,7 +307,7 @@ def respond_along(
     Raises:
         InvalidInput: The gains do not fit the arm.
     """
-    own = servo.for_joints(arm.dof)
+    joint_servo = servo.for_joints(arm.dof)
     if arm.has_bodies and servo.is_plain("second"):
         drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, known=known)
         rates = (motion(t, order) for order in range(3))
@@ -313,13 +316,15 @@ def respond_along(
     else:
         shape = len(t), arm.dof, arm.dof
         one = np.ones(arm.dof)
-        kv = one * np.inf if own.kv is None else own.kv
-        loop, lag = np.isfinite(kv), np.isfinite(own.kp)
+        kv = one * np.inf if joint_servo.kv is None else joint_servo.kv
+        loop, lag = np.isfinite(kv), np.isfinite(joint_servo.kp)
         # Joints that only delay follow the command: x = u.
-        gain = np.where(lag, own.kp, 1.0) * np.where(loop, kv, 1.0)
+        gain = np.where(lag, joint_servo.kp, 1.0) * np.where(loop, kv, 1.0)
         rows = loop * one, np.where(loop, kv, lag * one), gain
         mass, damping, stiffness = (np.broadcast_to(np.diag(x), shape) for x in rows)
-    return Response(t=t, mass=mass, damping=damping, stiffness=stiffness, gain=gain, servo=own)
+    return Response(
+        t=t, mass=mass, damping=damping, stiffness=stiffness, gain=gain, servo=joint_servo
+    )
 
 
 # Corrections below this [rad], less than the best encoder resolves, end the iteration. What is left
@@ -382,7 +387,7 @@ def simulate(
     drives: Drives,
     command: FloatArray,
     t: FloatArray,
-    near: FloatArray,
+    guess: FloatArray,
     *,
     speed: FloatArray | None = None,
     viscous: FloatArray | None = None,
@@ -397,7 +402,7 @@ def simulate(
         drives: The nominal robot. Friction is that of its arm.
         command: Command at the times, after interpolation, dead time and `lag` [rad], (n, dof).
         t: Regular times [s], (n,).
-        near: A motion near the solution [rad], (n, dof); its first row is where the
+        guess: A motion near the solution [rad], (n, dof); its first row is where the
             joints start.
         speed: Joint velocities at the first time [rad/s], (dof,); by default zero.
         viscous: Viscous friction instead of that of the arm [N m s/rad], (dof,), of either sign.
@@ -413,32 +418,32 @@ def simulate(
     brake = np.asarray(chain.viscous) if viscous is None else viscous
     # What comes late takes inertia and damping away.
     lost_mass, lost_damping = drives.damping * lag, drives.stiffness * lag
-    before = near[0] - step * (np.zeros(drives.arm.dof) if speed is None else speed)
-    wanted = drives.stiffness * _mean(command, command[0])
-    q, free = np.array(near), np.zeros(near.shape)
+    before = guess[0] - step * (np.zeros(drives.arm.dof) if speed is None else speed)
+    demanded = drives.stiffness * _mean(command, command[0])
+    q, free = np.array(guess), np.zeros(guess.shape)
     for k in range(CORRECTIONS):
         dq, ddq = _rates(q, before, step)
         if k < 2:
             mass, damping, stiffness = linear_along(drives, t, q, dq, ddq)
             mass -= np.diag(lost_mass)
             damping += np.diag(brake - np.asarray(chain.viscous) - lost_damping)
-        lacking = wanted - drives.stiffness * _mean(q, before)
+        lacking = demanded - drives.stiffness * _mean(q, before)
         lacking -= (drives.damping + brake - lost_damping) * dq - lost_mass * ddq
         lacking -= drives.inertial_torque(q, dq, ddq)
         loops, moved = (mass, damping, stiffness), np.diff(q, axis=0)
-        x, friction = (
+        correction, friction = (
             found[:, :, 0]
             for found in spread(*loops, step, lacking[:, :, None], free, moved, coulomb)
         )
-        q = q + x
-        size = float(np.abs(x).max())
+        q = q + correction
+        size = float(np.abs(correction).max())
         if not size < AWAY:
             break
         if size <= EXACT:
             dq, ddq = _rates(q, before, step)
-            held = np.abs(friction) < coulomb * (1 - 1e-9)
+            sticking = np.abs(friction) < coulomb * (1 - 1e-9)
             return Simulation(
-                t=checks.frozen_array(t), q=q, dq=dq, ddq=ddq, friction=friction, held=held,
+                t=checks.frozen_array(t), q=q, dq=dq, ddq=ddq, friction=friction, held=sticking,
                 mass=mass, damping=damping, stiffness=stiffness,
             )  # fmt: skip
     raise ExecutionError(

@@ -113,15 +113,15 @@ class Uncertainty(Checked):
         Raises:
             InvalidInput: A dead time would be below zero.
         """
-        late = checks.per_joint("dead_time of the box", self.dead_time, dof, "s")
-        if (servo.dead_time < late).any():
-            j = int(np.argmin(servo.dead_time - late))
+        error = checks.per_joint("dead_time of the box", self.dead_time, dof, "s")
+        if (servo.dead_time < error).any():
+            j = int(np.argmin(servo.dead_time - error))
             raise InvalidInput(
                 f"The dead time of joint {j + 1} is {servo.dead_time[j]:g} s and its error "
-                f"{late[j]:g} s, but a dead time cannot be negative: give the servo a larger one "
+                f"{error[j]:g} s, but a dead time cannot be negative: give the servo a larger one "
                 "(the same for all joints changes no contour), or the box a smaller error."
             )
-        return late
+        return error
 
     def check_payload(self, arm: Arm) -> None:
         """Refuse an arm that carries less than the box takes from its payload.
@@ -133,23 +133,23 @@ class Uncertainty(Checked):
             InvalidInput: The least payload is negative.
         """
         load = None if arm.chain is None else arm.chain.payload
-        least, most = np.asarray(self.payload).tolist()
-        carried, less = 0.0 if load is None else load.mass, -least
-        if less > carried:
+        lowest, highest = np.asarray(self.payload).tolist()
+        carried, reduction = 0.0 if load is None else load.mass, -lowest
+        if reduction > carried:
             raise InvalidInput(
-                f"The payload of the box may be {less:g} kg less than the arm's, but the arm "
+                f"The payload of the box may be {reduction:g} kg less than the arm's, but the arm "
                 f"{arm.name} carries only {carried:g} kg: give it the payload in the middle of the "
-                f"range, or the box a range, such as 0 kg to {most:g} kg more.",
-                needed=less,
+                f"range, or the box a range, such as 0 kg to {highest:g} kg more.",
+                needed=reduction,
                 allowed=carried,
             )
 
     @property
     def of_bodies(self) -> tuple[str, ...]:
         """Names of the given errors that only rigid bodies have."""
-        given = {"viscous": self.viscous, "coulomb": self.coulomb, "armature": self.armature}
-        found = [name for name, values in given.items() if np.any(values)]
-        return (*found, "payload_known") if self.payload_known else tuple(found)
+        errors = {"viscous": self.viscous, "coulomb": self.coulomb, "armature": self.armature}
+        names = [name for name, values in errors.items() if np.any(values)]
+        return (*names, "payload_known") if self.payload_known else tuple(names)
 
 
 def _range(name: str, values: FloatArray) -> FloatArray:
@@ -158,13 +158,13 @@ def _range(name: str, values: FloatArray) -> FloatArray:
     Raises:
         InvalidInput: There are other numbers of values, or the least is above the largest.
     """
-    found = np.array([-values, values]) if values.ndim == 0 else values
-    if found.shape != (2,) or found[0] > found[1]:
+    ends = np.array([-values, values]) if values.ndim == 0 else values
+    if ends.shape != (2,) or ends[0] > ends[1]:
         raise InvalidInput(
             f"{name} of a box must be one number that is not negative, for plus and minus, or the "
             f"least and the largest error, but is {values.tolist()}."
         )
-    return checks.frozen_array(found)
+    return checks.frozen_array(ends)
 
 
 # Kinds of unknowns, in the order of their columns.
@@ -204,8 +204,8 @@ class Unknowns:
         Raises:
             InvalidInput: The box does not fit the arm or the servo.
         """
-        own = servo.for_joints(arm.dof)
-        _refuse_unfit(box, arm, own)
+        joint_servo = servo.for_joints(arm.dof)
+        _refuse_unfit(box, arm, joint_servo)
         # Those that all joints share, before and after those of joints.
         first, last = {("payload", -1): np.asarray(box.payload)}, {}
         if box.friction_shared:
@@ -219,17 +219,17 @@ class Unknowns:
             if (kind, -1) not in first | last
             for j, ends in enumerate(zip(low, high, strict=True))
         }
-        found = (first | each | last).items()
-        varied = [(*key, *ends) for key, ends in found if ends[1] > ends[0]]
-        kinds, joints, least, most = zip(*varied, strict=True) if varied else ((),) * 4
+        ranges = (first | each | last).items()
+        varied = [(*key, *ends) for key, ends in ranges if ends[1] > ends[0]]
+        kinds, joints, lowest, highest = zip(*varied, strict=True) if varied else ((),) * 4
         return cls(
             box=box,
             arm=arm,
-            servo=own,
+            servo=joint_servo,
             kinds=kinds,
             joints=joints,
-            low=checks.frozen_array(least),
-            high=checks.frozen_array(most),
+            low=checks.frozen_array(lowest),
+            high=checks.frozen_array(highest),
         )
 
     def __len__(self) -> int:
@@ -268,57 +268,65 @@ class Unknowns:
         """
         dof, servo, chain = self.arm.dof, self.servo, self.arm.chain
         assert chain is not None and servo.kv is not None
-        of = {kind: np.zeros(dof) for kind in KINDS}
+        errors_by_kind = {kind: np.zeros(dof) for kind in KINDS}
         for kind, j, error in zip(self.kinds, self.joints, errors, strict=True):
-            of[kind][slice(None) if j < 0 else j] = error
-        payload = self.payload(float(of["payload"][0]))
+            errors_by_kind[kind][slice(None) if j < 0 else j] = error
+        payload = self.payload(float(errors_by_kind["payload"][0]))
         true = self.arm.with_dynamics(
             payload=payload,
-            viscous=np.asarray(chain.viscous) + of["friction"] * self.box.viscous,
-            coulomb=np.asarray(chain.coulomb) + of["friction"] * self.box.coulomb,
-            armature=np.asarray(chain.armature) * (1 + of["armature"]),
+            viscous=np.asarray(chain.viscous) + errors_by_kind["friction"] * self.box.viscous,
+            coulomb=np.asarray(chain.coulomb) + errors_by_kind["friction"] * self.box.coulomb,
+            armature=np.asarray(chain.armature) * (1 + errors_by_kind["armature"]),
         )
         known = self.arm.with_dynamics(payload=payload) if self.box.payload_known else self.arm
         # Below zero by rounding only; larger errors have been refused.
-        late = np.maximum(servo.dead_time + of["dead time"] * self.late_share, 0.0)
+        dead_time = np.maximum(servo.dead_time + errors_by_kind["dead time"] * self.late_share, 0.0)
         return (
             true,
             known,
             servo.replace(
-                kp=servo.kp * (1 + of["kp"]), kv=servo.kv * (1 + of["kv"]), dead_time=late
+                kp=servo.kp * (1 + errors_by_kind["kp"]),
+                kv=servo.kv * (1 + errors_by_kind["kv"]),
+                dead_time=dead_time,
             ),
         )
 
     @property
     def late_share(self) -> FloatArray:
         """Error of each joint's dead time over that of a parameter, (dof,)."""
-        late = np.broadcast_to(np.asarray(self.box.dead_time), (self.arm.dof,))
-        most = float(late.max())
-        return late / most if self.box.dead_time_shared and most > 0 else np.ones(self.arm.dof)
+        errors = np.broadcast_to(np.asarray(self.box.dead_time), (self.arm.dof,))
+        largest = float(errors.max())
+        return (
+            errors / largest if self.box.dead_time_shared and largest > 0 else np.ones(self.arm.dof)
+        )
 
-    def payload(self, more: float) -> Payload | None:
+    def payload(self, extra_mass: float) -> Payload | None:
         """The load at the tip with so much more mass [kg]; None as long as there is none."""
         chain = self.arm.chain
         assert chain is not None
         load = chain.payload
         if load is None:
-            return None if more == 0.0 else Payload(mass=more, center=chain.tool.position)
-        mass = max(load.mass + more, 0.0)
+            return (
+                None if extra_mass == 0.0 else Payload(mass=extra_mass, center=chain.tool.position)
+            )
+        mass = max(load.mass + extra_mass, 0.0)
         return Payload(mass=mass, center=load.center, inertia=load.inertia)
 
 
 def _ranges(box: Uncertainty, dof: int) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Least and largest errors of the parameters of every joint, by their kinds, (dof,) each."""
     gains = box.gains_of(dof)
-    given = np.broadcast_to(np.maximum(box.viscous, box.coulomb), (dof,)) > 0
-    least, most = np.asarray(box.friction)
-    armature, late = (np.broadcast_to(np.asarray(x), (dof,)) for x in (box.armature, box.dead_time))
+    rubs = np.broadcast_to(np.maximum(box.viscous, box.coulomb), (dof,)) > 0
+    lowest, highest = np.asarray(box.friction)
+    armature, dead_time = (
+        np.broadcast_to(np.asarray(x), (dof,)) for x in (box.armature, box.dead_time)
+    )
     return {
-        "friction": (least * given, most * given),
+        "friction": (lowest * rubs, highest * rubs),
         "kp": (-gains[0], gains[0]),
         "kv": (-gains[1], gains[1]),
         "armature": (-armature, armature),
-        "dead time": (-late, late),
+        "dead time": (-dead_time, dead_time),
     }
 
 
@@ -345,15 +353,15 @@ def _refuse_unfit(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
         name: checks.per_joint(f"{name} of the box", getattr(box, name), dof, unit)
         for name, unit in (("viscous", "N m s/rad"), ("coulomb", "N m"), ("armature", ""))
     }
-    least = np.asarray(box.friction)[0]
+    lowest = np.asarray(box.friction)[0]
     for name, unit in (("viscous", "N m s/rad"), ("coulomb", "N m")):
-        left = getattr(chain, name) + least * per_joint[name]
-        if (left < 0).any():
-            j = int(np.argmin(left))
+        friction = getattr(chain, name) + lowest * per_joint[name]
+        if (friction < 0).any():
+            j = int(np.argmin(friction))
             raise InvalidInput(
-                f"The least share of friction, {least:g}, leaves joint {j + 1} a {name} friction "
-                f"of {left[j]:g} {unit}: give the arm the friction in the middle of the range, or "
-                "the box a share from 0 on."
+                f"The least share of friction, {lowest:g}, leaves joint {j + 1} a {name} friction "
+                f"of {friction[j]:g} {unit}: give the arm the friction in the middle of the range, "
+                "or the box a share from 0 on."
             )
     box.dead_time_of(servo, dof)
     if np.any(per_joint["armature"] * (chain.armature == 0)):
