@@ -11,8 +11,8 @@ import armcontour as ac
 from armcontour.core.checks import FloatArray
 from armcontour.files import parse_job
 from armcontour.files.cell import read_cell
-from armcontour.simulation.robustness.bodies import BodyRuns, spread_on_bodies
-from armcontour.simulation.robustness.unknowns import Unknowns
+from armcontour.simulation.robustness.rigid_body_runs import BodyRuns, spread_on_bodies
+from armcontour.simulation.robustness.uncertainty import Unknowns
 from soak import Outcome
 
 SQUARE = """

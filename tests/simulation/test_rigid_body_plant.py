@@ -12,7 +12,7 @@ import armcontour as ac
 from armcontour.motion import LapLaw
 from armcontour.robot.chain import Chain, Payload
 from armcontour.robot.serial import SerialArm
-from armcontour.simulation import _mujoco, rigid_body_plant, stability
+from armcontour.simulation import mujoco_model, rigid_body_plant
 
 pytest.importorskip("mujoco")
 
@@ -388,7 +388,7 @@ def test_a_step_too_long_for_the_gains_is_an_error(fails):
 
 def test_joints_that_run_away_or_do_not_settle_are_errors(fails, monkeypatch):
     # The plant looks at no pose before it runs.
-    monkeypatch.setattr(stability, "LOOKS", 0)
+    monkeypatch.setattr(mujoco_model, "LOOKS", 0)
     fails(partial(run, pendulum(), swing(), kv=1000.0, step=4e-3), "runs away")
     # Saturated, it only rattles within steps: at their ends it seems to stand still.
     free, weak = pendulum(gravity=WEIGHTLESS), ac.Limits.only(joint_torque=5.0)
@@ -517,12 +517,12 @@ def test_springs_keep_energy_and_dampers_take_it():
         return (moving + spinning + stiffness @ (motor - link) ** 2) / 2
 
     def share_left(damping):
-        springs = _mujoco.Springs(stiffness, damping)
-        model = _mujoco.build(chain, 5e-5, friction=False, springs=springs)
-        data = _mujoco.load().MjData(model)
+        springs = mujoco_model.Springs(stiffness, damping)
+        model = mujoco_model.build(chain, 5e-5, friction=False, springs=springs)
+        data = mujoco_model.load().MjData(model)
         data.qpos[:], data.qvel[:] = [0.0, 1.0, 0.0, 1.0], [1.0, -2.0, 0.5, 3.0]
         before = energy(data)
-        _mujoco.load().mj_step(model, data, 4000)
+        mujoco_model.load().mj_step(model, data, 4000)
         assert np.abs(data.qpos[:2] - data.qpos[2:]).max() < 0.1
         return energy(data) / before
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import armcontour as ac
 from armcontour.motion import LapLaw, Samples
 from armcontour.robot.limit_use import Use
-from armcontour.verification.tally import LimitUseAccumulator
+from armcontour.verification.limit_verdict import LimitUseAccumulator
 
 
 def laps(durations, ddq, q):

@@ -5,8 +5,8 @@ import pytest
 
 import armcontour as ac
 from armcontour.verification import ErrorProfile
-from armcontour.verification.following import follow_path
-from armcontour.verification.pieces import corner_deviations, measure_shares
+from armcontour.verification.contour_execution import corner_deviations, measure_shares
+from armcontour.verification.path_following import follow_path
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ from armcontour.jobs.axes import AXES
 from armcontour.jobs.place_search import POINTS, PlaceSearch
 from armcontour.program import Event, Lead, Process
 from armcontour.robot.chain import Payload
-from armcontour.simulation.robustness.box import Uncertainty
+from armcontour.simulation.robustness.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

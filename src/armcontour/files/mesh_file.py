@@ -14,8 +14,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import plain_number, show
 from armcontour.files.units import parse
-from armcontour.robot.scene import Mesh
-from armcontour.robot.scene.shapes import LARGEST, SMALLEST
+from armcontour.robot.scene import LARGEST, SMALLEST, Mesh
 
 MESHES = (".stl", ".obj")
 # Largest number of triangles: a scan of a whole machine; distances of more take minutes.

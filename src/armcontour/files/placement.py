@@ -17,7 +17,7 @@ from armcontour.files.job_model import CellModel
 from armcontour.files.json_text import data_json
 from armcontour.files.patch import Patch, write
 from armcontour.robot import SerialArm
-from armcontour.robot.scene.scene import BASE, PART
+from armcontour.robot.scene import BASE, PART
 from armcontour.studies.placement import Placement
 
 # Columns of verdicts in CSV, by their attributes.

@@ -21,18 +21,23 @@ from armcontour.files.forms import Place
 from armcontour.files.keys import Number
 from armcontour.robot import Arm
 from armcontour.robot.scene import (
+    ASSUMED_GAP,
+    ASSUMED_RADIUS,
+    AT_BASE,
+    BASE,
+    PART,
+    TOOL,
     Box,
     Capsule,
     Cylinder,
     HalfSpace,
     LinkShape,
+    Margins,
     Obstacle,
     Scene,
     Shape,
     Sphere,
 )
-from armcontour.robot.scene.arm_shapes import ASSUMED_GAP, ASSUMED_RADIUS
-from armcontour.robot.scene.scene import AT_BASE, BASE, PART, TOOL, Margins
 
 # Keys of bodies that only obstacles have, and only shapes of links.
 OF_OBSTACLES, OF_LINKS = ("fixed_to", "margin", "allow"), ("link",)

@@ -20,7 +20,7 @@ from armcontour.planning.program_tracing import bound_duration, ends_of, find_st
 from armcontour.planning.tracing import trace
 from armcontour.program import Contour, Program, contour_called
 from armcontour.robot import Arm, SerialArm
-from armcontour.robot.scene.arm_shapes import ASSUMED_GAP, ASSUMED_RADIUS
+from armcontour.robot.scene import ASSUMED_GAP, ASSUMED_RADIUS
 from armcontour.verification.clearance import Cell, Clearance
 from armcontour.verification.clearance.distances import can_measure
 
@@ -274,7 +274,7 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
 
 def _rapid_around(arm: Arm, this: Run, cell: Cell, path: JointPath) -> JointPath | None:
     """A joint path with the same ends that keeps clear; None if none is found."""
-    from armcontour.verification.clearance.connecting import connect, through
+    from armcontour.verification.clearance.clear_path import connect, through
 
     first, last = ends_of(path)
     if not (cell.keeps(_rest(first)) and cell.keeps(_rest(last))):

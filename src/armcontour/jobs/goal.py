@@ -9,7 +9,7 @@ from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import About, AtLeast, Choice, PlainNumber, Tolerance
-from armcontour.simulation.robustness.box import Uncertainty
+from armcontour.simulation.robustness.uncertainty import Uncertainty
 
 SATURATION = ("refuse", "report")
 PLANTS = ("servo", "rigid_body")

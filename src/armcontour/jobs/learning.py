@@ -26,8 +26,8 @@ from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.command_limits import describe_excess
 from armcontour.program import contour_called
 from armcontour.verification import ErrorProfile
+from armcontour.verification.contour_execution import ContourExecution, pieces_of
 from armcontour.verification.error_profile import Coverage, error_rows
-from armcontour.verification.pieces import ContourExecution, pieces_of
 
 # Smallest dead time [s] and clock error that are told to the user.
 TOLD_DELAY, TOLD_RATE = 1e-4, 1e-5

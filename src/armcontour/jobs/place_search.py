@@ -11,7 +11,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import About, Choice
 from armcontour.jobs.axes import FARTHEST, read_axes, read_uncertainty
-from armcontour.robot.scene.scene import BASE, PART
+from armcontour.robot.scene import BASE, PART
 
 DURATION, MANIPULABILITY, CLEARANCE, TORQUE = "duration", "manipulability", "clearance", "torque"
 OBJECTIVES = (DURATION, MANIPULABILITY, CLEARANCE, TORQUE)

@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
-from armcontour.robot._kinematics import (
+from armcontour.robot.kernels import (
     B,
     add,
     cross,

@@ -69,8 +69,8 @@ def resolve_limits(
         )
     first, *others = (x for x in (limits, planned, arm.limits) if x is not None)
     resolved = first.for_joints(arm.dof)
-    for x in others:
-        resolved = resolved.over(x.for_joints(arm.dof))
+    for base in others:
+        resolved = resolved.over(base.for_joints(arm.dof))
     return resolved
 
 
@@ -85,21 +85,25 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
     """
     above = []
     for name, unit in UNITS.items():
-        values, own = getattr(limits, name), getattr(arm.limits, name)
-        if values is None or own is None or values is own:
+        values, arm_values = getattr(limits, name), getattr(arm.limits, name)
+        if values is None or arm_values is None or values is arm_values:
             continue
-        asked, has = (_as_ceilings(name, x, arm.dof) for x in (values, own))
+        requested, has = (_as_ceilings(name, x, arm.dof) for x in (values, arm_values))
         scale = np.maximum(np.abs(has), 1.0 if name in JOINT_RANGE else 0.0)
         with np.errstate(invalid="ignore", divide="ignore"):
-            excess = np.where(np.isfinite(asked) & np.isfinite(has), (asked - has) / scale, 0.0)
+            excess = np.where(
+                np.isfinite(requested) & np.isfinite(has), (requested - has) / scale, 0.0
+            )
         side, j = np.unravel_index(int(excess.argmax()), excess.shape)
         if excess[side, j] > SAME_LIMIT:
             sign = -1.0 if side or name == "joint_lower" else 1.0
             factor = 1e3 if name in TOOL_LIMITS and unit.startswith("m/") else 1.0
             joint = "" if name in TOOL_LIMITS else f" of joint {j + 1}"
             written = f"m{unit}" if factor > 1 else unit
-            here, there = (f"{sign * factor * x[side, j]:.6g} {written}" for x in (asked, has))
-            above.append(f"{name}{joint} is {here}, the arm's {there}")
+            value, arm_value = (
+                f"{sign * factor * x[side, j]:.6g} {written}" for x in (requested, has)
+            )
+            above.append(f"{name}{joint} is {value}, the arm's {arm_value}")
     if not above:
         return ""
     called = getattr(arm, "name", "without a name")
@@ -164,15 +168,15 @@ class Arm(Immutable, ABC):
 
     def __str__(self) -> str:
         """Name and number of joints."""
-        what = [
+        parts = [
             count_noun(self.dof, "joint"),
             "in the plane" if self.dimension == 2 else "in space",
         ]
         if self.has_bodies:
-            what.append("with masses")
+            parts.append("with masses")
         if self._read_shapes is not None:
-            what.append("with shapes")
-        return f"{self.name}: {', '.join(what)}"
+            parts.append("with shapes")
+        return f"{self.name}: {', '.join(parts)}"
 
     def __repr__(self) -> str:
         """Class, name and number of joints."""
@@ -194,8 +198,8 @@ class Arm(Immutable, ABC):
         Raises:
             InvalidInput: The number of values differs from the number of joints.
         """
-        own = resolve_limits("with_limits", self, limits)
-        return self if own is self.limits else self._copy(limits=own)
+        resolved = resolve_limits("with_limits", self, limits)
+        return self if resolved is self.limits else self._copy(limits=resolved)
 
     def with_name(self, name: str) -> Self:
         """The same arm under another name.
@@ -217,9 +221,9 @@ class Arm(Immutable, ABC):
         Raises:
             InvalidInput: A file of a shape is not there, or cannot be read.
         """
-        found = None if self._read_shapes is None else self._read_shapes()
-        self._refuse_shapes(found)
-        return found
+        shapes = None if self._read_shapes is None else self._read_shapes()
+        self._refuse_shapes(shapes)
+        return shapes
 
     @property
     def knows_shapes(self) -> bool:
@@ -250,11 +254,11 @@ class Arm(Immutable, ABC):
             from armcontour.robot.scene import ArmShapes
 
             checks.check_type("with_shapes", shapes, ArmShapes)
-        for x in () if shapes is None else shapes.shapes:
-            if not 0 <= x.link <= self.dof:
+        for shape in () if shapes is None else shapes.shapes:
+            if not 0 <= shape.link <= self.dof:
                 raise InvalidInput(
-                    f"The shape of {x.name} belongs to link {x.link}, but the links of the arm "
-                    f"{self.name} are 0 (the base) to {self.dof}."
+                    f"The shape of {shape.name} belongs to link {shape.link}, but the links of the "
+                    f"arm {self.name} are 0 (the base) to {self.dof}."
                 )
 
     @checked
@@ -334,16 +338,18 @@ class Arm(Immutable, ABC):
         Raises:
             InvalidInput: The number of columns is wrong or the shapes do not fit together.
         """
-        seen = ", ".join(str(x.shape) for x in states)
+        observed = ", ".join(str(x.shape) for x in states)
         if any(x.shape[-1:] != (self.dof,) for x in states):
             raise InvalidInput(
                 f"The arm {self.name} has {self.dof} joints, so its states must be arrays with "
-                f"{self.dof} columns, not {seen}."
+                f"{self.dof} columns, not {observed}."
             )
         try:
             return np.broadcast_shapes(*(x.shape for x in states))
         except ValueError:
-            raise InvalidInput(f"States must have shapes that fit together, not {seen}.") from None
+            raise InvalidInput(
+                f"States must have shapes that fit together, not {observed}."
+            ) from None
 
     @property
     def has_bodies(self) -> bool:
@@ -437,17 +443,17 @@ class Arm(Immutable, ABC):
             ddq: Joint accelerations [rad/s²], same shape.
             dddq: Joint jerks [rad/s³], same shape.
         """
-        at, rate, second = (checks.floats("states of an arm", x) for x in (q, dq, ddq))
+        position, rate, second = (checks.floats("states of an arm", x) for x in (q, dq, ddq))
         total = np.abs(rate).sum(axis=-1, keepdims=True)
-        way = rate / np.where(total > 0, total, 1.0)
+        direction = rate / np.where(total > 0, total, 1.0)
 
         def bias(along: float) -> FloatArray:
-            jacobian_rate = self.tool_jacobian_rate(at + along * STEP * way, way)
-            return np.asarray(np.einsum("...ij,...j->...i", jacobian_rate, way))
+            jacobian_rate = self.tool_jacobian_rate(position + along * STEP * direction, direction)
+            return np.asarray(np.einsum("...ij,...j->...i", jacobian_rate, direction))
 
         change = (8 * (bias(1) - bias(-1)) - (bias(2) - bias(-2))) / (12 * STEP)
-        coupling = np.einsum("...ij,...j->...i", self.tool_jacobian_rate(at, rate), second)
-        return np.asarray(self.tool_velocity(at, dddq) + 3 * coupling + change * total**3)
+        coupling = np.einsum("...ij,...j->...i", self.tool_jacobian_rate(position, rate), second)
+        return np.asarray(self.tool_velocity(position, dddq) + 3 * coupling + change * total**3)
 
     def tool_motion(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike

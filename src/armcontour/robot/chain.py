@@ -159,7 +159,7 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
         chain: The chain.
         q: Joint positions [rad], (n, dof).
     """
-    from armcontour.robot._kinematics import frames_of
+    from armcontour.robot.kernels import frames_of
 
     joints = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
     found = np.empty_like(joints)

@@ -46,21 +46,21 @@ class Axis(NamedTuple):
         return np.arctan2(_dot(a @ self.cross.T, b), _dot(self.across(a), b))
 
     def meet(
-        self, v: FloatArray, along: FloatArray, wanted: FloatArray
+        self, v: FloatArray, along: FloatArray, component: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Angles by which vectors are turned to have a component along a direction.
 
         Args:
             v: The vectors, (..., 3).
             along: The direction, (3,).
-            wanted: The component, (...).
+            component: The component, (...).
 
         Returns:
             How much of the component is lacking, below 0 if there are two angles, (...); and the
             angles, one of them twice where it is lacking [rad], (..., 2).
         """
         fixed = (v @ self.along) * float(self.along @ along)
-        a, b, needed = v @ along - fixed, (v @ self.cross.T) @ along, wanted - fixed
+        a, b, needed = v @ along - fixed, (v @ self.cross.T) @ along, component - fixed
         size = np.hypot(a, b)
         half = np.arccos(np.clip(needed / np.where(size > 0, size, 1.0), -1.0, 1.0))
         middle = np.arctan2(b, a)
@@ -143,37 +143,37 @@ class ClosedForm:
             base: Rotation and position of the base in the work frame, (3, 4).
             pose: Those of the tool, (3, 4).
         """
-        x = Reach(*(value[0] for value in self._reach(base[None], pose[None])))
-        if x.lacking > NEAR:
+        reach = Reach(*(value[0] for value in self._reach(base[None], pose[None])))
+        if reach.lacking > NEAR:
             return np.empty((0, 6))
         first, normal, third, fourth, fifth, sixth = self.axes
         upper, fore = self._links
-        square = _dot(x.way, x.way)
-        doubtful = x.open & (x.flat | (np.abs(x.gap) <= NEAR) | (square <= NEAR))
-        if x.lacking > -NEAR or doubtful.any():
+        square = _dot(reach.way, reach.way)
+        doubtful = reach.open & (reach.flat | (np.abs(reach.gap) <= NEAR) | (square <= NEAR))
+        if reach.lacking > -NEAR or doubtful.any():
             return None
         # One axis more for the two angles of the elbow, then another for those of a wrist.
         cosine = (square - upper @ upper - fore @ fore) / 2
         lacking, elbow = normal.meet(fore, upper, cosine)
-        exists = (x.open & (lacking <= 0))[..., None]
-        q1 = x.first[:, None, None]
-        q2 = normal.angle(upper + normal.turn(elbow, fore), x.way[..., None, :])
+        exists = (reach.open & (lacking <= 0))[..., None]
+        q1 = reach.first[:, None, None]
+        q2 = normal.angle(upper + normal.turn(elbow, fore), reach.way[..., None, :])
         if self.wrist:
             together = q2 + elbow
-            wanted = normal.turn(-together, x.wanted[:, None, None])
-            held = first.turn(q1, normal.turn(together, fourth.along)) @ x.turned
-            lacking, q5 = fifth.meet(sixth.along, fourth.along, wanted @ fourth.along)
+            axis = normal.turn(-together, reach.wanted[:, None, None])
+            rotated = first.turn(q1, normal.turn(together, fourth.along)) @ reach.turned
+            lacking, q5 = fifth.meet(sixth.along, fourth.along, axis @ fourth.along)
             if (exists & (np.abs(lacking) <= NEAR)).any():
                 return None
             exists = (exists & (lacking <= 0))[..., None]
             q1, q2, elbow = q1[..., None], q2[..., None], elbow[..., None]
-            q4 = fourth.angle(fifth.turn(q5, sixth.along), wanted[..., None, :])
-            q6 = sixth.angle(held[..., None, :], fifth.turn(-q5, fourth.along))
+            q4 = fourth.angle(fifth.turn(q5, sixth.along), axis[..., None, :])
+            q6 = sixth.angle(rotated[..., None, :], fifth.turn(-q5, fourth.along))
         else:
-            q5 = x.fifth[..., None]
-            q4 = (normal.along @ fourth.along) * (x.bend[..., None] - q2 - elbow)
-            held = first.turn(q1, normal.along) @ x.turned
-            q6 = sixth.angle(held, fifth.turn(-q5, normal.along))
+            q5 = reach.fifth[..., None]
+            q4 = (normal.along @ fourth.along) * (reach.bend[..., None] - q2 - elbow)
+            rotated = first.turn(q1, normal.along) @ reach.turned
+            q6 = sixth.angle(rotated, fifth.turn(-q5, normal.along))
         q3 = (normal.along @ third.along) * elbow
         *q, exists = np.broadcast_arrays(q1, q2, q3, q4, q5, q6, exists)
         return np.asarray(np.pi - np.mod(np.pi - np.stack(q, axis=-1)[exists], 2 * np.pi))
@@ -190,18 +190,24 @@ class ClosedForm:
             The largest distance that was found at a pose; infinite where no orientation of the
             wrist will do.
         """
-        found, at, count = np.full(len(bases), -np.inf), 0, FIRST
-        while at < len(poses) and (found <= enough).any():
-            left = np.flatnonzero(found <= enough)
-            few = poses[at : at + max(1, count // len(left))]
-            x = self._reach(
-                np.repeat(bases[left], len(few), axis=0), np.tile(few, (len(left), 1, 1))
+        distances, index, count = np.full(len(bases), -np.inf), 0, FIRST
+        while index < len(poses) and (distances <= enough).any():
+            remaining = np.flatnonzero(distances <= enough)
+            few = poses[index : index + max(1, count // len(remaining))]
+            reach = self._reach(
+                np.repeat(bases[remaining], len(few), axis=0), np.tile(few, (len(remaining), 1, 1))
             )
-            gap = np.where(x.open, np.where(x.flat, 0.0, x.gap), np.inf).min(axis=(1, 2))
-            gap = np.where(x.lacking > NEAR, x.lacking, np.where(x.lacking > -NEAR, 0.0, gap))
-            found[left] = np.maximum(found[left], gap.reshape(len(left), -1).max(axis=1))
-            at, count = at + len(few), AT_ONCE
-        return found
+            gap = np.where(reach.open, np.where(reach.flat, 0.0, reach.gap), np.inf).min(
+                axis=(1, 2)
+            )
+            gap = np.where(
+                reach.lacking > NEAR, reach.lacking, np.where(reach.lacking > -NEAR, 0.0, gap)
+            )
+            distances[remaining] = np.maximum(
+                distances[remaining], gap.reshape(len(remaining), -1).max(axis=1)
+            )
+            index, count = index + len(few), AT_ONCE
+        return distances
 
     @property
     def _links(self) -> tuple[FloatArray, FloatArray]:
@@ -216,29 +222,29 @@ class ClosedForm:
         foot, back = self.points[0], np.swapaxes(bases[:, :, :3], 1, 2)
         turned = back @ poses[:, :, :3] @ self.end[:, :3].T
         end = np.einsum("nij,nj->ni", back, poses[:, :, 3] - bases[:, :, 3])
-        way = end + turned @ (self.center - self.end[:, 3]) - foot
+        center = end + turned @ (self.center - self.end[:, 3]) - foot
         # Turning the first joint back brings the centre into the plane of upper arm and forearm.
         side = (self.center - foot) @ normal.along
-        lacking, angles = first.meet(way, normal.along, np.full(len(way), side))
-        at = foot + first.turn(angles, way[:, None])[:, :, None]
-        wanted = first.turn(angles, (turned @ sixth.along)[:, None])
-        bend = q5 = np.zeros((len(way), 2, 1))
-        is_open, flat = bend == 0.0, bend != 0.0
+        lacking, angles = first.meet(center, normal.along, np.full(len(center), side))
+        end_point = foot + first.turn(angles, center[:, None])[:, :, None]
+        target = first.turn(angles, (turned @ sixth.along)[:, None])
+        angle_sum = q5 = np.zeros((len(center), 2, 1))
+        is_open, flat = angle_sum == 0.0, angle_sum != 0.0
         if not self.wrist:
-            missing, q5 = fifth.meet(sixth.along, normal.along, wanted @ normal.along)
+            missing, q5 = fifth.meet(sixth.along, normal.along, target @ normal.along)
             bent = fifth.turn(q5, sixth.along)
             level = normal.across(bent)
             is_open, flat = (
                 np.repeat(missing[..., None] <= NEAR, 2, axis=2),
                 _dot(level, level) < NEAR,
             )
-            bend = normal.angle(bent, wanted[:, :, None])
-            at = at + normal.turn(bend, self.points[3] - self.center)
+            angle_sum = normal.angle(bent, target[:, :, None])
+            end_point = end_point + normal.turn(angle_sum, self.points[3] - self.center)
         upper, fore = (float(np.linalg.norm(x)) for x in self._links)
-        way = normal.across(at - self.points[1])
-        size = np.linalg.norm(way, axis=-1)
+        center = normal.across(end_point - self.points[1])
+        size = np.linalg.norm(center, axis=-1)
         gap = np.maximum(size - upper - fore, abs(upper - fore) - size)
-        return Reach(turned, lacking, -angles, wanted, q5, bend, is_open, flat, way, gap)
+        return Reach(turned, lacking, -angles, target, q5, angle_sum, is_open, flat, center, gap)
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:

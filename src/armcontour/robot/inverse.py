@@ -13,7 +13,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.frames import UNTURNED, Pose, read_poses
 from armcontour.core.pool import map_in_threads, split_evenly
-from armcontour.robot import _newton
+from armcontour.robot import newton
 from armcontour.robot.arm import hint_at_unit
 from armcontour.robot.planar import PlanarTwoLink
 from armcontour.robot.serial import ChainArm, SerialArm
@@ -50,7 +50,7 @@ def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool)
     if isinstance(arm, PlanarTwoLink):
         if rows[:, 2:].any():
             raise InvalidInput(f"The arm {arm.name} moves in the plane: z of a pose must be 0.")
-        known = np.stack([arm.joint_position(rows[:, :2], x) for x in arm.branches], axis=1)
+        closed = np.stack([arm.joint_position(rows[:, :2], x) for x in arm.branches], axis=1)
     elif rows.shape[1] != 3:
         raise InvalidInput(f"The arm {arm.name} moves in space: give x, y and z of a position.")
     turned = np.broadcast_to(
@@ -60,19 +60,19 @@ def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool)
     for i, point in enumerate(rows):
         gap = 0.0
         if isinstance(arm, PlanarTwoLink):
-            found = known[i]
+            candidates = closed[i]
         else:
             assert isinstance(arm, SerialArm)
             target, task = np.column_stack([turned[i], point]), POINT if axes is None else WHOLE
-            found = configurations(arm, target, task)
+            candidates = configurations(arm, target, task)
             if start is not None and task < arm.dof:
                 # Of infinitely many, the sample need not have one that is near.
-                found = np.concatenate([configurations(arm, target, task, start), found])
-            if not len(found):
+                candidates = np.concatenate([configurations(arm, target, task, start), candidates])
+            if not len(candidates):
                 gap = float(out_of_reach(arm, target[None], task, seeds(arm)[:REACH_SEEDS])[0])
-        inside = _within_ranges(arm, found, start)
+        inside = _within_ranges(arm, candidates, start)
         if not len(inside):
-            _refuse(arm, i, point, found, gap)
+            _refuse(arm, i, point, candidates, gap)
         if every:
             return inside
         start = inside[0]
@@ -80,28 +80,31 @@ def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool)
     return np.reshape(solutions, (*points.shape[:-1], arm.dof))
 
 
-def _within_ranges(arm: ChainArm, found: FloatArray, near: FloatArray | None) -> FloatArray:
+def _within_ranges(arm: ChainArm, candidates: FloatArray, near: FloatArray | None) -> FloatArray:
     """Solutions within the joint ranges, the nearest to a position or to the middle first."""
-    turned = [shift_by_turns(arm, q[None], near) for q in found]
+    turned = [shift_by_turns(arm, q[None], near) for q in candidates]
     inside = np.array([q[0] for q, fits in turned if fits]).reshape(-1, arm.dof)
     away = np.abs(inside - (_middle(arm) if near is None else near)).max(axis=1)
     return np.asarray(inside[np.argsort(away, kind="stable")])
 
 
-def _refuse(arm: ChainArm, index: int, point: FloatArray, found: FloatArray, gap: float) -> None:
+def _refuse(
+    arm: ChainArm, index: int, point: FloatArray, candidates: FloatArray, gap: float
+) -> None:
     """Raise Unreachable for a pose: it has no solution, or only ones out of the joint ranges."""
-    if len(found):
-        why = f"with joints out of their ranges only, such as {np.round(found[0], 4).tolist()} rad"
+    if len(candidates):
+        example = np.round(candidates[0], 4).tolist()
+        reason = f"with joints out of their ranges only, such as {example} rad"
     elif gap > MET:
-        why = f"as the tool stays {gap:.3g} m away"
+        reason = f"as the tool stays {gap:.3g} m away"
     else:
-        why = "with this rotation"
+        reason = "with this rotation"
     raise Unreachable(
         f"The arm {arm.name} does not reach the pose at {tuple(np.round(point, 6).tolist())} m "
-        f"{why}: move or turn the pose{hint_at_unit(gap)}.",
+        f"{reason}: move or turn the pose{hint_at_unit(gap)}.",
         point=point.tolist(),
         index=index,
-        limit="range" if len(found) else "reach",
+        limit="range" if len(candidates) else "reach",
         needed=gap,
         allowed=0.0,
     )
@@ -126,13 +129,13 @@ def shift_by_turns(
     low, high, turn = q.min(axis=0), q.max(axis=0), 2 * np.pi
     both = np.isfinite(lower) & np.isfinite(upper)
     middle = _middle(arm)
-    least = np.where(both, -np.inf, np.ceil((lower - low) / turn))
-    most = np.where(both, np.inf, np.floor((upper - high) / turn))
+    lowest = np.where(both, -np.inf, np.ceil((lower - low) / turn))
+    highest = np.where(both, np.inf, np.floor((upper - high) / turn))
     turns = np.rint((middle - (low + high) / 2) / turn)
-    shift = turn * np.minimum(np.maximum(turns, least), most)
+    shift = turn * np.minimum(np.maximum(turns, lowest), highest)
     if start is not None:
-        near = turn * np.rint((start - q[0]) / turn)
-        shift = np.where((low + near >= lower) & (high + near <= upper), near, shift)
+        nearest = turn * np.rint((start - q[0]) / turn)
+        shift = np.where((low + nearest >= lower) & (high + nearest <= upper), nearest, shift)
     return q + shift, bool(((low + shift >= lower) & (high + shift <= upper)).all())
 
 
@@ -154,9 +157,9 @@ def configurations(
         Joint positions [rad], (k, dof); k is 0 if there is no solution.
     """
     if near is None and task == WHOLE and arm.closed_form is not None:
-        found = arm.closed_form.solve(arm.chain.base.matrix, pose)
-        if found is not None:
-            return found
+        solutions = arm.closed_form.solve(arm.chain.base.matrix, pose)
+        if solutions is not None:
+            return solutions
     return search(arm, pose, task, near)
 
 
@@ -175,8 +178,8 @@ def search(
     target = np.ascontiguousarray(pose)
 
     def approach(part: slice) -> FloatArray:
-        own = q[part], SEARCH_WEIGHT, MOST_STEPS
-        return np.asarray(_newton.approach(arm.link_table, task, target, *own))
+        parameters = q[part], SEARCH_WEIGHT, MOST_STEPS
+        return np.asarray(newton.approach(arm.link_table, task, target, *parameters))
 
     if near is None:
         residuals = np.concatenate(map_in_threads(approach, split_evenly(len(q), PARTS)))
@@ -185,11 +188,13 @@ def search(
     solutions = q[(residuals < MET).all(axis=1)]
     solutions = np.pi - np.mod(np.pi - solutions, 2 * np.pi) if near is None else solutions
     apart = np.cos(APART if task == arm.dof else APART_REDUNDANT)
-    kept, left, turns = [], np.arange(len(solutions)), np.exp(1j * solutions)
-    while len(left):
-        kept.append(left[0])
-        left = left[(turns[left] * turns[left[0]].conj()).real.min(axis=1) < apart]
-    return np.asarray(solutions[kept].reshape(-1, arm.dof))
+    distinct, remaining, turns = [], np.arange(len(solutions)), np.exp(1j * solutions)
+    while len(remaining):
+        distinct.append(remaining[0])
+        remaining = remaining[
+            (turns[remaining] * turns[remaining[0]].conj()).real.min(axis=1) < apart
+        ]
+    return np.asarray(solutions[distinct].reshape(-1, arm.dof))
 
 
 def seeds(arm: SerialArm) -> FloatArray:
@@ -236,6 +241,6 @@ def _approach(
 ) -> tuple[FloatArray, FloatArray]:
     """Where searches from joint positions end [rad], (k, dof), and how far from the pose [m]."""
     tried = q.copy()
-    own = tried, REACH_WEIGHT, MOST_STEPS
-    residuals = _newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *own)
+    parameters = tried, REACH_WEIGHT, MOST_STEPS
+    residuals = newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *parameters)
     return tried, np.asarray(residuals[:, 0])

@@ -69,16 +69,16 @@ class Use:
         NaN counts as an infinite ratio, of which nothing is certain. The effect of exact values is
         one zero.
         """
-        off, used, room = np.asarray(self.error), self.value, np.asarray(self.limit)
+        error, used, room = np.asarray(self.error), self.value, np.asarray(self.limit)
         if self.zero is not None:
             used = np.where(room < self.zero, self.zero - used, used - self.zero)
             room = np.abs(room - self.zero)
         # With a very small limit the ratio may overflow.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             ratio = np.asarray(used / room)
-            if not off.any() and not np.isnan(ratio).any():
+            if not error.any() and not np.isnan(ratio).any():
                 return ratio, ratio, np.zeros(1)
-            certain, slack = (used - off) / room, np.asarray(off / room)
+            certain, slack = (used - error) / room, np.asarray(error / room)
             return (
                 np.where(np.isnan(ratio), np.inf, ratio),
                 np.where(np.isnan(certain), -np.inf, certain),
@@ -101,10 +101,10 @@ def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike =
         both = np.isfinite(lower) & np.isfinite(upper)
         half = np.where(both, np.where(both, upper / 2 - lower / 2, 0.0), ONE_SIDED)
         end, middle = (lower, lower + half) if name == "joint_lower" else (upper, upper - half)
-        known = np.isfinite(end)
+        bounded = np.isfinite(end)
         # A joint without this end has an infinite range, of which no part is used.
-        value, limit = np.where(known, values, 0.0), np.where(known, end, np.inf)
-        return Use(name, value, limit, error, np.where(known, middle, 0.0))
+        value, limit = np.where(bounded, values, 0.0), np.where(bounded, end, np.inf)
+        return Use(name, value, limit, error, np.where(bounded, middle, 0.0))
     if name in JOINT_LIMITS:
         low, high = limits.bounds(name, values.shape[-1])
         # Most limits are the same both ways.
@@ -274,61 +274,63 @@ def length(vectors: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(vectors, axis=1))
 
 
-def _joints(x: States, order: int) -> Bounded:
+def _joints(states: States, order: int) -> Bounded:
     """Positions of joints or their derivatives, with a sign."""
-    return x.columns[order], x.errors[order] if order < len(x.errors) else np.zeros(1)
+    return states.columns[order], states.errors[order] if order < len(states.errors) else np.zeros(
+        1
+    )
 
 
-def _torque(x: States) -> Bounded:
+def _torque(states: States) -> Bounded:
     """Amounts of the joint torques [N m], with the dry friction at rest that helps most."""
-    drive, chain = x.arm.torque(x.q, x.dq, x.ddq), x.arm.chain
+    drive, chain = states.arm.torque(states.q, states.dq, states.ddq), states.arm.chain
     assert chain is not None and chain.coulomb is not None
     dry = chain.coulomb
 
     def without_dry(q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        return np.asarray(x.arm.torque(q, dq, ddq) - dry * np.sign(dq))
+        return np.asarray(states.arm.torque(q, dq, ddq) - dry * np.sign(dq))
 
-    others = drive - dry * np.sign(x.dq)
+    others = drive - dry * np.sign(states.dq)
     error = np.zeros_like(drive)
-    for change in x.changes(without_dry, others, 2):
+    for change in states.changes(without_dry, others, 2):
         error += np.abs(change)
     helped = np.maximum(np.abs(others) - dry, 0.0)
-    value = np.where(np.abs(x.dq) <= STILL, helped, np.abs(drive))
-    if x.errors:
+    value = np.where(np.abs(states.dq) <= STILL, helped, np.abs(drive))
+    if states.errors:
         # A joint that may be at rest may need as little as one at rest.
-        still = np.abs(x.dq) <= STILL + x.errors[1]
+        still = np.abs(states.dq) <= STILL + states.errors[1]
         error += np.where(still, np.maximum(value - helped, 0.0), 0.0)
     return value, error
 
 
-def _vector(x: States, function: Quantity, order: int) -> Bounded:
+def _vector(states: States, function: Quantity, order: int) -> Bounded:
     """Lengths of vectors of the tool."""
-    vectors, error = x.bounded(function, order)
+    vectors, error = states.bounded(function, order)
     return length(vectors), error
 
 
-def _tool_motion(x: States, order: int) -> Bounded:
+def _tool_motion(states: States, order: int) -> Bounded:
     """Tool speeds or lengths of tool accelerations: both come from one evaluation."""
-    vectors = x.tool_velocity if order == 1 else x.tool_acceleration
-    function = x.arm.tool_velocity if order == 1 else x.arm.tool_acceleration
-    return length(vectors), x.spread(function, vectors, order)
+    vectors = states.tool_velocity if order == 1 else states.tool_acceleration
+    function = states.arm.tool_velocity if order == 1 else states.arm.tool_acceleration
+    return length(vectors), states.spread(function, vectors, order)
 
 
-def _centripetal(x: States) -> Bounded:
+def _centripetal(states: States) -> Bounded:
     """Tool accelerations at right angles to the motion."""
-    (speed, off), (size, error) = x.bound("speed"), x.bound("tool_acceleration")
+    (speed, speed_error), (size, error) = states.bound("speed"), states.bound("tool_acceleration")
     # An error of the direction of motion makes a normal part of tangential acceleration.
-    turned = size * np.minimum(1.0, off / np.maximum(speed, SLOWEST))
-    value = across(x.tool_velocity, x.tool_acceleration)
+    turned = size * np.minimum(1.0, speed_error / np.maximum(speed, SLOWEST))
+    value = across(states.tool_velocity, states.tool_acceleration)
     return value, np.where(speed > SLOWEST, error + turned, 0.0)
 
 
-def _angular_speed(x: States) -> Bounded:
-    return _vector(x, angular(require_orientation(x.arm).tool_twist), 1)
+def _angular_speed(states: States) -> Bounded:
+    return _vector(states, angular(require_orientation(states.arm).tool_twist), 1)
 
 
-def _angular_acceleration(x: States) -> Bounded:
-    return _vector(x, angular(require_orientation(x.arm).tool_twist_rate), 2)
+def _angular_acceleration(states: States) -> Bounded:
+    return _vector(states, angular(require_orientation(states.arm).tool_twist_rate), 2)
 
 
 # The quantity of each limit, with the number of derivatives of q that it needs.

@@ -163,8 +163,8 @@ class Limits(Checked):
         Raises:
             InvalidInput: As of `replace`.
         """
-        given = cls().replace(**values)
-        return given._without(x for x in UNITS if getattr(given, x) is None)
+        specified = cls().replace(**values)
+        return specified._without(x for x in UNITS if getattr(specified, x) is None)
 
     @checked
     def over(self, others: Limits) -> Limits:
@@ -208,8 +208,8 @@ class Limits(Checked):
     @property
     def jerk_limits(self) -> tuple[str, ...]:
         """Names of the limits of jerk, without those that are infinite for every joint."""
-        given = {x: getattr(self, x) for x in JERK_LIMITS}
-        return tuple(x for x, y in given.items() if y is not None and np.isfinite(y).any())
+        values = {x: getattr(self, x) for x in JERK_LIMITS}
+        return tuple(x for x, y in values.items() if y is not None and np.isfinite(y).any())
 
     @property
     def without_jerk(self) -> Limits:
@@ -297,13 +297,13 @@ class Limits(Checked):
             dof: Number of joints.
         """
         try:
-            found = np.empty((2, dof))
-            found[0] = -np.inf if self.joint_lower is None else self.joint_lower
-            found[1] = np.inf if self.joint_upper is None else self.joint_upper
+            ends = np.empty((2, dof))
+            ends[0] = -np.inf if self.joint_lower is None else self.joint_lower
+            ends[1] = np.inf if self.joint_upper is None else self.joint_upper
         except (TypeError, ValueError):
             self.for_joints(dof)
             raise
-        return found[0], found[1]
+        return ends[0], ends[1]
 
     def middle(self, dof: int) -> FloatArray:
         """Middle of every joint's range [rad]; for an open range the position closest to 0.

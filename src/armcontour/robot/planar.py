@@ -138,16 +138,16 @@ class PlanarTwoLink(ChainArm):
             Unreachable: A point is out of reach or singular; `index` is the first such point.
         """
         sign = 1.0 if self._branch(configuration) == "positive" else -1.0
-        at = checks.floats("tool points", points, "m")
-        if at.shape[-1:] != (2,):
-            raise InvalidInput(f"Tool points of an arm in the plane are x and y, not {at.shape}.")
-        c, y = at[..., 0] - self.base, at[..., 1]
+        tool = checks.floats("tool points", points, "m")
+        if tool.shape[-1:] != (2,):
+            raise InvalidInput(f"Tool points of an arm in the plane are x and y, not {tool.shape}.")
+        c, y = tool[..., 0] - self.base, tool[..., 1]
         distance = np.hypot(c, y)
-        self._refuse_out_of_reach(at, distance)
+        self._refuse_out_of_reach(tool, distance)
         # 1 - cos(theta2) and 1 + cos(theta2) as products, which are exact at both limits of reach.
-        near, far = self.reach
-        low = (distance - near) * (distance + near) / (2 * self.link1 * self.link2)
-        high = (far - distance) * (far + distance) / (2 * self.link1 * self.link2)
+        shortest, longest = self.reach
+        low = (distance - shortest) * (distance + shortest) / (2 * self.link1 * self.link2)
+        high = (longest - distance) * (longest + distance) / (2 * self.link1 * self.link2)
         q2 = sign * 2 * np.arctan2(np.sqrt(high), np.sqrt(low))
         q1 = np.arctan2(c, y) - np.arctan2(
             self.link2 * np.sin(q2), self.link1 + self.link2 * np.cos(q2)
@@ -160,8 +160,8 @@ class PlanarTwoLink(ChainArm):
         Args:
             q: Joint positions [rad], (2,).
         """
-        bend = float(np.sin(checks.shaped("joint positions", q, (2,), "rad")[1]))
-        return self.branches[0 if bend >= 0 else 1]
+        sine = float(np.sin(checks.shaped("joint positions", q, (2,), "rad")[1]))
+        return self.branches[0 if sine >= 0 else 1]
 
     def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
         """Joint velocities [rad/s] that give the tool the velocity `velocity`, eq. (28).
@@ -190,9 +190,9 @@ class PlanarTwoLink(ChainArm):
         Raises:
             Unreachable: The arm is singular at one of the joint positions.
         """
-        rate, wanted = (checks.floats("states of an arm", x) for x in (dq, acceleration))
-        self._common_shape([checks.floats("states of an arm", q), rate, wanted])
-        return self._solve(q, wanted - self.tool_acceleration(q, rate, np.zeros_like(rate)))
+        rate, required = (checks.floats("states of an arm", x) for x in (dq, acceleration))
+        self._common_shape([checks.floats("states of an arm", q), rate, required])
+        return self._solve(q, required - self.tool_acceleration(q, rate, np.zeros_like(rate)))
 
     def _solve(self, q: npt.ArrayLike, right: FloatArray) -> FloatArray:
         """Solve `J(q) x = right` for x, (..., 2)."""
@@ -260,24 +260,26 @@ class PlanarTwoLink(ChainArm):
         Raises:
             Unreachable: Names the first such point.
         """
-        near, far = self.reach
-        outside = ~((distance > near + SINGULAR_MARGIN) & (distance < far - SINGULAR_MARGIN))
+        shortest, longest = self.reach
+        outside = ~(
+            (distance > shortest + SINGULAR_MARGIN) & (distance < longest - SINGULAR_MARGIN)
+        )
         if not outside.any():
             return
         index = int(np.flatnonzero(outside.ravel())[0])
         point = points.reshape(-1, 2)[index]
-        at = float(distance.ravel()[index])
+        radius = float(distance.ravel()[index])
         x, y = point.tolist()
-        beyond = max(near - at, at - far)
+        beyond = max(shortest - radius, radius - longest)
         if beyond > SINGULAR_MARGIN:
-            edge = f"more than {far:g} m" if at > far else f"less than {near:g} m"
+            edge = f"more than {longest:g} m" if radius > longest else f"less than {shortest:g} m"
             problem = (
                 f"is {beyond:.3g} m out of reach of the arm {self.name} ({edge} from its base)"
             )
         else:
             problem = (
-                f"lies on the edge of the reach of the arm {self.name}, {at:.9g} m from its base, "
-                "where it is singular"
+                f"lies on the edge of the reach of the arm {self.name}, {radius:.9g} m from its "
+                "base, where it is singular"
             )
         raise Unreachable(
             f"Point ({x:.6g}, {y:.6g}) m {problem}: move the path or the arm"
@@ -285,8 +287,8 @@ class PlanarTwoLink(ChainArm):
             point=point.tolist(),
             index=index,
             limit="reach",
-            needed=at,
-            allowed=far if at > (near + far) / 2 else near,
+            needed=radius,
+            allowed=longest if radius > (shortest + longest) / 2 else shortest,
         )
 
 
@@ -303,7 +305,7 @@ def _capsules(tubes: tuple[Tube, Tube], lengths: tuple[float, float]) -> ArmShap
         # The end of a link that is thicker than long is left round.
         stretch = length - radius if k == 2 and length > radius else length
         shape = Capsule(radius=radius, length=stretch)
-        place = Frame.rpy((0.0, stretch / 2, 0.0), (-np.pi / 2, 0.0, 0.0))
-        shapes.append(LinkShape(name=f"link {k}", link=k, shape=shape, place=place))
+        frame = Frame.rpy((0.0, stretch / 2, 0.0), (-np.pi / 2, 0.0, 0.0))
+        shapes.append(LinkShape(name=f"link {k}", link=k, shape=shape, place=frame))
     source = "capsules in the place of links, with the assumed diameters of their tubes"
     return ArmShapes(shapes=tuple(shapes), source=source)

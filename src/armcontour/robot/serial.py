@@ -134,7 +134,7 @@ class ChainArm(Arm):
         Raises:
             InvalidInput: The number of columns is not that of the joints.
         """
-        from armcontour.robot._kinematics import jacobians
+        from armcontour.robot.kernels import jacobians
 
         leading, (rows,) = self._rows(q)
         return np.asarray(jacobians(self.link_table, rows).reshape(*leading, 6, self.dof))
@@ -195,7 +195,7 @@ class ChainArm(Arm):
     def _motion(self, *states: npt.ArrayLike) -> FloatArray:
         """Twist of the tool and its derivatives: as many as there are states after the first."""
         # Numba is imported at first use: it loads slowly, and arms are also loaded to be listed.
-        from armcontour.robot._kinematics import tool_motion
+        from armcontour.robot.kernels import tool_motion
 
         leading, rows = self._rows(*states)
         # Derivatives above the order are not read.
@@ -212,7 +212,7 @@ class ChainArm(Arm):
 
     def _frames(self, q: npt.ArrayLike) -> FloatArray:
         """Frames of all joints and of the tool in the work frame, (..., dof + 1, 3, 4)."""
-        from armcontour.robot._kinematics import frames_of
+        from armcontour.robot.kernels import frames_of
 
         leading, (rows,) = self._rows(q)
         return np.asarray(frames_of(self.link_table, rows).reshape(*leading, self.dof + 1, 3, 4))

@@ -142,13 +142,13 @@ def check_joints(set_points: SetPoints, arm: Arm) -> None:
         )
 
 
-def check_weight(weight: FloatArray, limit: FloatArray, where: str, t: float) -> None:
+def check_weight(weight: FloatArray, limit: FloatArray, location: str, t: float) -> None:
     """Refuse an arm whose drives are too weak to hold it against gravity.
 
     Args:
         weight: Absolute torques against gravity, (dof,) [N m].
         limit: Torque limits of the drives, (dof,) [N m].
-        where: Name of the position, for the message.
+        location: Name of the position, for the message.
         t: Time at which the arm is there [s].
 
     Raises:
@@ -158,7 +158,8 @@ def check_weight(weight: FloatArray, limit: FloatArray, where: str, t: float) ->
     if heavy.any():
         j = int(np.argmax(heavy))
         raise ExecutionError(
-            f"Joint {j + 1} takes {weight[j]:.4g} N m to be held against gravity at {where}, but "
+            f"Joint {j + 1} takes {weight[j]:.4g} N m to be held against gravity at {location}, "
+            "but "
             f"its drive gives at most {limit[j]:.4g} N m: raise its torque limit or lighten its "
             "load.",
             t=t,
@@ -171,8 +172,8 @@ def check_weight(weight: FloatArray, limit: FloatArray, where: str, t: float) ->
 
 def count_intervals(set_points: SetPoints, servo: ServoModel) -> int:
     """Number of cycles until the last set-point has reached all joints."""
-    late = int(np.ceil(servo.dead_time.max() / set_points.cycle * (1 - 1e-12)))
-    return len(set_points.q) - 1 + late
+    delay = int(np.ceil(servo.dead_time.max() / set_points.cycle * (1 - 1e-12)))
+    return len(set_points.q) - 1 + delay
 
 
 def patience(duration: float) -> float:
@@ -227,10 +228,10 @@ class TorqueBounds:
 
     def __init__(self, arm: Arm, limit: FloatArray, set_points: SetPoints) -> None:
         self.arm, self.limit, self.set_points = arm, limit, set_points
-        for which, k in (("first", 0), ("last", -1)):
+        for label, k in (("first", 0), ("last", -1)):
             q, still = set_points.q[k], np.zeros(arm.dof)
             weight = np.abs(arm.torque(q, still, still))
-            check_weight(weight, limit, f"the {which} set-point", float(set_points.t[k]))
+            check_weight(weight, limit, f"the {label} set-point", float(set_points.t[k]))
 
     def at(self, k: int, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Acceleration bounds `(-T - b) / M_jj` and `(T - b) / M_jj` in interval k [rad/s²].
@@ -383,20 +384,20 @@ class ServoPlant(LimitedPlant):
     def _drives(self, planned: Limits | None) -> dict[str, Any]:
         """What saturates, by the names of the attributes, with the limits of a plan."""
         arm, servo = self.arm, self.servo
-        own = resolve_limits("A ServoPlant", arm, self.limits, planned)
-        saturation = _saturation(self._asked, servo, own, arm)
+        resolved = resolve_limits("A ServoPlant", arm, self.limits, planned)
+        saturation = _saturation(self._asked, servo, resolved, arm)
         torque_limit = None
         lower, upper = np.full((2, arm.dof), [[-np.inf], [np.inf]])
         if saturation == "acceleration":
-            lower, upper = servo.saturate(*own.acceleration_bounds(arm.dof))
+            lower, upper = servo.saturate(*resolved.acceleration_bounds(arm.dof))
         if saturation == "torque":
-            if own.joint_torque is None:
+            if resolved.joint_torque is None:
                 raise InvalidInput(
                     "Saturation of torque needs joint_torque among the limits: give it, or let "
                     "the plant saturate in acceleration.",
                     limit="joint_torque",
                 )
-            torque_limit = checks.frozen_array(or_unlimited(own.joint_torque, arm.dof))
+            torque_limit = checks.frozen_array(or_unlimited(resolved.joint_torque, arm.dof))
             # This property refuses an arm without masses.
             _ = arm.dynamics
         return {
@@ -452,29 +453,29 @@ class ServoPlant(LimitedPlant):
             The motion; None if the torque limits of its cycle follow from a result that
             the execution does not have.
         """
-        x, set_points = executed, executed.set_points
-        steps = round(set_points.cycle / float(x.t[1] - x.t[0]))
+        motion, set_points = executed, executed.set_points
+        steps = round(set_points.cycle / float(motion.t[1] - motion.t[0]))
         width = set_points.cycle / steps
-        demand = np.stack([x.demand[which], x.demand[which + 1]])
+        demand = np.stack([motion.demand[which], motion.demand[which + 1]])
         if self._smooth_between(demand, width):
-            return FineMotion.through(x.t, x.q, x.dq, x.ddq, which)
+            return FineMotion.through(motion.t, motion.q, motion.dq, motion.ddq, which)
         parts = []
         for i in which.tolist():
-            k, phase = divmod(round(float(x.t[i] - set_points.start_time) / width), steps)
+            k, phase = divmod(round(float(motion.t[i] - set_points.start_time) / width), steps)
             bounds = self.lower, self.acceleration
             if self.torque_limit is not None:
                 # The bounds of a cycle follow from the state at its start.
                 if i < phase:
                     return None
                 limits = TorqueBounds(self.arm, self.torque_limit, set_points)
-                bounds = limits.at(k, x.q[i - phase], x.dq[i - phase])
-            at = (phase + np.arange(PARTS + 1) / PARTS) * width
-            held = np.where(self.servo.ki > 0, x.demand[i], np.clip(x.demand[i], *bounds))
+                bounds = limits.at(k, motion.q[i - phase], motion.dq[i - phase])
+            times = (phase + np.arange(PARTS + 1) / PARTS) * width
+            held = np.where(self.servo.ki > 0, motion.demand[i], np.clip(motion.demand[i], *bounds))
             if self.servo.drive_cycle and self.servo.kv is None:
-                held = x.dq[i]
-            own = self.servo, bounds, k, at, (x.q[i], x.dq[i], held)
-            t, *states = respond_within(set_points.q, set_points.cycle, *own)
-            parts.append((t - at[0] + x.t[i], *states))
+                held = motion.dq[i]
+            arguments = self.servo, bounds, k, times, (motion.q[i], motion.dq[i], held)
+            t, *states = respond_within(set_points.q, set_points.cycle, *arguments)
+            parts.append((t - times[0] + motion.t[i], *states))
         columns = (np.concatenate(each) for each in zip(*parts, strict=True))
         t, q, before, after = columns
         return FineMotion(t=t, q=q, before=before, after=after)
@@ -500,9 +501,9 @@ class ServoPlant(LimitedPlant):
             return False
         if not ((self.lower < demand) & (demand < self.acceleration)).all():
             return False
-        late = servo.dead_time / width
+        delay = servo.dead_time / width
         slow = max(servo.kv.max(), servo.kp.max()) * width <= SMOOTH
-        return bool(slow and (abs(late - np.round(late)) < REACHED).all())
+        return bool(slow and (abs(delay - np.round(delay)) < REACHED).all())
 
     def _until_rest(
         self, set_points: SetPoints, steps: int
@@ -514,7 +515,7 @@ class ServoPlant(LimitedPlant):
         begin = Part(first[None], still, still, still, still[0], np.zeros((2, len(first))))
         done = count_intervals(set_points, self.servo)
         parts = [begin, run.advance(0, done, first, np.zeros_like(first))]
-        more = int(np.ceil(CHUNK / set_points.cycle))
+        chunk = int(np.ceil(CHUNK / set_points.cycle))
         last_one = done + int(np.ceil(PATIENCE / set_points.cycle))
         q, dq = (
             x[-1] if len(x) else y for x, y in zip(parts[1][:2], (first, 0 * first), strict=True)
@@ -522,9 +523,9 @@ class ServoPlant(LimitedPlant):
         while (np.abs(dq) > REST_VELOCITY).any() or (np.abs(q - last) > REST_DISTANCE).any():
             if done > last_one:
                 return parts, np.abs(q - last)
-            parts.append(run.advance(done, more, q, dq))
+            parts.append(run.advance(done, chunk, q, dq))
             q, dq = parts[-1].q[-1], parts[-1].dq[-1]
-            done += more
+            done += chunk
         return parts, None
 
     def _begin(self, set_points: SetPoints, steps: int) -> ServoRun:
@@ -535,14 +536,14 @@ class ServoPlant(LimitedPlant):
         return ServoRun(set_points, steps, self.servo, (self.lower, self.acceleration), bounds)
 
 
-def _saturation(asked: str | None, servo: ServoModel, limits: Limits, arm: Arm) -> str:
+def _saturation(requested: str | None, servo: ServoModel, limits: Limits, arm: Arm) -> str:
     """The given saturation, or the default one for None.
 
     Raises:
         InvalidInput: The saturation is unknown, or no joint is of second order and can saturate.
     """
     second = servo.kv is not None
-    if asked is None:
+    if requested is None:
         if servo.acceleration_limit is not None:
             limited = second and np.isfinite(servo.acceleration_limit).any()
             return "acceleration" if limited else "none"
@@ -550,10 +551,10 @@ def _saturation(asked: str | None, servo: ServoModel, limits: Limits, arm: Arm) 
             return "acceleration"
         torque = second and limits.joint_torque is not None and arm.has_bodies
         return "torque" if torque else "none"
-    checks.check_choice("saturation", asked, SATURATIONS)
-    if not second and asked != "none":
+    checks.check_choice("saturation", requested, SATURATIONS)
+    if not second and requested != "none":
         raise InvalidInput(
-            f"A servo of order {servo.order} has no acceleration that its {asked} could limit: "
+            f"A servo of order {servo.order} has no acceleration that its {requested} could limit: "
             "leave saturation out, or take a servo of order second."
         )
-    return asked
+    return requested

@@ -20,9 +20,9 @@ from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.chain import Chain
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import polynomials, sample_command
-from armcontour.simulation import _mujoco, _stepping
-from armcontour.simulation._mujoco import Springs
-from armcontour.simulation._stepping import Bodies, Loops, Rows
+from armcontour.simulation import drive_loop, mujoco_model
+from armcontour.simulation.drive_loop import Bodies, Loops, Rows
+from armcontour.simulation.mujoco_model import Springs, count_parts
 from armcontour.simulation.plant import (
     PATIENCE,
     RUNAWAY,
@@ -32,7 +32,6 @@ from armcontour.simulation.plant import (
     count_intervals,
     patience,
 )
-from armcontour.simulation.stability import count_parts
 
 # Cycle time of a drive's velocity loop [s]: 4 kHz is usual, divides every usual cycle,
 # and delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
@@ -153,10 +152,10 @@ class RigidBodyPlant(LimitedPlant):
         self.servo = servo.for_joints(arm.dof)
         self.servo.check_orders("A rigid-body plant", integrator=True)
         if self.servo.acceleration_limit is not None:
-            least = float(self.servo.acceleration_limit.min())
+            smallest = float(self.servo.acceleration_limit.min())
             raise InvalidInput(
                 "A rigid-body plant saturates at torques, but the servo has an acceleration_limit "
-                f"of {least} rad/s²: leave it out, and give the plant limits with joint_torque."
+                f"of {smallest} rad/s²: leave it out, and give the plant limits with joint_torque."
             )
         assert self.servo.kv is not None
         self.kv = self.servo.kv
@@ -176,13 +175,13 @@ class RigidBodyPlant(LimitedPlant):
 
     def _drives(self, planned: Limits | None) -> dict[str, Any]:
         """What saturates, by the names of the attributes, with the limits of a plan."""
-        own = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
-        torques = _torques(own, self.arm.limits, self.known_chain)
+        resolved = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
+        torques = _torques(resolved, self.arm.limits, self.known_chain)
         # A limit that stands for accelerations bounds the torque for motion alone; a torque limit
         # bounds the sum of the torques for motion and against gravity.
         return {
             "torque_limit": checks.frozen_array(torques),
-            "_on_top": own.joint_torque is None,
+            "_on_top": resolved.joint_torque is None,
         }
 
     @property
@@ -280,7 +279,7 @@ class RigidBodyPlant(LimitedPlant):
                 return logs
         worst = int(np.argmax(moved))
         j = worst % self.arm.dof
-        off = abs(float(log.q[-1, worst] - set_points.q[-1, j]))
+        offset = abs(float(log.q[-1, worst] - set_points.q[-1, j]))
         missing = (
             "; the inertia of its drive, armature, is missing"
             if np.asarray(self.chain.armature)[j] == 0
@@ -288,8 +287,8 @@ class RigidBodyPlant(LimitedPlant):
         )
         raise ExecutionError(
             f"Joint {j + 1} is not at rest {robot.now - begin:.3g} s after its last set-point: "
-            f"{off:.3g} rad from it, it still moves by {moved[worst]:.3g} rad in {window:.3g} s, "
-            f"so its servo gains, torque limit and friction do not let it settle{missing}.",
+            f"{offset:.3g} rad from it, it still moves by {moved[worst]:.3g} rad in {window:.3g} "
+            f"s, so its servo gains, torque limit and friction do not let it settle{missing}.",
             t=robot.now,
             joint=j,
         )
@@ -310,9 +309,9 @@ class RigidBodyPlant(LimitedPlant):
             return
         j = int(np.argmax(weak))
         needed, allowed = (float(abs(x[-1, j])) for x in (log.wanted, log.torque))
-        off = log.q[-1, -self.arm.dof :] - last
+        offset = log.q[-1, -self.arm.dof :] - last
         raise ExecutionError(
-            f"Joint {j + 1} rests {abs(off[j]):.3g} rad from its last set-point, "
+            f"Joint {j + 1} rests {abs(offset[j]):.3g} rad from its last set-point, "
             f"since its drive gives {allowed:.4g} N m where its servo asks for {needed:.4g} N m: "
             "raise its torque limit or lighten its load.",
             t=now,
@@ -324,7 +323,7 @@ class RigidBodyPlant(LimitedPlant):
 
     def _execution(self, set_points: SetPoints, logs: list[_Log], span: float) -> Execution:
         """The execution of consecutive logs with a time `span` between results [s]."""
-        q, dq, ddq, demand, wanted, torque = (
+        q, dq, ddq, demand, torque_demand, torque = (
             np.concatenate([getattr(x, name) for x in logs])
             for name in ("q", "dq", "ddq", "demand", "wanted", "torque")
         )
@@ -339,7 +338,7 @@ class RigidBodyPlant(LimitedPlant):
             motor_q=None if self._springs is None else q[:, dof:],
             demand=demand,
             torque=torque,
-            torque_demand=wanted,
+            torque_demand=torque_demand,
             demand_range=np.stack(
                 [
                     np.min([x.demand_range[0] for x in logs], axis=0),
@@ -430,16 +429,16 @@ class _Robot:
         self.step = step
         self.start = set_points.start_time
         self.steps = 0
-        self.mujoco = _mujoco.load()
+        self.mujoco = mujoco_model.load()
         springs = plant._springs
-        self.model = _mujoco.build(plant.chain, step, friction=plant.friction, springs=springs)
+        self.model = mujoco_model.build(plant.chain, step, friction=plant.friction, springs=springs)
         self.data = self.mujoco.MjData(self.model)
         self.parts = 1
         # The controller's model with a state at rest, for computing the torques of gravity.
         self.known_model = (
             self.model
             if plant.known_chain is plant.chain and springs is None
-            else _mujoco.build(plant.known_chain, step, friction=False)
+            else mujoco_model.build(plant.known_chain, step, friction=False)
         )
         self.still = self.mujoco.MjData(self.known_model)
         self.rng = np.random.default_rng(plant.seed)
@@ -447,7 +446,7 @@ class _Robot:
         # Without springs both are the same.
         self.data.qpos[-len(motors) :] = motors
         self.data.qpos[: len(links)] = links
-        self.functions = _mujoco.functions()
+        self.functions = mujoco_model.functions()
         self.bodies = Bodies.of(self.model, self.data)
         self.known = Bodies.of(self.known_model, self.still)
         ki = np.array(plant.servo.ki)
@@ -472,7 +471,7 @@ class _Robot:
     def refine(self, parts: int) -> None:
         """Integrate every step in so many parts."""
         self.parts = parts
-        _mujoco.set_step(self.model, self.step / parts)
+        mujoco_model.set_step(self.model, self.step / parts)
         # Compiled calls of MuJoCo cannot raise exceptions: one of its errors would end the process.
         # A step from Python shows whether there are any, as all steps do the same.
         self.mujoco.mj_step(self.model, self.mujoco.MjData(self.model))
@@ -498,7 +497,7 @@ class _Robot:
         at_once = max(1, STEPS_AT_ONCE // self.parts)
         for first in range(0, n, at_once):
             end = min(first + at_once, n)
-            reached = _stepping.advance(
+            reached = drive_loop.advance(
                 self.functions, self.bodies, self.known, self.loops, self.parts,
                 commands, integrated, noise, first, end, RUNAWAY, rows,
             )  # fmt: skip
@@ -524,7 +523,7 @@ class _Robot:
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         gain = np.where(plant.servo.ki > 0, np.inf, gain)
         motors = links = first
-        weight, fed = _mujoco.weight(self.model, self.data, links), self._fed_forward(motors)
+        weight, fed = mujoco_model.weight(self.model, self.data, links), self._fed_forward(motors)
         for _ in range(ITERATIONS):
             before = motors, links
             motors = first - (weight - fed) / gain
@@ -532,7 +531,10 @@ class _Robot:
             moved = np.abs(np.subtract((motors, links), before)).max(axis=0)
             if moved.max() <= EQUILIBRIUM:
                 break
-            weight, fed = _mujoco.weight(self.model, self.data, links), self._fed_forward(motors)
+            weight, fed = (
+                mujoco_model.weight(self.model, self.data, links),
+                self._fed_forward(motors),
+            )
         else:
             j = int(np.argmax(moved))
             loops = "servo gains are" if springs is None else "servo gains or its stiffness are"
@@ -542,17 +544,17 @@ class _Robot:
                 t=self.start,
                 joint=j,
             )
-        where, torque = "the first set-point", weight - fed
+        location, torque = "the first set-point", weight - fed
         if plant._on_top and plant.gravity_feedforward:
-            weight, where = torque, f"{where}, beside gravity feed-forward"
-        check_weight(np.abs(weight), plant.torque_limit, where, self.start)
+            weight, location = torque, f"{location}, beside gravity feed-forward"
+        check_weight(np.abs(weight), plant.torque_limit, location, self.start)
         return motors, links, torque
 
     def _fed_forward(self, q: FloatArray) -> FloatArray:
         """Torques that the controller adds against gravity at q [N m], (dof,)."""
         if not self.plant.gravity_feedforward:
             return np.zeros(len(q))
-        return _mujoco.weight(self.known_model, self.still, q)
+        return mujoco_model.weight(self.known_model, self.still, q)
 
     def _refuse_runaway(self, k: int) -> None:
         """Refuse a motion that is faster than `RUNAWAY` in step k of the commands.
@@ -583,7 +585,7 @@ def require_mujoco() -> None:
     Raises:
         InvalidInput: MuJoCo is not installed.
     """
-    _mujoco.load()
+    mujoco_model.load()
 
 
 def rest_window(servo: ServoModel) -> float:
@@ -610,8 +612,8 @@ def _straight(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
     """Linear or stepped commands at the starts of all steps between set-points, (n steps, dof)."""
     if interpolation == "step":
         return np.repeat(q[:-1], steps, axis=0)
-    share = np.arange(steps)[:, None] / steps
-    between = q[:-1, None] + share * np.diff(q, axis=0)[:, None]
+    fraction = np.arange(steps)[:, None] / steps
+    between = q[:-1, None] + fraction * np.diff(q, axis=0)[:, None]
     return np.asarray(between.reshape(-1, q.shape[1]))
 
 
@@ -664,11 +666,11 @@ def _springs(
 
 def _nominal(chain: Chain, reference: FloatArray) -> FloatArray:
     """Inertia of each joint at the reference position without payload [kg m²], (dof,)."""
-    model = _mujoco.build(chain.replace(payload=None), STEP, friction=False)
-    return np.asarray(np.diagonal(_mujoco.mass_matrix(model, reference)))
+    model = mujoco_model.build(chain.replace(payload=None), STEP, friction=False)
+    return np.asarray(np.diagonal(mujoco_model.mass_matrix(model, reference)))
 
 
-def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
+def _torques(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
     """Torque limits of the drives [N m], (dof,).
 
     Without torque limits the drives are rated for the acceleration limits: without payload, they
@@ -676,7 +678,7 @@ def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
 
     Args:
         limits: The limits that saturate.
-        own: The limits of the arm, which give the joint ranges.
+        arm_limits: The limits of the arm, which give the joint ranges.
         chain: The arm's bodies.
 
     Raises:
@@ -692,10 +694,10 @@ def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
             "The rigid-body plant saturates alike in both directions: give it one value of "
             "joint_acceleration per joint, or joint_torque."
         )
-    lower, upper = (np.clip(x, -np.pi, np.pi) for x in own.joint_range(dof))
+    lower, upper = (np.clip(x, -np.pi, np.pi) for x in arm_limits.joint_range(dof))
     shares = np.random.default_rng(0).uniform(size=(RATED_POSES, dof))
-    model = _mujoco.build(chain.replace(payload=None), STEP, friction=False)
-    matrices = np.abs(_mujoco.mass_matrices(model, lower + shares * (upper - lower)))
+    model = mujoco_model.build(chain.replace(payload=None), STEP, friction=False)
+    matrices = np.abs(mujoco_model.mass_matrices(model, lower + shares * (upper - lower)))
     return np.asarray(np.max([x @ limits.acceleration_bounds(dof)[1] for x in matrices], axis=0))
 
 

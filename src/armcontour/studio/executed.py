@@ -21,6 +21,7 @@ from armcontour.studio.preview import Executed
 from armcontour.studio.thinning import Detail, evenly, thin
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
+from armcontour.verification.contour_execution import ContourExecution
 from armcontour.verification.error_profile import error_rows
 from armcontour.verification.evaluation import (
     demand_ratio,
@@ -29,7 +30,6 @@ from armcontour.verification.evaluation import (
     saturated_shares,
     settled_row,
 )
-from armcontour.verification.pieces import ContourExecution
 
 # About the largest number of samples of an execution.
 MOST_SAMPLES = 4_000

@@ -36,7 +36,7 @@ from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import Scene
 from armcontour.verification import ErrorProfile
-from armcontour.verification.pieces import ContourExecution, pieces_of, settling_time
+from armcontour.verification.contour_execution import ContourExecution, pieces_of, settling_time
 
 # Most set-points of an exact preview.
 MOST_SET_POINTS = 200_000

@@ -18,8 +18,18 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.frames import Frame
 from armcontour.jobs import Job
 from armcontour.robot import Arm, Chain
-from armcontour.robot.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Scene, Shape, Sphere
-from armcontour.robot.scene.scene import BASE, PART
+from armcontour.robot.scene import (
+    BASE,
+    PART,
+    Box,
+    Capsule,
+    Cylinder,
+    HalfSpace,
+    Mesh,
+    Scene,
+    Shape,
+    Sphere,
+)
 from armcontour.studio.wire import Frame as Message
 
 # Round bodies have so many sides.

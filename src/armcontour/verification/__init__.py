@@ -3,10 +3,10 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "checking": "Check PathDeviation check",
+    "trajectory_check": "Check PathDeviation check",
     "error_profile": "Coverage ErrorProfile",
     "evaluation": "Evaluation evaluate",
-    "pieces": "CornerDeviation",
-    "tally": "LimitUse",
+    "contour_execution": "CornerDeviation",
+    "limit_verdict": "LimitUse",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

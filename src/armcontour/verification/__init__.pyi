@@ -1,9 +1,9 @@
-from armcontour.verification.checking import Check as Check
-from armcontour.verification.checking import PathDeviation as PathDeviation
-from armcontour.verification.checking import check as check
+from armcontour.verification.contour_execution import CornerDeviation as CornerDeviation
 from armcontour.verification.error_profile import Coverage as Coverage
 from armcontour.verification.error_profile import ErrorProfile as ErrorProfile
 from armcontour.verification.evaluation import Evaluation as Evaluation
 from armcontour.verification.evaluation import evaluate as evaluate
-from armcontour.verification.pieces import CornerDeviation as CornerDeviation
-from armcontour.verification.tally import LimitUse as LimitUse
+from armcontour.verification.limit_verdict import LimitUse as LimitUse
+from armcontour.verification.trajectory_check import Check as Check
+from armcontour.verification.trajectory_check import PathDeviation as PathDeviation
+from armcontour.verification.trajectory_check import check as check

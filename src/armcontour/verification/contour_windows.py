@@ -52,26 +52,26 @@ def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
         InvalidInput: The tool does not follow a contour from its start to its end.
     """
     travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)))
-    known: list[_Window] = []
+    previous: list[_Window] = []
     for number, contour in enumerate(program.contours):
-        earliest = min((x.last for x in known), default=0)
-        found = []
+        earliest = min((x.last for x in previous), default=0)
+        windows_here = []
         for first, last in _find_candidates(tool, travel, contour.path, earliest):
             # The best window of the contour before that ends early enough.
-            early = (x for x in known if x.last <= first)
+            early = (x for x in previous if x.last <= first)
             before = min(early, key=lambda x: x.worst, default=None)
             if before is not None or number == 0:
                 worst = float(contour.path.project(tool[first : last + 1]).distance.max())
                 worst = max(worst, 0.0 if before is None else before.worst)
-                found.append(_Window(first, last, worst, before))
-        if not found:
+                windows_here.append(_Window(first, last, worst, before))
+        if not windows_here:
             raise InvalidInput(
                 f"The tool does not follow {contour_called(contour, number)} from its start to its "
                 "end: give the trajectory of the whole program, in the order in which the job has "
                 "its contours."
             )
-        known = found
-    best: _Window | None = min(known, key=lambda x: x.worst)
+        previous = windows_here
+    best: _Window | None = min(previous, key=lambda x: x.worst)
     windows = []
     while best is not None:
         windows.append((best.first, best.last))
@@ -113,14 +113,14 @@ def _find_visits(
         length: Length of the contour that starts or ends there [m].
         earliest: Index of the first sample to consider.
     """
-    off = np.linalg.norm(tool[earliest:] - point, axis=1)
-    if not len(off):
+    distance = np.linalg.norm(tool[earliest:] - point, axis=1)
+    if not len(distance):
         return []
-    near = off <= max(min(NEAR, NEAR_SHARE * length), AGAIN * float(off.min()))
+    near = distance <= max(min(NEAR, NEAR_SHARE * length), AGAIN * float(distance.min()))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(np.int8)))
-    found = []
+    visits = []
     for first, after in edges.reshape(-1, 2).tolist():
-        here = off[first:after]
-        nearest = np.flatnonzero(here <= here.min() * (1 + 1e-9)) + first + earliest
-        found.append((int(nearest[0]), int(nearest[-1])))
-    return found
+        visit = distance[first:after]
+        nearest = np.flatnonzero(visit <= visit.min() * (1 + 1e-9)) + first + earliest
+        visits.append((int(nearest[0]), int(nearest[-1])))
+    return visits

@@ -73,10 +73,10 @@ def error_rows(
     if error is None:
         return (Row(name, None),)
     key = f"{name}." if name else ""
-    where = place_and_time(error.t_max, error.s_max)
+    location = place_and_time(error.t_max, error.s_max)
     unit = "rad" if getattr(error, "angular", False) else "m"
     largest = (
-        Row(f"{key}max", error.max, unit, f"{label}, largest", where, most),
+        Row(f"{key}max", error.max, unit, f"{label}, largest", location, most),
         Row(f"{key}t_max", error.t_max, "s"),
         Row(f"{key}s_max", error.s_max, "m"),
     )
@@ -243,17 +243,17 @@ def find_peak(
         return None
     counts = slice(0, int(t.searchsorted(until, side="right")))
     sampled = float(values[counts].max(initial=-np.inf))
-    best, found = sampled, None
+    best, peak = sampled, None
     high, _, bound = _tops(t, values)
     # Where the bend turns round, ripple is not resolved by the samples.
-    bend = np.pad((values[2:] - values[1:-1]) - (values[1:-1] - values[:-2]), 1, mode="edge")
-    ripple = np.maximum(values[:-1], values[1:]) + (abs(bend[:-1]) + abs(bend[1:])) / 4
-    unsure = np.flatnonzero((ripple > _above(best)) & (bend[:-1] * bend[1:] <= 0))
+    curvature = np.pad((values[2:] - values[1:-1]) - (values[1:-1] - values[:-2]), 1, mode="edge")
+    ripple = np.maximum(values[:-1], values[1:]) + (abs(curvature[:-1]) + abs(curvature[1:])) / 4
+    unsure = np.flatnonzero((ripple > _above(best)) & (curvature[:-1] * curvature[1:] <= 0))
     high, bound = np.append(high, unsure), np.append(bound, ripple[unsure])
     if hidden is not None and len(hidden[0]):
-        sharp, more = hidden
+        sharp, excess = hidden
         high = np.append(high, sharp)
-        bound = np.append(bound, (values[sharp] + values[sharp + 1]) / 2 + more)
+        bound = np.append(bound, (values[sharp] + values[sharp + 1]) / 2 + excess)
     # What is beyond the first and the last sample goes on as beside it.
     for i, a, b in ((-1, 0, 1), (len(t) - 1, -1, -2)):
         end = since - t[0] if i < 0 else until - t[-1]
@@ -269,9 +269,9 @@ def find_peak(
         if first < last:
             higher = _climb(first, last, partial(measure, i), best)
             if higher is not None:
-                best, found = higher.value, higher
+                best, peak = higher.value, higher
     # Higher by a rounding error only: one of the samples, computed once more.
-    return found if best > _above(sampled) else None
+    return peak if best > _above(sampled) else None
 
 
 def _climb(
@@ -281,29 +281,29 @@ def _climb(
     best: float,
 ) -> Peak | None:
     """Find a value that is higher than the best one between two times; None if there is none."""
-    found = None
+    peak = None
     t, values = np.zeros(0), np.zeros(0)
-    at = first + (last - first) * SHARES
+    times = first + (last - first) * SHARES
     for _ in range(MOST_CUTS):
-        seen = measure(at)
-        if seen is None:
+        measured = measure(times)
+        if measured is None:
             return None
-        k = int(seen[0].argmax())
-        if seen[0][k] > best:
-            best = float(seen[0][k])
-            found = Peak(float(at[k]), best, float(seen[1][k]))
-        t, values = np.append(t, at), np.append(values, seen[0])
+        k = int(measured[0].argmax())
+        if measured[0][k] > best:
+            best = float(measured[0][k])
+            peak = Peak(float(times[k]), best, float(measured[1][k]))
+        t, values = np.append(t, times), np.append(values, measured[0])
         order = t.argsort(kind="stable")
         t, values = t[order], values[order]
         high, guesses, bound = _tops(t, values)
         width = t[high + 1] - t[high]
-        left = (bound > _above(best)) & (width > PARTS * 4 * np.spacing(t[-1]))
-        if not left.any():
+        uncertain = (bound > _above(best)) & (width > PARTS * 4 * np.spacing(t[-1]))
+        if not uncertain.any():
             break
-        low, width = t[high[left]], width[left]
-        at = low + width * np.clip(guesses[:, left] + AROUND, NEAR, 1 - NEAR)
-        at = np.unique(at)
-    return found
+        low, width = t[high[uncertain]], width[uncertain]
+        times = low + width * np.clip(guesses[:, uncertain] + AROUND, NEAR, 1 - NEAR)
+        times = np.unique(times)
+    return peak
 
 
 def climb_smooth(
@@ -317,18 +317,20 @@ def climb_smooth(
         measure: Gives the values at times of each function, both (m, n).
     """
     step, rows = (last - first) * FEW[1], np.arange(len(first))
-    at, best = first[:, None] + (last - first)[:, None] * FEW, np.full(len(first), -np.inf)
+    times, best = first[:, None] + (last - first)[:, None] * FEW, np.full(len(first), -np.inf)
     for _ in range(CLOSER):
-        found = measure(at)
-        best = np.maximum(best, found.max(axis=1))
-        k = np.clip(found.argmax(axis=1), 1, len(FEW) - 2)
-        low, top, high = (found[rows, k + side] for side in (-1, 0, 1))
-        bend = low + high - 2 * top
-        shift = np.where(bend < 0, (low - high) / np.where(bend < 0, 2 * bend, 1.0), 0.0)
-        middle = at[rows, k] + np.clip(shift, -1, 1) * step
+        values = measure(times)
+        best = np.maximum(best, values.max(axis=1))
+        k = np.clip(values.argmax(axis=1), 1, len(FEW) - 2)
+        low, top, high = (values[rows, k + side] for side in (-1, 0, 1))
+        curvature = low + high - 2 * top
+        shift = np.where(
+            curvature < 0, (low - high) / np.where(curvature < 0, 2 * curvature, 1.0), 0.0
+        )
+        middle = times[rows, k] + np.clip(shift, -1, 1) * step
         step = step / 16
-        at = middle[:, None] + step[:, None] * (FEW - 0.5) * (len(FEW) - 1)
-        at = np.clip(at, first[:, None], last[:, None])
+        times = middle[:, None] + step[:, None] * (FEW - 0.5) * (len(FEW) - 1)
+        times = np.clip(times, first[:, None], last[:, None])
     return best
 
 
@@ -399,7 +401,7 @@ def least_off(
         turned: The tool's axes as columns, (n, 3, 3).
         reach: Largest distance of the tool from the point of the path that it follows [m].
     """
-    from armcontour.verification._following import find_places
+    from armcontour.verification.kernels import find_places
 
     assert path.orientation is not None
     angle = angle_off(path.orientation, nearest.s, turned)
@@ -407,10 +409,12 @@ def least_off(
     size, done, worst = FIRST, 0, -np.inf
     while done < len(order) and angle[order[done]] > worst:
         these = order[done : done + size]
-        far = np.maximum(reach, nearest.distance[these])
-        of, places = find_places(tool[these], geometry, far)
-        fits = angle_off(path.orientation, np.minimum(places, path.length), turned[these[of]])
-        np.minimum.at(angle, these[of], fits)
+        radius = np.maximum(reach, nearest.distance[these])
+        point, arc_lengths = find_places(tool[these], geometry, radius)
+        fits = angle_off(
+            path.orientation, np.minimum(arc_lengths, path.length), turned[these[point]]
+        )
+        np.minimum.at(angle, these[point], fits)
         worst = max(worst, float(angle[these].max()))
         done, size = done + size, size * 4
     return angle

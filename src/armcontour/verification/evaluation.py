@@ -23,8 +23,7 @@ from armcontour.motion import Execution, SetPoints
 from armcontour.program import Program
 from armcontour.robot import Limits, resolve_limits
 from armcontour.robot.limit_use import use_of
-from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
-from armcontour.verification.pieces import (
+from armcontour.verification.contour_execution import (
     ContourExecution,
     CornerDeviation,
     common_delay,
@@ -32,7 +31,8 @@ from armcontour.verification.pieces import (
     pieces_of,
     settling_time,
 )
-from armcontour.verification.tally import measure_limit_ratios
+from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
+from armcontour.verification.limit_verdict import measure_limit_ratios
 
 # A joint makes full use of a limit from this share on.
 NEAR = 0.99
@@ -178,8 +178,8 @@ class Evaluation(Result, Checked):
         plan = None if self.judged is None else self.judged.executed.set_points.trajectory
         if plan is None or not plan.reserve:
             return "of the motion"
-        left = number(1 - plan.reserve, "1")
-        return f"of the motion; planned for {left} of the accelerations and torques"
+        usable = number(1 - plan.reserve, "1")
+        return f"of the motion; planned for {usable} of the accelerations and torques"
 
     @property
     def _cornering(self) -> Table:
@@ -202,13 +202,13 @@ class Evaluation(Result, Checked):
             the contours of a program.
         """
         error, lag = self.contour_error, self.tracking_error
-        known = np.isfinite(lag.values)
-        late = np.interp(error.t, lag.t[known], lag.values[known])
+        judged = np.isfinite(lag.values)
+        tracking = np.interp(error.t, lag.t[judged], lag.values[judged])
         return {
             "t": error.t.copy(),
             "s": error.s.copy(),
             "contour_error": error.values.copy(),
-            "tracking_error": np.where(np.isfinite(error.values), late, np.nan),
+            "tracking_error": np.where(np.isfinite(error.values), tracking, np.nan),
         }
 
 
@@ -373,13 +373,13 @@ def saturated_shares(executed: Execution, end: float) -> FloatArray:
 
 def _join_known(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
     """Join the profiles that are not None; None if all are."""
-    found = [x for x in profiles if x is not None]
-    return ErrorProfile.join(found) if found else None
+    known_profiles = [x for x in profiles if x is not None]
+    return ErrorProfile.join(known_profiles) if known_profiles else None
 
 
-def _most_of_each(found: Sequence[tuple[float, float] | None]) -> tuple[float, float] | None:
+def _most_of_each(errors: Sequence[tuple[float, float] | None]) -> tuple[float, float] | None:
     """The largest first and second value of those that are not None; None if all are."""
-    along, across = (max((x[i] for x in found if x), default=-1.0) for i in (0, 1))
+    along, across = (max((x[i] for x in errors if x), default=-1.0) for i in (0, 1))
     return None if along < 0 else (along, across)
 
 

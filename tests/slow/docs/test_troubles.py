@@ -180,6 +180,6 @@ def test_the_page_says_what_the_tool_says(name, tmp_path, monkeypatch):
 
 def test_every_sentence_on_the_page_is_provoked(capsys):
     with compiling_said():
-        tell_compiling("armcontour.robot._newton.solve")
+        tell_compiling("armcontour.robot.newton.solve")
     assert capsys.readouterr().err == SAID["The first run is slow"] + "\n"
     assert SAID.keys() - {"The first run is slow"} == TROUBLES.keys()

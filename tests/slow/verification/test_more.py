@@ -2,7 +2,7 @@
 
 from hypothesis import given, settings
 from tests.verification import test_peaks
-from tests.verification.test_following import judge_places
+from tests.verification.test_path_following import judge_places
 
 
 def test_no_sample_of_many_runs_between_is_higher():

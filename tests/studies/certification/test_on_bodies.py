@@ -12,8 +12,8 @@ from armcontour.core.render import number
 from armcontour.files import certificate_json, parse_job
 from armcontour.program import Contour, Rapid
 from armcontour.report import render_report
-from armcontour.simulation.robustness.bodies import BodyRuns, spread_on_bodies
-from armcontour.simulation.robustness.unknowns import Unknowns
+from armcontour.simulation.robustness.rigid_body_runs import BodyRuns, spread_on_bodies
+from armcontour.simulation.robustness.uncertainty import Unknowns
 
 JOB = """
 name: corner

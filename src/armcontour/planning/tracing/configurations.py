@@ -18,7 +18,7 @@ from armcontour.planning.tracing.knots import Knots
 from armcontour.planning.tracing.poses import OUT_OF_REACH, poses_at, row_of_poses, what_helps
 from armcontour.planning.tracing.ranges import out_of_range
 from armcontour.planning.tracing.redundancy import null_space, smooth
-from armcontour.robot import SerialArm, _newton
+from armcontour.robot import SerialArm, newton
 from armcontour.robot.arm import hint_at_unit
 from armcontour.robot.inverse import (
     REACH_SEEDS,
@@ -222,7 +222,7 @@ def follow_branches(
     q[:, 0] = starts
 
     def follow(ways: slice) -> None:
-        _newton.follow(arm.link_table, task, poses, q[ways], reached[ways], enough)
+        newton.follow(arm.link_table, task, poses, q[ways], reached[ways], enough)
 
     _in_threads(follow, split_evenly(len(starts), PARTS), len(starts) * len(poses))
     return q, reached

@@ -22,7 +22,7 @@ from armcontour.planning.tracing.solver import (
     quintics_at_places,
     raise_singular,
 )
-from armcontour.robot import SerialArm, _newton
+from armcontour.robot import SerialArm, newton
 
 # Largest angle between the tool and its required orientation between knots [rad].
 ANGULAR_TOLERANCE = 1e-9
@@ -85,8 +85,8 @@ class Numeric(Solver[SerialArm]):
         """What `ends` gives, for tool poses and their derivatives; q are guesses, overwritten."""
         w, g = self._rows(knots, u)
         links = self.arm.link_table
-        found = _newton.newton(links, self.task, q, poses, w, g)
-        dq_ds, d2q_ds2, pivot_ratio = _newton.path_derivatives(
+        found = newton.newton(links, self.task, q, poses, w, g)
+        dq_ds, d2q_ds2, pivot_ratio = newton.path_derivatives(
             links, self.task, q, poses, rates, w, g
         )
         bad = ~(found & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))

@@ -16,7 +16,7 @@ import numpy as np
 from armcontour.core._banded import solve_banded
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.motion import quintic
-from armcontour.robot import SerialArm, _newton
+from armcontour.robot import SerialArm, newton
 
 # A spline overshoots if it leaves a chord by more than this fraction of the largest step next to
 # it, and by more than the floor [rad].
@@ -175,7 +175,7 @@ def _without_swing(s: FloatArray, values: FloatArray) -> FloatArray:
 
 def null_space(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
     """Orthonormal bases of the joint motions that do not move the tool, (n, dof - task, dof)."""
-    return np.asarray(_newton.free_motions(arm.link_table, task, q, poses))
+    return np.asarray(newton.free_motions(arm.link_table, task, q, poses))
 
 
 def smooth(
@@ -222,7 +222,7 @@ def smooth(
         )
         rows, goals = w.reshape(-1, 1, free, arm.dof), trial.reshape(-1, 1, arm.dof).copy()
         moved = trial.reshape(-1, arm.dof)
-        met = _newton.newton(arm.link_table, task, moved, targets, rows, goals).reshape(ways, n)
+        met = newton.newton(arm.link_table, task, moved, targets, rows, goals).reshape(ways, n)
         fresh = cost.values(trial)
         better = met.all(axis=1) & (fresh < values[going])
         found[going[better]], values[going[better]] = trial[better], fresh[better]

@@ -13,8 +13,7 @@ from armcontour.jobs import Job
 from armcontour.report.figure import make_trace
 from armcontour.report.style import finish, line
 from armcontour.robot import Arm
-from armcontour.robot.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
-from armcontour.robot.scene.scene import BASE
+from armcontour.robot.scene import BASE, Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
 LINK_COLOUR, TOOL_COLOUR, OBSTACLE_COLOUR = "#56B4E9", "#E69F00", "#999999"
 # Shortest side of a scene, as a share of the longest side.

@@ -8,7 +8,6 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "drives": "Drives",
-    "response": "Response regular_times respond_along",
-    "simulation": "Simulation simulate",
+    "response": "Response Simulation regular_times respond_along simulate",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -61,11 +61,11 @@ class Drives:
                 f"The arm {self.arm.name} has {self.arm.dof} joints, but the arm that its "
                 f"controller knows has {self.known.dof}."
             )
-        own = nominal_inertia(self.as_known) if servo.inertia is None else servo.inertia
+        inertia = nominal_inertia(self.as_known) if servo.inertia is None else servo.inertia
         object.__setattr__(self, "servo", servo)
-        object.__setattr__(self, "inertia", checks.frozen_array(own))
-        object.__setattr__(self, "damping", checks.frozen_array(own * servo.kv))
-        object.__setattr__(self, "stiffness", checks.frozen_array(own * servo.kv * servo.kp))
+        object.__setattr__(self, "inertia", checks.frozen_array(inertia))
+        object.__setattr__(self, "damping", checks.frozen_array(inertia * servo.kv))
+        object.__setattr__(self, "stiffness", checks.frozen_array(inertia * servo.kv * servo.kp))
 
     @property
     def as_known(self) -> Arm:
@@ -92,8 +92,8 @@ class Drives:
             from scipy.signal import lfilter
 
         for j in np.flatnonzero(self.servo.ki):
-            share = integrator_filter(self.servo.ki[j], step, 0.0)
-            torque[:, j] = lfilter(*share, torque[:, j] - torque[0, j])
+            coefficients = integrator_filter(self.servo.ki[j], step, 0.0)
+            torque[:, j] = lfilter(*coefficients, torque[:, j] - torque[0, j])
         return np.asarray(q + dq / self.servo.kp + torque / self.stiffness)
 
     def moving_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
@@ -109,14 +109,14 @@ class Drives:
             ddq: Joint accelerations [rad/s²], (n, dof).
         """
         chain = self.arm.dynamics.chain
-        found = self.inertial_torque(q, dq, ddq) + np.asarray(chain.viscous) * dq
-        found += np.asarray(chain.coulomb) * np.clip(dq / CREEP, -1.0, 1.0)
-        return found
+        torque = self.inertial_torque(q, dq, ddq) + np.asarray(chain.viscous) * dq
+        torque += np.asarray(chain.coulomb) * np.clip(dq / CREEP, -1.0, 1.0)
+        return torque
 
     def inertial_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """`moving_torque` without friction [N m], (n, dof)."""
-        found = self.arm.dynamics.torque(q, dq, ddq)
-        return found - self.as_known.dynamics.gravity(q) if self.gravity_feedforward else found
+        torque = self.arm.dynamics.torque(q, dq, ddq)
+        return torque - self.as_known.dynamics.gravity(q) if self.gravity_feedforward else torque
 
     def linear(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray
@@ -157,11 +157,11 @@ def nominal_inertia(arm: Arm) -> FloatArray:
 
     chain = arm.dynamics.chain
     bare = arm.dynamics if chain.payload is None else Dynamics(chain.replace(payload=None))
-    found = np.diagonal(bare.mass_matrix(arm.limits.middle(arm.dof))).copy()
-    if (found <= 0).any():
-        j = int(np.argmin(found))
+    inertia = np.diagonal(bare.mass_matrix(arm.limits.middle(arm.dof))).copy()
+    if (inertia <= 0).any():
+        j = int(np.argmin(inertia))
         raise InvalidInput(
             f"Joint {j + 1} ({chain.joints[j]}) turns no inertia: give the link after it a mass "
             "and an inertia, or its drive an armature."
         )
-    return found
+    return inertia

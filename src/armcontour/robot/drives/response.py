@@ -1,4 +1,4 @@
-"""`Response`: how joints deviate from a motion when commands or torques differ a little."""
+"""`Response` and `simulate`: linear response and motion of the nominal robot, with dry friction."""
 
 from __future__ import annotations
 
@@ -8,16 +8,102 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.errors import ExecutionError
 from armcontour.core.fields import Checked
+from armcontour.core.kernels import compiled
 from armcontour.robot import Arm
-from armcontour.robot.drives._response import spread
 from armcontour.robot.drives.drives import Drives
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
+
+# Friction torques of coupled joints are found one joint after the other until none changes by more
+# than this part of the largest one; a few rounds do, since the drives dominate the coupling.
+EXACT = 1e-10
+ROUNDS = 60
+
+
+@compiled()
+def spread(
+    mass: FloatArray,
+    damping: FloatArray,
+    stiffness: FloatArray,
+    step: float,
+    torque: FloatArray,
+    hold: FloatArray,
+    moved: FloatArray,
+    coulomb: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Deviations from a motion under torques, from rest, and the torques of dry friction.
+
+    By the method of Newmark with constant mean acceleration, of second order and stable for every
+    step: `M (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / 2h + K mean(x) = f[k]` with
+    `mean(x) = (x[k+1] + 2 x[k] + x[k-1]) / 4`. Friction brakes with the Coulomb torque, or holds a
+    joint at rest with what it takes, up to that torque.
+
+    Args:
+        mass: M at the times, (n, dof, dof).
+        damping: D at the times, (n, dof, dof).
+        stiffness: K at the times, (n, dof, dof).
+        step: h [s].
+        torque: f, means about the times, for several cases [N m], (n, dof, cases).
+        hold: Share of M / h² + D / 2h + K / 4 by which a joint that sticks is stiffer from each
+            time to the next, (n, dof); 0 for others.
+        moved: What the motion moves from each time to the next [rad], (n - 1, dof).
+        coulomb: Coulomb friction [N m], (dof,).
+
+    Returns:
+        Deviations [rad], and friction torques in each step [N m], (n, dof, cases) each.
+    """
+    n, dof, cases = torque.shape
+    deviations, friction = np.zeros((n, dof, cases)), np.zeros((n, dof, cases))
+    right, free, enough = np.zeros(dof), np.zeros(dof), EXACT * coulomb.max()
+    for k in range(n - 1):
+        m, d, s = mass[k] / step**2, damping[k] / (2 * step), stiffness[k] / 4
+        ahead, present, before = m + d + s, 2 * m - 2 * s, m - d + s
+        for i in range(dof):
+            extra = hold[k, i] * ahead[i, i]
+            ahead[i, i] += extra
+            present[i, i] += extra
+        inverse, earlier = np.linalg.inv(ahead), max(k - 1, 0)
+        for c in range(cases):
+            brake = friction[k, :, c]
+            brake[:] = friction[earlier, :, c]
+            for i in range(dof):
+                right[i] = torque[k, i, c]
+                for j in range(dof):
+                    right[i] += (
+                        present[i, j] * deviations[k, j, c]
+                        - before[i, j] * deviations[earlier, j, c]
+                    )
+            for i in range(dof):
+                free[i] = 0.0
+                for j in range(dof):
+                    free[i] += inverse[i, j] * right[j]
+            for _ in range(ROUNDS):
+                change = 0.0
+                for i in range(dof):
+                    # What the joint would still move, and the friction that stops it.
+                    slip = moved[k, i] + free[i] - deviations[k, i, c]
+                    for j in range(dof):
+                        slip -= inverse[i, j] * brake[j]
+                    required = brake[i] + slip / inverse[i, i]
+                    new = min(max(required, -coulomb[i]), coulomb[i])
+                    change = max(change, abs(new - brake[i]))
+                    brake[i] = new
+                if change <= enough:
+                    break
+            for i in range(dof):
+                deviations[k + 1, i, c] = free[i]
+                for j in range(dof):
+                    deviations[k + 1, i, c] -= inverse[i, j] * brake[j]
+    friction[n - 1] = friction[max(n - 2, 0)]
+    return deviations, friction
+
 
 # The linear response is that of the motion at times this far apart [s], and interpolated: arms
 # hardly change between them.
@@ -101,8 +187,8 @@ class Response(Checked):
         # Copies that can be written to: for locked ones the kernel would be compiled once more.
         loops = (self.mass, self.damping, self.stiffness)
         mass, damping, stiffness = (np.array(x, order="C") for x in loops)
-        found, _ = spread(mass, damping, stiffness, self.step, means, free, free[1:], free[0])
-        return found.reshape(torque.shape)
+        deviations, _ = spread(mass, damping, stiffness, self.step, means, free, free[1:], free[0])
+        return deviations.reshape(torque.shape)
 
     def equations(self) -> Equations:
         """The equations `A x = S u + U a` of the loops in discrete time.
@@ -112,23 +198,23 @@ class Response(Checked):
         other torques, this is exact. An integrator is a filter of first order, which multiplies
         what the loops give and divides what the bodies need.
         """
-        servo, late = self.servo, self.servo.drive_cycle / 2
+        servo, delay = self.servo, self.servo.drive_cycle / 2
         lags = np.isfinite(servo.kp)
         loop = np.zeros_like(servo.kp) if servo.kv is None else np.isfinite(servo.kv) * 1.0
         # What the loops give, and the share of a step by which it is late.
         loops = loop / np.where(lags, servo.kp, 1.0), lags * 1.0
-        share = lags * late / self.step
-        before, after = (np.diag(0.25 + x * share / 2) for x in (1, -1))
+        fraction = lags * delay / self.step
+        before, after = (np.diag(0.25 + x * fraction / 2) for x in (1, -1))
         unit, shape = np.eye(len(loop)), (len(self.t) - 1, 3, len(loop), len(loop))
         means = _banded(unit, np.broadcast_to([before, unit / 2, after], shape))
         damping, stiffness = (np.diag(x) for x in loops)
         gain = self.gain[:, None]
         mass, slow, stiff = (x / gain for x in (self.mass, self.damping, self.stiffness))
-        mass, slow = mass - late * damping, slow - late * stiffness
+        mass, slow = mass - delay * damping, slow - delay * stiffness
         if not servo.ki.any():
             return Equations(self._steps(mass, slow, stiff), means, means)
-        own = -late * damping, damping - late * stiffness, stiffness
-        driven = self._steps(*(np.broadcast_to(x, mass.shape) for x in own))
+        loop_terms = -delay * damping, damping - delay * stiffness, stiffness
+        driven = self._steps(*(np.broadcast_to(x, mass.shape) for x in loop_terms))
         bodies = self._steps(mass, slow, stiff) - driven
         filters = [
             integrator_filter(x, self.step, servo.drive_cycle)
@@ -171,10 +257,10 @@ def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
     values = np.concatenate([first[None], blocks.reshape(-1, dof, dof)])
     row_starts = np.append(0, 1 + 3 * np.arange(n))
     parts = values, np.append(0, columns), row_starts
-    found = csc_array(bsr_array(parts, shape=(n * dof, n * dof)))
-    found.sum_duplicates()
-    found.eliminate_zeros()
-    return found
+    matrix = csc_array(bsr_array(parts, shape=(n * dof, n * dof)))
+    matrix.sum_duplicates()
+    matrix.eliminate_zeros()
+    return matrix
 
 
 def linear_along(
@@ -182,11 +268,11 @@ def linear_along(
 ) -> list[FloatArray]:
     """Mass, damping and stiffness at the times, interpolated, (n, dof, dof) each."""
     rows = np.linspace(0, len(t) - 1, max(int((t[-1] - t[0]) / APART), 1) + 1).astype(np.intp)
-    place = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
-    before = np.minimum(place.astype(np.intp), len(rows) - 2)
-    share = (place - before)[:, None, None]
+    position = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
+    before = np.minimum(position.astype(np.intp), len(rows) - 2)
+    fraction = (position - before)[:, None, None]
     linear = drives.linear(q[rows], dq[rows], ddq[rows])
-    return [(1 - share) * x[before] + share * x[before + 1] for x in linear]
+    return [(1 - fraction) * x[before] + fraction * x[before + 1] for x in linear]
 
 
 def regular_times(start: float, end: float, longest: float) -> FloatArray:
@@ -221,7 +307,7 @@ def respond_along(
     Raises:
         InvalidInput: The gains do not fit the arm.
     """
-    own = servo.for_joints(arm.dof)
+    joint_servo = servo.for_joints(arm.dof)
     if arm.has_bodies and servo.is_plain("second"):
         drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, known=known)
         rates = (motion(t, order) for order in range(3))
@@ -230,10 +316,152 @@ def respond_along(
     else:
         shape = len(t), arm.dof, arm.dof
         one = np.ones(arm.dof)
-        kv = one * np.inf if own.kv is None else own.kv
-        loop, lag = np.isfinite(kv), np.isfinite(own.kp)
+        kv = one * np.inf if joint_servo.kv is None else joint_servo.kv
+        loop, lag = np.isfinite(kv), np.isfinite(joint_servo.kp)
         # Joints that only delay follow the command: x = u.
-        gain = np.where(lag, own.kp, 1.0) * np.where(loop, kv, 1.0)
+        gain = np.where(lag, joint_servo.kp, 1.0) * np.where(loop, kv, 1.0)
         rows = loop * one, np.where(loop, kv, lag * one), gain
         mass, damping, stiffness = (np.broadcast_to(np.diag(x), shape) for x in rows)
-    return Response(t=t, mass=mass, damping=damping, stiffness=stiffness, gain=gain, servo=own)
+    return Response(
+        t=t, mass=mass, damping=damping, stiffness=stiffness, gain=gain, servo=joint_servo
+    )
+
+
+# Corrections below this [rad], less than the best encoder resolves, end the iteration. What is left
+# is a thousandth of them.
+EXACT = 1e-9
+# Each correction leaves about a thousandth of the one before it.
+CORRECTIONS = 40
+# How much stiffer than inertia and drive a joint that sticks is held.
+HELD = 1e6
+# A joint that a correction moves by more than this [rad] runs away.
+AWAY = 1e3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Simulation:
+    """A motion of the nominal robot, and how it answers to small torques.
+
+    Args:
+        t: Regular times [s], (n,).
+        q: Joint positions [rad], (n, dof).
+        dq: Joint velocities, central differences [rad/s], (n, dof).
+        ddq: Joint accelerations, second differences [rad/s²], (n, dof).
+        friction: Torque of dry friction [N m], (n, dof).
+        held: Whether a joint sticks from each time to the next, (n, dof).
+        mass: M at the times [kg m²], (n, dof, dof).
+        damping: D at the times [N m s/rad], (n, dof, dof).
+        stiffness: K at the times [N m/rad], (n, dof, dof).
+    """
+
+    t: FloatArray
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+    friction: FloatArray
+    held: BoolArray
+    mass: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+
+    @property
+    def step(self) -> float:
+        """Time between two times [s]."""
+        return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
+
+    def to_torque(self, torque: FloatArray) -> FloatArray:
+        """Deviations of the joints under small additional torques [rad], from the first time on.
+
+        Joints that stick go on to stick, and friction brakes in the same direction.
+
+        Args:
+            torque: Torque at the times for several cases [N m], (n, dof, cases).
+        """
+        n, dof, _ = torque.shape
+        loops, still = (self.mass, self.damping, self.stiffness), np.zeros((n - 1, dof))
+        hold = np.where(self.held, HELD, 0.0)
+        return spread(*loops, self.step, torque, hold, still, np.zeros(dof))[0]
+
+
+def simulate(
+    drives: Drives,
+    command: FloatArray,
+    t: FloatArray,
+    guess: FloatArray,
+    *,
+    speed: FloatArray | None = None,
+    viscous: FloatArray | None = None,
+    lag: float = 0.0,
+) -> Simulation:
+    """The motion of `Drives` under a command, on a grid of times.
+
+    The torques balance in every step of the method of Newmark. The solution is found by
+    corrections, each of which is the linear response to the torque that the motion before it lacks.
+
+    Args:
+        drives: The nominal robot. Friction is that of its arm.
+        command: Command at the times, after interpolation, dead time and `lag` [rad], (n, dof).
+        t: Regular times [s], (n,).
+        guess: A motion near the solution [rad], (n, dof); its first row is where the
+            joints start.
+        speed: Joint velocities at the first time [rad/s], (dof,); by default zero.
+        viscous: Viscous friction instead of that of the arm [N m s/rad], (dof,), of either sign.
+        lag: Time by which the torque of the loops comes late [s], such as half a cycle of the
+            drives. Small against the loops' time constants.
+
+    Raises:
+        ExecutionError: A joint runs away, or friction has no solution.
+    """
+    step = float((t[-1] - t[0]) / (len(t) - 1))
+    chain = drives.arm.dynamics.chain
+    coulomb = np.array(chain.coulomb)
+    brake = np.asarray(chain.viscous) if viscous is None else viscous
+    # What comes late takes inertia and damping away.
+    lost_mass, lost_damping = drives.damping * lag, drives.stiffness * lag
+    before = guess[0] - step * (np.zeros(drives.arm.dof) if speed is None else speed)
+    demanded = drives.stiffness * _mean(command, command[0])
+    q, free = np.array(guess), np.zeros(guess.shape)
+    for k in range(CORRECTIONS):
+        dq, ddq = _rates(q, before, step)
+        if k < 2:
+            mass, damping, stiffness = linear_along(drives, t, q, dq, ddq)
+            mass -= np.diag(lost_mass)
+            damping += np.diag(brake - np.asarray(chain.viscous) - lost_damping)
+        lacking = demanded - drives.stiffness * _mean(q, before)
+        lacking -= (drives.damping + brake - lost_damping) * dq - lost_mass * ddq
+        lacking -= drives.inertial_torque(q, dq, ddq)
+        loops, moved = (mass, damping, stiffness), np.diff(q, axis=0)
+        correction, friction = (
+            found[:, :, 0]
+            for found in spread(*loops, step, lacking[:, :, None], free, moved, coulomb)
+        )
+        q = q + correction
+        size = float(np.abs(correction).max())
+        if not size < AWAY:
+            break
+        if size <= EXACT:
+            dq, ddq = _rates(q, before, step)
+            sticking = np.abs(friction) < coulomb * (1 - 1e-9)
+            return Simulation(
+                t=checks.frozen_array(t), q=q, dq=dq, ddq=ddq, friction=friction, held=sticking,
+                mass=mass, damping=damping, stiffness=stiffness,
+            )  # fmt: skip
+    raise ExecutionError(
+        f"The motion of {drives.arm.name} cannot be simulated with its servo gains and inertias: "
+        f"corrections of {size:.2g} rad remain; look at gains, inertias and units."
+    )
+
+
+def _mean(values: FloatArray, before: FloatArray) -> FloatArray:
+    """Weighted means of values and their neighbours, (n, dof)."""
+    around = np.concatenate([before[None], values, values[-1:]])
+    return np.asarray((around[2:] + 2 * around[1:-1] + around[:-2]) / 4)
+
+
+def _rates(q: FloatArray, before: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Central first and second differences, the last ones repeated, (n, dof) each."""
+    around = np.concatenate([before[None], q, q[-1:]])
+    dq = (around[2:] - around[:-2]) / (2 * step)
+    ddq = (around[2:] - 2 * around[1:-1] + around[:-2]) / step**2
+    dq[-1], ddq[-1] = dq[-2], ddq[-2]
+    return dq, ddq

@@ -181,9 +181,9 @@ class ServoModel(Checked):
         contour_ratio: float | None = None,
         programs: int | None = None,
     ) -> None:
-        given = locals()
-        for x in fields(self):
-            object.__setattr__(self, x.name, given[x.name])
+        arguments = locals()
+        for parameter in fields(self):
+            object.__setattr__(self, parameter.name, arguments[parameter.name])
         self.__post_init__()
 
     def _check_together(self) -> None:
@@ -221,7 +221,7 @@ class ServoModel(Checked):
 
     def __str__(self) -> str:
         """Gains, dead time and feed-forward, such as "kp 25 1/s, kv 150 1/s"."""
-        found = [] if self.order == "second" else [f"order {_per_joint(self.order)}"]
+        parts = [] if self.order == "second" else [f"order {_per_joint(self.order)}"]
         rows = [(x, "1/s", 1.0) for x in ("kp", "kv", "ki")] + [("dead_time", "ms", 1e3)]
         rows += [("velocity_feedforward", "", 1.0), ("acceleration_feedforward", "", 1.0)]
         rows += [("friction", "mrad", 1e3), ("acceleration_limit", "rad/s²", 1.0)]
@@ -230,9 +230,9 @@ class ServoModel(Checked):
             if values is None or not np.any(np.isfinite(values) & (values > 0)):
                 continue
             words = name.replace("_", " ").replace("feedforward", "feed-forward")
-            shown = _per_joint([_or_none(x) for x in np.atleast_1d(values * scale)])
-            found.append(f"{words} {shown} {unit}".rstrip())
-        return ", ".join(found)
+            text = _per_joint([_or_none(x) for x in np.atleast_1d(values * scale)])
+            parts.append(f"{words} {text} {unit}".rstrip())
+        return ", ".join(parts)
 
     def for_joints(self, dof: int) -> ServoModel:
         """The same servo with one gain, dead time and feed-forward per joint.
@@ -247,21 +247,21 @@ class ServoModel(Checked):
         values = [getattr(self, x) for x in PER_JOINT]
         if all(x is None or x.shape == (dof,) for x in values) and isinstance(self.order, str):
             return self
-        given: dict[str, Any] = {}
-        for x in PER_JOINT:
-            values = getattr(self, x)
+        changes: dict[str, Any] = {}
+        for name in PER_JOINT:
+            values = getattr(self, name)
             if values is None:
                 continue
             if values.ndim:
                 # Infinite values are none, and their number is refused.
-                checks.per_joint(x, np.where(np.isinf(values), 0.0, values), dof)
-            given[x] = np.full(dof, values)
+                checks.per_joint(name, np.where(np.isinf(values), 0.0, values), dof)
+            changes[name] = np.full(dof, values)
         if not isinstance(self.order, str) and len(self.order) != dof:
             raise InvalidInput(
                 f"order of the servo has {len(self.order)} values, but the arm has {dof} joints: "
                 f"give one for all joints or {dof}."
             )
-        return self.replace(**given)
+        return self.replace(**changes)
 
     def replace(self, **changes: Any) -> ServoModel:
         """The same servo with other values of some parameters.
@@ -272,25 +272,25 @@ class ServoModel(Checked):
         Raises:
             InvalidInput: As the constructor raises it, or an unknown name.
         """
-        own = {x.name: getattr(self, x.name) for x in fields(self)}
-        return ServoModel(**{**own, **changes})
+        values = {x.name: getattr(self, x.name) for x in fields(self)}
+        return ServoModel(**{**values, **changes})
 
     @property
     def doubt(self) -> str:
         """Warning that compensation may be worse than none, or empty for a trusted model."""
-        found = []
+        reasons = []
         if self.contour_ratio is not None and self.contour_ratio > TRUSTED:
-            found.append(
+            reasons.append(
                 f"where the servo was not fitted, {self.contour_ratio:.0%} of the contour error "
                 f"remain, above {TRUSTED:.0%}"
             )
         if self.programs == 1:
-            found.append("the servo was judged on one program only")
-        if not found:
+            reasons.append("the servo was judged on one program only")
+        if not reasons:
             return ""
         return (
-            f"Compensation may be worse than none: {', and '.join(found)}. Identify the servo from "
-            "more programs, or take the compensation none."
+            f"Compensation may be worse than none: {', and '.join(reasons)}. Identify the servo "
+            "from more programs, or take the compensation none."
         )
 
     def describe_excess(self, dq: FloatArray, ddq: FloatArray) -> str:
@@ -302,7 +302,7 @@ class ServoModel(Checked):
         """
         if self.model_error is None:
             return ""
-        found = []
+        excesses = []
         for name, values, logged in (
             ("velocity", dq, self.logged_velocity),
             ("acceleration", ddq, self.logged_acceleration),
@@ -312,12 +312,12 @@ class ServoModel(Checked):
             ratios = np.abs(values).max(axis=0) / np.maximum(logged, 1e-9)
             j = int(np.argmax(ratios))
             if ratios[j] > EXCEEDED:
-                found.append(f"joint {j + 1} has {ratios[j]:.3g} times the largest {name}")
-        if not found:
+                excesses.append(f"joint {j + 1} has {ratios[j]:.3g} times the largest {name}")
+        if not excesses:
             return ""
         return (
             "What the servo model does not explain is bounded for motion as in its logs only, but "
-            f"{', and '.join(found)} there: plan slower, or identify from logs of this motion."
+            f"{', and '.join(excesses)} there: plan slower, or identify from logs of this motion."
         )
 
     @property
@@ -393,9 +393,9 @@ class ServoModel(Checked):
             InvalidInput: The servo has them.
         """
         if not self.is_plain("second") or (self.ki.any() and not integrator):
-            more = "" if integrator else ", and without integrator"
+            suffix = "" if integrator else ", and without integrator"
             raise InvalidInput(
-                f"{who} needs joint servos of order second without friction and cycle{more}, but "
+                f"{who} needs joint servos of order second without friction and cycle{suffix}, but "
                 f"the servo has {self}: take the compensation inverse and independent joints."
             )
 
@@ -411,12 +411,12 @@ class ServoModel(Checked):
         for name, values in (("kp", self.kp), ("kv", self._loops), ("ki", self.ki)):
             largest = float(np.max(values, initial=0.0, where=np.isfinite(values)))
             if largest * cycle > MOST_TIME_CONSTANTS:
-                more = ", or take a servo of order first" if name == "kv" else ""
+                suffix = ", or take a servo of order first" if name == "kv" else ""
                 raise InvalidInput(
                     f"servo gain {name} is {largest:g} 1/s, which is {largest * cycle:.3g} time "
                     f"constants in a cycle of {cycle:g} s, but at most "
                     f"{MOST_TIME_CONSTANTS:g} are simulated: lower {name} to "
-                    f"{MOST_TIME_CONSTANTS / cycle:g} 1/s, shorten the cycle{more}.",
+                    f"{MOST_TIME_CONSTANTS / cycle:g} 1/s, shorten the cycle{suffix}.",
                     limit=name,
                     needed=largest,
                     allowed=MOST_TIME_CONSTANTS / cycle,
@@ -438,22 +438,22 @@ class ServoModel(Checked):
         Raises:
             InvalidInput: The accelerations are missing.
         """
-        at, rate = checks.floats("q", q, "rad"), checks.floats("dq", dq, "rad/s")
-        bends = 0.0 if ddq is None else checks.floats("ddq", ddq, "rad/s²")
+        position, rate = checks.floats("q", q, "rad"), checks.floats("dq", dq, "rad/s")
+        acceleration = 0.0 if ddq is None else checks.floats("ddq", ddq, "rad/s²")
         try:
-            np.broadcast(at, rate, bends, self.kp, self.friction)
+            np.broadcast(position, rate, acceleration, self.kp, self.friction)
         except ValueError:
             raise InvalidInput("q, dq and ddq must have one column per joint.") from None
-        found = np.asarray(at + rate / self.kp + self.friction * sliding(rate))
+        command = np.asarray(position + rate / self.kp + self.friction * sliding(rate))
         loops = self._loops
         # A velocity that is held for a cycle, and differences over a cycle, are late by half of it.
-        late = self.drive_cycle / 2 * (np.isinf(loops) + self.velocity_feedforward)
-        bend = np.asarray((1 / loops + late) / self.kp)
-        if not bend.any():
-            return found
+        delay = self.drive_cycle / 2 * (np.isinf(loops) + self.velocity_feedforward)
+        factor = np.asarray((1 / loops + delay) / self.kp)
+        if not factor.any():
+            return command
         if ddq is None:
             raise InvalidInput("A servo of order second needs joint accelerations, too: give ddq.")
-        return found + bend * bends
+        return command + factor * acceleration
 
     def response(self, s: npt.ArrayLike) -> FloatArray:
         """Transfer function from command to joint position at each s; complex, (n, joints).
@@ -466,15 +466,23 @@ class ServoModel(Checked):
             s: Complex frequencies [rad/s], (n,).
         """
         try:
-            at = np.asarray(s, np.complex128).reshape(-1, 1)
+            frequency = np.asarray(s, np.complex128).reshape(-1, 1)
         except (TypeError, ValueError, OverflowError):
             raise InvalidInput("s must be complex frequencies in rad/s.") from None
         a, b = self.lead
         ki = np.atleast_1d(self.ki)
-        bend = at**2 * np.where(ki > 0, at / np.where(ki > 0, at + ki, 1.0), 1.0)
-        found = np.exp(-at * np.atleast_1d(self.dead_time)) * (1 + at * a + bend * b)
-        slow = 1 + at / np.atleast_1d(self.kp) + bend / np.atleast_1d(self.kp * self._loops)
-        return np.asarray(found / slow)
+        curvature = frequency**2 * np.where(
+            ki > 0, frequency / np.where(ki > 0, frequency + ki, 1.0), 1.0
+        )
+        response = np.exp(-frequency * np.atleast_1d(self.dead_time)) * (
+            1 + frequency * a + curvature * b
+        )
+        slow = (
+            1
+            + frequency / np.atleast_1d(self.kp)
+            + curvature / np.atleast_1d(self.kp * self._loops)
+        )
+        return np.asarray(response / slow)
 
 
 def lead_of(kp: Any, kv: Any, velocity: Any, acceleration: Any) -> tuple[FloatArray, FloatArray]:
@@ -511,15 +519,15 @@ def without_integral(
     from scipy.signal import lfilter
 
     assert servo.kv is not None
-    found = ddq.copy()
+    reduced = ddq.copy()
     for j in np.flatnonzero(servo.ki):
         rub = servo.kp[j] * servo.kv[j] * servo.friction[j] * sliding(dq[:, j])
-        share = integrator_filter(servo.ki[j], cycle, servo.drive_cycle)
+        coefficients = integrator_filter(servo.ki[j], cycle, servo.drive_cycle)
         # Feed-forward of a drive with a cycle is late, which the integrator does not change.
-        late = servo.kv[j] * servo.velocity_feedforward[j] * servo.drive_cycle / 2
-        found[:, j] = lfilter(*share, ddq[:, j] + rub) - rub + late * ddq[:, j]
-        found[:, j] /= 1 + late
-    return found
+        delay = servo.kv[j] * servo.velocity_feedforward[j] * servo.drive_cycle / 2
+        reduced[:, j] = lfilter(*coefficients, ddq[:, j] + rub) - rub + delay * ddq[:, j]
+        reduced[:, j] /= 1 + delay
+    return reduced
 
 
 def sliding(rate: FloatArray) -> FloatArray:
@@ -532,11 +540,11 @@ def _or_none(value: float) -> str:
     return f"{value:g}" if np.isfinite(value) else "none"
 
 
-def _per_joint(shown: str | Sequence[str]) -> str:
+def _per_joint(texts: str | Sequence[str]) -> str:
     """Texts of all joints: one where they are equal."""
-    if isinstance(shown, str):
-        return shown
-    return shown[0] if len(set(shown)) == 1 else ", ".join(shown)
+    if isinstance(texts, str):
+        return texts
+    return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
 
 
 def _needed_gain(name: str, array: FloatArray, needed: BoolArray, same: bool) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ExecutionError
-from armcontour.robot.servo._simulation import Joints, Run, run_joints
+from armcontour.robot.servo.march import Joints, Run, run_joints
 from armcontour.robot.servo.model import ServoModel, lead_of, sliding
 
 # Kinds of commands, as in `march`.
@@ -119,16 +119,18 @@ class Simulation:
         Returns:
             Velocities; nan for joints of order "second".
         """
-        found = np.full(q.shape, np.nan)
+        velocities = np.full(q.shape, np.nan)
         for j in np.flatnonzero(self.joints.kv == 0):
             k = np.searchsorted(self.starts[j], t + SNAP * self.cycle, side="right")
             moves = (k > 0) & (k < len(self.q))
-            x = np.where(moves, t - self.starts[j, k - 1], 0.0)
+            elapsed = np.where(moves, t - self.starts[j, k - 1], 0.0)
             a, b, c, d = self.commands[j, k, :4].T
-            found[:, j] = b + x * (2 * c + x * 3 * d)
+            velocities[:, j] = b + elapsed * (2 * c + elapsed * 3 * d)
             if np.isfinite(self.joints.kp[j]):
-                found[:, j] = self.joints.kp[j] * (a + x * (b + x * (c + x * d)) - q[:, j])
-        return found
+                velocities[:, j] = self.joints.kp[j] * (
+                    a + elapsed * (b + elapsed * (c + elapsed * d)) - q[:, j]
+                )
+        return velocities
 
     def _cycles(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
         """What the drives hold in each cycle between two times, and when the cycles begin."""
@@ -156,12 +158,12 @@ def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
 
 def with_integrated(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatArray:
     """Pieces of commands, with those that integrators see, as in `run_joints`."""
-    found = commands(servo)
+    pieces = commands(servo)
     if not np.any(servo.ki):
-        return found
+        return pieces
     replace = servo._replace if isinstance(servo, JointServo) else servo.replace
-    seen = replace(friction=0.0, acceleration_feedforward=0.0)
-    return np.concatenate([found, commands(seen)], axis=2)
+    integrated = replace(friction=0.0, acceleration_feedforward=0.0)
+    return np.concatenate([pieces, commands(integrated)], axis=2)
 
 
 def hold(values: FloatArray, starts: FloatArray, kp: FloatArray) -> FloatArray:
@@ -179,7 +181,7 @@ def respond_within(
     servo: ServoModel,
     bounds: tuple[FloatArray, FloatArray],
     k: int,
-    at: FloatArray,
+    times: FloatArray,
     state: tuple[FloatArray, FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Response of all joints at any times within one cycle, by the same formulas.
@@ -190,7 +192,7 @@ def respond_within(
         servo: Servo model with values per joint.
         bounds: Lower and upper acceleration bounds [rad/s²], (dof,) each.
         k: Index of the interval; 0 starts at the first set-point.
-        at: Times since the start of the interval, increasing, at least two [s].
+        times: Times since the start of the interval, increasing, at least two [s].
         state: Positions [rad], velocities [rad/s] and what drives with a cycle hold at the first of
             these times, (dof,) each.
 
@@ -201,21 +203,23 @@ def respond_within(
     Raises:
         ExecutionError: The motion cannot be computed.
     """
-    rest = servo.dead_time % cycle
-    near = SNAP * cycle
-    at = np.union1d(at, rest[(rest > at[0] + near) & (rest < at[-1] - near)])
+    phase = servo.dead_time % cycle
+    tolerance = SNAP * cycle
+    times = np.union1d(
+        times, phase[(phase > times[0] + tolerance) & (phase < times[-1] - tolerance)]
+    )
     # The set-points that can be active then, and those next to them, which shape their commands.
-    late = np.floor(servo.dead_time / cycle + SNAP).astype(np.intp)
-    first = max(min(k - int(late.max()) - 3, len(q) - 4), 0) if not servo.drive_cycle else 0
-    own = q[first : max(k - int(late.min()) + 4, first + 4)]
-    active = Simulation(own, cycle, servo, *bounds)
-    run = active.run_at((k - first) * cycle + at, *state[:2], held=state[2])
+    delay = np.floor(servo.dead_time / cycle + SNAP).astype(np.intp)
+    first = max(min(k - int(delay.max()) - 3, len(q) - 4), 0) if not servo.drive_cycle else 0
+    active_points = q[first : max(k - int(delay.min()) + 4, first + 4)]
+    active = Simulation(active_points, cycle, servo, *bounds)
+    run = active.run_at((k - first) * cycle + times, *state[:2], held=state[2])
     position, velocity = (np.vstack([x, run.states[:, :, i].T]) for i, x in enumerate(state[:2]))
     after = velocity.copy()
     if not servo.drive_cycle:
-        jump = active.velocities_after((k - first) * cycle + at[:-1], position[:-1])
+        jump = active.velocities_after((k - first) * cycle + times[:-1], position[:-1])
         after[:-1] = np.where(np.isnan(jump), velocity[:-1], jump)
-    return at, position, velocity, after
+    return times, position, velocity, after
 
 
 def follow(
@@ -256,10 +260,10 @@ def follow(
         times = origin + np.arange(first - 3, count) * drive_cycle
         u = np.stack([command.at(times - late) for late in each.dead_time])
 
-        def held(own: JointServo) -> FloatArray:
-            return hold(cycle_feedforward(u, drive_cycle, own), times[2:], each.kp)
+        def held_pieces(shifted: JointServo) -> FloatArray:
+            return hold(cycle_feedforward(u, drive_cycle, shifted), times[2:], each.kp)
 
-        pieces, starts = with_integrated(each, held), np.tile(times[2:], (rows, 1))
+        pieces, starts = with_integrated(each, held_pieces), np.tile(times[2:], (rows, 1))
     else:
         # Earlier set-points have reached the joint before the motion.
         early = command.t[0] - np.max(each.dead_time)
@@ -270,8 +274,8 @@ def follow(
     states[0], states[1], states[2] = q0, dq0, ddq0
     run = run_joints(joints, kind, pieces, starts, command.t, states)
     begin = np.where(np.isinf(each.kp), command.at(command.t[0] - each.dead_time), states[0])
-    found = np.concatenate([begin[:, None], run.states[:, :, 0]], axis=1)
-    return np.asarray(found.reshape(*shape, -1))
+    positions = np.concatenate([begin[:, None], run.states[:, :, 0]], axis=1)
+    return np.asarray(positions.reshape(*shape, -1))
 
 
 def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
@@ -294,8 +298,8 @@ def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
         a, b = (np.broadcast_to(x, q.shape[1:])[:, None, None] for x in servo.lead)
         command += a * first + b * second
     if servo.friction.any():
-        held = servo.interpolation == "step"
-        rate = first[:, 1:-1, 0] if held else np.diff(q, axis=0).T / cycle
+        stepped = servo.interpolation == "step"
+        rate = first[:, 1:-1, 0] if stepped else np.diff(q, axis=0).T / cycle
         command[:, 1:-1, 0] -= np.broadcast_to(servo.friction, q.shape[1:])[:, None] * sliding(rate)
     return command
 
@@ -370,16 +374,16 @@ class LoggedCommand:
 
     def for_servo(self, servo: JointServo, rows: int, first: int) -> FloatArray:
         """Pieces from one on, with feed-forward and friction of some servos, as in `run_joints`."""
-        lead, bend, slide = (
+        lead, acceleration, slide = (
             np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction)
         )
-        found = np.tile(self.pieces[first:], (rows, 1, 1))
-        found[:, :, 0] += lead * self.rate[first:]
-        if bend.any():
-            found[:, :, 0] += bend * self.bend[first:]
+        pieces = np.tile(self.pieces[first:], (rows, 1, 1))
+        pieces[:, :, 0] += lead * self.rate[first:]
+        if acceleration.any():
+            pieces[:, :, 0] += acceleration * self.bend[first:]
         if slide.any():
-            found[:, :, 0] -= slide * self.slide[first:]
-        return found
+            pieces[:, :, 0] -= slide * self.slide[first:]
+        return pieces
 
     def at(self, t: FloatArray) -> FloatArray:
         """The command at some times [rad]."""
@@ -403,8 +407,8 @@ def command_and_rates(
         Coefficients of the three in the intervals of `polynomials`, (dof, n + 1, 4) each.
     """
     n, dof = q.shape
-    found = np.zeros((3, dof, n + 1, 4))
-    command, first, second = found
+    coefficients = np.zeros((3, dof, n + 1, 4))
+    command, first, second = coefficients
     command[:, 0, 0] = q[0]
     command[:, 1:, 0] = q.T
     if n == 1:
@@ -440,15 +444,17 @@ def sample_command(
         dead_time: Dead time of each joint [s], (dof,).
         t: Times since the first set-point [s].
     """
-    found = np.empty((len(t), len(pieces)))
-    for j, own in enumerate(pieces):
-        at = (t - dead_time[j]) / cycle
-        k = np.clip(np.floor(at + SNAP), -1, len(own) - 2).astype(np.intp)
+    commands = np.empty((len(t), len(pieces)))
+    for j, joint_pieces in enumerate(pieces):
+        phase = (t - dead_time[j]) / cycle
+        k = np.clip(np.floor(phase + SNAP), -1, len(joint_pieces) - 2).astype(np.intp)
         # The command is constant in the first and the last interval.
-        x = np.where((k < 0) | (k > len(own) - 3), 0.0, np.maximum(at - k, 0.0) * cycle)
-        a = own[k + 1]
-        found[:, j] = a[:, 0] + x * (a[:, 1] + x * (a[:, 2] + x * a[:, 3]))
-    return found
+        elapsed = np.where(
+            (k < 0) | (k > len(joint_pieces) - 3), 0.0, np.maximum(phase - k, 0.0) * cycle
+        )
+        a = joint_pieces[k + 1]
+        commands[:, j] = a[:, 0] + elapsed * (a[:, 1] + elapsed * (a[:, 2] + elapsed * a[:, 3]))
+    return commands
 
 
 def command_weights(
@@ -466,22 +472,22 @@ def command_weights(
         Indices of two set-points, of four for "cubic", which may repeat, and their weights,
         (n, 2) or (n, 4) each.
     """
-    at = np.clip(t / cycle, 0.0, count - 1)
-    k = np.minimum(np.floor(at + SNAP), max(count - 2, 0)).astype(np.intp)
-    x = np.clip(at - k, 0.0, 1.0)
+    phase = np.clip(t / cycle, 0.0, count - 1)
+    k = np.minimum(np.floor(phase + SNAP), max(count - 2, 0)).astype(np.intp)
+    fraction = np.clip(phase - k, 0.0, 1.0)
     if interpolation != "cubic":
         # The last set-point is reached at the end of the last interval.
-        end = x if interpolation == "linear" else (x >= 1 - SNAP).astype(np.float64)
+        end = fraction if interpolation == "linear" else (fraction >= 1 - SNAP).astype(np.float64)
         return np.minimum(k[:, None] + [0, 1], count - 1), np.column_stack([1 - end, end])
     index = np.clip(k[:, None] + np.arange(-1, 3), 0, count - 1)
     weight = np.zeros((len(t), 4))
-    end = x * x * (3 - 2 * x)
+    end = fraction * fraction * (3 - 2 * fraction)
     weight[:, 1], weight[:, 2] = 1 - end, end
     # The slopes at the first and the last set-point are 0.
-    slope = np.where(k > 0, x * (1 - x) ** 2, 0.0) / 2
+    slope = np.where(k > 0, fraction * (1 - fraction) ** 2, 0.0) / 2
     weight[:, 0] -= slope
     weight[:, 2] += slope
-    slope = np.where(k < count - 2, -x * x * (1 - x), 0.0) / 2
+    slope = np.where(k < count - 2, -fraction * fraction * (1 - fraction), 0.0) / 2
     weight[:, 1] -= slope
     weight[:, 3] += slope
     return index, weight

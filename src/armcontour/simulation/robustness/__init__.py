@@ -3,7 +3,7 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "box": "Uncertainty",
+    "uncertainty": "Uncertainty",
     "monte_carlo": "MonteCarloResult jitter_of spread worst_corner",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -34,14 +34,14 @@ from armcontour.robot.servo.simulation import (
     polynomials,
     with_integrated,
 )
-from armcontour.simulation.robustness._monte_carlo import (
+from armcontour.simulation.robustness.kernels import (
     Clock,
     Line,
     Sample,
     Setting,
     simulate_sample,
 )
-from armcontour.simulation.robustness.box import Uncertainty
+from armcontour.simulation.robustness.uncertainty import Uncertainty
 
 # Longest time between two samples of the contour error: 2 ms [s], and half of the shortest time
 # constant of a servo. The RMS error of the paper's job is then within 1e-4 of that at 0.1 ms.
@@ -107,9 +107,9 @@ class MonteCarloResult(Result, Checked):
         """Largest contour errors of the robots, and what is behind the worst."""
         drawn = "corners of the box" if self.seed is None else f"drawn robots (seed {self.seed})"
         worst = self.worst_deviations
-        most = sorted(worst, key=lambda x: -abs(worst[x]))[:MOST_NAMED]
+        largest = sorted(worst, key=lambda x: -abs(worst[x]))[:MOST_NAMED]
         demand = self.demand_ratio.max()
-        robot = ", ".join(f"{x} {worst[x]:+.3g}" for x in most)
+        robot = ", ".join(f"{x} {worst[x]:+.3g}" for x in largest)
         return Data(
             f"{len(self)} {drawn}",
             (
@@ -155,9 +155,9 @@ class MonteCarloResult(Result, Checked):
             dead_time=self.dead_time[i],
         )
 
-    def quantile(self, share: float) -> float:
-        """The contour error that a fraction `share` of the executions does not exceed [m]."""
-        return float(np.quantile(self.max, share, method="higher"))
+    def quantile(self, fraction: float) -> float:
+        """The contour error that a fraction `fraction` of the executions does not exceed [m]."""
+        return float(np.quantile(self.max, fraction, method="higher"))
 
     def within(self, budget: float) -> float:
         """Fraction of the executions whose largest contour error is at most `budget` [m]."""
@@ -298,8 +298,8 @@ class _Model:
                 f"The set-points are for {set_points.q.shape[1]} joints, but the arm {arm.name} "
                 f"has {dof}."
             )
-        own = resolve_limits("spread", arm, limits, set_points.trajectory.limits)
-        lower, upper = self.servo.saturate(*own.acceleration_bounds(dof))
+        resolved = resolve_limits("spread", arm, limits, set_points.trajectory.limits)
+        lower, upper = self.servo.saturate(*resolved.acceleration_bounds(dof))
         duration = set_points.trajectory.duration
         end = duration if until is None else until
         steps = self._steps()
@@ -350,19 +350,19 @@ class _Model:
             loop = np.isfinite(servo.kv)
             kv[:, loop] = (servo.kv * (1 + errors[:, dof : 2 * dof]))[:, loop]
         # Below zero by rounding only; larger errors have been refused.
-        late = np.maximum(servo.dead_time + errors[:, 2 * dof : 3 * dof], 0.0)
+        dead_time = np.maximum(servo.dead_time + errors[:, 2 * dof : 3 * dof], 0.0)
         payload = np.ascontiguousarray(errors[:, -1])
 
         nominal = len(rows) - 1
 
         def batch(first: int) -> FloatArray:
-            found = []
+            results = []
             for i in range(first, min(first + BATCH, len(rows))):
                 # The nominal robot is the last one; it has no jitter.
                 drawn = None if i == nominal else seed
-                robot = self._sample(kp[i], kv[i], late[i], float(payload[i]), drawn, i)
-                found.append(simulate_sample(self.setting, robot))
-            return np.array(found)
+                robot = self._sample(kp[i], kv[i], dead_time[i], float(payload[i]), drawn, i)
+                results.append(simulate_sample(self.setting, robot))
+            return np.array(results)
 
         # The first batch is executed alone, because it compiles the kernels.
         parts = [batch(0)]
@@ -384,7 +384,7 @@ class _Model:
             demand_ratio=ratio[:-1],
             kp=kp[:-1],
             kv=np.where(kv[:-1] > 0, kv[:-1], np.inf) if self.second else None,
-            dead_time=late[:-1],
+            dead_time=dead_time[:-1],
             payload=payload[:-1],
             seed=seed,
             names=tuple(x for x, on in zip(self._names(), self.varies, strict=True) if on),
@@ -397,7 +397,7 @@ class _Model:
         self,
         kp: FloatArray,
         kv: FloatArray,
-        late: FloatArray,
+        dead_time: FloatArray,
         load: float,
         seed: int | None,
         number: int,
@@ -407,20 +407,20 @@ class _Model:
         Args:
             kp: Position gains [1/s], (dof,).
             kv: Velocity gains [1/s], (dof,); 0 for a servo of first order.
-            late: Dead times [s], (dof,).
+            dead_time: Dead times [s], (dof,).
             load: Error of the payload's mass [kg].
             seed: Seed of the jitter; None for no jitter.
             number: Number of the sample.
         """
         commands, count, cycle = self.commands, len(self.set_points.q), self.set_points.cycle
-        starts = np.arange(count) * cycle + late[:, None]
+        starts = np.arange(count) * cycle + dead_time[:, None]
         servo = self.servo
         if servo.has_feedforward:
-            rate = servo.velocity_feedforward / kp
-            bend = servo.acceleration_feedforward / (kp * np.where(kv > 0, kv, 1.0))
+            velocity_lead = servo.velocity_feedforward / kp
+            acceleration_lead = servo.acceleration_feedforward / (kp * np.where(kv > 0, kv, 1.0))
             velocity, acceleration = self.rates
-            leads = np.tile(rate[:, None, None] * velocity, commands.shape[2] // 4)
-            leads[:, :, :4] += bend[:, None, None] * acceleration
+            leads = np.tile(velocity_lead[:, None, None] * velocity, commands.shape[2] // 4)
+            leads[:, :, :4] += acceleration_lead[:, None, None] * acceleration
             commands = commands + leads
         if seed is not None and self.box.jitter > 0.0:
             # The controller interpolates between two set-points over the time between arrivals.
@@ -453,19 +453,19 @@ class _Model:
             )
         # A stepped command causes a ripple with the period of the cycle, which one
         # result per interval would miss.
-        least = 2 if self.servo.interpolation == "step" else 1
-        return max(least, int(np.ceil(self.set_points.cycle / span * (1 - 1e-12))))
+        fewest = 2 if self.servo.interpolation == "step" else 1
+        return max(fewest, int(np.ceil(self.set_points.cycle / span * (1 - 1e-12))))
 
     def _fastest(self) -> float:
         """Rate of the fastest servo in the box: the inverse of its time constant [1/s]."""
         kp = self.servo.kp * (1 + self.spans[: self.dof])
-        found = np.where(np.isfinite(kp), kp, 0.0)
+        rates = np.where(np.isfinite(kp), kp, 0.0)
         if self.servo.kv is not None:
             kv = self.servo.kv * (1 + self.spans[self.dof : 2 * self.dof])
             loop = np.where(kv >= 4 * kp, kv, np.sqrt(kp) * np.sqrt(kv))
-            found = np.where(np.isfinite(kv), loop, found)
+            rates = np.where(np.isfinite(kv), loop, rates)
         # Joints that only delay have no time constant.
-        return float(max(found.max(), GAINS[0]))
+        return float(max(rates.max(), GAINS[0]))
 
     def _lag(self) -> float:
         """Largest time by which the tool can lag behind the plan [s]."""
@@ -473,8 +473,8 @@ class _Model:
         lag = 1 / (servo.kp * (1 - spans[:dof]))
         if servo.kv is not None:
             lag = lag + 1 / (servo.kv * (1 - spans[dof : 2 * dof]))
-        late = (servo.dead_time + spans[2 * dof : 3 * dof]).max()
-        return float(lag.max() + late + self.box.jitter + 2 * self.set_points.cycle)
+        dead_time = (servo.dead_time + spans[2 * dof : 3 * dof]).max()
+        return float(lag.max() + dead_time + self.box.jitter + 2 * self.set_points.cycle)
 
 
 def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> FloatArray:
@@ -485,23 +485,23 @@ def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> Float
         k: Number of parameters.
     """
     single = np.concatenate([np.eye(k), -np.eye(k)])
-    found = errors(single)
-    toward = np.where(found[:k] >= found[k:], 1.0, -1.0)
+    single_errors = errors(single)
+    toward = np.where(single_errors[:k] >= single_errors[k:], 1.0, -1.0)
     best, worst = toward, float(errors(toward[None])[0])
-    seen = [toward[None], -toward[None]]
+    corners = [toward[None], -toward[None]]
     count = 2
     while count + k <= MOST_CORNERS:
-        near = np.where(np.eye(k, dtype=np.bool_), -best, best)
-        tried = errors(near)
-        seen.append(near)
+        neighbours = np.where(np.eye(k, dtype=np.bool_), -best, best)
+        tried = errors(neighbours)
+        corners.append(neighbours)
         count += k
         i = int(np.argmax(tried))
         if tried[i] <= worst:
             break
-        best, worst = near[i], float(tried[i])
-    left = MOST_CORNERS - count
-    seen.append(np.random.default_rng(0).choice([-1.0, 1.0], size=(left, k)))
-    return np.concatenate(seen)
+        best, worst = neighbours[i], float(tried[i])
+    remaining = MOST_CORNERS - count
+    corners.append(np.random.default_rng(0).choice([-1.0, 1.0], size=(remaining, k)))
+    return np.concatenate(corners)
 
 
 def spans_of(box: Uncertainty, servo: ServoModel, arm: Arm, cycle: float) -> FloatArray:
@@ -605,6 +605,6 @@ def _inertia(arm: Arm, set_points: SetPoints, box: Uncertainty) -> FloatArray:
     q = np.asarray(set_points.q)
     if not np.any(box.payload):
         return np.zeros((arm.dof, 1))
-    own = np.diagonal(arm.dynamics.mass_matrix(q), axis1=-2, axis2=-1)
+    diagonal = np.diagonal(arm.dynamics.mass_matrix(q), axis1=-2, axis2=-1)
     added = (arm.tool_jacobian(q) ** 2).sum(axis=-2)
-    return np.ascontiguousarray((added / own).T)
+    return np.ascontiguousarray((added / diagonal).T)

@@ -11,10 +11,13 @@ from armcontour.core.progress import Step
 from armcontour.geometry import Path
 from armcontour.motion import Execution, SetPoints
 from armcontour.simulation import RigidBodyPlant, simulate
-from armcontour.simulation.robustness.bodies import BodyRuns, spread_on_bodies, trace_on_bodies
-from armcontour.simulation.robustness.box import Uncertainty
 from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
-from armcontour.simulation.robustness.unknowns import Unknowns
+from armcontour.simulation.robustness.rigid_body_runs import (
+    BodyRuns,
+    spread_on_bodies,
+    trace_on_bodies,
+)
+from armcontour.simulation.robustness.uncertainty import Uncertainty, Unknowns
 from armcontour.studies.certification._case import Case
 from armcontour.studies.certification._uses import normals
 

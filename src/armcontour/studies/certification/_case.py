@@ -24,8 +24,8 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import Plant, RigidBodyPlant, ServoPlant
 from armcontour.simulation.rigid_body_plant import STEP
-from armcontour.simulation.robustness.box import Uncertainty
-from armcontour.verification.pieces import unexplained_errors
+from armcontour.simulation.robustness.uncertainty import Uncertainty
+from armcontour.verification.contour_execution import unexplained_errors
 
 # A plan is proven at this resolution [s].
 RESOLUTION = 1e-4

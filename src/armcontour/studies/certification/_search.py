@@ -43,7 +43,7 @@ from armcontour.studies.certification._uses import (
     uses_of,
 )
 from armcontour.verification import check
-from armcontour.verification.pieces import pieces_of
+from armcontour.verification.contour_execution import pieces_of
 
 # An attempt to derate a contour takes at most this many trials.
 MOST_TRIALS = 25

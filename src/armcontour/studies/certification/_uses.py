@@ -19,10 +19,10 @@ from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import Simulation
 from armcontour.simulation import ServoPlant, simulate
 from armcontour.simulation.plant import count_intervals
-from armcontour.simulation.robustness.box import Uncertainty
+from armcontour.simulation.robustness.uncertainty import Uncertainty
 from armcontour.studies.certification._case import Case
 from armcontour.verification import Check
-from armcontour.verification.pieces import ContourExecution, pieces_of
+from armcontour.verification.contour_execution import ContourExecution, pieces_of
 
 # Trials are executed with this many results per cycle, but not finer than this [s].
 PER_INTERVAL = 16

@@ -27,9 +27,8 @@ from armcontour.motion import Method, SetPoints
 from armcontour.planning import Optimal, check_jerk_support
 from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
 from armcontour.simulation import RigidBodyPlant, simulate
-from armcontour.simulation.robustness.box import Uncertainty
 from armcontour.simulation.robustness.monte_carlo import spans_of
-from armcontour.simulation.robustness.unknowns import Unknowns
+from armcontour.simulation.robustness.uncertainty import Uncertainty, Unknowns
 from armcontour.studies.certification import _bodies
 from armcontour.studies.certification._case import Case
 from armcontour.studies.certification._moves import Move
@@ -42,8 +41,8 @@ from armcontour.studies.certification.certificate import (
     Uncertified,
 )
 from armcontour.studies.certification.lowering import find_lowered
+from armcontour.verification.contour_execution import pieces_of
 from armcontour.verification.error_profile import ErrorProfile
-from armcontour.verification.pieces import pieces_of
 
 # A cycle this many times shorter counts as continuous; it is at least SHORTEST [s].
 CONTINUOUS = 20

@@ -25,8 +25,7 @@ from armcontour.planning.tracing.poses import task_dimension
 from armcontour.program import Contour, Dwell
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.limit_use import use_of
-from armcontour.robot.scene import Scene
-from armcontour.robot.scene.scene import PART
+from armcontour.robot.scene import PART, Scene
 from armcontour.studies.placement.manipulability import least_singular_value
 from armcontour.studies.placement.moving import Moves, place_arm, place_bases, place_job
 from armcontour.studies.placement.screening import RANGE, REACH, SINGULAR_ARM, Screen, Screened

@@ -14,8 +14,7 @@ from armcontour.jobs.axes import LENGTHS
 from armcontour.jobs.job import Job
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
-from armcontour.robot.scene import Obstacle, Scene
-from armcontour.robot.scene.scene import BASE, PART
+from armcontour.robot.scene import BASE, PART, Obstacle, Scene
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -20,7 +20,7 @@ from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
 from armcontour.jobs.axes import UNITS, Axis
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.place_search import DURATION
-from armcontour.robot.scene.scene import PART
+from armcontour.robot.scene import PART
 from armcontour.studies.placement.judging import COMPARED, Verdict
 from armcontour.studies.placement.moving import Moves, place_job
 

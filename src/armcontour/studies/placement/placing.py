@@ -23,7 +23,7 @@ from armcontour.jobs.planning import prepare_and_round
 from armcontour.planning import Optimal
 from armcontour.program import Process, Program
 from armcontour.robot import SerialArm
-from armcontour.robot.scene.scene import BASE
+from armcontour.robot.scene import BASE
 from armcontour.studies.placement.judging import Judge, Verdict
 from armcontour.studies.placement.moving import Moves, check_upright_base
 from armcontour.studies.placement.placement import Place, Placement, all_places

@@ -26,7 +26,7 @@ from armcontour.planning.tracing.poses import (
 from armcontour.planning.tracing.ranges import ROUNDING
 from armcontour.planning.tracing.solver import Ends
 from armcontour.program import Contour, Dwell, Program
-from armcontour.robot import Limits, SerialArm, _newton
+from armcontour.robot import Limits, SerialArm, newton
 from armcontour.robot.inverse import WHOLE, configurations, out_of_reach
 from armcontour.studies.placement.manipulability import least_singular_value
 from armcontour.studies.placement.reach import beyond_links
@@ -228,10 +228,8 @@ class _Poses:
         poses, rates = np.tile(first.poses, (k, 1, 1)), np.tile(first.rates, (k, 1, 1))
         w, g = np.zeros((m, 3, 0, dof)), np.zeros((m, 3, dof))
         links = arm.link_table
-        found = _newton.newton(links, self.task, rows, poses, w, g)
-        dq_ds, d2q_ds2, pivots = _newton.path_derivatives(
-            links, self.task, rows, poses, rates, w, g
-        )
+        found = newton.newton(links, self.task, rows, poses, w, g)
+        dq_ds, d2q_ds2, pivots = newton.path_derivatives(links, self.task, rows, poses, rates, w, g)
         good = found & (pivots > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1)
         q, dq_ds, d2q_ds2 = (x.reshape(k, -1, dof) for x in (rows, dq_ds, d2q_ds2))
         begin = q[:, :n], dq_ds[:, :n], d2q_ds2[:, :n]

@@ -82,8 +82,8 @@ class PairClearance:
 
     def __str__(self) -> str:
         """The pair, its distance and when, as a sentence."""
-        near = "touch" if self.high <= 0 else f"come as near as {number(self.high, 'm')}"
-        return f"{self.second} and {self.first} {near}, {self.place}"
+        verb = "touch" if self.high <= 0 else f"come as near as {number(self.high, 'm')}"
+        return f"{self.second} and {self.first} {verb}, {self.place}"
 
     @property
     def place(self) -> str:
@@ -118,8 +118,8 @@ class Clearance(Result):
     @property
     def too_near(self) -> tuple[PairClearance, ...]:
         """The pairs that come nearer than their margins, in the order of the times."""
-        found = [x for x in self.pairs if x.first_time is not None]
-        return tuple(sorted(found, key=lambda x: (x.first_time, x.low)))
+        pairs = [x for x in self.pairs if x.first_time is not None]
+        return tuple(sorted(pairs, key=lambda x: (x.first_time, x.low)))
 
     @property
     def least(self) -> PairClearance | None:
@@ -134,10 +134,10 @@ class Clearance(Result):
     @property
     def nearest(self) -> tuple[PairClearance, ...]:
         """The pair of the least distance of every kind, the least distance first."""
-        found: dict[str, PairClearance] = {}
-        for x in sorted(self.pairs, key=lambda x: x.high):
-            found.setdefault(x.kind, x)
-        return tuple(found.values())
+        by_kind: dict[str, PairClearance] = {}
+        for pair in sorted(self.pairs, key=lambda x: x.high):
+            by_kind.setdefault(pair.kind, pair)
+        return tuple(by_kind.values())
 
     def later(self, by: float) -> Clearance:
         """The same with all times later by a time [s].
@@ -229,14 +229,14 @@ class Clearance(Result):
             return "Clear: there is no pair of bodies that could touch."
         assert self.low is not None
         clear = "Clear of the cell, but below the base" if self.below else "Clear"
-        more = "; ".join(
+        bounds = "; ".join(
             f"{x.second} and {x.first} {number(self._lowest(x.kind), 'm')}" for x in others
         )
-        found = (
+        verdict = (
             f"{clear}: nothing comes nearer than {figure(self.to_data()['low'])} at any time; "
             f"{first.second} and {first.first} are nearest, {first.place}."
         )
-        return f"{found} Bounds of other kinds: {more}." if more else found
+        return f"{verdict} Bounds of other kinds: {bounds}." if bounds else verdict
 
     def _lowest(self, kind: str) -> float:
         """What no pair of a kind comes below at any time, proven [m]."""
@@ -323,9 +323,9 @@ class Cell:
             return Clearance(pairs=(), left_out=self.left_out, below=below)
         search = _Search(motion, self.pairs, self._distances, resolution)
         search.run()
-        found = sorted(search.results(), key=lambda x: x.low - x.margin)
+        results = sorted(search.results(), key=lambda x: x.low - x.margin)
         return Clearance(
-            pairs=tuple(found),
+            pairs=tuple(results),
             left_out=self.left_out,
             evaluations=search.evaluations,
             below=below,
@@ -342,8 +342,8 @@ class Cell:
             return ()
         search = _Search(motion, self._mounting, self._heights, resolution)
         search.run()
-        found = (x for x in search.results() if x.high < x.margin)
-        return tuple(sorted(found, key=lambda x: x.high))
+        pairs = (x for x in search.results() if x.high < x.margin)
+        return tuple(sorted(pairs, key=lambda x: x.high))
 
     @checked
     def stays_above(self, motion: Motion) -> bool:
@@ -366,10 +366,12 @@ class Cell:
         """
         if self._distances is None:
             return {}
-        at, pair = (x.ravel() for x in np.indices((len(q), len(self.pairs))))
-        found = self._distances.measure(q, at, pair).reshape(len(q), len(self.pairs))
+        index, pair = (x.ravel() for x in np.indices((len(q), len(self.pairs))))
+        distances = self._distances.measure(q, index, pair).reshape(len(q), len(self.pairs))
         kinds = np.array([x.kind for x in self.pairs])
-        return {kind: found[:, kinds == kind].min(axis=1) for kind in dict.fromkeys(kinds.tolist())}
+        return {
+            kind: distances[:, kinds == kind].min(axis=1) for kind in dict.fromkeys(kinds.tolist())
+        }
 
     def fits(self, motion: Motion) -> bool:
         """Whether every pair keeps its margin and no link comes below the base in a motion.
@@ -491,52 +493,54 @@ class _Search:
         """
         pair = np.arange(len(self.pairs))
         begin, end = np.full(len(pair), t[0]), np.full(len(pair), t[-1])
-        ways = np.zeros(len(pair)), self._radii @ travel[-1]
-        near = self._look(pair, begin), self._look(pair, end)
+        travelled = np.zeros(len(pair)), self._radii @ travel[-1]
+        distance = self._look(pair, begin), self._look(pair, end)
         while len(pair) and not self._decided:
-            width = ways[1] - ways[0]
+            width = travelled[1] - travelled[0]
             # As the distance changes no faster than the way grows.
-            low = (near[0] + near[1] - width) / 2
-            np.minimum(low, np.minimum(*near), out=low)
+            low = (distance[0] + distance[1] - width) / 2
+            np.minimum(low, np.minimum(*distance), out=low)
             goes_on = self._undecided(pair, low, width)
             np.minimum.at(self._low, pair[~goes_on], low[~goes_on])
             pair, begin, end = pair[goes_on], begin[goes_on], end[goes_on]
-            ways, near = (
-                (ways[0][goes_on], ways[1][goes_on]),
-                (near[0][goes_on], near[1][goes_on]),
+            travelled, distance = (
+                (travelled[0][goes_on], travelled[1][goes_on]),
+                (distance[0][goes_on], distance[1][goes_on]),
             )
             count = _pieces(len(pair))
             # Ends of the pieces of each window, in columns.
             shares = np.arange(count + 1) / count
             edges = begin[:, None] + (end - begin)[:, None] * shares
             edges[:, -1] = end
-            inner, of = edges[:, 1:-1].ravel(), np.repeat(pair, count - 1)
+            inner, inner_pair = edges[:, 1:-1].ravel(), np.repeat(pair, count - 1)
             middle = (
                 x.reshape(-1, count - 1)
-                for x in (self._way(t, travel, inner, of), self._look(of, inner))
+                for x in (self._way(t, travel, inner, inner_pair), self._look(inner_pair, inner))
             )
-            ways, near = (
+            travelled, distance = (
                 (rows[:, :-1].ravel(), rows[:, 1:].ravel())
                 for rows in (
                     np.column_stack([known[0], x, known[1]])
-                    for known, x in zip((ways, near), middle, strict=True)
+                    for known, x in zip((travelled, distance), middle, strict=True)
                 )
             )
             pair = np.repeat(pair, count)
             begin, end = edges[:, :-1].ravel(), edges[:, 1:].ravel()
 
-    def _way(self, t: FloatArray, travel: FloatArray, at: FloatArray, pair: IntArray) -> FloatArray:
+    def _way(
+        self, t: FloatArray, travel: FloatArray, times: FloatArray, pair: IntArray
+    ) -> FloatArray:
         """How far the bodies of pairs can have come together until times [m], (n,).
 
         Args:
             t: As in `_run_part`.
             travel: As in `_run_part`.
-            at: The times [s], (n,).
+            times: The times [s], (n,).
             pair: The pairs, (n,).
         """
-        i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
-        share = ((at - t[i]) / (t[i + 1] - t[i]))[:, None]
-        moved = (1 - share) * travel[i] + share * travel[i + 1]
+        i = np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 2)
+        fraction = ((times - t[i]) / (t[i + 1] - t[i]))[:, None]
+        moved = (1 - fraction) * travel[i] + fraction * travel[i + 1]
         return np.asarray((moved * self._radii[pair]).sum(axis=1))
 
     def _undecided(self, pair: IntArray, low: FloatArray, width: FloatArray) -> BoolArray:
@@ -547,49 +551,49 @@ class _Search:
             low: Bounds of their distances [m], (n,).
             width: How far bodies can come together in them [m], (n,).
         """
-        least = np.full(self._kinds.max() + 1, np.inf)
-        np.minimum.at(least, self._kinds, self._high)
+        smallest = np.full(self._kinds.max() + 1, np.inf)
+        np.minimum.at(smallest, self._kinds, self._high)
         margin, high = self._margins[pair], self._high[pair]
         unproven = (low < margin) & (high >= margin)
-        coarse = low < least[self._kinds[pair]] - self._resolution
+        coarse = low < smallest[self._kinds[pair]] - self._resolution
         return np.asarray((unproven & (width > FINEST)) | (coarse & (width > self._resolution)))
 
     def _look(self, pair: IntArray, t: FloatArray) -> FloatArray:
         """Lower bounds of distances of pairs at times [m], (n,); the least distances are kept."""
         times, index = np.unique(t, return_inverse=True)
-        found = self._distances.measure(self._positions(times), index, pair)
+        distances = self._distances.measure(self._positions(times), index, pair)
         self.evaluations += len(pair)
-        order = np.argsort(-found, kind="stable")
-        better = order[found[order] < self._high[pair[order]]]
+        order = np.argsort(-distances, kind="stable")
+        better = order[distances[order] < self._high[pair[order]]]
         # Of several values for a pair, the last one stays, which is the least.
-        self._high[pair[better]], self._at[pair[better]] = found[better], t[better]
-        return np.asarray(found - UNCERTAINTY - self._blur[pair])
+        self._high[pair[better]], self._at[pair[better]] = distances[better], t[better]
+        return np.asarray(distances - UNCERTAINTY - self._blur[pair])
 
-    def _first_time(self, k: int, known: float) -> float:
+    def _first_time(self, k: int, latest: float) -> float:
         """The first time at which a pair may be nearer than its margin [s].
 
         At this time it is nearer than the margin, or within STEP of way.
 
         Args:
             k: Index of the pair.
-            known: A time at which it is as near as it comes [s].
+            latest: A time at which it is as near as it comes [s].
         """
-        way, margin = self._travel @ self._radii[k], self.pairs[k].margin
-        windows = [(0.0, float(np.interp(known, self._t, way)))]
+        travelled, margin = self._travel @ self._radii[k], self.pairs[k].margin
+        windows = [(0.0, float(np.interp(latest, self._t, travelled)))]
         while windows:
             begin, end = windows.pop()
-            at = np.linspace(begin, end, PIECES + 1)
-            t = np.interp(at, way, self._t)
-            near = self._look(np.full(len(t), k), t)
-            if near[0] < margin:
+            edges = np.linspace(begin, end, PIECES + 1)
+            t = np.interp(edges, travelled, self._t)
+            distance = self._look(np.full(len(t), k), t)
+            if distance[0] < margin:
                 # An arm that rests at first has gone no way for a while.
                 return float(t[0] if begin > 0 else self._t[0])
-            low = (near[:-1] + near[1:] - np.diff(at)) / 2
-            doubtful = np.flatnonzero(np.minimum(low, near[1:]) < margin).tolist()
+            low = (distance[:-1] + distance[1:] - np.diff(edges)) / 2
+            doubtful = np.flatnonzero(np.minimum(low, distance[1:]) < margin).tolist()
             if doubtful and end - begin <= STEP:
                 return float(t[1 + doubtful[0]])
-            windows += [(float(at[x]), float(at[x + 1])) for x in reversed(doubtful)]
-        return known
+            windows += [(float(edges[x]), float(edges[x + 1])) for x in reversed(doubtful)]
+        return latest
 
     def _positions(self, t: FloatArray) -> FloatArray:
         """Joint positions at times [rad], (n, dof)."""

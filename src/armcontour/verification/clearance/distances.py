@@ -13,8 +13,8 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput
 from armcontour.robot import Chain
-from armcontour.robot._kinematics import frames_of
 from armcontour.robot.chain import joint_frames, link_table
+from armcontour.robot.kernels import frames_of
 from armcontour.robot.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
 from armcontour.verification.clearance.pairs import Body, Pair
 

@@ -12,8 +12,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.robot import Arm, Chain
-from armcontour.robot.scene import ArmShapes, HalfSpace, LeftOut, Mesh, Scene, Shape
-from armcontour.robot.scene.scene import BASE, TOOL
+from armcontour.robot.scene import BASE, TOOL, ArmShapes, HalfSpace, LeftOut, Mesh, Scene, Shape
 
 ENVIRONMENT, OWN = "environment", "own"
 # The kind of the pairs of links with the plane in which the base is mounted.
@@ -74,15 +73,15 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
             has the name of a body that moves.
     """
     chain, shapes = _parts(arm)
-    own = [
+    bodies = [
         Body(name=x.name, link=x.link, shape=x.shape, place=x.place, exact=x.exact, tool=x.tool)
         for x in shapes.shapes
     ]
-    _refuse_unknown(own, scene)
-    radii = {id(x): _radii(chain, x) for x in own}
+    _refuse_unknown(bodies, scene)
+    radii = {id(x): _radii(chain, x) for x in bodies}
     pairs: list[Pair] = []
-    left = _without_shape(chain, own)
-    for obstacle, body, margin, allowed in _with_obstacles(chain, own, scene):
+    left_out = _without_shape(chain, bodies)
+    for obstacle, body, margin, allowed in _with_obstacles(chain, bodies, scene):
         if body.link == 0:
             reason = "both stand still"
         elif allowed:
@@ -91,17 +90,17 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
             kind = TOOL if body.tool else ENVIRONMENT
             pairs.append(_pair(radii, obstacle, body, kind, margin))
             continue
-        left.append(LeftOut(first=obstacle.name, second=body.name, reason=reason))
-    given = {frozenset((x.first, x.second)): x.reason for x in shapes.left_out}
-    for first, second in combinations(sorted(own, key=lambda x: x.link), 2):
-        why = _why_left_out(first, second, given)
+        left_out.append(LeftOut(first=obstacle.name, second=body.name, reason=reason))
+    reasons = {frozenset((x.first, x.second)): x.reason for x in shapes.left_out}
+    for first, second in combinations(sorted(bodies, key=lambda x: x.link), 2):
+        why = _why_left_out(first, second, reasons)
         if why is None:
             kind = TOOL if second.tool or first.tool else OWN
             margin = scene.margins.tool if kind == TOOL else scene.margins.own
             pairs.append(_pair(radii, first, second, kind, margin))
         elif first.name != second.name:
-            left.append(LeftOut(first=first.name, second=second.name, reason=why))
-    return tuple(pairs), tuple(dict.fromkeys(left))
+            left_out.append(LeftOut(first=first.name, second=second.name, reason=why))
+    return tuple(pairs), tuple(dict.fromkeys(left_out))
 
 
 def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
@@ -118,14 +117,14 @@ def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
         return ()
     chain, shapes = _parts(arm)
     plane = Body(name="mounting plane", link=0, shape=HalfSpace(), place=Frame())
-    own = (
+    bodies = (
         Body(name=x.name, link=x.link, shape=x.shape, place=x.place)
         for x in shapes.shapes
         if not x.tool and x.link >= FIRST_RAISED
     )
     return tuple(
         Pair(first=plane, second=x, kind=MOUNTING, margin=-BELOW, radii=_radii(chain, x))
-        for x in own
+        for x in bodies
     )
 
 
@@ -146,9 +145,9 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
     return arm.chain, arm.shapes
 
 
-def _without_shape(chain: Chain, own: Iterable[Body]) -> list[LeftOut]:
+def _without_shape(chain: Chain, bodies: Iterable[Body]) -> list[LeftOut]:
     """Links of which no shape is known, so that nothing is said of them."""
-    known = {x.link for x in own}
+    links = {x.link for x in bodies}
     return [
         LeftOut(
             first=f"the link after {joint}",
@@ -156,53 +155,54 @@ def _without_shape(chain: Chain, own: Iterable[Body]) -> list[LeftOut]:
             reason="no shape of it is known",
         )
         for k, joint in enumerate(chain.joints, start=1)
-        if k not in known
+        if k not in links
     ]
 
 
-def _refuse_unknown(own: Iterable[Body], scene: Scene) -> None:
+def _refuse_unknown(bodies: Iterable[Body], scene: Scene) -> None:
     """Refuse an obstacle that allows what the arm does not have, or that is a link of the arm."""
-    own = list(own)
-    names, moving = {x.name for x in own} | {TOOL}, {x.name for x in own if x.link}
-    end = max((x for x in own if not x.tool), key=lambda x: x.link, default=None)
+    bodies = list(bodies)
+    names, moving = {x.name for x in bodies} | {TOOL}, {x.name for x in bodies if x.link}
+    end = max((x for x in bodies if not x.tool), key=lambda x: x.link, default=None)
     repair = "Remove the name" if end is None else f"Write {end.name}, the end of the arm,"
-    for x in scene.obstacles:
-        if x.name in moving:
+    for obstacle in scene.obstacles:
+        if obstacle.name in moving:
             raise InvalidInput(
-                f"{x.name} is an obstacle of the scene, and a body of the arm that moves: give its "
-                "scene without the arm, or the obstacle another name."
+                f"{obstacle.name} is an obstacle of the scene, and a body of the arm that moves: "
+                "give its scene without the arm, or the obstacle another name."
             )
-        for name in x.allow:
+        for name in obstacle.allow:
             if name not in names:
                 raise InvalidInput(
-                    f"{x.name} of the scene allows {name!r} to touch it, but the bodies of the arm "
-                    f"are {', '.join(sorted(names))}. {repair} in allow of {x.name}."
+                    f"{obstacle.name} of the scene allows {name!r} to touch it, but the bodies of "
+                    "the arm "
+                    f"are {', '.join(sorted(names))}. {repair} in allow of {obstacle.name}."
                 )
 
 
 def _with_obstacles(
-    chain: Chain, own: Iterable[Body], scene: Scene
+    chain: Chain, bodies: Iterable[Body], scene: Scene
 ) -> Iterable[tuple[Body, Body, float, bool]]:
     """Every obstacle with every body of the arm: their margin, and whether they may touch."""
-    own = list(own)
+    bodies = list(bodies)
     for x in scene.obstacles:
         # Link 0 is the base, whose frame in the work frame is the chain's base.
-        place = x.place if x.fixed_to == BASE else chain.base.inverse @ x.place
+        frame = x.place if x.fixed_to == BASE else chain.base.inverse @ x.place
         hull, exact = x.shape, None
         if isinstance(hull, Mesh) and hull.triangles is not None:
             hull, exact = hull.hull, hull
-        obstacle = Body(name=x.name, link=0, shape=hull, place=place, exact=exact)
-        for body in own:
+        obstacle = Body(name=x.name, link=0, shape=hull, place=frame, exact=exact)
+        for body in bodies:
             of_kind = scene.margins.tool if body.tool else scene.margins.environment
             margin = of_kind if x.margin is None else x.margin
             yield obstacle, body, margin, body.name in x.allow or (body.tool and TOOL in x.allow)
 
 
-def _why_left_out(first: Body, second: Body, given: dict[frozenset[str], str]) -> str | None:
+def _why_left_out(first: Body, second: Body, reasons: dict[frozenset[str], str]) -> str | None:
     """Why the distance of two bodies of the arm is not looked at; None if it is."""
     if first.link == second.link:
         return "they move together"
-    reason = given.get(frozenset((first.name, second.name)))
+    reason = reasons.get(frozenset((first.name, second.name)))
     if reason is not None:
         return reason
     # A tool may be bent back to the link before the last one, as far as the joint between lets it.
@@ -235,12 +235,12 @@ def _radii(chain: Chain, body: Body) -> FloatArray:
         chain: The chain.
         body: The body; joints after its link do not move it.
     """
-    found = np.zeros(len(chain))
+    radii = np.zeros(len(chain))
     middle, radius = body.shape.ball
     middle = body.place.position + body.place.rotation @ middle
     for k in range(body.link - 1, -1, -1):
         # A ball about a point of the axis holds the body however the joint turns.
         along = chain.axes[k] * float(chain.axes[k] @ middle)
-        found[k] = radius = radius + float(np.linalg.norm(middle - along))
+        radii[k] = radius = radius + float(np.linalg.norm(middle - along))
         middle = chain.positions[k] + chain.rotations[k] @ along
-    return found
+    return radii

@@ -36,13 +36,13 @@ def leave_out_touching(arm: Arm) -> ArmShapes:
         return arm.shapes
     assert arm.chain is not None
     distances = Distances(arm.chain, pairs)
-    left = np.arange(len(pairs))
+    remaining = np.arange(len(pairs))
     for q in _postures(arm):
-        at = distances.measure(q[None], np.zeros(len(left), dtype=np.intp), left)
-        left = left[at <= UNCERTAINTY]
-    found = (pairs[k] for k in left.tolist())
-    more = [LeftOut(first=x.first.name, second=x.second.name, reason=REASON) for x in found]
-    return replace(arm.shapes, left_out=(*arm.shapes.left_out, *dict.fromkeys(more)))
+        distance = distances.measure(q[None], np.zeros(len(remaining), dtype=np.intp), remaining)
+        remaining = remaining[distance <= UNCERTAINTY]
+    touching = (pairs[k] for k in remaining.tolist())
+    left_out = [LeftOut(first=x.first.name, second=x.second.name, reason=REASON) for x in touching]
+    return replace(arm.shapes, left_out=(*arm.shapes.left_out, *dict.fromkeys(left_out)))
 
 
 def _postures(arm: Arm) -> FloatArray:

@@ -12,7 +12,7 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.robot import Arm, Payload
 from armcontour.robot.drives import Drives
-from armcontour.robot.drives.simulation import Simulation
+from armcontour.robot.drives.response import Simulation
 from armcontour.robot.servo import ServoModel
 
 CENTER = ("payload_center_x", "payload_center_y", "payload_center_z")

@@ -15,7 +15,7 @@ from armcontour.control.identification.fit import Precision, allowed_deviation, 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.sampling import interpolate
-from armcontour.robot.drives.simulation import Simulation, simulate
+from armcontour.robot.drives.response import Simulation, simulate
 
 # A search ends when a step reduces the sum of squares by less than this share: 0.04 standard
 # deviations of an unknown with 20,000 residuals.

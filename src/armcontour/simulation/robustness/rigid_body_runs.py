@@ -17,8 +17,8 @@ from armcontour.motion import SetPoints
 from armcontour.robot import Limits
 from armcontour.simulation import RigidBodyPlant, simulate
 from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
-from armcontour.simulation.robustness.unknowns import Unknowns
-from armcontour.verification.following import follow_path
+from armcontour.simulation.robustness.uncertainty import Unknowns
+from armcontour.verification.path_following import follow_path
 
 # Longest time between two samples of the contour error [s].
 RESOLUTION = 5e-4
@@ -76,19 +76,19 @@ class BodyRuns:
         """
         plant = self.plant(errors)
         try:
-            found = simulate(self.set_points, plant, resolution=max(RESOLUTION, plant.step))
+            executed = simulate(self.set_points, plant, resolution=max(RESOLUTION, plant.step))
         except ExecutionError as error:
             return str(error)
-        followed = follow_path(self.path, found.tool)
+        followed = follow_path(self.path, executed.tool)
         coverage_error = float(followed.coverage_error.max(initial=0.0))
-        span = float(found.t[-1] - found.t[0])
-        asked = 0.0 if found.torque_demand is None else np.abs(found.torque_demand)
+        span = float(executed.t[-1] - executed.t[0])
+        demanded = 0.0 if executed.torque_demand is None else np.abs(executed.torque_demand)
         return (
             max(float(followed.distance.max()), coverage_error),
             float(np.sqrt(np.mean(followed.distance**2))),
-            float(found.t[-1]),
-            float(found.saturated_time.max()) / span,
-            float(np.max(asked / plant.torque_limit)),
+            float(executed.t[-1]),
+            float(executed.saturated_time.max()) / span,
+            float(np.max(demanded / plant.torque_limit)),
         )
 
 
@@ -147,9 +147,9 @@ def spread_on_bodies(
     """
     unknowns = runs.unknowns
     rows = list(np.concatenate([np.zeros((1, len(unknowns))), errors]))
-    found = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
-    found = _all(runs, rows, found)
-    largest, rms, until, saturated, ratio = np.array(found).T
+    results = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
+    results = _all(runs, rows, results)
+    largest, rms, until, saturated, ratio = np.array(results).T
     servos = [unknowns.robot(x)[2] for x in errors]
     return MonteCarloResult(
         max=largest[1:],
@@ -177,11 +177,11 @@ def describe(unknowns: Unknowns, errors: FloatArray) -> str:
         errors: Their errors, (k,).
     """
     units = {"payload": " kg", "dead time": " s"}
-    said: dict[str, list[float]] = {}
+    values_by_kind: dict[str, list[float]] = {}
     for kind, error in zip(unknowns.kinds, errors.tolist(), strict=True):
-        said.setdefault(kind, []).append(error)
+        values_by_kind.setdefault(kind, []).append(error)
     parts = [
         f"{kind} {', '.join(f'{x:+.3g}' for x in dict.fromkeys(values))}{units.get(kind, '')}"
-        for kind, values in said.items()
+        for kind, values in values_by_kind.items()
     ]
     return "; ".join(parts) or "no errors"

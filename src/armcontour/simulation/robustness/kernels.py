@@ -10,9 +10,9 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
 from armcontour.geometry._segments import Point, search_along
-from armcontour.robot._kinematics import tool_point
-from armcontour.robot.servo._response import Motion, Servo
-from armcontour.robot.servo._simulation import march
+from armcontour.robot.kernels import tool_point
+from armcontour.robot.servo.joint_response import Motion, Servo
+from armcontour.robot.servo.march import march
 
 # Number of cycles simulated at a time: their results fit in the processor's cache.
 CHUNK = 64
@@ -143,7 +143,7 @@ def _measure(
     begin: int,
     size: int,
     segment: int,
-    places: FloatArray,
+    results: FloatArray,
     anchors: FloatArray,
     e: Errors,
 ) -> tuple[int, Errors]:
@@ -154,7 +154,7 @@ def _measure(
         begin: First interval.
         size: Number of intervals.
         segment: Segment of the last nearest point.
-        places: Results of the joints, with positions in column 0, (dof, n, 3).
+        results: Results of the joints, with positions in column 0, (dof, n, 3).
         anchors: As in `tool_point`.
         e: Errors so far.
 
@@ -164,12 +164,12 @@ def _measure(
     # Tuples of arrays are unpacked outside of the loop: unpacking takes as long as all the rest.
     line, clock = setting.line, setting.clock
     rows, corners, around, low, high = line
-    h, q = clock.cycle / clock.steps, np.empty(len(places))
+    h, q = clock.cycle / clock.steps, np.empty(len(results))
     # A result when errors start to count is before that, whatever the rounding of its time says.
     counted = clock.begin + SNAP * h
     for row in range(size * clock.steps):
         for j in range(len(q)):
-            q[j] = places[j, row, 0]
+            q[j] = results[j, row, 0]
         p = tool_point(setting.robot, q, anchors)
         k = min(begin + row // clock.steps, len(low) - 1)
         d2, now = search_along(p, rows, around, segment, low[k], high[k])
@@ -190,8 +190,8 @@ def _measure(
                     e.tool[1] + a * dy + b * (dy - e.moved[1]),
                     e.tool[2] + a * dz + b * (dz - e.moved[2]),
                 )
-                found, _ = search_along(between, rows, around, segment, low[k], high[k])
-                peak = max(peak, found)
+                between2, _ = search_along(between, rows, around, segment, low[k], high[k])
+                peak = max(peak, between2)
         segment, moved = now, (dx, dy, dz)
         end, end_integral, end_peak = e.end, e.end_integral, e.end_peak
         if t <= counted:
@@ -206,10 +206,10 @@ def _measure(
             peak = max(peak, last)
         if t - h < clock.finish <= t:
             # The last trapezoid ends between two results.
-            share = (clock.finish - (t - width)) / width
-            final = ((1 - share) * math.sqrt(last) + share * math.sqrt(d2)) ** 2
+            fraction = (clock.finish - (t - width)) / width
+            final = ((1 - fraction) * math.sqrt(last) + fraction * math.sqrt(d2)) ** 2
             end = clock.finish
-            end_integral = e.integral + 0.5 * share * width * (last + final)
+            end_integral = e.integral + 0.5 * fraction * width * (last + final)
             end_peak = max(e.peak, last, final)
         integral = e.integral + 0.5 * width * (last + d2)
         if far2 > (REST_SPEED * h) ** 2 and t > clock.finish and not clock.fixed:
@@ -220,7 +220,7 @@ def _measure(
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def _advance_joints(
-    setting: Setting, sample: Sample, begin: int, size: int, states: FloatArray, places: FloatArray
+    setting: Setting, sample: Sample, begin: int, size: int, states: FloatArray, results: FloatArray
 ) -> float:
     """Simulate all joints of a robot over cycles.
 
@@ -231,7 +231,7 @@ def _advance_joints(
         size: Number of intervals.
         states: Position [rad], velocity [rad/s], time in saturation [s], largest demand over its
             limit, and demand without a payload [rad/s²] of all joints, (dof, 5); updated.
-        places: Output: results of all joints, (dof, n, 3).
+        results: Output: results of all joints, (dof, n, 3).
 
     Returns:
         A bound on the sum of all later joint velocities once the command is constant [rad/s]; NaN
@@ -245,39 +245,41 @@ def _advance_joints(
     # A payload means more inertia at the same torque: less gain and limits in every interval.
     chunk = count if sample.load == 0.0 else steps
     for j in range(len(states)):
-        kp, kv, ki, share = sample.kp[j], sample.kv[j], sample.ki[j], 1.0
+        kp, kv, ki, scale = sample.kp[j], sample.kv[j], sample.ki[j], 1.0
         for first in range(0, count, chunk):
             if sample.load != 0.0:
                 k = min(begin + first // steps, setting.inertia.shape[1] - 1)
-                share = 1 / (1 + sample.load * setting.inertia[j, k])
-            servo = Servo(kp, kv * share, setting.lower[j] * share, setting.upper[j] * share, ki)
+                scale = 1 / (1 + sample.load * setting.inertia[j, k])
+            servo = Servo(kp, kv * scale, setting.lower[j] * scale, setting.upper[j] * scale, ki)
             limited = servo.upper < math.inf
-            least = states[j, 3] * servo.lower if limited else -math.inf
-            most = states[j, 3] * servo.upper if limited else math.inf
+            lowest = states[j, 3] * servo.lower if limited else -math.inf
+            highest = states[j, 3] * servo.upper if limited else math.inf
             m = march(
                 servo,
                 setting.kind,
                 sample.commands[j],
                 sample.starts[j],
                 times[first : first + chunk + 1],
-                Motion(states[j, 0], states[j, 1], share * states[j, 4], states[j, 2], least, most),
-                places[j, first : first + chunk],
+                Motion(
+                    states[j, 0], states[j, 1], scale * states[j, 4], states[j, 2], lowest, highest
+                ),
+                results[j, first : first + chunk],
             )
             if not math.isfinite(m.q + m.w):
                 return math.nan
             states[j, 0], states[j, 1], states[j, 2] = m.q, m.w, m.saturated
-            states[j, 4] = m.held / share
+            states[j, 4] = m.held / scale
             states[j, 3] = max(m.lowest / servo.lower, m.highest / servo.upper) if limited else 0.0
         # The energy of a joint decreases, whether the joint is saturated or not.
-        off, w = states[j, 0] - sample.commands[j, -1, 0], states[j, 1]
+        offset, w = states[j, 0] - sample.commands[j, -1, 0], states[j, 1]
         if ki > 0.0:
             # An integrator gives energy, too.
             rate = max(kv, math.sqrt(kv * (kp + ki)))
-            total += OVERSHOOT * (abs(w) + rate * abs(off) + abs(states[j, 4]) / rate)
+            total += OVERSHOOT * (abs(w) + rate * abs(offset) + abs(states[j, 4]) / rate)
         elif kv > 0.0:
-            total += math.sqrt(w * w + kp * kv * off * off)
-        elif off != 0.0:
-            total += kp * abs(off)
+            total += math.sqrt(w * w + kp * kv * offset * offset)
+        elif offset != 0.0:
+            total += kp * abs(offset)
     return total
 
 
@@ -298,34 +300,34 @@ def simulate_sample(setting: Setting, sample: Sample) -> tuple[float, float, flo
     cycle, knots = clock.cycle, sample.commands.shape[1] - 1
     anchors, states = np.zeros((dof, 3)), np.zeros((dof, 5))
     anchors[:, 2] = 1.0
-    places, late = np.empty((dof, CHUNK * clock.steps, 3)), 0.0
+    results, delay = np.empty((dof, CHUNK * clock.steps, 3)), 0.0
     for j in range(dof):
-        states[j, 0] = places[j, 0, 0] = sample.commands[j, 0, 0]
-        late = max(late, sample.starts[j, 0])
-    p = tool_point(setting.robot, places[:, 0, 0], anchors)
+        states[j, 0] = results[j, 0, 0] = sample.commands[j, 0, 0]
+        delay = max(delay, sample.starts[j, 0])
+    p = tool_point(setting.robot, results[:, 0, 0], anchors)
     d2, segment = search_along(p, line.rows, line.around, 0, line.low[0], line.high[0])
     e = Errors(0.0, d2, d2, p, (0.0, 0.0, 0.0), clock.finish, 0.0, 0.0)
     # From this interval on all commands are constant.
-    quiet = knots + int(math.ceil(late / cycle)) + 1
+    quiet = knots + int(math.ceil(delay / cycle)) + 1
     fixed = int(math.ceil((clock.finish - clock.start) / cycle))
     stop = fixed if clock.fixed else np.iinfo(np.int64).max
-    done, more = 0, 0.0
+    done, resting = 0, 0.0
     while True:
         size = min(CHUNK, stop - done)
-        speed = _advance_joints(setting, sample, done, size, states, places)
+        speed = _advance_joints(setting, sample, done, size, states, results)
         if math.isnan(speed):
             return math.nan, math.nan, e.end, 0.0, 0.0
-        segment, e = _measure(setting, done, size, segment, places, anchors, e)
+        segment, e = _measure(setting, done, size, segment, results, anchors, e)
         done += size
         now = clock.start + done * cycle
         if done >= quiet and setting.reach * speed < STILL_SPEED:
-            more = max(clock.finish - now, 0.0)
+            resting = max(clock.finish - now, 0.0)
             break
         if done == stop or now > clock.patience:
             break
     # A tool that rests before the end of the time keeps its error.
-    integral = e.integral + more * e.square if more > 0.0 else e.end_integral
+    integral = e.integral + resting * e.square if resting > 0.0 else e.end_integral
     # A tool that is slower than REST_SPEED can still leave the path.
-    peak = e.end_peak if clock.fixed and more == 0.0 else e.peak
+    peak = e.end_peak if clock.fixed and resting == 0.0 else e.peak
     rms = math.sqrt(integral / (e.end - max(clock.begin, 0.0)))
     return rms, math.sqrt(peak), e.end, states[:, 2].max() / e.end, states[:, 3].max()

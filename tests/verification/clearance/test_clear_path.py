@@ -8,7 +8,7 @@ from armcontour.core.frames import Frame
 from armcontour.motion import JointPath
 from armcontour.robot.scene import ArmShapes, Box, LinkShape, Margins, Obstacle, Scene, Sphere
 from armcontour.verification.clearance import Cell
-from armcontour.verification.clearance.connecting import connect, round_postures, through
+from armcontour.verification.clearance.clear_path import connect, round_postures, through
 
 ARM = ac.load_arm("ur5e").with_shapes(
     ArmShapes(shapes=(LinkShape(name="end", link=6, shape=Sphere(radius=0.03)),))
@@ -41,7 +41,7 @@ def test_a_way_around_a_wall_is_found_and_clear():
 
 
 def test_no_way_is_none(monkeypatch):
-    monkeypatch.setattr("armcontour.verification.clearance.connecting.MOST_PIECES", 30)
+    monkeypatch.setattr("armcontour.verification.clearance.clear_path.MOST_PIECES", 30)
     closed = cell_with([3.0, 0.05, 3.0])
     assert connect(closed, A, B, RANGES) is None
 

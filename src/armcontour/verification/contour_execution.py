@@ -29,7 +29,7 @@ from armcontour.verification.error_profile import (
     climb_smooth,
     find_peak,
 )
-from armcontour.verification.following import Followed, follow_path
+from armcontour.verification.path_following import Followed, follow_path
 
 # Errors at some times, and the places of the tool on the path then, (n,) each.
 Errors = tuple[FloatArray, FloatArray]
@@ -93,8 +93,8 @@ class ContourExecution:
     @property
     def tool(self) -> FloatArray:
         """Tool points [m], (n, dimension)."""
-        points, own = self._around
-        return points[own]
+        points, piece = self._around
+        return points[piece]
 
     @cached_property
     def speed(self) -> FloatArray:
@@ -119,8 +119,8 @@ class ContourExecution:
 
     def _follow(self, path: Path, work: tuple[float, float] | None) -> Followed:
         """Places of the tool on a path."""
-        points, own = self._around
-        return follow_path(path, points, work=work, judged=own)
+        points, piece = self._around
+        return follow_path(path, points, work=work, judged=piece)
 
     @cached_property
     def contour_error(self) -> ErrorProfile:
@@ -143,8 +143,8 @@ class ContourExecution:
         """Distance from the tool to its planned position at a time `delay` earlier [m]."""
         trajectory = self.executed.set_points.trajectory
         planned = trajectory(np.clip(self.t - delay, 0.0, trajectory.duration))
-        off = length(self.tool - self.executed.arm.tool_position(planned))
-        return self._over_time(off, self.found.s)
+        distance = length(self.tool - self.executed.arm.tool_position(planned))
+        return self._over_time(distance, self.found.s)
 
     @property
     def model_error(self) -> tuple[float, float] | None:
@@ -160,17 +160,17 @@ class ContourExecution:
     @cached_property
     def objective_error(self) -> ErrorProfile | None:
         """Distance from the tool to the objective path [m]; None if unknown."""
-        found = self.off_objective
-        return None if found is None else self._off_path(found)
+        followed = self.off_objective
+        return None if followed is None else self._off_path(followed)
 
     @property
     def objective_coverage_error(self) -> Coverage | None:
         """Largest distance from the objective path to the tool [m]; None if unknown."""
-        found, error = self.off_objective, self.objective_error
-        if self.objective is None or found is None or error is None:
+        followed, error = self.off_objective, self.objective_error
+        if self.objective is None or followed is None or error is None:
             return None
         work = self.before_work or (0.0, self.objective.length)
-        return self._most_missed(self.objective, work, found, error)
+        return self._most_missed(self.objective, work, followed, error)
 
     @property
     def orientation_error(self) -> ErrorProfile | None:
@@ -204,16 +204,16 @@ class ContourExecution:
         )
 
     def _largest_beside(
-        self, which: IntArray, of: Callable[[FloatArray], FloatArray]
+        self, which: IntArray, function: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
         """The largest values of smooth functions of tool points, at some samples and beside them.
 
         Args:
             which: Indices of samples of the piece that are higher than those beside them, (m,).
-            of: Gives values of tool points, from (m, n, dimension) to (m, n).
+            function: Gives values of tool points, from (m, n, dimension) to (m, n).
         """
         m = len(which)
-        best = np.asarray(of(self.tool[which][:, None]))[:, 0]
+        best = np.asarray(function(self.tool[which][:, None]))[:, 0]
         # The intervals before and after each sample.
         i = np.clip(which + np.array([[-1], [0]]), 0, len(self.t) - 2).ravel()
         fine = self.executed.between(np.unique(i) + self.which.start)
@@ -223,59 +223,59 @@ class ContourExecution:
         def measure(t: FloatArray) -> FloatArray:
             both = t.reshape(2, m, -1).swapaxes(0, 1).reshape(m, -1)
             tool = self.executed.arm.tool_position(fine(both.ravel()))
-            found = np.asarray(of(tool.reshape(*both.shape, -1)))
-            return found.reshape(m, 2, -1).swapaxes(0, 1).reshape(t.shape)
+            values = np.asarray(function(tool.reshape(*both.shape, -1)))
+            return values.reshape(m, 2, -1).swapaxes(0, 1).reshape(t.shape)
 
         top = climb_smooth(self.t[i], self.t[i + 1], measure).reshape(2, m).max(axis=0)
         return np.asarray(np.maximum(best, top))
 
     def _most_missed(
-        self, path: Path, work: tuple[float, float], found: Followed, error: ErrorProfile
+        self, path: Path, work: tuple[float, float], followed: Followed, error: ErrorProfile
     ) -> Coverage:
         """The place of a path that is the farthest from the tool, of all that it passes.
 
         Args:
             path: The path.
             work: Places between which it counts [m].
-            found: How the tool follows it.
+            followed: How the tool follows it.
             error: Distance from the tool to the path.
         """
-        far, where = found.coverage_error, found.coverage_error_s
-        guessed = np.zeros(len(far), dtype=bool)
+        distances, arc_lengths = followed.coverage_error, followed.coverage_error_s
+        guessed = np.zeros(len(distances), dtype=bool)
         if self._is_told:
             # Elsewhere than at a sample's own place the tool's way was taken for straight.
-            guessed = (np.abs(where - found.s) > ROUNDING) & (far >= 0)
-        given = np.where(guessed, -1.0, far)
-        i = int(np.argmax(given))
-        most = Coverage(
-            max=max(0.0, float(given[i])),
+            guessed = (np.abs(arc_lengths - followed.s) > ROUNDING) & (distances >= 0)
+        exact = np.where(guessed, -1.0, distances)
+        i = int(np.argmax(exact))
+        largest = Coverage(
+            max=max(0.0, float(exact[i])),
             t_max=float(self.t[i]),
-            s_max=float(where[i]) + self.offset,
+            s_max=float(arc_lengths[i]) + self.offset,
         )
         if not self._is_told:
-            return most
+            return largest
         rows = np.flatnonzero(guessed)
-        bounds = (far + self._bent)[rows]
+        bounds = (distances + self._bent)[rows]
         # Between the places of two samples on one segment, each place is that of a tool point.
-        before, after = found.s[rows], found.s[np.minimum(rows + 1, len(far) - 1)]
-        joints = found.geometry[1:, 11]
+        before, after = followed.s[rows], followed.s[np.minimum(rows + 1, len(distances) - 1)]
+        joints = followed.geometry[1:, 11]
         alone = np.searchsorted(joints, before, "right") == np.searchsorted(joints, after)
-        alone &= (before < where[rows]) & (where[rows] < after)
+        alone &= (before < arc_lengths[rows]) & (arc_lengths[rows] < after)
         bounds[alone] = np.minimum(bounds[alone], error.max)
-        rows, bounds = rows[bounds > most.max], bounds[bounds > most.max].tolist()
-        near = int(np.clip(np.searchsorted(self.t, error.t_max), 0, len(self.t) - 1))
+        rows, bounds = rows[bounds > largest.max], bounds[bounds > largest.max].tolist()
+        nearest = int(np.clip(np.searchsorted(self.t, error.t_max), 0, len(self.t) - 1))
         # The place from which the tool is the farthest may be as far from the tool's way.
-        places = [(error.max, near, error.s_max - self.offset)]
-        places += zip(bounds, rows.tolist(), where[rows].tolist(), strict=True)
-        for bound, k, s in sorted(places, key=lambda x: -x[0]):
-            if bound > most.max * (1 + CLOSE) and work[0] <= s <= work[1]:
+        candidates = [(error.max, nearest, error.s_max - self.offset)]
+        candidates += zip(bounds, rows.tolist(), arc_lengths[rows].tolist(), strict=True)
+        for bound, k, s in sorted(candidates, key=lambda x: -x[0]):
+            if bound > largest.max * (1 + CLOSE) and work[0] <= s <= work[1]:
                 value, t = self._distance_to_way(path([s])[0], k)
                 # Outside of the piece the tool may come nearer, as the samples there tell.
                 inside = self.t[0] < t < self.t[-1]
-                value = min(value, bound if inside else max(float(far[k]), 0.0))
-                if value > most.max:
-                    most = Coverage(max=value, t_max=t, s_max=s + self.offset)
-        return most
+                value = min(value, bound if inside else max(float(distances[k]), 0.0))
+                if value > largest.max:
+                    largest = Coverage(max=value, t_max=t, s_max=s + self.offset)
+        return largest
 
     @property
     def _is_told(self) -> bool:
@@ -300,22 +300,24 @@ class ContourExecution:
         low, high = min(low, i), max(high, i + 1)
         k = low + int(np.argmin(length(self.tool[low:high] - point)))
         # Squares are smooth, also where the way goes through the point.
-        found = self._largest_beside(np.array([k]), lambda x: -dot(x - point, x - point))
-        return float(np.sqrt(-found[0])), float(self.t[k])
+        squares = self._largest_beside(np.array([k]), lambda x: -dot(x - point, x - point))
+        return float(np.sqrt(-squares[0])), float(self.t[k])
 
-    def _off_path(self, found: Followed, side: FloatArray | None = None) -> ErrorProfile:
+    def _off_path(self, followed: Followed, side: FloatArray | None = None) -> ErrorProfile:
         """The profile of distances from a path."""
 
         def measure(i: int, t: FloatArray) -> Errors | None:
             q = self._between(i, t)
-            return None if q is None else self._near(found, i, self.executed.arm.tool_position(q))
+            return (
+                None if q is None else self._near(followed, i, self.executed.arm.tool_position(q))
+            )
 
         hidden = None
         if self._is_told:
             # Where the path turns sharply, a peak has room for half of the tool's way there.
-            sharp = np.flatnonzero(found.turns(SHARP) > SHARP)
+            sharp = np.flatnonzero(followed.turns(SHARP) > SHARP)
             hidden = sharp, length(self.tool[sharp + 1] - self.tool[sharp]) / 2
-        return self._over_time(found.distance, found.s, measure, side, hidden)
+        return self._over_time(followed.distance, followed.s, measure, side, hidden)
 
     def _over_time(
         self,
@@ -345,9 +347,9 @@ class ContourExecution:
             t: Times [s], (n,).
         """
         if i not in self._fine:
-            here = self.which.start + i
-            inside = 0 <= here < len(self.executed.t) - 1
-            self._fine[i] = self.executed.between(np.array([here])) if inside else None
+            index = self.which.start + i
+            inside = 0 <= index < len(self.executed.t) - 1
+            self._fine[i] = self.executed.between(np.array([index])) if inside else None
         fine = self._fine[i]
         return None if fine is None else fine(t)
 
@@ -356,11 +358,11 @@ class ContourExecution:
         """Motions between samples, as far as they were asked for."""
         return {}
 
-    def _near(self, found: Followed, i: int, tool: FloatArray) -> Errors:
+    def _near(self, followed: Followed, i: int, tool: FloatArray) -> Errors:
         """Distances from a path and places of tool points between sample i and the next one [m]."""
-        ends = np.clip([i, i + 1], 0, len(found.s) - 1)
-        low, high = found.s[ends].tolist()
-        return found.near(tool, (low, high), float(found.distance[ends].max()))
+        ends = np.clip([i, i + 1], 0, len(followed.s) - 1)
+        low, high = followed.s[ends].tolist()
+        return followed.near(tool, (low, high), float(followed.distance[ends].max()))
 
 
 def settling_time(executed: Execution, speed: FloatArray) -> float:
@@ -386,13 +388,13 @@ def common_delay(executed: Execution) -> float:
     planned, velocity = executed.arm.tool_position(q), executed.arm.tool_velocity(q, dq)
     best, delay = (np.inf, 0.0), 0.0
     for _ in range(MOST_DELAYS):
-        own, rate = (
+        delayed, rate = (
             np.stack([np.interp(t - delay, t, x) for x in columns.T], axis=1)
             for columns in (planned, velocity)
         )
-        best = min(best, (float(((tool - own) ** 2).sum()), delay))
+        best = min(best, (float(((tool - delayed) ** 2).sum()), delay))
         # Gauss-Newton step of the least squares in the delay.
-        step = float((rate * (own - tool)).sum() / max((rate**2).sum(), TINY))
+        step = float((rate * (delayed - tool)).sum() / max((rate**2).sum(), TINY))
         delay += step
         if abs(step) < SAME_DELAY:
             break
@@ -475,27 +477,27 @@ def _find_window(
     return slice(start, max(int(end), start + 2)), span.work, span.s[0]
 
 
-def _side(path: Path, found: Followed, tool: FloatArray) -> FloatArray:
+def _side(path: Path, followed: Followed, tool: FloatArray) -> FloatArray:
     """1 where the tool is to the left of a path in the plane, -1 to its right.
 
     Args:
         path: The path.
-        found: Places of the tool on the path.
+        followed: Places of the tool on the path.
         tool: Tool points [m], (n, 2).
     """
-    rows = found.geometry.T
-    row = np.maximum(rows[11].searchsorted(found.s, side="right") - 1, 0)
+    rows = followed.geometry.T
+    row = np.maximum(rows[11].searchsorted(followed.s, side="right") - 1, 0)
     x, y = (tool[:, axis] - rows[axis][row] for axis in range(2))
     a, b = (rows[3 + axis][row] for axis in range(2))
-    along, left = x * a + y * b, y * a - x * b
+    along, normal = x * a + y * b, y * a - x * b
     # To the left of a line; of an arc that turns to the left, inside of its circle.
     to_left = rows[3] * rows[7] > rows[4] * rows[6]
-    bend = np.where(to_left, rows[9], -rows[9])[row]
-    side = np.where(2 * left < bend * (along * along + left * left), -1.0, 1.0)
-    corner = (found.s == rows[11][row]) | (found.s == path.length)
+    curvature = np.where(to_left, rows[9], -rows[9])[row]
+    side = np.where(2 * normal < curvature * (along * along + normal * normal), -1.0, 1.0)
+    corner = (followed.s == rows[11][row]) | (followed.s == path.length)
     if corner.any():
         # At a corner, the sum of both tangents decides.
-        s = found.s[corner]
+        s = followed.s[corner]
         x, y = (tool[corner] - path(s)).T
         tangent = (path(s, 1) + path(s, 1, side="left")).T
         side[corner] = np.where(tangent[0] * y < tangent[1] * x, -1.0, 1.0)
@@ -541,43 +543,46 @@ def corner_deviations(
     corners = np.flatnonzero(objective.turns > TANGENT_TOLERANCE) + 1
     if not len(corners):
         return ()
-    at = objective.project(tool).s if s is None else s
-    order = np.argsort(at, kind="stable")
-    at, tool = at[order], tool[order]
+    arc_lengths = objective.project(tool).s if s is None else s
+    order = np.argsort(arc_lengths, kind="stable")
+    arc_lengths, tool = arc_lengths[order], tool[order]
     # The region of a corner: from the middle of the segment before to the middle of the one after.
     low = objective.breaks[corners] - objective.lengths[corners - 1] / 2
     high = objective.breaks[corners] + objective.lengths[corners] / 2
-    first, last = np.searchsorted(at, low), np.searchsorted(at, high, side="right")
+    first, last = (
+        np.searchsorted(arc_lengths, low),
+        np.searchsorted(arc_lengths, high, side="right"),
+    )
     # If no sample is in the region, take the samples before and after it.
     empty = first == last
     first = np.where(empty, np.maximum(first - 1, 0), first)
-    last = np.where(empty, np.minimum(last + 1, len(at)), last)
-    of, number = number_parts(last - first)
-    near = first[of] + number
+    last = np.where(empty, np.minimum(last + 1, len(arc_lengths)), last)
+    corner, number = number_parts(last - first)
+    sample = first[corner] + number
     points, starts = objective.starts[corners], np.cumsum(last - first) - (last - first)
-    off = tool[near] - points[of]
+    offset = tool[sample] - points[corner]
     across = _across(objective, corners)
-    away, past = length(off), dot(off, across[of])
+    away, past = length(offset), dot(offset, across[corner])
     rounding = np.minimum.reduceat(away, starts)
     overshoot = np.maximum.reduceat(past, starts)
     if beside is not None:
         # The first of the extreme samples of each corner.
-        rows = [np.flatnonzero(x == y[of]) for x, y in ((away, rounding), (past, overshoot))]
-        nearest, farthest = (x[np.unique(of[x], return_index=True)[1]] for x in rows)
+        rows = [np.flatnonzero(x == y[corner]) for x, y in ((away, rounding), (past, overshoot))]
+        nearest, farthest = (x[np.unique(corner[x], return_index=True)[1]] for x in rows)
         # What is largest where the tool comes and goes is not so between samples.
         inner = np.flatnonzero((farthest > starts) & (farthest < starts + last - first - 1))
         farthest, count = farthest[inner], len(corners)
-        here, out = np.concatenate([points, points[inner]])[:, None], across[inner][:, None]
+        targets, out = np.concatenate([points, points[inner]])[:, None], across[inner][:, None]
 
         # Squares are smooth, also where the tool passes through the corner.
         def both(x: FloatArray) -> FloatArray:
-            gap = x - here
+            gap = x - targets
             return np.concatenate(
                 [-dot(gap[:count], gap[:count]), np.sum(gap[count:] * out, axis=-1)]
             )
 
-        found = beside(order[near[np.concatenate([nearest, farthest])]], both)
-        rounding, overshoot[inner] = np.sqrt(-found[:count]), found[count:]
+        extremes = beside(order[sample[np.concatenate([nearest, farthest])]], both)
+        rounding, overshoot[inner] = np.sqrt(-extremes[:count]), extremes[count:]
     return tuple(
         CornerDeviation(vertex=vertex, point=tuple(point), rounding=cr, overshoot=max(0.0, co))
         for vertex, point, cr, co in zip(
@@ -597,7 +602,7 @@ def _across(path: Path, corners: IntArray) -> FloatArray:
 
 
 def measure_shares(
-    path: Path, found: Followed, speed: FloatArray, limit: float | None, *, between: bool = False
+    path: Path, followed: Followed, speed: FloatArray, limit: float | None, *, between: bool = False
 ) -> FloatArray:
     """Measure the tool speed over the velocity assigned at the place of the tool, (n,).
 
@@ -608,7 +613,7 @@ def measure_shares(
 
     Args:
         path: The path, whose segments may have speeds of their own.
-        found: Places of the tool on it.
+        followed: Places of the tool on it.
         speed: Tool speed at the samples [m/s], (n,).
         limit: Assigned velocity of the whole path [m/s]; None without one.
         between: Whether the shares bound those between samples too, taking the speed for no more
@@ -622,18 +627,18 @@ def measure_shares(
     if not np.isfinite(assigned).any():
         return np.zeros(len(speed))
     high = speed + _bound_between(speed) if between else speed
-    s, off = np.maximum.accumulate(found.s), found.distance
-    first, last = s - off, s + off
-    here = np.maximum(_at(path, assigned, first, "left"), _at(path, assigned, last, "right"))
-    share = high / here
+    s, distance = np.maximum.accumulate(followed.s), followed.distance
+    first, last = s - distance, s + distance
+    allowed = np.maximum(_at(path, assigned, first, "left"), _at(path, assigned, last, "right"))
+    ratio = high / allowed
     before, after = assigned[:-1], assigned[1:]
     # Where the assigned velocity falls, the first sample past the joint has passed it before.
     falls = np.flatnonzero(after < before)
-    _raise_at_joints(share, high, first, path.breaks[1:-1][falls], after[falls], past=1)
+    _raise_at_joints(ratio, high, first, path.breaks[1:-1][falls], after[falls], past=1)
     # Where it rises, the last sample before the joint goes on until there.
     rises = np.flatnonzero(after > before)
-    _raise_at_joints(share, high, last, path.breaks[1:-1][rises], before[rises], past=0)
-    return share
+    _raise_at_joints(ratio, high, last, path.breaks[1:-1][rises], before[rises], past=0)
+    return ratio
 
 
 def _at(path: Path, assigned: FloatArray, s: FloatArray, side: str) -> FloatArray:
@@ -643,9 +648,9 @@ def _at(path: Path, assigned: FloatArray, s: FloatArray, side: str) -> FloatArra
 
 
 def _raise_at_joints(
-    share: FloatArray,
+    ratio: FloatArray,
     speed: FloatArray,
-    place: FloatArray,
+    s: FloatArray,
     joints: FloatArray,
     assigned: FloatArray,
     *,
@@ -654,21 +659,21 @@ def _raise_at_joints(
     """Raise shares to those at the time at which the tool passes joints between segments.
 
     Args:
-        share: The shares, (n,); changed.
+        ratio: The shares, (n,); changed.
         speed: Tool speed at the samples [m/s], (n,).
-        place: Places of the samples [m], (n,).
+        s: Places of the samples [m], (n,).
         joints: Places of the joints [m], (joints,).
         assigned: Velocity assigned on the slow side of each joint [m/s], (joints,).
         past: 1 to raise the share of the sample after the joint, 0 that of the one before.
     """
-    place = np.maximum.accumulate(place)
-    i = np.searchsorted(place, joints, side="right")
-    inside = (i > 0) & (i < len(place))
+    s = np.maximum.accumulate(s)
+    i = np.searchsorted(s, joints, side="right")
+    inside = (i > 0) & (i < len(s))
     i, joints, assigned = i[inside], joints[inside], assigned[inside]
-    size = place[i] - place[i - 1]
-    part = (joints - place[i - 1]) / np.where(size > 0, size, 1.0)
+    size = s[i] - s[i - 1]
+    part = (joints - s[i - 1]) / np.where(size > 0, size, 1.0)
     passing = speed[i - 1] + part * (speed[i] - speed[i - 1])
-    np.maximum.at(share, i - 1 + past, passing / assigned)
+    np.maximum.at(ratio, i - 1 + past, passing / assigned)
 
 
 def _bound_between(speed: FloatArray) -> FloatArray:

@@ -200,22 +200,22 @@ def _integrals(kp: float, kv: float, t: float) -> tuple[float, float, float]:
     # Terms of t times the impulse response; each term follows from the two terms before it.
     if kv == 0.0:
         damping, stiffness = kp * t, 0.0
-        this, following = damping, -damping * damping
+        term, following = damping, -damping * damping
     else:
         damping, stiffness = kv * t, kp * kv * t * t
-        this, following = 0.0, stiffness
-    least = NOTHING * (abs(this) + abs(following))
+        term, following = 0.0, stiffness
+    smallest = NOTHING * (abs(term) + abs(following))
     first = second = third = 0.0
     for m in range(TERMS):
-        weight = this * INVERSE[m] * INVERSE[m + 1]
+        weight = term * INVERSE[m] * INVERSE[m + 1]
         first += weight
         weight *= INVERSE[m + 2]
         second += weight
         third += weight * INVERSE[m + 3]
-        last = this
-        this = following
-        following = -(damping * this + stiffness * last * INVERSE[m]) * INVERSE[m + 1]
-        if abs(this) + abs(following) <= least:
+        previous = term
+        term = following
+        following = -(damping * term + stiffness * previous * INVERSE[m]) * INVERSE[m + 1]
+        if abs(term) + abs(following) <= smallest:
             break
     return first * t, 2 * second * t * t, 6 * third * t * t * t
 
@@ -253,7 +253,7 @@ def _excess_over(f: Signal, side: float, bound: float) -> Signal:
 @compiled(inner=True, fastmath=FUSED)
 def _find_root(servo: Servo, f: Signal, low: float, high: float, t: float) -> float:
     """Time at which a signal that rises in [low, high] is 0, by Newton's method from guess t."""
-    near = NEAR * (high - low)
+    tolerance = NEAR * (high - low)
     for _ in range(200):
         value, slope = _sample(servo, f, t)
         if value < 0.0:
@@ -261,7 +261,7 @@ def _find_root(servo: Servo, f: Signal, low: float, high: float, t: float) -> fl
         else:
             high = t
         step = value / slope if slope > 0.0 else math.inf
-        if abs(step) <= near:
+        if abs(step) <= tolerance:
             # Newton's method converges quadratically, so this step is the last one.
             return min(max(t - step, low), high)
         t = t - step
@@ -325,9 +325,9 @@ def _find_extrema(servo: Servo, f: Signal, end: float) -> tuple[float, float]:
     """
     if f.c1 == 0.0:
         return min(_find_extremum(servo, f.free, f.slope), end), end
-    bend = -servo.kv * f.slope - servo.kp * servo.kv * f.free
-    rate = Signal(f.c1, 0.0, 0.0, 0.0, f.slope, bend)
-    middle = min(_find_extremum(servo, f.slope, bend), end)
+    curvature = -servo.kv * f.slope - servo.kp * servo.kv * f.free
+    rate = Signal(f.c1, 0.0, 0.0, 0.0, f.slope, curvature)
+    middle = min(_find_extremum(servo, f.slope, curvature), end)
     first, second = end, end
     start, between = f.c1 + f.slope, _sample(servo, rate, middle)[0]
     if start * between < 0.0:
@@ -355,10 +355,10 @@ def _saturated_side(servo: Servo, z: float, u: Cubic) -> float:
 
     Both bounds may have the same sign.
     """
-    least = ROUNDING * servo.kp * servo.kv * abs(u.value)
-    if z > servo.upper + least:
+    tolerance = ROUNDING * servo.kp * servo.kv * abs(u.value)
+    if z > servo.upper + tolerance:
         return 1.0
-    return -1.0 if z < servo.lower - least else 0.0
+    return -1.0 if z < servo.lower - tolerance else 0.0
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -413,15 +413,15 @@ def _saturate(servo: Servo, over: Signal, q: float, w: float, side: float, t: fl
     """
     bound = servo.upper if side > 0.0 else servo.lower
     last = over.c0 + t * (over.c1 + t * (over.c2 + t * over.c3))
-    least, most = min(over.c0, last), max(over.c0, last)
+    lowest, highest = min(over.c0, last), max(over.c0, last)
     if over.c1 * (over.c1 + t * (2 * over.c2 + t * 3 * over.c3)) < 0.0 or over.c3 != 0.0:
-        for at in _find_cubic_extrema(over, t):
-            value = over.c0 + at * (over.c1 + at * (over.c2 + at * over.c3))
-            least, most = min(least, value), max(most, value)
+        for extremum in _find_cubic_extrema(over, t):
+            value = over.c0 + extremum * (over.c1 + extremum * (over.c2 + extremum * over.c3))
+            lowest, highest = min(lowest, value), max(highest, value)
     if side < 0.0:
-        least, most = -most, -least
+        lowest, highest = -highest, -lowest
     x, v = q + t * (w + bound * t / 2), w + bound * t
-    return Phase(t, side, 0.0, x, v, bound + least, bound + most)
+    return Phase(t, side, 0.0, x, v, bound + lowest, bound + highest)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -484,11 +484,11 @@ def _move_freely(
             bound = servo.upper if side > 0.0 else servo.lower
             h = stop - low
             guess = low + h * _guess_crossing(before, h * slope, value, h * after, bound)
-            at = _find_root(servo, _excess_over(f, side, bound), low, stop, guess)
-            p, r = advance_freely(transition(kp, kv, at, straight), u, q, w)
-            ahead = _excess_in_saturation(servo, shift(u, at), p, r, side)
+            crossing = _find_root(servo, _excess_over(f, side, bound), low, stop, guess)
+            p, r = advance_freely(transition(kp, kv, crossing, straight), u, q, w)
+            ahead = _excess_in_saturation(servo, shift(u, crossing), p, r, side)
             if _time_until_negative(servo, ahead, span) > SHORTEST_STAY * span:
-                return Phase(at, 0.0, side, p, r, min(lowest, bound), max(highest, bound))
+                return Phase(crossing, 0.0, side, p, r, min(lowest, bound), max(highest, bound))
         lowest, highest = min(lowest, value), max(highest, value)
         low, before, slope = stop, value, after
     return Phase(t, 0.0, 0.0, x, v, lowest, highest)
@@ -496,7 +496,14 @@ def _move_freely(
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
 def next_phase(
-    servo: Servo, u: Cubic, q: float, w: float, side: float, left: float, span: float, step: Step
+    servo: Servo,
+    u: Cubic,
+    q: float,
+    w: float,
+    side: float,
+    remaining: float,
+    span: float,
+    step: Step,
 ) -> Phase:
     """The motion of a joint of second order up to the next event.
 
@@ -506,19 +513,19 @@ def next_phase(
         q: Position [rad].
         w: Velocity [rad/s].
         side: Bound that the last phase reached: 1 upper, -1 lower, 0 none.
-        left: Largest time of the phase [s].
+        remaining: Largest time of the phase [s].
         span: Time with which the length of a saturation is compared [s].
         step: Free motion over the largest step, at most about `LARGEST_STEP` time constants.
     """
     z = demand(servo, u, q, w)
-    at = side if side != 0.0 else _saturated_side(servo, z, u)
-    if at != 0.0:
-        over = _excess_in_saturation(servo, u, q, w, at)
-        t = _time_until_negative(servo, over, left)
+    active_side = side if side != 0.0 else _saturated_side(servo, z, u)
+    if active_side != 0.0:
+        over = _excess_in_saturation(servo, u, q, w, active_side)
+        t = _time_until_negative(servo, over, remaining)
         if side != 0.0 or t > SHORTEST_STAY * span:
-            return _saturate(servo, over, q, w, at, t)
-    if step.time > left:
-        step = transition(servo.kp, servo.kv, left, u.second == 0.0 and u.third == 0.0)
+            return _saturate(servo, over, q, w, active_side, t)
+    if step.time > remaining:
+        step = transition(servo.kp, servo.kv, remaining, u.second == 0.0 and u.third == 0.0)
     return _move_freely(servo, u, q, w, z, step, span)
 
 
@@ -546,13 +553,13 @@ def _respond_by_events(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
         phases += 1
         if phases > MOST_PHASES:
             return Motion(math.nan, math.nan, 0.0, saturated, lowest, highest)
-        left = span - now
-        p = next_phase(servo, shift(u, now), q, w, side, left, span, step)
+        remaining = span - now
+        p = next_phase(servo, shift(u, now), q, w, side, remaining, span, step)
         q, w, side = p.q, p.w, p.following
         lowest, highest = min(lowest, p.lowest), max(highest, p.highest)
         if p.side != 0.0:
             saturated += p.time
-        now = now + p.time if p.time < left else span
+        now = now + p.time if p.time < remaining else span
     return Motion(q, w, 0.0, saturated, lowest, highest)
 
 
@@ -568,11 +575,11 @@ def _bound_free(
     """
     low, high = min(z, last), max(z, last)
     if dz * dlast < 0.0:
-        most = 1 + FALL * servo.kp * servo.kv * t * t
+        factor = 1 + FALL * servo.kp * servo.kv * t * t
         if dz > 0.0:
-            high = max(high, min(max(z, 0.0) + t * dz, max(last, 0.0) * most))
+            high = max(high, min(max(z, 0.0) + t * dz, max(last, 0.0) * factor))
         else:
-            low = min(low, max(min(z, 0.0) + t * dz, min(last, 0.0) * most))
+            low = min(low, max(min(z, 0.0) + t * dz, min(last, 0.0) * factor))
     return low, high
 
 
@@ -609,10 +616,10 @@ def _demand_extremum(
     c1 = 6 * u.third
     c0 = 2 * u.second - c1 / servo.kp
     f = Signal(c0, c1, 0.0, 0.0, z - c0, dz - c1)
-    at = t * min(max(x, 0.0), 1.0)
-    value, slope = _sample(servo, f, at)
-    bend = -servo.kv * (slope - c1) - servo.kp * servo.kv * (value - c0 - c1 * at)
-    return value - slope * slope / (2 * bend) if bend != 0.0 else value
+    time = t * min(max(x, 0.0), 1.0)
+    value, slope = _sample(servo, f, time)
+    curvature = -servo.kv * (slope - c1) - servo.kp * servo.kv * (value - c0 - c1 * time)
+    return value - slope * slope / (2 * curvature) if curvature != 0.0 else value
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -630,8 +637,8 @@ def _respond_first_order(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motio
     if (z - line) * rate > 0.0:
         turn = math.log(kp * (z - line) / rate) / kp
         if 0.0 < turn < t:
-            most = line + rate * turn + rate / kp
-            lowest, highest = min(lowest, most), max(highest, most)
+            peak = line + rate * turn + rate / kp
+            lowest, highest = min(lowest, peak), max(highest, peak)
     return Motion(q, w, 0.0, 0.0, lowest, highest)
 
 
@@ -664,8 +671,8 @@ def respond(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     if max(servo.lower, low) <= bottom and top <= min(servo.upper, high):
         return Motion(q, w, 0.0, m.saturated, low, high)
     if dz * dlast < 0.0:
-        most = _demand_extremum(servo, u, z, dz, last, dlast, t)
-        low, high = min(low, most), max(high, most)
-        if servo.lower <= min(last, most) and max(last, most) <= servo.upper:
+        peak = _demand_extremum(servo, u, z, dz, last, dlast, t)
+        low, high = min(low, peak), max(high, peak)
+        if servo.lower <= min(last, peak) and max(last, peak) <= servo.upper:
             return Motion(q, w, 0.0, m.saturated, low, high)
     return _respond_by_events(servo, step, u, m)

@@ -6,7 +6,7 @@ import pytest
 import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.core.frames import exp
-from armcontour.verification.following import follow_path
+from armcontour.verification.path_following import follow_path
 
 OFF = 0.3e-3
 

@@ -22,7 +22,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.robot import Limits, SerialArm
 from armcontour.robot.limit_use import SLOWEST, States, across, angular
-from armcontour.verification.tally import LimitUseAccumulator
+from armcontour.verification.limit_verdict import LimitUseAccumulator
 
 # Windows are not widened further once rounding is at most this share of every limit.
 NEGLIGIBLE = 1e-7
@@ -73,16 +73,16 @@ class Log:
 
         Unless `both_ways`, the error bounds only how much smaller the true mean may be.
         """
-        y, off = column
+        y, error = column
         for j in range(1, order + 1):
-            span, late = self.spans(j * k)
+            span, time_error = self.spans(j * k)
             y = j * (y[k:] - y[:-k]) / span
-            size = np.abs(y) if off.shape[1] > 1 else np.linalg.norm(y, axis=1)[:, None]
+            size = np.abs(y) if error.shape[1] > 1 else np.linalg.norm(y, axis=1)[:, None]
             # The shortest true length of a window is never quite none.
-            shortest = np.maximum(span - late, 1e-6 * span)
-            true = shortest if both_ways or j < order else span + late
-            off = (j * (off[k:] + off[:-k]) + size * late) / true
-        return y, off
+            shortest = np.maximum(span - time_error, 1e-6 * span)
+            true = shortest if both_ways or j < order else span + time_error
+            error = (j * (error[k:] + error[:-k]) + size * time_error) / true
+        return y, error
 
 
 def judge_samples(log: Log, tally: LimitUseAccumulator) -> None:
@@ -145,24 +145,24 @@ def _mean_rows(
         for order, x in enumerate((log.q, log.dq, log.ddq))
         if x is not None
     }
-    found = [states.bounded(arm.tool_position, 0)]
+    bounds = [states.bounded(arm.tool_position, 0)]
     if log.dq is not None:
-        found.append(states.bounded(arm.tool_velocity, 1))
+        bounds.append(states.bounded(arm.tool_velocity, 1))
         if log.ddq is not None and limits.tool_jerk is not None:
-            found.append(states.bounded(arm.tool_acceleration, 2))
-    tool = [(values, off[:, None]) for values, off in found]
-    own, last = 0 if log.dq is None else 1, max(joints)
+            bounds.append(states.bounded(arm.tool_acceleration, 2))
+    tool = [(values, off[:, None]) for values, off in bounds]
+    base, last = 0 if log.dq is None else 1, max(joints)
     rows = [
         ("joint_velocity", joints[0], 1),
-        ("joint_acceleration", joints[own], 2 - own),
+        ("joint_acceleration", joints[base], 2 - base),
         ("joint_jerk", joints[last], 3 - last),
         ("speed", tool[0], 1),
-        ("tool_acceleration", tool[own], 2 - own),
+        ("tool_acceleration", tool[base], 2 - base),
         ("tool_jerk", tool[-1], 4 - len(tool)),
     ]
-    if own and limits.angular_acceleration is not None and isinstance(arm, SerialArm):
-        rate, off = states.bounded(angular(arm.tool_twist), 1)
-        rows.append(("angular_acceleration", (rate, off[:, None]), 1))
+    if base and limits.angular_acceleration is not None and isinstance(arm, SerialArm):
+        rate, error = states.bounded(angular(arm.tool_twist), 1)
+        rows.append(("angular_acceleration", (rate, error[:, None]), 1))
     return [x for x in rows if getattr(limits, x[0]) is not None], tool
 
 
@@ -172,12 +172,12 @@ def _offer_angular_speed(log: Log, tally: LimitUseAccumulator, frames: FloatArra
     Returns:
         Largest share of the limit that rounding may have made.
     """
-    span, late = (x[:, 0] for x in log.spans(k))
+    span, time_error = (x[:, 0] for x in log.spans(k))
     step = np.linalg.norm(frames[k:] - frames[:-k], axis=(1, 2))
     # The shortest rotation between two frames, which is a lower bound of the angle turned.
     angle = 2 * np.arcsin(np.minimum(step / np.sqrt(8), 1.0))
     # An error of a joint position turns the tool by at most the same angle.
-    error = (2 * log.errors[0].sum() + angle / span * late) / (span + late)
+    error = (2 * log.errors[0].sum() + angle / span * time_error) / (span + time_error)
     t, q = log.middles(k)
     return tally.rates("angular_speed", t, (angle / span)[:, None], q, error)
 
@@ -201,9 +201,9 @@ def _offer_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column],
         return 0.0
     t, q = log.middles(order * k)
     mean, error = log.mean(tool[2 - order], order, k)
-    velocity, off = tool[1] if order == 1 else log.mean(tool[0], 1, k, both_ways=True)
+    velocity, velocity_error = tool[1] if order == 1 else log.mean(tool[0], 1, k, both_ways=True)
     before, after = velocity[:-k], velocity[k:]
-    error, off = error[:, 0], np.maximum(off[:-k], off[k:])[:, 0]
+    error, velocity_error = error[:, 0], np.maximum(velocity_error[:-k], velocity_error[k:])[:, 0]
     first, last = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
     slowest, size = np.minimum(first, last), np.linalg.norm(mean, axis=1)
     # If the direction turns by an angle within the window, tangential acceleration has a part
@@ -212,13 +212,13 @@ def _offer_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column],
     cosine = np.einsum("ij,ij->i", before, after) / np.maximum(first * last, SLOWEST**2)
     sine = np.sqrt(np.maximum(0.0, 1 - np.minimum(cosine, 1.0) ** 2))
     moving = (slowest > SLOWEST) & (cosine > 0) & (sine < WIDEST_TURN)
-    turned = np.minimum(1.0, sine + off / np.maximum(slowest, SLOWEST))
+    turned = np.minimum(1.0, sine + velocity_error / np.maximum(slowest, SLOWEST))
     middle = np.maximum(np.linalg.norm(before + after, axis=1), SLOWEST)
     along = np.abs(np.einsum("ij,ij->i", mean, before + after)) / middle
     along = maximum_filter1d(along + error, 2 * k + 1, mode="nearest")
     value, bound = across(before + after, mean), error + turned * along
     # Where the direction turns by more, any part of the acceleration may be normal to the motion.
-    sharp = ~moving & (slowest > SLOWEST + off)
+    sharp = ~moving & (slowest > SLOWEST + velocity_error)
     value[sharp] = bound[sharp] = size[sharp]
     counts = moving | sharp
     name = "centripetal_acceleration"
@@ -228,17 +228,20 @@ def _offer_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column],
 
 def _offer_both(log: Log, dq: FloatArray, tally: LimitUseAccumulator, k: int) -> None:
     """Offer mean accelerations and jerks from positions and velocities at the ends of windows."""
-    (span, late), (t, q) = log.spans(k), log.middles(k)
+    (span, time_error), (t, q) = log.spans(k), log.middles(k)
     step, total = log.q[k:] - log.q[:-k], dq[k:] + dq[:-k]
-    off = 2 * log.errors[0] + log.errors[1] * (span + late)
+    position_error = 2 * log.errors[0] + log.errors[1] * (span + time_error)
     for v, sign in ((dq[:-k], 1.0), (dq[k:], -1.0)):
-        rest = step - v * span
-        least = np.abs(rest) - off - np.abs(v) * late
-        error = 2 * np.abs(rest) / span**2 - 2 * least / (span + late) ** 2
-        tally.rates("joint_acceleration", t, sign * 2 * rest / span**2, q, error)
-    rest = np.abs(total * span - 2 * step)
-    mean, least = 6 * rest / span**3, rest - 2 * off - np.abs(total) * late
+        residual = step - v * span
+        smallest = np.abs(residual) - position_error - np.abs(v) * time_error
+        error = 2 * np.abs(residual) / span**2 - 2 * smallest / (span + time_error) ** 2
+        tally.rates("joint_acceleration", t, sign * 2 * residual / span**2, q, error)
+    residual = np.abs(total * span - 2 * step)
+    mean, smallest = (
+        6 * residual / span**3,
+        residual - 2 * position_error - np.abs(total) * time_error,
+    )
     # As numbers of positions are rounded, this says nothing about the motion as it stands.
     narrow, tally.narrow = tally.narrow, False
-    tally.rates("joint_jerk", t, mean, q, mean - 6 * least / (span + late) ** 3)
+    tally.rates("joint_jerk", t, mean, q, mean - 6 * smallest / (span + time_error) ** 3)
     tally.narrow = narrow

@@ -42,43 +42,43 @@ class Followed:
     coverage_error_s: FloatArray
     geometry: FloatArray
 
-    def turns(self, least: float) -> FloatArray:
+    def turns(self, threshold: float) -> FloatArray:
         """By how much the path turns from each point to the next one [rad], (n - 1,).
 
         Args:
-            least: Turns below this do not count [rad]: all may be 0 where all are.
+            threshold: Turns below this do not count [rad]: all may be 0 where all are.
         """
         rows = self.geometry
         angle = (rows[:, 9] * rows[:, 10])[:, None]
         last = np.cos(angle) * rows[:, 3:6] + np.sin(angle) * rows[:, 6:9]
         corner = 2 * np.arcsin(np.minimum(length(last[:-1] - rows[1:, 3:6]) / 2, 1.0))
         ahead = np.abs(np.diff(self.s))
-        if corner.max(initial=0.0) + rows[:, 9].max() * ahead.max(initial=0.0) <= least:
+        if corner.max(initial=0.0) + rows[:, 9].max() * ahead.max(initial=0.0) <= threshold:
             return np.zeros(len(ahead))
         # A corner is a step of the sum of all turns.
-        places = np.repeat(np.append(rows[:, 11], rows[-1, 11] + rows[-1, 10]), 2)[1:-1]
-        steps = np.zeros(len(places))
+        joints = np.repeat(np.append(rows[:, 11], rows[-1, 11] + rows[-1, 10]), 2)[1:-1]
+        steps = np.zeros(len(joints))
         steps[1::2], steps[2::2] = angle[:, 0], corner
-        return np.asarray(np.abs(np.diff(np.interp(self.s, places, np.cumsum(steps)))))
+        return np.asarray(np.abs(np.diff(np.interp(self.s, joints, np.cumsum(steps)))))
 
     def near(
-        self, points: FloatArray, ends: tuple[float, float], off: float
+        self, points: FloatArray, ends: tuple[float, float], distance_bound: float
     ) -> tuple[FloatArray, FloatArray]:
         """Distances and places of a tool between two of the points [m], (n,) each.
 
         Args:
             points: Tool points in order [m], (n, dimension).
             ends: Places of both points [m].
-            off: The larger one of their distances [m].
+            distance_bound: The larger one of their distances [m].
         """
-        from armcontour.verification._following import follow
+        from armcontour.verification.kernels import follow
 
         padded = pad(points)
         travel = float(length(points - points[0]).max())
-        leash = SLACK * max(off, travel, SHORTEST)
+        leash = SLACK * max(distance_bound, travel, SHORTEST)
         low, high = min(ends), max(ends)
         begins = self.geometry[:, 11]
-        farthest = float(begins[-1] + self.geometry[-1, 10]) + 2 * (off + travel)
+        farthest = float(begins[-1] + self.geometry[-1, 10]) + 2 * (distance_bound + travel)
         while True:
             first = int(np.searchsorted(begins, low - leash, side="right")) - 1
             last = int(np.searchsorted(begins, high + leash, side="right"))
@@ -106,7 +106,7 @@ def follow_path(
         judged: The points for which places are found. Those before them, and those after them as
             long as the tool is on the path, only count for what is left out. By default all.
     """
-    from armcontour.verification._following import Way, follow, measure_coverage
+    from armcontour.verification.kernels import Way, follow, measure_coverage
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
@@ -123,20 +123,20 @@ def follow_path(
         if leash > farthest or (reached >= last and not held):
             break
         leash *= 2
-    of = slice(0, max(reached, 2))
-    chords = length(np.diff(padded[of], axis=0))
-    later = np.minimum.accumulate(s[of][::-1])[::-1].copy()
-    way = Way(padded[of], distance[of], s[of], chords, later)
-    coverage_error, where = measure_coverage(way, geometry, begin, min(end, path.length))
-    own = slice(first, last)
-    for at, others in ((first, slice(0, first)), (last - 1, slice(last, None))):
-        if len(coverage_error[others]) and coverage_error[others].max() > coverage_error[at]:
+    followed = slice(0, max(reached, 2))
+    chords = length(np.diff(padded[followed], axis=0))
+    later = np.minimum.accumulate(s[followed][::-1])[::-1].copy()
+    way = Way(padded[followed], distance[followed], s[followed], chords, later)
+    coverage_error, coverage_s = measure_coverage(way, geometry, begin, min(end, path.length))
+    selected = slice(first, last)
+    for index, others in ((first, slice(0, first)), (last - 1, slice(last, None))):
+        if len(coverage_error[others]) and coverage_error[others].max() > coverage_error[index]:
             worst = int(np.argmax(coverage_error[others])) + others.start
-            coverage_error[at], where[at] = coverage_error[worst], where[worst]
+            coverage_error[index], coverage_s[index] = coverage_error[worst], coverage_s[worst]
     return Followed(
-        distance=distance[own],
-        s=s[own],
-        coverage_error=coverage_error[own],
-        coverage_error_s=where[own],
+        distance=distance[selected],
+        s=s[selected],
+        coverage_error=coverage_error[selected],
+        coverage_error_s=coverage_s[selected],
         geometry=geometry,
     )

@@ -15,7 +15,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernels import compiled
-from armcontour.robot._kinematics import Vector, add, cross, write_frames
+from armcontour.robot.kernels import Vector, add, cross, write_frames
 
 # Newton's method ends when its step is below this [rad]: the next step would be the square of this
 # one times the condition number of the Jacobian.
@@ -44,7 +44,7 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
     Returns:
         The smallest pivot over the largest pivot; 0 if a is singular.
     """
-    least, most = math.inf, 0.0
+    smallest, largest = math.inf, 0.0
     for i in range(n):
         best = i
         for k in range(i + 1, n):
@@ -55,7 +55,7 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
                 a[i, j], a[best, j] = a[best, j], a[i, j]
             b[i], b[best] = b[best], b[i]
         pivot = a[i, i]
-        least, most = min(least, abs(pivot)), max(most, abs(pivot))
+        smallest, largest = min(smallest, abs(pivot)), max(largest, abs(pivot))
         if pivot == 0.0 or not math.isfinite(pivot):
             return 0.0
         for k in range(i + 1, n):
@@ -69,7 +69,7 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
         for k in range(i + 1, n):
             value -= a[i, k] * b[k]
         b[i] = value / a[i, i]
-    return least / most
+    return smallest / largest
 
 
 @compiled(inner=True)
@@ -137,8 +137,8 @@ def write_equations(
     pose = frames[dof]
     for k in range(dof):
         axis = column(frames[k], 2)
-        way = add(column(pose, 3), -1.0, column(frames[k], 3))
-        rows[0, k], rows[1, k], rows[2, k] = cross(axis, way)
+        lever = add(column(pose, 3), -1.0, column(frames[k], 3))
+        rows[0, k], rows[1, k], rows[2, k] = cross(axis, lever)
         if task == 6:
             rows[3, k], rows[4, k], rows[5, k] = axis
         elif task == 5:
@@ -179,12 +179,12 @@ def newton(
         Whether a solution was found for each pose, (n,).
     """
     n, dof = q.shape
-    found, a, b = np.empty(n, np.bool_), np.empty((dof, dof)), np.empty(dof)
-    own = Equations(np.empty((dof + 1, 3, 4)), a, b)
+    converged, a, b = np.empty(n, np.bool_), np.empty((dof, dof)), np.empty(dof)
+    equations = Equations(np.empty((dof + 1, 3, 4)), a, b)
     for i in range(n):
-        found[i] = False
+        converged[i] = False
         for _ in range(MOST_STEPS):
-            write_equations(links, task, q[i], targets[i], own)
+            write_equations(links, task, q[i], targets[i], equations)
             for r in range(task, dof):
                 write_row(w[i, 0, r - task], a[r])
                 b[r] = 0.0
@@ -199,9 +199,9 @@ def newton(
             for k in range(dof):
                 q[i, k] += scale * b[k]
             if size < ARRIVED:
-                found[i] = True
+                converged[i] = True
                 break
-    return found
+    return converged
 
 
 @compiled()
@@ -241,9 +241,12 @@ def path_derivatives(
     copy = np.empty((dof, dof))
     for i in range(n):
         write_equations(links, task, q[i], targets[i], Equations(frames, a, b))
-        x = rates[i]
-        move, bend = (x[0, 0], x[0, 1], x[0, 2]), (x[1, 0], x[1, 1], x[1, 2])
-        turn, twist = (x[2, 0], x[2, 1], x[2, 2]), (x[3, 0], x[3, 1], x[3, 2])
+        rate = rates[i]
+        move, acceleration = (
+            (rate[0, 0], rate[0, 1], rate[0, 2]),
+            (rate[1, 0], rate[1, 1], rate[1, 2]),
+        )
+        turn, twist = (rate[2, 0], rate[2, 1], rate[2, 2]), (rate[3, 0], rate[3, 1], rate[3, 2])
         write_task(task, targets[i], move, turn, b)
         for r in range(task, dof):
             write_row(w[i, 0, r - task], a[r])
@@ -255,20 +258,20 @@ def path_derivatives(
         pivot_ratio[i] = solve(copy, b, dof)
         write_row(b, first[i])
         # Angular velocity of the tool, and its acceleration and angular acceleration at ddq = 0.
-        turned = bent = twisted = (0.0, 0.0, 0.0)
+        turned = tool_acceleration = twisted = (0.0, 0.0, 0.0)
         for k in range(dof):
             # The link before the joint turns the joint axis, which adds omega x axis dq.
             axis = column(frames[k], 2)
             twisted = add(twisted, b[k], cross(turned, axis))
             turned = add(turned, b[k], axis)
-            way = add(column(frames[k + 1], 3), -1.0, column(frames[k], 3))
-            bent = add(bent, 1.0, cross(twisted, way))
-            bent = add(bent, 1.0, cross(turned, cross(turned, way)))
+            lever = add(column(frames[k + 1], 3), -1.0, column(frames[k], 3))
+            tool_acceleration = add(tool_acceleration, 1.0, cross(twisted, lever))
+            tool_acceleration = add(tool_acceleration, 1.0, cross(turned, cross(turned, lever)))
         # The tool may rotate about its axis at another rate than the target: the difference of
         # the angular velocities is along the tool axis.
         free = cross(add(turn, -1.0, turned), turn)
         twist = add(add(twist, -1.0, twisted), 1.0, free)
-        write_task(task, targets[i], add(bend, -1.0, bent), twist, b)
+        write_task(task, targets[i], add(acceleration, -1.0, tool_acceleration), twist, b)
         for r in range(task, dof):
             w0, w1, w2 = w[i, 0, r - task], w[i, 1, r - task], w[i, 2, r - task]
             b[r] = 0.0
@@ -296,19 +299,19 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
         Unit vectors of joint motion, (n, dof - task, dof).
     """
     n, dof = q.shape
-    found, rows, rest = np.empty((n, dof - task, dof)), np.empty((dof, dof)), np.empty(dof)
-    own = Equations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
+    basis, rows, residual = np.empty((n, dof - task, dof)), np.empty((dof, dof)), np.empty(dof)
+    equations = Equations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
     for i in range(n):
-        write_equations(links, task, q[i], targets[i], own)
+        write_equations(links, task, q[i], targets[i], equations)
         for r in range(dof):
             if r >= task:
                 # Start from the joint axis that is farthest from the span of the rows so far.
                 farthest = 0
                 for k in range(dof):
-                    rest[k], rows[r, k] = 1.0, 0.0
+                    residual[k], rows[r, k] = 1.0, 0.0
                     for j in range(r):
-                        rest[k] -= rows[j, k] ** 2
-                    if rest[k] > rest[farthest]:
+                        residual[k] -= rows[j, k] ** 2
+                    if residual[k] > residual[farthest]:
                         farthest = k
                 rows[r, farthest] = 1.0
             # Two passes of Gram-Schmidt make the rows orthogonal to the last digit.
@@ -326,14 +329,14 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
                     for k in range(dof):
                         rows[r, k] /= math.sqrt(size)
         for r in range(task, dof):
-            write_row(rows[r], found[i, r - task])
-    return found
+            write_row(rows[r], basis[i, r - task])
+    return basis
 
 
 @compiled(inner=True)
 def write_shortest_step(
     task: int,
-    own: Equations,
+    equations: Equations,
     damping: float,
     square: FloatArray,
     right: FloatArray,
@@ -345,7 +348,7 @@ def write_shortest_step(
 
     Args:
         task: Task dimension: 6, 5 or 3.
-        own: The equations.
+        equations: The equations.
         damping: Damping of the least squares.
         square: Memory, (6, 6).
         right: Memory, (6,).
@@ -354,29 +357,29 @@ def write_shortest_step(
     Returns:
         The largest step of a joint [rad]; infinite if the equations are singular.
     """
-    rows, dof = own.rows, len(out)
+    rows, dof = equations.rows, len(out)
     for i in range(task):
         for j in range(i + 1):
             value = damping * damping if i == j else 0.0
             for k in range(dof):
                 value += rows[i, k] * rows[j, k]
             square[i, j] = square[j, i] = value
-        right[i] = own.error[i]
+        right[i] = equations.error[i]
     if solve(square, right, task) == 0.0:
         return math.inf
-    most = 0.0
+    largest = 0.0
     for k in range(dof):
         value = 0.0
         for i in range(task):
             value += rows[i, k] * right[i]
         out[k] = value
-        most = max(most, abs(value))
-    return most
+        largest = max(largest, abs(value))
+    return largest
 
 
 @compiled()
 def approach(
-    links: FloatArray, task: int, target: FloatArray, q: FloatArray, weight: float, most: int
+    links: FloatArray, task: int, target: FloatArray, q: FloatArray, weight: float, max_steps: int
 ) -> FloatArray:
     """Move each row of joint positions as close to one pose as possible, by damped least squares.
 
@@ -386,7 +389,7 @@ def approach(
         target: Target pose, (3, 4).
         q: Joint positions to start from [rad], overwritten with the results, (n, dof).
         weight: Weight of a radian against a metre [m/rad].
-        most: Largest number of steps.
+        max_steps: Largest number of steps.
 
     Returns:
         Position and orientation error that remain, (n, 2) [m, rad].
@@ -399,7 +402,7 @@ def approach(
     for i in range(n):
         damping, cost, residual[i, 0], residual[i, 1] = 0.05, math.inf, math.inf, math.inf
         write_row(q[i], trial)
-        for _ in range(most):
+        for _ in range(max_steps):
             write_equations(links, task, trial, target, tried)
             error, turn = tried.error, 0.0
             for r in range(3, task):
@@ -407,12 +410,12 @@ def approach(
                 turn += error[r] ** 2
                 for k in range(dof):
                     tried.rows[r, k] *= weight
-            place = error[0] ** 2 + error[1] ** 2 + error[2] ** 2
-            if place + turn < cost:
-                gain, cost = cost - (place + turn), place + turn
+            position_cost = error[0] ** 2 + error[1] ** 2 + error[2] ** 2
+            if position_cost + turn < cost:
+                gain, cost = cost - (position_cost + turn), position_cost + turn
                 best, tried = tried, best
                 write_row(trial, q[i])
-                residual[i, 0], residual[i, 1] = math.sqrt(place), math.sqrt(turn) / weight
+                residual[i, 0], residual[i, 1] = math.sqrt(position_cost), math.sqrt(turn) / weight
                 damping = max(damping * 0.3, 1e-9)
                 if cost < 1e-26 or gain < 1e-12 * cost:
                     break
@@ -431,12 +434,12 @@ def approach(
 
 @compiled(inner=True)
 def write_pose_between(
-    first: FloatArray, second: FloatArray, share: float, out: FloatArray
+    first: FloatArray, second: FloatArray, fraction: float, out: FloatArray
 ) -> None:
-    """Write the pose at `share` (0 to 1) from the first to the second of two close poses."""
+    """Write the pose at `fraction` (0 to 1) from the first to the second of two close poses."""
     for i in range(3):
         for j in range(4):
-            out[i, j] = first[i, j] + share * (second[i, j] - first[i, j])
+            out[i, j] = first[i, j] + fraction * (second[i, j] - first[i, j])
     # Make the axes orthonormal again: first z, then x, then y.
     for j in (2, 0):
         if j == 0:
@@ -469,26 +472,26 @@ def follow(
         reached: Takes the number of poses that were reached, including the first one, (ways,).
         enough: A pose is reached with a correction below this [rad].
     """
-    ways, n, dof = q.shape
+    branches, n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
-    own = Equations(frames, np.empty((6, dof)), np.empty(6))
-    step, here, trial = np.empty(dof), np.empty(dof), np.empty(dof)
+    equations = Equations(frames, np.empty((6, dof)), np.empty(6))
+    step, current, trial = np.empty(dof), np.empty(dof), np.empty(dof)
     between = np.empty((3, 4))
-    for way in range(ways):
-        reached[way] = n
+    for branch in range(branches):
+        reached[branch] = n
         for i in range(1, n):
-            write_row(q[way, i - 1], here)
-            done, share = 0.0, 1.0
-            while done < 1.0 and share >= 0.5**MOST_HALVINGS:
-                ahead, target = min(done + share, 1.0), targets[i]
+            write_row(q[branch, i - 1], current)
+            done, fraction = 0.0, 1.0
+            while done < 1.0 and fraction >= 0.5**MOST_HALVINGS:
+                ahead, target = min(done + fraction, 1.0), targets[i]
                 if ahead < 1.0:
                     write_pose_between(targets[i - 1], targets[i], ahead, between)
                     target = between
-                write_row(here, trial)
+                write_row(current, trial)
                 size, before = math.inf, math.inf
                 for _ in range(FOLLOW_CORRECTIONS):
-                    write_equations(links, task, trial, target, own)
-                    size = write_shortest_step(task, own, 0.0, square, right, step)
+                    write_equations(links, task, trial, target, equations)
+                    size = write_shortest_step(task, equations, 0.0, square, right, step)
                     # Each correction must be at most half of the one before; otherwise the steps
                     # may lead to another configuration.
                     if not size < 0.5 * before or size > FOLLOW_STEP:
@@ -499,11 +502,11 @@ def follow(
                     if size < enough:
                         break
                 if size < enough:
-                    write_row(trial, here)
-                    done, share = ahead, min(2.0 * share, 1.0)
+                    write_row(trial, current)
+                    done, fraction = ahead, min(2.0 * fraction, 1.0)
                 else:
-                    share *= 0.5
+                    fraction *= 0.5
             if done < 1.0:
-                reached[way] = i
+                reached[branch] = i
                 break
-            write_row(here, q[way, i])
+            write_row(current, q[branch, i])

@@ -8,13 +8,13 @@ import pytest
 
 import armcontour as ac
 from armcontour.simulation.robustness import Uncertainty
-from armcontour.simulation.robustness.bodies import (
+from armcontour.simulation.robustness.rigid_body_runs import (
     BodyRuns,
     describe,
     spread_on_bodies,
     trace_on_bodies,
 )
-from armcontour.simulation.robustness.unknowns import Unknowns
+from armcontour.simulation.robustness.uncertainty import Unknowns
 
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 ALL = Uncertainty(
@@ -147,7 +147,7 @@ def test_other_processes_find_the_same(runs, monkeypatch):
     def send(work, items, **_):
         return [pickle.loads(pickle.dumps(work))(x) for x in items]
 
-    monkeypatch.setattr("armcontour.simulation.robustness.bodies.map_in_processes", send)
+    monkeypatch.setattr("armcontour.simulation.robustness.rigid_body_runs.map_in_processes", send)
     np.testing.assert_array_equal(here.max, spread_on_bodies(runs, errors).max)
     assert here.seed == 5 and len(here) == 4
 

@@ -32,8 +32,8 @@ def connect(
         last: The last posture [rad], (dof,).
         ranges: Lowest and highest joint positions [rad], (dof,) each.
     """
-    found = _search(cell, first, last, ranges)
-    return None if found is None else through(cell, _shorten(cell, found))
+    postures = _search(cell, first, last, ranges)
+    return None if postures is None else through(cell, _shorten(cell, postures))
 
 
 def through(cell: Cell, postures: FloatArray) -> JointPath | None:
@@ -60,18 +60,24 @@ def round_postures(postures: FloatArray, share: float) -> JointPath:
     """
     steps = np.diff(postures, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
-    ways = steps / lengths[:, None]
+    directions = steps / lengths[:, None]
     cut = np.zeros(len(postures))
     cut[1:-1] = share * np.minimum(lengths[:-1], lengths[1:]) / 2
     rows, widths = [], []
-    for k, (way, length) in enumerate(zip(ways, lengths, strict=True)):
+    for k, (direction, length) in enumerate(zip(directions, lengths, strict=True)):
         line = length - cut[k] - cut[k + 1]
-        rows.append([postures[k] + cut[k] * way, line * way, 0 * way])
+        rows.append([postures[k] + cut[k] * direction, line * direction, 0 * direction])
         widths.append(line)
         if cut[k + 1] > 0:
             r = cut[k + 1]
             # From r before the corner to r after it; dq_ds turns from one way to the next.
-            rows.append([postures[k + 1] - r * way, 2 * r * way, r * (ways[k + 1] - way)])
+            rows.append(
+                [
+                    postures[k + 1] - r * direction,
+                    2 * r * direction,
+                    r * (directions[k + 1] - direction),
+                ]
+            )
             widths.append(2 * r)
     coefficients = np.zeros((len(rows), 6, postures.shape[1]))
     coefficients[:, :3] = rows
@@ -96,8 +102,8 @@ def _search(
             met = b.grow(a.postures[reached], lines, whole=True)
             if met is not None and np.array_equal(b.postures[met], a.postures[reached]):
                 ends = (a.back(reached), b.back(met))
-                begin, rest = ends if a is trees[0] else ends[::-1]
-                return np.array([*begin[::-1], *rest[1:]])
+                begin, end = ends if a is trees[0] else ends[::-1]
+                return np.array([*begin[::-1], *end[1:]])
     return None
 
 
@@ -142,29 +148,29 @@ class _Tree:
         """
         rows = np.array(self.postures)
         k = int(np.argmin(np.linalg.norm(rows - goal, axis=1)))
-        found: int | None = None
+        newest: int | None = None
         while True:
-            way = goal - self.postures[k]
-            length = float(np.linalg.norm(way))
+            step = goal - self.postures[k]
+            length = float(np.linalg.norm(step))
             if length == 0.0:
                 return k
             ends = length <= STEP
-            new = goal if ends else self.postures[k] + way * (STEP / length)
+            new = goal if ends else self.postures[k] + step * (STEP / length)
             if not lines.clear(self.postures[k], new):
-                return found
+                return newest
             self.postures.append(new)
             self.parents.append(k)
-            k = found = len(self.postures) - 1
+            k = newest = len(self.postures) - 1
             if ends or not whole:
-                return found
+                return newest
 
     def back(self, k: int) -> list[FloatArray]:
         """Postures from one of the tree to its root."""
-        found = [self.postures[k]]
+        postures = [self.postures[k]]
         while k:
             k = self.parents[k]
-            found.append(self.postures[k])
-        return found
+            postures.append(self.postures[k])
+        return postures
 
 
 def _shorten(cell: Cell, postures: FloatArray) -> FloatArray:

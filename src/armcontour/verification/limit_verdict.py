@@ -215,25 +215,25 @@ class LimitUseAccumulator:
         allowed, slack = (np.broadcast_to(x, value.shape) for x in (use.limit, slack))
 
         def occurrence(i: int) -> tuple[Occurrence, FloatArray]:
-            at = np.unravel_index(i, value.shape)
-            found = Occurrence(
-                ratio=float(ratio[at]),
-                value=float(value[at]),
-                limit=float(allowed[at]),
-                t=float(t[at[0]]),
-                joint=int(at[1]) if value.ndim == 2 else None,
+            index = np.unravel_index(i, value.shape)
+            result = Occurrence(
+                ratio=float(ratio[index]),
+                value=float(value[index]),
+                limit=float(allowed[index]),
+                t=float(t[index[0]]),
+                joint=int(index[1]) if value.ndim == 2 else None,
                 s=None,
-                slack=float(slack[at]),
-                certain=float(certain[at]),
+                slack=float(slack[index]),
+                certain=float(certain[index]),
             )
-            return found, q[at[0]]
+            return result, q[index[0]]
 
         i = int(np.argmax(certain))
         if name not in self._certain or certain.flat[i] > self._certain[name][0].certain:
             self._certain[name] = occurrence(i)
         i = int(np.argmax(ratio))
-        known = self._highest.get(name)
-        if known is None or (self.narrow and ratio.flat[i] > known[0].ratio):
+        current = self._highest.get(name)
+        if current is None or (self.narrow and ratio.flat[i] > current[0].ratio):
             self._highest[name] = occurrence(i)
         return float(slack.max())
 
@@ -245,10 +245,10 @@ class LimitUseAccumulator:
             return 0.0
         return self.offer(use_of(name, self.limits, rates, error), t, q)
 
-    def states(self, t: FloatArray, x: States) -> None:
+    def states(self, t: FloatArray, states: States) -> None:
         """Offer all quantities of joints and tool at given states."""
-        for use in x.uses(self.limits):
-            self.offer(use, t, x.q)
+        for use in states.uses(self.limits):
+            self.offer(use, t, states.q)
 
     def tool(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Tool points [m], (n, dimension), and a bound on the length of their error, (n,)."""
@@ -258,7 +258,7 @@ class LimitUseAccumulator:
         """Offer the distance of the tool from the path and from the required tool orientation."""
         if self.path is None:
             return
-        points, off = self.tool(q, error)
+        points, error_bound = self.tool(q, error)
         nearest = self.path.project(points)
         worst = int(np.argmax(nearest.distance))
         if nearest.distance[worst] >= self.farthest["distance"]:
@@ -268,7 +268,7 @@ class LimitUseAccumulator:
                 "s": float(nearest.s[worst]),
             }
         if self.deviation is not None:
-            self.offer(Use("path_deviation", nearest.distance, self.deviation, off), t, q)
+            self.offer(Use("path_deviation", nearest.distance, self.deviation, error_bound), t, q)
         allowed, orientation = self.orientation_deviation, self.path.orientation
         if allowed is None or orientation is None or not isinstance(self.arm, SerialArm):
             return
@@ -277,15 +277,15 @@ class LimitUseAccumulator:
         # An error of a joint position turns the tool by at most the same angle. An error of the
         # tool point moves the nearest point to another required orientation.
         rate = np.linalg.norm(orientation.rates(nearest.s)[0], axis=1)
-        slack = float(error.sum()) + rate * off
+        slack = float(error.sum()) + rate * error_bound
         self.offer(Use("orientation_deviation", angle, allowed, slack), t, q)
 
     def uses(self, tolerance: float) -> tuple[LimitUse, ...]:
         """The largest uses of all limits, with arc lengths on the path and verdicts."""
-        found = [*self._certain.values(), *self._highest.values()]
-        uses = [x for x, _ in found]
-        if self.path is not None and found:
-            s = self.path.project(self.arm.tool_position(np.array([q for _, q in found]))).s
+        entries = [*self._certain.values(), *self._highest.values()]
+        uses = [x for x, _ in entries]
+        if self.path is not None and entries:
+            s = self.path.project(self.arm.tool_position(np.array([q for _, q in entries]))).s
             uses = [replace(x, s=float(at)) for x, at in zip(uses, s, strict=True)]
         certain, highest = uses[: len(self._certain)], uses[len(self._certain) :]
         return tuple(
@@ -402,8 +402,8 @@ def uses_of_law(
                 "give the arm that the law was made for."
             )
         if not np.isfinite(values).all():
-            at = float(t[~np.isfinite(values).all(axis=1)][0])
-            raise InvalidInput(f"The law's {name} are not finite at t = {at:.9g} s.", t=at)
+            time = float(t[~np.isfinite(values).all(axis=1)][0])
+            raise InvalidInput(f"The law's {name} are not finite at t = {time:.9g} s.", t=time)
         columns.append(values)
     uses = list(States(arm, columns).uses(limits))
     if "path_jerk" in jerks:
@@ -504,11 +504,11 @@ def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> di
     Returns:
         A share for the field of every limit that is given and can be judged.
     """
-    found: dict[str, float] = {}
+    largest: dict[str, float] = {}
     for motion, bounds in _parts(trajectory, limits):
         for name, ratio in _largest_ratios(motion, arm, bounds).items():
-            found[name] = max(ratio, found.get(name, ratio))
-    return found
+            largest[name] = max(ratio, largest.get(name, ratio))
+    return largest
 
 
 def _parts(trajectory: Trajectory, limits: Limits) -> Iterator[tuple[Trajectory, Limits]]:
@@ -526,8 +526,8 @@ def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, f
     """The largest used share of every limit in a motion."""
     breaks, jerks = motion.smooth_breaks, find_known_jerks(motion, limits, motion.starts[:1])
     few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST, ENOUGH))
-    places = max(LEAST_PLACES, few, min(MOST_PLACES, enough))
-    part, size = np.linspace(0.0, 1.0, places)[:, None], max(1, CHUNK // places)
+    count = max(LEAST_PLACES, few, min(MOST_PLACES, enough))
+    part, size = np.linspace(0.0, 1.0, count)[:, None], max(1, CHUNK // count)
     best: dict[str, float] = {}
     for first in range(0, len(breaks) - 1, size):
         ends = breaks[first : first + size + 1]
@@ -535,12 +535,12 @@ def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, f
         t[-1] = ends[1:]
         for use in uses_of_law(motion, arm, limits, t[:-1].ravel(), t[-1], jerks)[-1]:
             name, ratio = use.name, use.ratio.reshape(*t.shape, -1)
-            least = max(best.get(name, -np.inf), float(ratio.max()))
+            largest = max(best.get(name, -np.inf), float(ratio.max()))
             # Both ends of a joint range determine its middle.
             names = JOINT_RANGE if name in JOINT_RANGE else (name,)
             only = Limits.only(**{x: getattr(limits, x) for x in names})
-            found = _peaks(motion, arm, name, only, t, ratio, least)
-            best[name] = max([least, *found.tolist()])
+            peaks = _peaks(motion, arm, name, only, t, ratio, largest)
+            best[name] = max([largest, *peaks.tolist()])
     return best
 
 
@@ -551,7 +551,7 @@ def _peaks(
     only: Limits,
     t: FloatArray,
     ratio: FloatArray,
-    least: float,
+    threshold: float,
 ) -> FloatArray:
     """Used shares at the tops of the highest parabolas through three places of an interval.
 
@@ -562,15 +562,15 @@ def _peaks(
         only: Limits of which the others are lifted.
         t: Evenly spaced times of every interval [s], (places, n).
         ratio: Used shares then, (places, n, columns).
-        least: Lower parabolas do not count.
+        threshold: Lower parabolas do not count.
     """
     before, middle, after = ratio[:-2], ratio[1:-1], ratio[2:]
-    bend, tilt = before - 2 * middle + after, (after - before) / 2
+    curvature, tilt = before - 2 * middle + after, (after - before) / 2
     # Elsewhere the highest place is an end.
-    top = np.flatnonzero((bend < 0) & (np.abs(tilt) < -bend))
-    height = middle.flat[top] - tilt.flat[top] ** 2 / (2 * bend.flat[top])
+    top = np.flatnonzero((curvature < 0) & (np.abs(tilt) < -curvature))
+    height = middle.flat[top] - tilt.flat[top] ** 2 / (2 * curvature.flat[top])
     order = np.argsort(-height, kind="stable")[:PEAKS]
-    i, k, column = np.unravel_index(top[order[height[order] > least]], middle.shape)
+    i, k, column = np.unravel_index(top[order[height[order] > threshold]], middle.shape)
     if not len(i):
         return np.zeros(0)
 

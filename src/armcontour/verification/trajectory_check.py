@@ -28,10 +28,8 @@ from armcontour.robot import Arm, Limits, SerialArm, resolve_limits
 from armcontour.robot.limit_use import Use
 from armcontour.robot.limits import TOOL_LIMITS
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
-from armcontour.verification.checking_samples import Log, judge_samples
 from armcontour.verification.contour_windows import find_windows
-from armcontour.verification.following import follow_path
-from armcontour.verification.tally import (
+from armcontour.verification.limit_verdict import (
     CANNOT_TELL,
     KEPT,
     VERDICTS,
@@ -43,6 +41,8 @@ from armcontour.verification.tally import (
     merge_uses,
     shift_use,
 )
+from armcontour.verification.path_following import follow_path
+from armcontour.verification.sample_check import Log, judge_samples
 
 # A computed number may be wrong by this many units in its last binary place.
 ULPS = 4
@@ -106,26 +106,35 @@ class Check(Result):
     def __repr__(self) -> str:
         """The verdict, the number of limits, and the limit that is used most."""
         worst = self.worst
-        most = "" if worst is None else f", {worst.name} used by {worst.certain:.6g} at most"
-        return f"Check({self.verdict}, {len(self.uses)} limits{most})"
+        suffix = "" if worst is None else f", {worst.name} used by {worst.certain:.6g} at most"
+        return f"Check({self.verdict}, {len(self.uses)} limits{suffix})"
 
     def to_data(self) -> Data:
         """The verdict, the distance from the path, and the use of every limit."""
-        worst, far = self.worst, self.path_deviation
-        most = "" if worst is None else f"{worst.name} used by {number(worst.ratio, '1')}"
+        worst, deviation = self.worst, self.path_deviation
+        note = "" if worst is None else f"{worst.name} used by {number(worst.ratio, '1')}"
         distance = [Row("path_deviation", None)]
-        if far is not None:
-            place = f"at t = {number(far.t, 's')}, s = {number(far.s, 'm')}"
+        if deviation is not None:
+            location = f"at t = {number(deviation.t, 's')}, s = {number(deviation.s, 'm')}"
             distance = [
-                Row("path_deviation.distance", far.distance, "m", "distance from path", place),
-                *(Row("path_deviation.t", far.t, "s"), Row("path_deviation.s", far.s, "m")),
+                Row(
+                    "path_deviation.distance",
+                    deviation.distance,
+                    "m",
+                    "distance from path",
+                    location,
+                ),
+                *(
+                    Row("path_deviation.t", deviation.t, "s"),
+                    Row("path_deviation.s", deviation.s, "m"),
+                ),
             ]
         times = f"from {number(self.start, 's')} to {number(self.end, 's')}"
         return Data(
             "Check",
             (
                 Row("kept", {KEPT: True, VIOLATED: False}.get(self.verdict)),
-                Row("verdict", self.verdict, "", "verdict", most, VERDICT),
+                Row("verdict", self.verdict, "", "verdict", note, VERDICT),
                 Row("worst", None if worst is None else worst.name),
                 *distance,
                 Row("states", self.states, "", "times", times),
@@ -246,7 +255,7 @@ def check(
     for on in [None] if program is None else [x.path for x in program.contours]:
         _refuse_path(arm, on, deviation, coverage_error, orientation_deviation)
     uses: dict[str, LimitUse] = {}
-    left: dict[str, None] = {}
+    not_judged: dict[str, None] = {}
     farthest: PathDeviation | None = None
     whole: dict[str, Any] | None = None
     for part in _split(samples, arm, program, limits):
@@ -260,18 +269,22 @@ def check(
         whole = whole or judged
         if coverage_error is not None and part.path is not None:
             judge_coverage(motion, tally, coverage_error)
-        found = {x.name: shift_use(x, part.t, part.s) for x in tally.uses(tolerance)}
-        left |= dict.fromkeys(_not_judged(part.limits, part.path, set(found)))
-        uses |= {x: merge_uses(uses[x], y) if x in uses else y for x, y in found.items()}
-        far = tally.farthest
-        if part.path is not None and (farthest is None or far["distance"] > farthest.distance):
+        part_uses = {x.name: shift_use(x, part.t, part.s) for x in tally.uses(tolerance)}
+        not_judged |= dict.fromkeys(_not_judged(part.limits, part.path, set(part_uses)))
+        uses |= {x: merge_uses(uses[x], y) if x in uses else y for x, y in part_uses.items()}
+        farthest_point = tally.farthest
+        if part.path is not None and (
+            farthest is None or farthest_point["distance"] > farthest.distance
+        ):
             farthest = PathDeviation(
-                distance=far["distance"], t=part.t + far["t"], s=part.s + far["s"]
+                distance=farthest_point["distance"],
+                t=part.t + farthest_point["t"],
+                s=part.s + farthest_point["s"],
             )
     assert whole is not None
     return Check(
         uses=tuple(uses.values()),
-        not_judged=tuple(left),
+        not_judged=tuple(not_judged),
         tolerance=tolerance,
         path_deviation=farthest,
         **whole,
@@ -368,7 +381,7 @@ def _judge_law(
 def _judge_log(log: Log, tally: LimitUseAccumulator) -> dict[str, Any]:
     """Judge samples; returns the fields of `Check` that do not come from the tally."""
     judge_samples(log, tally)
-    known = None if log.dq is None else np.abs(log.dq).max(axis=1)
+    speeds = None if log.dq is None else np.abs(log.dq).max(axis=1)
     rounding = {"t": float(log.t_error.max())} | {
         name: float(error.max())
         for name, error in zip(("q", "dq", "ddq"), log.errors, strict=True)
@@ -379,7 +392,7 @@ def _judge_log(log: Log, tally: LimitUseAccumulator) -> dict[str, Any]:
         "states": len(log.t),
         "start": float(log.t[0]),
         "end": float(log.t[-1]),
-        "end_speeds": (np.nan, np.nan) if known is None else (float(known[0]), float(known[-1])),
+        "end_speeds": (np.nan, np.nan) if speeds is None else (float(speeds[0]), float(speeds[-1])),
         "rounding": rounding,
     }
 
@@ -414,17 +427,20 @@ def _refuse_path(
 
 def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[str, ...]:
     """Names of the limits, and of requirements of the path, that were not judged."""
-    wanted = [x for x in LIMIT_UNITS if getattr(limits, x) is not None]
+    required = [x for x in LIMIT_UNITS if getattr(limits, x) is not None]
     if path is not None and path.orientation is not None:
-        wanted.append("orientation_deviation")
-    own = path is not None and bool(np.isfinite(path.speeds).any())
-    return (*(x for x in wanted if x not in judged), *(("segments' own speeds",) if own else ()))
+        required.append("orientation_deviation")
+    has_speeds = path is not None and bool(np.isfinite(path.speeds).any())
+    return (
+        *(x for x in required if x not in judged),
+        *(("segments' own speeds",) if has_speeds else ()),
+    )
 
 
 def _reconstruction(log: Log) -> str:
     """Assumption about the motion between samples, in one sentence."""
     columns = [x for x in ("q", "dq", "ddq") if getattr(log, x) is not None]
-    given = " and ".join(", ".join(columns).rsplit(", ", 1))
+    listed = " and ".join(", ".join(columns).rsplit(", ", 1))
     cubic = "; its distance from a path is that of the cubics through q and dq"
     centripetal = (
         ""
@@ -432,7 +448,7 @@ def _reconstruction(log: Log) -> str:
         else "; centripetal acceleration is estimated from neighbouring samples"
     )
     return (
-        f"Samples of {given}: these are judged as they stand, and between samples the mean "
+        f"Samples of {listed}: these are judged as they stand, and between samples the mean "
         "velocities and accelerations that every motion through them must reach, so peaks between "
         f"samples may be higher{cubic if log.dq is not None else ''}{centripetal}."
     )
@@ -457,11 +473,11 @@ def _check_samples(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLik
     for name, values in columns.items():
         if len(values) != len(times):
             raise InvalidInput(f"There are {len(times)} times, but {len(values)} rows of {name}.")
-    least = 2 if "dq" in columns else 3
-    if len(times) < least:
+    fewest = 2 if "dq" in columns else 3
+    if len(times) < fewest:
         raise InvalidInput(
-            f"A trajectory {'with' if least == 2 else 'without'} velocities needs at least {least} "
-            f"samples, but has {len(times)}."
+            f"A trajectory {'with' if fewest == 2 else 'without'} velocities needs at least "
+            f"{fewest} samples, but has {len(times)}."
         )
     check_samples(
         times,
@@ -533,10 +549,10 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
     if len(bad):
         row = int(bad[0, 0])
         joint = int(bad[0, 1]) if dof is not None else None
-        of = "" if joint is None else f" of joint {joint + 1}"
+        suffix = "" if joint is None else f" of joint {joint + 1}"
         raise InvalidInput(
-            f"{name}{of} is {float(array[tuple(bad[0])])} in row {row + 1}: every number must be "
-            "finite.",
+            f"{name}{suffix} is {float(array[tuple(bad[0])])} in row {row + 1}: every number must "
+            "be finite.",
             index=row,
             joint=joint,
         )
@@ -563,13 +579,15 @@ def judge_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> N
         error = np.zeros(q.shape[1])
     else:
         t, q, error = motion.t, motion.q, motion.errors[0]
-    points, off = tally.tool(q, error)
-    found = follow_path(tally.path, points)
-    bent = np.zeros(len(points))
+    points, error_bound = tally.tool(q, error)
+    followed = follow_path(tally.path, points)
+    sagitta = np.zeros(len(points))
     middle = (points[2:] + points[:-2]) / 2
-    bent[1:-1] = np.linalg.norm(points[1:-1] - middle, axis=1)
-    around = np.maximum(bent, np.maximum(np.append(bent[1:], 0.0), np.append(0.0, bent[:-1])))
-    tally.offer(Use("coverage_error", found.coverage_error, allowed, around + off), t, q)
+    sagitta[1:-1] = np.linalg.norm(points[1:-1] - middle, axis=1)
+    around = np.maximum(
+        sagitta, np.maximum(np.append(sagitta[1:], 0.0), np.append(0.0, sagitta[:-1]))
+    )
+    tally.offer(Use("coverage_error", followed.coverage_error, allowed, around + error_bound), t, q)
     if tally.deviation is not None:
         # From its own place, where the nearest one may be on another line.
-        tally.offer(Use("path_deviation", found.distance, tally.deviation, off), t, q)
+        tally.offer(Use("path_deviation", followed.distance, tally.deviation, error_bound), t, q)

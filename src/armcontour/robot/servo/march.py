@@ -9,8 +9,8 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.kernels import FUSED, compiled
-from armcontour.robot.servo._cascade import march_cascade, march_lines
-from armcontour.robot.servo._response import (
+from armcontour.robot.servo.cascade import march_cascade, march_lines
+from armcontour.robot.servo.joint_response import (
     LARGEST_STEP,
     Cubic,
     Motion,
@@ -61,11 +61,11 @@ class Run(NamedTuple):
 
 
 @compiled(inner=True, fastmath=FUSED)
-def piece_at(pieces: FloatArray, starts: FloatArray, at: int, now: float) -> Cubic:
-    """The command from time `now` [s] on, in its piece `at`."""
-    u = Cubic(pieces[at, 0], pieces[at, 1], pieces[at, 2], pieces[at, 3])
+def piece_at(pieces: FloatArray, starts: FloatArray, piece: int, now: float) -> Cubic:
+    """The command from time `now` [s] on, in its piece `piece`."""
+    u = Cubic(pieces[piece, 0], pieces[piece, 1], pieces[piece, 2], pieces[piece, 3])
     # The command is constant before the first set-point and after the last one.
-    return shift(u, now - starts[at - 1]) if 0 < at < len(starts) else u
+    return shift(u, now - starts[piece - 1]) if 0 < piece < len(starts) else u
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -88,43 +88,43 @@ def march_held(
     starts: FloatArray,
     times: FloatArray,
     m: Motion,
-    at: int,
+    piece: int,
     out: FloatArray,
 ) -> Motion:
     """Simulate a joint whose acceleration or velocity is held for a piece; as `march`.
 
-    `at` is the number of pieces that have begun at times[0]. The integral changes once per piece,
-    by the law of `_cascade`, before the demand is computed.
+    `piece` is the number of pieces that have begun at times[0]. The integral changes once per
+    piece, as in `march_cascade`, before the demand is computed.
     """
     q, w, held, saturated, lowest, highest = m
     first, last, now = servo.kv == 0.0, len(starts), times[0]
     kp, kv, ki = servo.kp, servo.kv, servo.ki
-    if 0 < at and starts[at - 1] > now - NEAR:
-        at -= 1
+    if 0 < piece and starts[piece - 1] > now - NEAR:
+        piece -= 1
     z, x, drive_cycle = held, 0.0, starts[1] - starts[0] if last > 1 else 0.0
-    if ki > 0.0 and at > 0:
+    if ki > 0.0 and piece > 0:
         # From the demand of the last cycle, and where the joint was then.
         held = min(max(z, servo.lower), servo.upper)
-        t = now - starts[at - 1]
+        t = now - starts[piece - 1]
         v = w - t * held
         p = q - t * (w + v) / 2
-        x = (z / kv - kp * (pieces[at, 0] - p) + v) / ki - drive_cycle * (z - held) / kv
+        x = (z / kv - kp * (pieces[piece, 0] - p) + v) / ki - drive_cycle * (z - held) / kv
     for row in range(1, len(times)):
         until = times[row]
         while until - now > NEAR:
-            if at < last and starts[at] - now <= NEAR:
-                at += 1
+            if piece < last and starts[piece] - now <= NEAR:
+                piece += 1
                 if first:
-                    held, z = kp * (pieces[at, 0] - q), 0.0
+                    held, z = kp * (pieces[piece, 0] - q), 0.0
                 else:
                     if ki > 0.0:
-                        x += drive_cycle * (kp * (pieces[at, 4] - q) - w)
-                    z = kv * (kp * (pieces[at, 0] - q) - w + ki * x)
+                        x += drive_cycle * (kp * (pieces[piece, 4] - q) - w)
+                    z = kv * (kp * (pieces[piece, 0] - q) - w + ki * x)
                     held = min(max(z, servo.lower), servo.upper)
                     x -= drive_cycle * (z - held) / kv
                 lowest, highest = min(lowest, z), max(highest, z)
                 continue
-            stop = starts[at] if at < last and starts[at] < until - NEAR else until
+            stop = starts[piece] if piece < last and starts[piece] < until - NEAR else until
             h = stop - now
             if first:
                 q, w = q + h * held, held
@@ -168,38 +168,38 @@ def march(
         return march_cascade(servo, pieces, starts, times, motion, out)
     m, delays, last, now = motion, math.isinf(servo.kp), len(starts), times[0]
     # The number of pieces that have begun, by bisection.
-    at, high = 0, last
-    while at < high:
-        middle = (at + high) // 2
+    piece, high = 0, last
+    while piece < high:
+        middle = (piece + high) // 2
         if starts[middle] <= now + NEAR:
-            at = middle + 1
+            piece = middle + 1
         else:
             high = middle
     if kind == 2 and not delays:
-        return march_held(servo, pieces, starts, times, m, at, out)
-    kept, oldest = np.empty((KEPT, COLUMNS)), 0
+        return march_held(servo, pieces, starts, times, m, piece, out)
+    cache, oldest = np.empty((KEPT, COLUMNS)), 0
     for i in range(KEPT):
-        kept[i, 0] = -1.0
+        cache[i, 0] = -1.0
     for row in range(1, len(times)):
         until = times[row]
-        u = piece_at(pieces, starts, at, now)
+        u = piece_at(pieces, starts, piece, now)
         while until - now > NEAR:
-            if at < last and starts[at] - now <= NEAR:
-                at += 1
-                u = piece_at(pieces, starts, at, now)
+            if piece < last and starts[piece] - now <= NEAR:
+                piece += 1
+                u = piece_at(pieces, starts, piece, now)
                 continue
-            stop = starts[at] if at < last and starts[at] < until - NEAR else until
+            stop = starts[piece] if piece < last and starts[piece] < until - NEAR else until
             span, now, slot = stop - now, stop, -1
             if delays:
                 continue
             for i in range(KEPT):
-                if abs(kept[i, 0] - span) <= NEAR:
+                if abs(cache[i, 0] - span) <= NEAR:
                     slot = i
             if slot < 0:
                 slot, oldest = oldest, (oldest + 1) % KEPT
-                if not write_step(servo.kp, servo.kv, span, kind != 1, kept[slot]):
+                if not write_step(servo.kp, servo.kv, span, kind != 1, cache[slot]):
                     return Motion(math.nan, math.nan, 0.0, m.saturated, m.lowest, m.highest)
-            x = kept[slot]
+            x = cache[slot]
             step = Step(x[2], x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], x[11], x[12])
             for _ in range(int(x[1])):
                 if kind == 3:
@@ -210,7 +210,7 @@ def march(
                 u = shift(u, step.time)
         now = until
         if delays:
-            u, z = piece_at(pieces, starts, at, now), 0.0
+            u, z = piece_at(pieces, starts, piece, now), 0.0
             m = Motion(u.value, u.rate, 0.0, m.saturated, m.lowest, m.highest)
             out[row - 1, 2] = 2 * u.second
         else:

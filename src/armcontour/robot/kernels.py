@@ -42,26 +42,26 @@ NEAR_ANGLE = 0.125
 
 
 @compiled(inner=True, fastmath=FUSED)
-def write_sines(own: FloatArray) -> None:
+def write_sines(rows: FloatArray) -> None:
     """Write the cosines and sines of the joint positions [rad] in row 0 into rows 0 and 1."""
     largest = 0.0
     for i in range(B):
-        largest = max(largest, abs(own[i]))
+        largest = max(largest, abs(rows[i]))
     if not largest < EXACT_TO:
         for i in range(B):
-            own[B + i], own[i] = math.sin(own[i]), math.cos(own[i])
+            rows[B + i], rows[i] = math.sin(rows[i]), math.cos(rows[i])
         return
     for i in range(B):
-        turns = (own[i] * (1 / math.pi) + TO_WHOLE) - TO_WHOLE
+        turns = (rows[i] * (1 / math.pi) + TO_WHOLE) - TO_WHOLE
         odd = turns - 2.0 * ((turns * 0.5 + TO_WHOLE) - TO_WHOLE)
-        x = (own[i] - turns * HALF_TURN) - turns * REST_OF_IT
+        x = (rows[i] - turns * HALF_TURN) - turns * REST_OF_IT
         square, sine, cosine = x * x, 0.0, 0.0
         for term in SINE:
             sine = sine * square + term
         for term in COSINE:
             cosine = cosine * square + term
         sign = 1.0 - 2.0 * odd * odd
-        own[i], own[B + i] = sign * cosine, sign * sine * x
+        rows[i], rows[B + i] = sign * cosine, sign * sine * x
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -134,11 +134,11 @@ def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
         r = rotation_of(links, j)
         p0, p1, p2 = links[j, 9], links[j, 10], links[j, 11]
         for k in range(3):
-            x, y, z, at = UNTURNED[k]
+            x, y, z, origin = UNTURNED[k]
             if j > 0:
                 x, y = frames[j - 1, k, 0], frames[j - 1, k, 1]
-                z, at = frames[j - 1, k, 2], frames[j - 1, k, 3]
-            frames[j, k, 3] = at + (x * p0 + y * p1 + z * p2)
+                z, origin = frames[j - 1, k, 2], frames[j - 1, k, 3]
+            frames[j, k, 3] = origin + (x * p0 + y * p1 + z * p2)
             # A row of the rotation is a vector of the work frame along the axes of the link.
             frames[j, k, 0], frames[j, k, 1], frames[j, k, 2] = into_link(r, c, s, (x, y, z))
 
@@ -151,10 +151,10 @@ def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
         links: As in `write_frames`.
         q: Joint positions [rad], (n, dof).
     """
-    found = np.empty((len(q), len(links), 3, 4))
+    frames = np.empty((len(q), len(links), 3, 4))
     for i in range(len(q)):
-        write_frames(links, q[i], found[i])
-    return found
+        write_frames(links, q[i], frames[i])
+    return frames
 
 
 @compiled()
@@ -165,10 +165,10 @@ def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
     for i in range(n):
         write_frames(links, q[i], frames)
         for k in range(dof):
-            own, tool = frames[k], frames[dof]
-            axis = own[0, 2], own[1, 2], own[2, 2]
-            way = tool[0, 3] - own[0, 3], tool[1, 3] - own[1, 3], tool[2, 3] - own[2, 3]
-            out[i, 0, k], out[i, 1, k], out[i, 2, k] = cross(axis, way)
+            frame, tool = frames[k], frames[dof]
+            axis = frame[0, 2], frame[1, 2], frame[2, 2]
+            lever = tool[0, 3] - frame[0, 3], tool[1, 3] - frame[1, 3], tool[2, 3] - frame[2, 3]
+            out[i, 0, k], out[i, 1, k], out[i, 2, k] = cross(axis, lever)
             out[i, 3, k], out[i, 4, k], out[i, 5, k] = axis
     return out
 
@@ -182,25 +182,25 @@ def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
     """
     # The highest derivative first, as it depends on the others of the frame before.
     for i in range(B if order > 2 else 0):
-        way, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
+        lever, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
         w, e, f = get(state, MOTION + 3, i), get(state, MOTION + 9, i), get(state, MOTION + 15, i)
-        way1, axis1 = cross(w, way), cross(w, axis)
-        way2 = add(cross(e, way), 1.0, cross(w, way1))
+        lever1, axis1 = cross(w, lever), cross(w, axis)
+        lever2 = add(cross(e, lever), 1.0, cross(w, lever1))
         axis2 = add(cross(e, axis), 1.0, cross(w, axis1))
-        way3 = add(add(cross(f, way), 2.0, cross(e, way1)), 1.0, cross(w, way2))
-        put(state, MOTION + 12, i, add(get(state, MOTION + 12, i), 1.0, way3))
+        lever3 = add(add(cross(f, lever), 2.0, cross(e, lever1)), 1.0, cross(w, lever2))
+        put(state, MOTION + 12, i, add(get(state, MOTION + 12, i), 1.0, lever3))
         turned = add(add(f, joint[4 * B + i], axis), 2.0 * joint[3 * B + i], axis1)
         put(state, MOTION + 15, i, add(turned, rate, axis2))
     for i in range(B if order > 1 else 0):
-        way, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
+        lever, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
         w, e = get(state, MOTION + 3, i), get(state, MOTION + 9, i)
-        way2 = add(cross(e, way), 1.0, cross(w, cross(w, way)))
-        put(state, MOTION + 6, i, add(get(state, MOTION + 6, i), 1.0, way2))
+        lever2 = add(cross(e, lever), 1.0, cross(w, cross(w, lever)))
+        put(state, MOTION + 6, i, add(get(state, MOTION + 6, i), 1.0, lever2))
         put(state, MOTION + 9, i, add(add(e, joint[3 * B + i], axis), rate, cross(w, axis)))
     for i in range(B):
         w = get(state, MOTION + 3, i)
-        way1 = cross(w, get(state, WAY, i))
-        put(state, MOTION, i, add(get(state, MOTION, i), 1.0, way1))
+        lever1 = cross(w, get(state, WAY, i))
+        put(state, MOTION, i, add(get(state, MOTION, i), 1.0, lever1))
         put(state, MOTION + 3, i, add(w, joint[2 * B + i], get(state, AXIS, i)))
 
 
@@ -228,7 +228,7 @@ def tool_motion(
         velocity, their derivatives, and their second derivatives, (n, 6 order).
     """
     n, dof = q.shape
-    found = np.empty((n, 6 * order if order else 12))
+    result = np.empty((n, 6 * order if order else 12))
     joint, state = np.empty(JOINT_ROWS * B), np.empty(ROWS * B)
     for begin in range(0, n, B):
         # Before the first joint the rotation is none, and nothing moves.
@@ -244,9 +244,9 @@ def tool_motion(
                     joint[i] = 1.0 if i < B else 0.0
             for i in range(B if j < dof else 0):
                 # The last block is filled up with the last state.
-                at = min(begin + i, n - 1)
-                joint[i], joint[2 * B + i] = q[at, j], first[at, j]
-                joint[3 * B + i], joint[4 * B + i] = second[at, j], third[at, j]
+                index = min(begin + i, n - 1)
+                joint[i], joint[2 * B + i] = q[index, j], first[index, j]
+                joint[3 * B + i], joint[4 * B + i] = second[index, j], third[index, j]
             if j < dof:
                 write_sines(joint)
             r, p0, p1, p2 = rotation_of(links, j), links[j, 9], links[j, 10], links[j, 11]
@@ -254,19 +254,19 @@ def tool_motion(
                 c, s = joint[i], joint[B + i]
                 for k in range(3):
                     x, y, z = state[k * B + i], state[(3 + k) * B + i], state[(6 + k) * B + i]
-                    way = x * p0 + y * p1 + z * p2
-                    state[(PLACE + k) * B + i] += way
-                    state[(WAY + k) * B + i] = way
+                    lever = x * p0 + y * p1 + z * p2
+                    state[(PLACE + k) * B + i] += lever
+                    state[(WAY + k) * B + i] = lever
                     x, y, z = into_link(r, c, s, (x, y, z))
                     state[k * B + i], state[(3 + k) * B + i] = x, y
                     state[(AXIS + k) * B + i] = state[(6 + k) * B + i] = z
             if order > 0:
                 add_motion(order, joint, state)
         for i in range(min(B, n - begin)):
-            for k in range(found.shape[1]):
+            for k in range(result.shape[1]):
                 row = MOTION + k if order else 3 * (k % 4) + k // 4
-                found[begin + i, k] = state[row * B + i]
-    return found
+                result[begin + i, k] = state[row * B + i]
+    return result
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -280,7 +280,7 @@ def tool_point(links: FloatArray, q: FloatArray, anchors: FloatArray) -> Vector:
             is far from the angle; 0, 0, 1 before the first call.
     """
     dof = len(q)
-    at = links[dof, 9], links[dof, 10], links[dof, 11]
+    point = links[dof, 9], links[dof, 10], links[dof, 11]
     for j in range(dof - 1, -1, -1):
         x = q[j] - anchors[j, 0]
         if not -NEAR_ANGLE < x < NEAR_ANGLE:
@@ -290,6 +290,6 @@ def tool_point(links: FloatArray, q: FloatArray, anchors: FloatArray) -> Vector:
         s = x * (1 - y * (1 / 6 - y * (1 / 120 - y * (1 / 5040 - y * (1 / 362880)))))
         c = 1 - y * (1 / 2 - y * (1 / 24 - y * (1 / 720 - y * (1 / 40320 - y * (1 / 3628800)))))
         s, c = anchors[j, 1] * c + anchors[j, 2] * s, anchors[j, 2] * c - anchors[j, 1] * s
-        turned = out_of_link(rotation_of(links, j), c, s, at)
-        at = add((links[j, 9], links[j, 10], links[j, 11]), 1.0, turned)
-    return at
+        turned = out_of_link(rotation_of(links, j), c, s, point)
+        point = add((links[j, 9], links[j, 10], links[j, 11]), 1.0, turned)
+    return point

@@ -1,4 +1,4 @@
-"""The MuJoCo model of a chain of rigid bodies, in the frame of the chain's base."""
+"""The MuJoCo model of a chain of rigid bodies, its integration steps and its stability."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.motion import SetPoints
 from armcontour.robot.chain import Chain
-from armcontour.simulation._stepping import Functions
+from armcontour.simulation.drive_loop import Functions
 
 # MuJoCo models friction as a stiff constraint, so a joint that sticks still creeps. With the
 # standard stiffness the position loop would remove the offset of a sticking joint within a second.
@@ -93,11 +94,11 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
     # With 0 every step would use the maximum number of iterations.
     spec.option.tolerance = 1e-12
     # A simulation that diverges is reported; MuJoCo must not reset it to the start.
-    off = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    disabled = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_AUTORESET
     if not friction or not np.any(chain.coulomb):
         # Dry friction is the only constraint; without any, the search for some takes time.
-        off |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    spec.option.disableflags = off
+        disabled |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    spec.option.disableflags = disabled
     masses, moments = _add_links(mujoco, spec, chain)
     if springs is not None:
         _add_motors(mujoco, spec, len(chain))
@@ -117,13 +118,13 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
     set_step(model, step)
     # Joints that move no inertia are searched with additional inertia at every joint: without it
     # MuJoCo would write a warning to a file.
-    for more in (1.0, 0.0):
-        model.dof_armature[:] = more
+    for extra in (1.0, 0.0):
+        model.dof_armature[:] = extra
         model.dof_armature[drives] += np.asarray(chain.armature)
         mujoco.mj_setConst(model, mujoco.MjData(model))
-        if more:
+        if extra:
             still = np.zeros(len(chain))
-            _refuse_singular(chain, mass_matrix(model, still) - more * np.eye(model.nv), springs)
+            _refuse_singular(chain, mass_matrix(model, still) - extra * np.eye(model.nv), springs)
     return model
 
 
@@ -146,14 +147,14 @@ def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
     mujoco = load()
     # Memory for a state takes longer than a matrix.
     data, units = mujoco.MjData(model), np.eye(model.nv)
-    found = np.empty((len(q), model.nv, model.nv))
-    for place, matrix in zip(q, found, strict=True):
-        data.qpos[: len(place)] = place
+    matrices = np.empty((len(q), model.nv, model.nv))
+    for position, matrix in zip(q, matrices, strict=True):
+        data.qpos[: len(position)] = position
         for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb):
             compute(model, data)
         for column, unit in zip(matrix, units, strict=True):
             mujoco.mj_mulM(model, data, column, unit)
-    return found
+    return matrices
 
 
 def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
@@ -164,12 +165,12 @@ def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
         data: A state without velocities, of which the positions are lost.
         q: The positions [rad], (dof,).
     """
-    mujoco, found = load(), np.zeros(model.nv)
+    mujoco, torque = load(), np.zeros(model.nv)
     data.qpos[: len(q)] = q
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    mujoco.mj_rne(model, data, 0, found)
-    return found[: len(q)]
+    mujoco.mj_rne(model, data, 0, torque)
+    return torque[: len(q)]
 
 
 def _refuse_singular(chain: Chain, matrix: FloatArray, springs: Springs | None) -> None:
@@ -227,10 +228,10 @@ def _link(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
     load = chain.payload
     if load is None or load.mass == 0.0 or k + 1 < len(chain):
         return mass, center, inertia
-    at = chain.tip.position + chain.tip.rotation @ load.center
+    load_center = chain.tip.position + chain.tip.rotation @ load.center
     turned = chain.tip.rotation @ load.inertia @ chain.tip.rotation.T
     total = mass + load.mass
-    apart = at - center
+    apart = load_center - center
     # Parallel axis theorem for two bodies about their common centre of mass.
     between = mass * load.mass / total * (apart @ apart * np.eye(3) - np.outer(apart, apart))
     return total, center + load.mass / total * apart, inertia + turned + between
@@ -238,6 +239,82 @@ def _link(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
 
 def _quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
     """The quaternion of a rotation matrix, in MuJoCo's order w, x, y, z."""
-    found = np.empty(4)
-    mujoco.mju_mat2Quat(found, np.array(rotation).ravel())
-    return found
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.array(rotation).ravel())
+    return quaternion
+
+
+# Number of set-points at which a run is checked before the simulation.
+LOOKS = 50
+# The simulation integrates over parts of a step, in which the fastest motion of springs and viscous
+# friction has this phase [rad] or decay; its method is stable up to 2.8. At most so many parts.
+PHASE = 0.5
+MOST_PARTS = 50
+
+
+def count_parts(
+    model: Any,
+    set_points: SetPoints,
+    step: float,
+    loop: FloatArray,
+    viscous: FloatArray,
+    springs: Springs | None,
+) -> int:
+    """Number of parts in which a step of the drives is integrated.
+
+    With a torque that is constant for a step h, a mode of rigid joints is stable if the rate of its
+    velocity loop, K_v J / M, times h is below 2. With springs, unstable drives are found by the
+    simulation.
+
+    Args:
+        model: MuJoCo's model of the arm.
+        set_points: The set-points, some of which are checked.
+        step: Step of the drives [s].
+        loop: J K_v [N m s/rad], (dof,).
+        viscous: Viscous friction of the drives [N m s/rad], (dof,).
+        springs: Springs between drives and links; None for rigid joints.
+
+    Raises:
+        ExecutionError: A joint is unstable at a set-point, or there would be too many parts.
+    """
+    k, d = (np.zeros_like(loop),) * 2 if springs is None else springs
+    pulls = np.ones((1, 1)) if springs is None else np.array([[1.0, -1.0], [-1.0, 1.0]])
+    stiffness, damping = np.kron(pulls, np.diag(k)), np.kron(pulls, np.diag(d))
+    damping[-len(loop) :, -len(loop) :] += np.diag(viscous)
+    largest, n = 1, len(damping)
+    looks = np.unique(np.linspace(0, len(set_points.q) - 1, LOOKS).astype(int))
+    for i, mass in zip(looks, mass_matrices(model, set_points.q[looks]), strict=True):
+        t = float(set_points.start_time + i * set_points.cycle)
+        state = np.eye(2 * n, k=n)
+        state[n:] = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
+        parts = int(np.ceil(np.abs(np.linalg.eigvals(state)).max() * step / PHASE))
+        if parts > MOST_PARTS:
+            raise ExecutionError(
+                f"Springs or viscous friction of the joints take {parts} integration steps in a "
+                f"step of {step:.3g} s at t = {t:.4g} s, and at most {MOST_PARTS} are made: reduce "
+                "joint_stiffness, joint_damping or viscous friction, raise the inertias of drives "
+                "(armature), or shorten the step.",
+                t=t,
+                needed=float(parts),
+                allowed=float(MOST_PARTS),
+            )
+        largest = max(largest, parts)
+        if springs is not None:
+            continue
+        rate = np.sqrt(loop)
+        values, vectors = np.linalg.eigh(rate[:, None] * np.linalg.inv(mass) * rate)
+        fastest = float(values[-1])
+        if fastest * step >= 2:
+            j = int(np.argmax(np.abs(vectors[:, -1])))
+            raise ExecutionError(
+                f"Joint {j + 1} is unstable at t = {t:.4g} s: its drive keeps a torque for a step "
+                f"of {step:.3g} s and corrects its velocity at a rate of {fastest:.4g} 1/s; "
+                f"shorten the step to {1 / fastest:.2g} s, lower the servo's gains, or give the "
+                "arm the inertias of its drives if they are missing.",
+                t=t,
+                joint=j,
+                limit="step",
+                needed=step,
+                allowed=2 / fastest,
+            )
+    return largest

@@ -14,7 +14,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
-from armcontour.robot.servo._response import MOST_PHASES, MOST_STEPS, ROUNDING, Motion, Servo
+from armcontour.robot.servo.joint_response import MOST_PHASES, MOST_STEPS, ROUNDING, Motion, Servo
 
 # Times [s] that differ by less than this are equal, as in `march`.
 NEAR = 4e-12
@@ -57,7 +57,7 @@ def curvature_of(a: FloatArray, t: float) -> float:
 def find_passage(a: FloatArray, low: float, high: float, level: float, slopes: bool) -> float:
     """Time at which a polynomial, or its slope, passes a level between two times."""
     rises = (slope_of(a, high) if slopes else evaluate(a, high)) > level
-    near, t = 1e-15 * high, 0.5 * (low + high)
+    tolerance, t = 1e-15 * high, 0.5 * (low + high)
     for _ in range(100):
         value = (slope_of(a, t) if slopes else evaluate(a, t)) - level
         rate = curvature_of(a, t) if slopes else slope_of(a, t)
@@ -68,7 +68,7 @@ def find_passage(a: FloatArray, low: float, high: float, level: float, slopes: b
         last, t = t, t - value / rate if rate != 0.0 else low
         if not low < t < high:
             t = 0.5 * (low + high)
-        if high - low <= near or abs(t - last) <= near:
+        if high - low <= tolerance or abs(t - last) <= tolerance:
             break
     return t
 
@@ -111,12 +111,17 @@ def expand(
 
 @compiled(inner=True, fastmath=FUSED)
 def move_command(
-    pieces: FloatArray, starts: FloatArray, at: int, now: float, u: FloatArray
+    pieces: FloatArray, starts: FloatArray, piece: int, now: float, u: FloatArray
 ) -> None:
     """Write the coefficients of both commands from time `now` [s] on, (8,)."""
-    t = now - starts[at - 1] if 0 < at < len(starts) else 0.0
+    t = now - starts[piece - 1] if 0 < piece < len(starts) else 0.0
     for i in (0, 4):
-        a, b, c, d = pieces[at, i], pieces[at, i + 1], pieces[at, i + 2], pieces[at, i + 3]
+        a, b, c, d = (
+            pieces[piece, i],
+            pieces[piece, i + 1],
+            pieces[piece, i + 2],
+            pieces[piece, i + 3],
+        )
         u[i], u[i + 1] = a + t * (b + t * (c + t * d)), b + t * (2 * c + t * 3 * d)
         u[i + 2], u[i + 3] = c + 3 * d * t, d
 
@@ -127,7 +132,7 @@ def series_of_map(servo: Servo) -> FloatArray:
 
     The map gives position, velocity and integral per INPUTS.
     """
-    found, series = np.empty((MAP_TERMS, 3 * INPUTS)), np.zeros((3, TERMS))
+    coefficients, series = np.empty((MAP_TERMS, 3 * INPUTS)), np.zeros((3, TERMS))
     for i in range(INPUTS):
         unit, u = np.zeros(INPUTS), np.zeros(8)
         unit[i] = 1.0
@@ -135,42 +140,45 @@ def series_of_map(servo: Servo) -> FloatArray:
         u[0], u[1], u[5] = unit[3], unit[4], unit[5]
         expand(servo, u, 0.0, series[0], series[1], series[2])
         for k in range(MAP_TERMS):
-            found[k, i], found[k, INPUTS + i] = series[0, k], (k + 1) * series[0, k + 1]
-            found[k, 2 * INPUTS + i] = series[1, k]
-    return found
+            coefficients[k, i], coefficients[k, INPUTS + i] = (
+                series[0, k],
+                (k + 1) * series[0, k + 1],
+            )
+            coefficients[k, 2 * INPUTS + i] = series[1, k]
+    return coefficients
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
-def write_map(series: FloatArray, rate: float, span: float, kept: FloatArray) -> None:
+def write_map(series: FloatArray, rate: float, span: float, out: FloatArray) -> None:
     """Write the map of a free motion over a time span [s], and the span, (19,).
 
     Args:
         series: Coefficients from `series_of_map`.
         rate: Inverse of the shortest time constant [1/s], or more.
         span: Time span [s].
-        kept: Output.
+        out: Output.
     """
     halvings, h = 0, span
     while h * rate > MAP_LENGTH:
         h, halvings = h / 2, halvings + 1
-    kept[:-1] = series[-1]
+    out[:-1] = series[-1]
     for k in range(MAP_TERMS - 2, -1, -1):
         for i in range(3 * INPUTS):
-            kept[i] = series[k, i] + h * kept[i]
-    kept[-1] = span
-    found, last = kept[:-1].reshape((3, INPUTS)), np.empty((3, INPUTS))
+            out[i] = series[k, i] + h * out[i]
+    out[-1] = span
+    matrix, last = out[:-1].reshape((3, INPUTS)), np.empty((3, INPUTS))
     for _ in range(halvings):
-        last[:] = found
+        last[:] = matrix
         for k in range(3):
             a, b, c = last[k, 0], last[k, 1], last[k, 2]
             for i in range(INPUTS):
-                found[k, i] = a * last[0, i] + b * last[1, i] + c * last[2, i]
-            found[k, 3] += last[k, 3]
+                matrix[k, i] = a * last[0, i] + b * last[1, i] + c * last[2, i]
+            matrix[k, 3] += last[k, 3]
             # The value of the second command is subtracted from position and first command.
-            found[k, 4] += last[k, 4] + h * last[k, 3]
-            found[k, 5] += last[k, 5] - h * (last[k, 0] + last[k, 3])
+            matrix[k, 4] += last[k, 4] + h * last[k, 3]
+            matrix[k, 5] += last[k, 5] - h * (last[k, 0] + last[k, 3])
             if k == 0:
-                found[k, 5] += h
+                matrix[k, 5] += h
         h *= 2
 
 
@@ -189,18 +197,18 @@ def march_lines(
     rate = max(kv, math.sqrt(kv * (kp + ki)), (kv * kp * ki) ** (1 / 3))
     series, oldest = series_of_map(servo), 0
     maps = np.full((KEPT, 3 * INPUTS + 1), -1.0)
-    last, now, at = len(starts), times[0], 0
-    while at < last and starts[at] < now - NEAR:
-        at += 1
-    t = now - starts[at - 1] if 0 < at < last else 0.0
-    x = (z / kv - kp * (pieces[at, 0] + t * pieces[at, 1] - q) + w) / ki
+    last, now, piece = len(starts), times[0], 0
+    while piece < last and starts[piece] < now - NEAR:
+        piece += 1
+    t = now - starts[piece - 1] if 0 < piece < last else 0.0
+    x = (z / kv - kp * (pieces[piece, 0] + t * pieces[piece, 1] - q) + w) / ki
     for row in range(1, len(times)):
         until = times[row]
         while until - now > NEAR:
-            if at < last and starts[at] - now <= NEAR:
-                at += 1
+            if piece < last and starts[piece] - now <= NEAR:
+                piece += 1
                 continue
-            stop = starts[at] if at < last and starts[at] < until - NEAR else until
+            stop = starts[piece] if piece < last and starts[piece] < until - NEAR else until
             slot = -1
             for i in range(KEPT):
                 if abs(maps[i, -1] - (stop - now)) <= NEAR:
@@ -208,10 +216,10 @@ def march_lines(
             if slot < 0:
                 slot, oldest = oldest, (oldest + 1) % KEPT
                 write_map(series, rate, stop - now, maps[slot])
-            f, t = maps[slot], now - starts[at - 1] if 0 < at < last else 0.0
-            now, a, b = stop, pieces[at, 1], pieces[at, 5]
-            origin = pieces[at, 4] + t * b
-            e, lead = q - origin, pieces[at, 0] + t * a - origin
+            f, t = maps[slot], now - starts[piece - 1] if 0 < piece < last else 0.0
+            now, a, b = stop, pieces[piece, 1], pieces[piece, 5]
+            origin = pieces[piece, 4] + t * b
+            e, lead = q - origin, pieces[piece, 0] + t * a - origin
             q = f[0] * e + f[1] * w + f[2] * x + f[3] * lead + f[4] * a + f[5] * b + origin
             v = f[6] * e + f[7] * w + f[8] * x + f[9] * lead + f[10] * a + f[11] * b
             x = f[12] * e + f[13] * w + f[14] * x + f[15] * lead + f[16] * a + f[17] * b
@@ -239,10 +247,10 @@ def march_cascade(
     u, series = np.empty(8), np.zeros((3, TERMS))
     last, now, length = len(starts), times[0], -1.0
     position, integral, demand = series[0], series[1], series[2]
-    at = 0
-    while at < last and starts[at] < now - NEAR:
-        at += 1
-    move_command(pieces, starts, at, now, u)
+    piece = 0
+    while piece < last and starts[piece] < now - NEAR:
+        piece += 1
+    move_command(pieces, starts, piece, now, u)
     x = (z / kv - kp * (u[0] - q) + w) / ki
     rate = max(kv, math.sqrt(kv * (kp + ki)), (kv * kp * ki) ** (1 / 3))
     longest = LENGTH / rate
@@ -254,10 +262,10 @@ def march_cascade(
             phases += 1
             if phases > MOST_PHASES:
                 return Motion(math.nan, math.nan, z, saturated, lowest, highest)
-            if at < last and starts[at] - now <= NEAR:
-                at, side = at + 1, 0.0
+            if piece < last and starts[piece] - now <= NEAR:
+                piece, side = piece + 1, 0.0
                 continue
-            stop = starts[at] if at < last and starts[at] < until - NEAR else until
+            stop = starts[piece] if piece < last and starts[piece] < until - NEAR else until
             h = stop - now
             final = h <= longest
             if not final:
@@ -266,34 +274,34 @@ def march_cascade(
                 length, n = h, count_terms(2 * rate * h)
                 position, integral, demand = series[0, :n], series[1, :n], series[2, :n]
                 series[2] = 0.0
-            move_command(pieces, starts, at, now, u)
+            move_command(pieces, starts, piece, now, u)
             # Relative to the command, so that large positions lose no digits.
             origin = u[4]
             u[0] -= origin
             u[4] = 0.0
             position[0], position[1], integral[0] = q - origin, w, x
             z = kv * (kp * (u[0] - position[0]) - w + ki * x)
-            least = ROUNDING * kp * kv * (abs(origin) + abs(q) + abs(x)) + ROUNDING * abs(z)
-            if side == 0.0 and z > servo.upper + least:
+            tolerance = ROUNDING * kp * kv * (abs(origin) + abs(q) + abs(x)) + ROUNDING * abs(z)
+            if side == 0.0 and z > servo.upper + tolerance:
                 side = 1.0
-            elif side == 0.0 and z < servo.lower - least:
+            elif side == 0.0 and z < servo.lower - tolerance:
                 side = -1.0
             if abs(side) == 2.0:  # A bound has just been left.
                 side = 0.0
             expand(servo, u, side, position, integral, demand)
-            turn = h
+            extremum = h
             if slope_of(demand, 0.0) * slope_of(demand, h) < 0.0:
-                turn = find_passage(demand, 0.0, h, 0.0, True)
+                extremum = find_passage(demand, 0.0, h, 0.0, True)
             lowest, highest = min(lowest, z), max(highest, z)
             end, begin, following = h, 0.0, side
-            for t in (turn, h):
+            for t in (extremum, h):
                 if t <= begin and t < h:
                     continue
                 value = evaluate(demand, t)
                 bound = 0.0
-                if side == 0.0 and value > servo.upper + least:
+                if side == 0.0 and value > servo.upper + tolerance:
                     bound, following = servo.upper, 1.0
-                elif side == 0.0 and value < servo.lower - least:
+                elif side == 0.0 and value < servo.lower - tolerance:
                     bound, following = servo.lower, -1.0
                 elif side > 0.0 and value < servo.upper:
                     bound, following = servo.upper, 2.0

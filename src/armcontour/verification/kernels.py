@@ -78,7 +78,7 @@ def _reach(
         The number of the new stretches, distance and place of the tool [m], and whether the place
         was held by the rule that places do not go back.
     """
-    found, best, place, held, done = 0, math.inf, 0.0, False, -1.0
+    new_count, best, place, held, done = 0, math.inf, 0.0, False, -1.0
     for k in range(count):
         low, high = old.ends[k, 0], old.ends[k, 1]
         begin, is_open = max(low, done), False
@@ -96,9 +96,9 @@ def _reach(
                 laps, turn = 2, 2 * math.pi / curvature
                 nearest = math.atan2(foot.along, foot.across) / curvature
                 # Squared distance of the farthest place of the circle, less that of the nearest.
-                most = distance2(foot, curvature, turn / 2) - foot.off2
-                share = room / most if room < most else 1.0
-                half = 2 * math.asin(math.sqrt(share)) / curvature
+                farthest2 = distance2(foot, curvature, turn / 2) - foot.off2
+                fraction = room / farthest2 if room < farthest2 else 1.0
+                half = 2 * math.asin(math.sqrt(fraction)) / curvature
             for lap in range(laps if room >= 0.0 else 0):
                 centre = nearest + lap * turn
                 x, y = max(centre - half, begin - base, 0.0), min(centre + half, length)
@@ -107,21 +107,21 @@ def _reach(
                 if not (is_open and base + x <= done + EQUAL):
                     if base + x > high:
                         break
-                    new.ends[found, 0], new.first[found] = base + x, j
-                    found, is_open = min(found + 1, MOST_STRETCHES), True
+                    new.ends[new_count, 0], new.first[new_count] = base + x, j
+                    new_count, is_open = min(new_count + 1, MOST_STRETCHES), True
                 done = max(done, base + y)
-                new.ends[found - 1, 1] = done
-                at = min(max(centre, x), y)
-                d = math.sqrt(distance2(foot, curvature, at - centre))
+                new.ends[new_count - 1, 1] = done
+                arc = min(max(centre, x), y)
+                d = math.sqrt(distance2(foot, curvature, arc - centre))
                 # Of equally near places, the next one ahead is followed.
                 if d < best - EQUAL or (d <= best + EQUAL and place < before - EQUAL):
-                    place = base + at
+                    place = base + arc
                     # Held at the first place of the stretch, not at the end of a segment.
                     held = centre < x and x > 0.0 and base + x <= low + EQUAL
                 best = min(best, d)
             if base + length >= high and not (is_open and done >= base + length - EQUAL):
                 break
-    return found, best, place, held
+    return new_count, best, place, held
 
 
 @compiled()
@@ -152,12 +152,12 @@ def follow(
     count, before, held = 1, 0.0, False
     for i in range(n):
         p = points[i, 0], points[i, 1], points[i, 2]
-        count, best, before, own_held = _reach(p, rows, now, count, after, before, leash * leash)
+        count, best, before, point_held = _reach(p, rows, now, count, after, before, leash * leash)
         if count == 0:
             return distance, s, i, held
         now, after = after, now
         distance[i], s[i] = best, before
-        held = held or (own_held and i < needed)
+        held = held or (point_held and i < needed)
     return distance, s, n, held
 
 
@@ -175,27 +175,31 @@ def find_places(
         The number of the point of each place, and the places [m].
     """
     k, length, within = rows[:, 9], rows[:, 10], reach + EQUAL
-    of, places = [np.empty(0, np.intp)], [np.empty(0)]
+    indices, arc_lengths = [np.empty(0, np.intp)], [np.empty(0)]
     for part in np.array_split(np.arange(len(points)), 1 + len(points) * len(rows) // PAIRS):
-        p, near = points[part, None], within[part, None]
+        p, limit = points[part, None], within[part, None]
         offset = p - rows[:, :3]
         along, across = (np.einsum("psa,sa->ps", offset, rows[:, i : i + 3]) for i in (3, 6))
         angle = np.arctan2(k * along, 1 - k * across)
         angle = np.where(angle < 0, angle + 2 * np.pi, angle)
-        at = np.where(k == 0, along, angle / np.where(k == 0, np.inf, k))
-        at = np.clip(at, 0.0, length)
-        half = k * at / 2
-        there = at * np.sinc(2 * half / np.pi), at * half * np.sinc(half / np.pi) ** 2
-        foot = offset - there[0][..., None] * rows[:, 3:6] - there[1][..., None] * rows[:, 6:9]
+        arc = np.where(k == 0, along, angle / np.where(k == 0, np.inf, k))
+        arc = np.clip(arc, 0.0, length)
+        half = k * arc / 2
+        components = arc * np.sinc(2 * half / np.pi), arc * half * np.sinc(half / np.pi) ** 2
+        foot = (
+            offset
+            - components[0][..., None] * rows[:, 3:6]
+            - components[1][..., None] * rows[:, 6:9]
+        )
         for gap, u in (
-            (offset, np.zeros_like(at)),
-            (foot, at),
-            (p - rows[:, 12:15], np.broadcast_to(length, at.shape)),
+            (offset, np.zeros_like(arc)),
+            (foot, arc),
+            (p - rows[:, 12:15], np.broadcast_to(length, arc.shape)),
         ):
-            i, j = np.nonzero(np.sqrt(np.einsum("psa,psa->ps", gap, gap)) <= near)
-            of.append(part[i])
-            places.append(rows[j, 11] + u[i, j])
-    return np.concatenate(of), np.concatenate(places)
+            i, j = np.nonzero(np.sqrt(np.einsum("psa,psa->ps", gap, gap)) <= limit)
+            indices.append(part[i])
+            arc_lengths.append(rows[j, 11] + u[i, j])
+    return np.concatenate(indices), np.concatenate(arc_lengths)
 
 
 @compiled(inner=True)
@@ -219,7 +223,7 @@ def _tool_distances(
         Both distances [m], and a bound of the distances of all points between both on a line: from
         each chord, one of the ends is the farthest.
     """
-    a = b = most = math.inf
+    a = b = bound = math.inf
     for step in (1, -1):
         j, gone, spare = i, 0.0, 0.0
         while 0 <= j < len(way.sizes):
@@ -236,17 +240,17 @@ def _tool_distances(
                         chord = way.points[j + 1, axis] - way.points[j, axis]
                         dot += (place[axis] - way.points[j, axis]) * chord
                         size2 += chord * chord
-                    share = min(max(dot / size2, 0.0), 1.0) if size2 > 0.0 else 0.0
+                    fraction = min(max(dot / size2, 0.0), 1.0) if size2 > 0.0 else 0.0
                     total = 0.0
                     for axis in range(3):
                         chord = way.points[j + 1, axis] - way.points[j, axis]
-                        total += (place[axis] - way.points[j, axis] - share * chord) ** 2
+                        total += (place[axis] - way.points[j, axis] - fraction * chord) ** 2
                     x, y = y, math.sqrt(total)
-                a, b, most = min(a, x), min(b, y), min(most, max(x, y))
-                spare = min(x - a, y - b, max(x, y) - most)
+                a, b, bound = min(a, x), min(b, y), min(bound, max(x, y))
+                spare = min(x - a, y - b, max(x, y) - bound)
             gone = 0.0 if j == i or returns else gone + way.sizes[j]
             j += step
-    return a, b, most
+    return a, b, bound
 
 
 @compiled()
@@ -255,10 +259,10 @@ def _measure_parts(
     rows: FloatArray,
     order: IntArray,
     parts: IntArray,
-    places: FloatArray,
+    arc_lengths: FloatArray,
     bounds: FloatArray,
-    far: FloatArray,
-    where: FloatArray,
+    distances: FloatArray,
+    distance_s: FloatArray,
 ) -> None:
     """Largest distance from parts of the path to the tool, for each point that starts a step.
 
@@ -271,18 +275,18 @@ def _measure_parts(
         order: The order in which parts are measured.
         parts: The step of the tool that passes each part, its segment, and whether the part is the
             step's last one, (m, 3).
-        places: Arc lengths at which each part starts and ends [m], (m, 2).
+        arc_lengths: Arc lengths at which each part starts and ends [m], (m, 2).
         bounds: Bounds of the distances in each part [m], (m,).
-        far: Distances [m], (n,), initially -1, which stays where no place is measured; updated. The
-            largest distance is at most SURE below the largest of all places.
-        where: Places of these distances [m], (n,); updated.
+        distances: Largest distances [m], (n,), updated; -1 initially and where no point is
+            measured. The largest one is at most SURE below that of the whole path.
+        distance_s: Places of these distances [m], (n,); updated.
     """
     n = len(way.points)
     halves, worst = np.empty((MOST_HALVES, 2)), -1.0
     for m in order:
         if bounds[m] <= worst + SURE:
             continue
-        i, g, first, last = parts[m, 0], rows[parts[m, 1]], places[m, 0], places[m, 1]
+        i, g, first, last = parts[m, 0], rows[parts[m, 1]], arc_lengths[m, 0], arc_lengths[m, 1]
         chord, size = min(i, n - 2), last - first
         p, q = point_at(g, first - g[11]), point_at(g, last - g[11])
         # Distances from the chord alone.
@@ -291,22 +295,22 @@ def _measure_parts(
         count, halves[0, 0], halves[0, 1] = 1, first, last
         while count:
             count -= 1
-            left, right = halves[count, 0], halves[count, 1]
-            p, q = point_at(g, left - g[11]), point_at(g, right - g[11])
-            a, b, most = _tool_distances(p, q, way, chord, last, reach)
+            first_s, last_s = halves[count, 0], halves[count, 1]
+            p, q = point_at(g, first_s - g[11]), point_at(g, last_s - g[11])
+            a, b, bound = _tool_distances(p, q, way, chord, last, reach)
             # The end of the step is the place of the next point.
-            own = i + 1 if parts[m, 2] and right == last and i < n - 1 else i
-            for d, place, point in ((a, left, i), (b, right, own)):
-                if d > far[point]:
-                    far[point], where[point] = d, place
+            end_point = i + 1 if parts[m, 2] and last_s == last and i < n - 1 else i
+            for d, place, point in ((a, first_s, i), (b, last_s, end_point)):
+                if d > distances[point]:
+                    distances[point], distance_s[point] = d, place
             worst = max(worst, a, b)
             # A distance changes by no more than its place.
-            apart = right - left
-            most = min(most + g[9] * apart**2 / 8, (a + b + apart) / 2)
-            middle = left + apart / 2
-            if most > worst + SURE and left < middle < right:
-                halves[count, 0], halves[count, 1] = middle, right
-                halves[count + 1, 0], halves[count + 1, 1] = left, middle
+            apart = last_s - first_s
+            bound = min(bound + g[9] * apart**2 / 8, (a + b + apart) / 2)
+            middle = first_s + apart / 2
+            if bound > worst + SURE and first_s < middle < last_s:
+                halves[count, 0], halves[count, 1] = middle, last_s
+                halves[count + 1, 0], halves[count + 1, 1] = first_s, middle
                 count += 2
 
 
@@ -346,10 +350,10 @@ def measure_coverage(
     worst = np.flatnonzero(step == np.argmax(way.distance))
     order = np.concatenate([worst, np.arange(len(step))])
     parts = np.stack([step, k, last == high[step]], axis=1)
-    places, far, where = (
+    arc_lengths, distances, distance_s = (
         np.stack([first, last], axis=1),
         np.full(len(low), -1.0),
         np.zeros(len(low)),
     )
-    _measure_parts(way, rows, order, parts, places, bounds, far, where)
-    return far, where
+    _measure_parts(way, rows, order, parts, arc_lengths, bounds, distances, distance_s)
+    return distances, distance_s

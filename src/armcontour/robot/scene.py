@@ -1,0 +1,366 @@
+"""Shapes of an arm's links and tool, obstacles in its cell, and the margins between them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked
+from armcontour.core.frames import Frame
+from armcontour.core.quantities import Axes, Choice, Distance, Length, Name, Quantity, Size
+
+# A mesh whose largest size [m] is outside this range was probably read in another unit.
+SMALLEST, LARGEST = 1e-3, 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shape(Checked, ABC):
+    """A shape in a frame of its own."""
+
+    @property
+    @abstractmethod
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre [m], (3,), and radius [m] of a ball that holds the shape."""
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sphere(Shape):
+    """A ball about the origin.
+
+    Args:
+        radius: Its radius [m].
+    """
+
+    radius: Size = field(kw_only=False)
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre [m], (3,), and radius [m] of the ball itself."""
+        return np.zeros(3), self.radius
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Capsule(Shape):
+    """All points near a stretch of the z axis, half of which is above the origin.
+
+    Args:
+        radius: Distance of the surface from the stretch [m].
+        length: Length of the stretch, without the round ends [m].
+    """
+
+    radius: Size = field(kw_only=False)
+    length: Size = field(kw_only=False)
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre [m], (3,), and radius [m] of a ball that holds the capsule."""
+        return np.zeros(3), self.length / 2 + self.radius
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cylinder(Shape):
+    """A round cylinder along the z axis, half of which is above the origin.
+
+    Args:
+        radius: Its radius [m].
+        length: Its length [m].
+    """
+
+    radius: Size = field(kw_only=False)
+    length: Size = field(kw_only=False)
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre [m], (3,), and radius [m] of a ball that holds the cylinder."""
+        return np.zeros(3), float(np.hypot(self.length / 2, self.radius))
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Box(Shape):
+    """A box about the origin.
+
+    Args:
+        size: Its lengths along x, y and z [m], (3,).
+    """
+
+    size: Annotated[FloatArray, Quantity("m", "5 mm", "positive"), Axes(3)] = field(kw_only=False)
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre [m], (3,), and radius [m] of a ball that holds the box."""
+        return np.zeros(3), float(np.linalg.norm(self.size) / 2)
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HalfSpace(Shape):
+    """All points below the plane z = 0, such as a table or a floor."""
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """No ball holds a half-space: its radius is infinite."""
+        return np.zeros(3), np.inf
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
+class Mesh(Shape):
+    """A body within triangles; distances are those of its convex hull, or of the triangles.
+
+    Args:
+        points: Corners of the triangles [m], (n, 3).
+        triangles: Indices of the three corners of each triangle, (m, 3); none for the convex hull
+            of the points.
+        source: Where the mesh comes from, for messages.
+
+    Raises:
+        InvalidInput: Fewer than 4 points, points in a plane, or triangles of other points.
+    """
+
+    points: Annotated[FloatArray, Quantity("m"), Axes("points", 3)] = field(kw_only=False)
+    triangles: Annotated[IntArray, Axes("triangles", 3)] | None = None
+    source: str = ""
+    _hull: Mesh | None = field(init=False, default=None, repr=False)
+
+    def _check_together(self) -> None:
+        who, points, corners = self.source or "a mesh", self.points, self.triangles
+        if len(points) < 4:
+            raise InvalidInput(f"{who} needs at least 4 points of 3 coordinates [m].")
+        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        if spread[2] <= 1e-9 * spread[0]:
+            raise InvalidInput(f"All points of {who} lie in a plane: a body has a volume.")
+        if corners is None:
+            return
+        if not len(corners) or corners.min() < 0 or corners.max() >= len(points):
+            raise InvalidInput(f"A triangle of {who} has a corner that is none of its points.")
+
+    @property
+    def hull(self) -> Mesh:
+        """Its convex hull: the same points, without triangles."""
+        if self.triangles is None:
+            return self
+        if self._hull is None:
+            # Kept, as libraries keep what they compute of a mesh for as long as it lives.
+            object.__setattr__(self, "_hull", Mesh(points=self.points, source=self.source))
+        assert self._hull is not None
+        return self._hull
+
+    @property
+    def size(self) -> float:
+        """The largest of its lengths along x, y and z [m]."""
+        return float(np.ptp(self.points, axis=0).max())
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre [m], (3,), and radius [m] of a ball that holds all points."""
+        middle = (self.points.max(axis=0) + self.points.min(axis=0)) / 2
+        return middle, float(np.linalg.norm(self.points - middle, axis=1).max())
+
+
+# Radius of the capsule that stands for a tool whose shapes are not given, and where it ends before
+# the tool point [m].
+ASSUMED_RADIUS, ASSUMED_GAP = 0.01, 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinkShape(Checked):
+    """A shape that moves with a link, or with the tool.
+
+    Args:
+        name: Name of the link, for messages and exceptions.
+        link: 0 for the base, i for the link after the i-th joint.
+        shape: The shape.
+        place: The frame of the shape, in the frame of the link.
+        tool: Whether the shape is the tool's, or that of a part that the tool holds.
+        exact: The body itself, where `shape` is a larger convex one. Where `shape` comes too near,
+            this one decides.
+        assumed: Whether nobody gave the shape.
+    """
+
+    name: Name
+    link: int
+    shape: Shape
+    place: Frame = field(default_factory=Frame)
+    tool: bool = False
+    exact: Shape | None = None
+    assumed: bool = False
+
+    def _check_together(self) -> None:
+        if isinstance(self.shape, HalfSpace):
+            raise InvalidInput(
+                f"The shape of {self.name} is a half-space, which moves with no link."
+            )
+
+    def with_hull(self) -> LinkShape:
+        """The same; a mesh becomes its convex hull, with the mesh as the body itself."""
+        if not isinstance(self.shape, Mesh) or self.shape.triangles is None:
+            return self
+        return replace(self, shape=self.shape.hull, exact=self.shape)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOut:
+    """Two shapes of an arm whose distance is not looked at.
+
+    Args:
+        first, second: Names of the links.
+        reason: Why not.
+    """
+
+    first: str
+    second: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ArmShapes(Checked):
+    """The shapes of an arm's links and tool.
+
+    Args:
+        shapes: The shapes. A link may have several.
+        left_out: Pairs of links whose distance is not looked at, with the reasons. Neighbouring
+            links are left out anyway.
+        source: Where the shapes come from, and their licence.
+
+    Raises:
+        InvalidInput: A pair that is left out names a link without a shape.
+    """
+
+    shapes: tuple[LinkShape, ...]
+    left_out: tuple[LeftOut, ...] = ()
+    source: str = ""
+
+    def _check_together(self) -> None:
+        names = {x.name for x in self.shapes}
+        for pair in self.left_out:
+            for name in (pair.first, pair.second):
+                if name not in names:
+                    raise InvalidInput(
+                        f"The pair {pair.first}, {pair.second} cannot be left out: {name} has no "
+                        f"shape; shapes are those of {', '.join(sorted(names))}."
+                    )
+
+    def with_tool(self, shapes: Iterable[LinkShape]) -> ArmShapes:
+        """The same links with other shapes of the tool.
+
+        Args:
+            shapes: Shapes of the tool.
+        """
+        links = tuple(x for x in self.shapes if not x.tool)
+        return replace(self, shapes=(*links, *(replace(x, tool=True) for x in shapes)))
+
+
+# What obstacles are fixed to: the base of the arm, or the part, whose frame paths are given in.
+BASE, PART = "base", "part"
+# The name by which an obstacle allows the tool to touch.
+TOOL = "tool"
+# The name of a floor as an obstacle. Two floors have no height and are no obstacles: the plane in
+# which the base is mounted, above which links should stay; and nothing at all.
+FLOOR = "floor"
+AT_BASE: Literal["base"] = "base"
+NO_FLOOR: Literal["none"] = "none"
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Margins(Checked):
+    """How near bodies may come to each other, by the kinds of pairs.
+
+    Args:
+        environment: A link and an obstacle [m].
+        own: Two links of the arm [m].
+        tool: The tool and anything else [m].
+    """
+
+    environment: Distance = 0.005
+    own: Distance = 0.002
+    tool: Distance = 0.002
+
+
+MARGINS = Margins()
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Obstacle(Checked):
+    """A body that stands in the cell.
+
+    Args:
+        name: Its name, for messages.
+        shape: Its shape.
+        place: The frame of its shape, in the frame of what it is fixed to.
+        fixed_to: "base", or "part" for what moves with the part when the part is placed elsewhere.
+        margin: How near links and tool may come to it [m]; None is the margin of the scene.
+        allow: Names of links that may touch it; "tool" is the tool.
+
+    Raises:
+        InvalidInput: A wrong name, margin, or something else that it is fixed to.
+    """
+
+    name: Name = field(kw_only=False)
+    shape: Shape = field(kw_only=False)
+    place: Frame = field(default_factory=Frame)
+    fixed_to: Annotated[str, Choice((BASE, PART))] = BASE
+    margin: Distance | None = None
+    allow: tuple[Name, ...] = ()
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scene(Checked):
+    """The obstacles in an arm's cell.
+
+    Args:
+        obstacles: The obstacles, of different names.
+        margins: How near bodies may come to each other.
+        floor: Height of the floor in the frame of the arm's base [m], an obstacle of the name
+            "floor". By default "base": links should stay above the plane in which the base is
+            mounted, unless an obstacle is a half-space below the base. "none" says that nothing is
+            there, as on a pedestal or a wall.
+
+    Raises:
+        InvalidInput: Two obstacles of one name, or another word for the floor.
+    """
+
+    obstacles: tuple[Obstacle, ...] = field(default=(), kw_only=False)
+    margins: Margins = MARGINS
+    floor: Length | Annotated[str, Choice((AT_BASE, NO_FLOOR))] = AT_BASE
+
+    def _check_together(self) -> None:
+        if not isinstance(self.floor, str):
+            frame = Frame(position=np.array([0.0, 0.0, self.floor]))
+            floor = Obstacle(name=FLOOR, shape=HalfSpace(), place=frame)
+            # A copy of a scene with a floor has it already.
+            others = (x for x in self.obstacles if not _is_same(x, floor))
+            object.__setattr__(self, "obstacles", (*others, floor))
+        names: set[str] = set()
+        for obstacle in self.obstacles:
+            if obstacle.name in names:
+                raise InvalidInput(f"Two obstacles of the scene have the name {obstacle.name!r}.")
+            names.add(obstacle.name)
+
+    @property
+    def has_mounting_plane(self) -> bool:
+        """Whether links should stay above the plane in which the base is mounted."""
+        return self.floor == AT_BASE and not any(
+            isinstance(x.shape, HalfSpace) and x.fixed_to == BASE and x.place.rotation[2, 2] > 0.5
+            for x in self.obstacles
+        )
+
+
+def _is_same(first: Obstacle, second: Obstacle) -> bool:
+    """Whether two obstacles are the same half-space."""
+    named = (first.name, first.fixed_to) == (second.name, second.fixed_to)
+    same = isinstance(first.shape, HalfSpace) and named
+    return same and bool(np.array_equal(first.place.matrix, second.place.matrix))
