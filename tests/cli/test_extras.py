@@ -12,7 +12,7 @@ from tests.cli.helpers import summary
 import armcontour
 from armcontour.cli.options import StudioOptions
 from armcontour.cli.serving import open_studio
-from armcontour.core import compiling
+from armcontour.core import compilation
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Step
 
@@ -126,9 +126,9 @@ def asked(monkeypatch):
     def warm(which, progress):
         asked.append(which)
         progress(Step(("compiling, once", "5 functions in 2 processes"), 0.0))
-        return compiling.Warmed(5, 2, KEPT)
+        return compilation.Warmed(5, 2, KEPT)
 
-    monkeypatch.setattr(compiling, "warm", warm)
+    monkeypatch.setattr(compilation, "warm", warm)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     return asked
 

@@ -24,7 +24,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import read_text
 from armcontour.core.quantities import AtLeast, Choice
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files.keys import Keys, read_keys
 
 PRODUCT, ZIP = "product", "zip"

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armcontour.cli.console import Console
-from armcontour.core.describing import digits, joint_called
-from armcontour.core.text import list_some, show
+from armcontour.core.text import digits, joint_called, list_some, show
 
 if TYPE_CHECKING:
     from armcontour.cli.options import ArmOptions, CheckOptions

@@ -39,7 +39,7 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
     Raises:
         ArmContourError: The folder cannot be used.
     """
-    from armcontour.core.compiling import warm_for_run
+    from armcontour.core.compilation import warm_for_run
     from armcontour.files import ResultFolder, read_job
     from armcontour.files.json_text import data_json
 
@@ -117,7 +117,7 @@ def run_job(
         ArmContourError: An invalid job, or a run that fails; then nothing is written.
     """
     # Heavy imports come later, so that a wrong folder or job is refused at once.
-    from armcontour.core.compiling import warm_for_run
+    from armcontour.core.compilation import warm_for_run
     from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder
     from armcontour.files.json_text import data_json
