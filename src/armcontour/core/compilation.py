@@ -19,7 +19,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 from armcontour.core import kernels
 from armcontour.core.errors import ArmContourError
-from armcontour.core.kernels import KERNELS, ROOT, waiting
+from armcontour.core.kernels import KERNELS, PACKAGE, ROOT, waiting
 from armcontour.core.pool import TaskQueue, open_executor
 from armcontour.core.process import can_start, is_other, processors
 from armcontour.core.progress import COMPILING, Progress, Step, subprogress, tell_compiling
@@ -247,7 +247,7 @@ class Order:
             self._left.pop(key, None)
             self._done += self._size[key]
             self.compiled += compiled > 0
-            name = ".".join(key).removeprefix(f"{__package__}.")
+            name = ".".join(key).removeprefix(f"{PACKAGE}.")
             self._tell(Step((name,), self._done / self._whole))
             self._news.notify_all()
 
