@@ -11,14 +11,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from armcontour.batches.columns import COLUMNS, PLACE, RUN, WORKS, read_columns
-from armcontour.batches.parameters import Parameter, read_parameter
-from armcontour.batches.resolving import (
+from armcontour.batches.base_job import (
     Base,
     check_placed,
     named_files,
     read_base,
 )
+from armcontour.batches.columns import COLUMNS, PLACE, RUN, WORKS, read_columns
+from armcontour.batches.parameters import Parameter, read_parameter
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
+from armcontour.batches.outcomes import Outcome, Results, Work, killed
 from armcontour.batches.plan import Plan, read_plan
-from armcontour.batches.results import Results
-from armcontour.batches.working import Outcome, Work, killed
 from armcontour.core.compilation import warm
 from armcontour.core.fields import checked
 from armcontour.core.pool import InProcess, TaskQueue, open_executor

@@ -9,9 +9,9 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour.cli.console import Console, open_page
-from armcontour.cli.exporting import Exports, rehearse, write_exports
-from armcontour.cli.opening import library_file
-from armcontour.cli.progress import job_progress
+from armcontour.cli.exports import Exports, rehearse, write_exports
+from armcontour.cli.inputs import library_file
+from armcontour.cli.progress_bars import job_progress
 from armcontour.core.progress import Progress, Step, subprogress
 
 if TYPE_CHECKING:

@@ -194,7 +194,7 @@ def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
     Raises:
         InvalidInput: No such quantities, or an error of velocities that the file does not have.
     """
-    from armcontour.cli.quantities import read_option
+    from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import AngularDistance, AngularRate
 
