@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import armcontour as ac
-from armcontour.cli.running import built_in_job
+from armcontour.cli.run_command import built_in_job
 from benchmarks import reference
 from benchmarks.measured import Line, Pair, timed
 

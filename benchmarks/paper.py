@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 import armcontour as ac
-from armcontour.cli.running import built_in_job
+from armcontour.cli.run_command import built_in_job
 from benchmarks import reference
 from benchmarks.measured import Bar, Line, Pair, timed
 

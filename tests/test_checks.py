@@ -19,7 +19,6 @@ from tests.geometry.tables import refused
 import armcontour as ac
 from armcontour import InvalidInput
 from armcontour.core import checks, errors
-from armcontour.core._banded import solve_banded
 from armcontour.core.checks import FloatArray, check_name, kernel_array
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import (
@@ -46,6 +45,7 @@ from armcontour.core.quantities import (
     Seed,
     SpeedLimit,
 )
+from armcontour.core.quintics import solve_banded
 from armcontour.core.sampling import interpolate
 from armcontour.robot.scene import Box, Obstacle, Scene
 

@@ -16,8 +16,8 @@ from tools.kernels import to_text
 
 import armcontour
 import armcontour as ac
-from armcontour.core import compiling
-from armcontour.core.compiling import Order, from_text, read_list
+from armcontour.core import compilation
+from armcontour.core.compilation import Order, from_text, read_list
 from armcontour.core.kernels import KERNELS, compiled
 from armcontour.core.pool import InProcess
 from armcontour.core.process import pack, unpack
@@ -160,7 +160,7 @@ class Watched(InProcess):
 
 def test_a_function_comes_after_those_that_it_calls(kernels, monkeypatch):
     watched = Watched()
-    monkeypatch.setattr(compiling, "open_executor", lambda workers: nullcontext(watched))
+    monkeypatch.setattr(compilation, "open_executor", lambda workers: nullcontext(watched))
     listed, steps = read_list("usual"), []
     order = Order(listed, steps.append)
     order.work_off()

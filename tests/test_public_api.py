@@ -14,7 +14,7 @@ from tools.stubs import stubs
 import armcontour
 import armcontour as ac
 from armcontour import files
-from armcontour.cli.running import built_in_job
+from armcontour.cli.run_command import built_in_job
 from armcontour.simulation import robustness
 
 

@@ -47,7 +47,7 @@ OPTIONS = {
         "tolerance",
         "geometry|files/(drawings|certificate)|verification|studies"
         "|.*/tracing|program|.*/jerk|.*shaping/(curves|nodes|search|starts)|control"
-        "|jobs/(goal|single_corners|programs|planning)|cli/(certifying|checking)|files/job_(path|model)"
+        "|jobs/(goal|single_corners|programs|planning)|cli/(certify_command|check_command)|files/job_(path|model)"
         "|report/sections/shaping|.*shaping/shaper|planning/options"
         "|studio/(converting|tasks|static/taskforms)",
     ),
@@ -64,7 +64,7 @@ OPTIONS = {
     # preview chooses a longer one.
     "cycle": (
         "cycle|period",
-        "files/(exports|stored_run)|cli/(exporting|options)|planning/options"
+        "files/(exports|stored_run)|cli/(exports|options)|planning/options"
         "|studio/preview|control/(compensation|learning)"
         "|studies/certification|simulation|robot|report|motion|jobs/study|studio/tasks",
     ),
@@ -101,7 +101,7 @@ MECHANISMS = {
     "command line": ("def override(", "files/job_overrides.py"),
     "placement": ("def _override_keys(", "files/placement.py"),
     "Studio": ("def place_of(", "studio/edits/keys.py"),
-    "batches": ("def _put(", "batches/resolving.py"),
+    "batches": ("def _put(", "batches/base_job.py"),
     "sweep": ("changes_of(", "studio/tasks/searching.py"),
     "patch": ("def apply(", "*/patch.py"),
 }

@@ -28,7 +28,7 @@ TESTS = "-"
 
 
 def to_text(arguments: Sequence[Any]) -> str:
-    """Types of arguments as text, which `armcontour.core.compiling.from_text` reads.
+    """Types of arguments as text, which `armcontour.core.compilation.from_text` reads.
 
     Raises:
         ValueError: A type that has no text.
@@ -85,10 +85,10 @@ def record(run: str, arguments: list[str], out: Path) -> None:
     """Run a command of armcontour, or tests, and write what is compiled meanwhile."""
     from numba.core import event
 
-    from armcontour.core import compiling
+    from armcontour.core import compilation
 
     # Nothing is compiled ahead.
-    compiling.LIST = Path(os.devnull)
+    compilation.LIST = Path(os.devnull)
     found: dict[str, None] = {}
 
     class Listener(event.Listener):

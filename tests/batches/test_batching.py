@@ -211,7 +211,7 @@ def test_a_longer_plan_takes_what_is_there(small, tmp_path):
 
 
 def test_without_pyarrow_results_are_json_lines(reference, small, tmp_path, monkeypatch):
-    monkeypatch.setattr("armcontour.batches.results.find_spec", lambda name: None)
+    monkeypatch.setattr("armcontour.batches.outcomes.find_spec", lambda name: None)
     found = ac.batch(small, tmp_path / "out", workers=0)
     assert rows(found) == rows(reference[0])
     names = {x.name for x in found.folder.iterdir()}
@@ -224,7 +224,7 @@ def test_a_failure_of_the_program_is_a_row(small, tmp_path, monkeypatch):
 
     one = small | {"over": {}}
     with monkeypatch.context() as patched:
-        patched.setattr("armcontour.batches.working.figures_of", fail)
+        patched.setattr("armcontour.batches.outcomes.figures_of", fail)
         (row,) = ac.batch(one, tmp_path / "out", workers=0).rows
     assert (row["status"], row["error"]) == ("failed", "KeyError")
     # It has a result, unless it is to be tried again.

@@ -29,7 +29,7 @@ def test_the_figures_and_the_version_matter(planned, monkeypatch):
     # The name of the plan does not.
     before = digests(planned(over))
     assert digests(planned(over, name="x")) == before
-    monkeypatch.setattr("armcontour.batches.resolving.__version__", "9.9.9")
+    monkeypatch.setattr("armcontour.batches.base_job.__version__", "9.9.9")
     assert digests(planned(over)) != before
 
 

@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import expect
 from tools.studio_page import serving
 
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 
 pytestmark = pytest.mark.browser

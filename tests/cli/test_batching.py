@@ -46,7 +46,7 @@ def test_jobs_that_fail_have_an_exit_code(command_in, folder, monkeypatch):
     def fail(*_):
         raise MemoryError
 
-    monkeypatch.setattr("armcontour.batches.working.figures_of", fail)
+    monkeypatch.setattr("armcontour.batches.outcomes.figures_of", fail)
     ended = command_in(folder, *CALL)
     assert ended.code == 1 and "MemoryError: 2" in ended.out
 

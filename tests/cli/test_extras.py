@@ -11,8 +11,8 @@ from tests.cli.helpers import summary
 
 import armcontour
 from armcontour.cli.options import StudioOptions
-from armcontour.cli.serving import open_studio
-from armcontour.core import compiling
+from armcontour.cli.studio_command import open_studio
+from armcontour.core import compilation
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Step
 
@@ -126,9 +126,9 @@ def asked(monkeypatch):
     def warm(which, progress):
         asked.append(which)
         progress(Step(("compiling, once", "5 functions in 2 processes"), 0.0))
-        return compiling.Warmed(5, 2, KEPT)
+        return compilation.Warmed(5, 2, KEPT)
 
-    monkeypatch.setattr(compiling, "warm", warm)
+    monkeypatch.setattr(compilation, "warm", warm)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     return asked
 
@@ -138,7 +138,7 @@ def test_warm_reports_the_compiled_functions_and_their_folder(
 ):
     ended = command("warm")
     assert ended.code == 0 and asked == ["all"]
-    assert f"5 functions are compiled, 2 of them now. They are kept in {KEPT}." in ended.out
+    assert f"5 functions are compiled, 2 of them now. They are stored in {KEPT}." in ended.out
     assert ended.errors == "compiling, once: 5 functions in 2 processes\n"
     assert command("warm", "plane").code == 0 and asked == ["all", "plane"]
     assert command("warm", "moon").code == 2
@@ -176,12 +176,12 @@ def test_the_address_is_printed_and_opened(tmp_path, monkeypatch, capsys):
 ADDRESS = """
 import sys
 sys.argv = ['armcontour', 'studio', '--no-open', 'part.svg', '--cell', 'ur5e']
-from armcontour.cli import console, serving
+from armcontour.cli import console, studio_command
 heavy = {'numpy', 'scipy', 'numba', 'pint', 'yaml', 'uvicorn', 'armcontour.files.keys'}
 def tell(text):
     print(*(heavy & set(sys.modules)))
     raise KeyboardInterrupt
-serving.say_at_once = tell
+studio_command.say_at_once = tell
 from armcontour.cli import main
 main()
 """

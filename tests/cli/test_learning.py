@@ -8,7 +8,7 @@ from tests.cli.helpers import summary
 from tests.corner_job import CORNER_JOB
 from tests.loaded_robot import loaded_robot
 
-from armcontour.cli.running import run_job
+from armcontour.cli.run_command import run_job
 from armcontour.files import read_job
 from armcontour.files.set_point_file import read_taught
 from armcontour.files.stored_run import read_run

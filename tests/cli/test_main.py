@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 import armcontour as ac
 from armcontour.cli.commands import app
+from armcontour.cli.inputs import read_option
 from armcontour.cli.interrupts import run_interruptibly
-from armcontour.cli.quantities import read_option
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import Speed, Time, Tolerance
 from armcontour.files.cell import cell_names
@@ -270,7 +270,7 @@ def test_a_cell_is_written_where_it_is_wanted_and_over_nothing(tmp_path, monkeyp
     written = (tmp_path / "shop.yaml").read_text()
     assert "arm: ur5e\n" in written
     code, said = call("init", "panda", "-o", "shop.yaml")
-    assert code != 0 and "shop.yaml is there already" in said and "--force" in said
+    assert code != 0 and "shop.yaml exists already" in said and "--force" in said
     assert (tmp_path / "shop.yaml").read_text() == written
     assert call("init", "panda", "-o", "shop.yaml", "--force")[0] == 0
     assert "arm: panda\n" in (tmp_path / "shop.yaml").read_text()

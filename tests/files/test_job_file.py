@@ -9,7 +9,7 @@ import yaml
 from tests.files.tables import refusals, rows, values
 
 import armcontour as ac
-from armcontour.cli.running import built_in_job
+from armcontour.cli.run_command import built_in_job
 from armcontour.files import json_schema, parse_job, read_job
 from armcontour.jobs import Rounding
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.files.tables import parse_log, refusals
 
-from armcontour.cli.identifying import identify_files
+from armcontour.cli.identify_command import identify_files
 from armcontour.cli.options import IdentifyOptions
 from armcontour.control.learning import Recording
 from armcontour.core.errors import InvalidInput

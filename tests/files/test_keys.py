@@ -16,7 +16,7 @@ from tests.files.tables import refusals
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import AtLeast, Choice, Ratio, Speed
 from armcontour.core.render import jsonable
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files.cell import cell_names, cell_text
 from armcontour.files.job_model import CellModel
 from armcontour.files.json_text import to_json

@@ -5,7 +5,7 @@ import pytest
 import yaml
 from tests.files.tables import refusals, values
 
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job, parse_set
 from armcontour.files.cell import read_cell
 from armcontour.files.job_edits import REMOVE

@@ -15,7 +15,7 @@ from plotly.subplots import make_subplots as plots_of_plotly
 from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
-from armcontour.cli.running import built_in_job
+from armcontour.cli.run_command import built_in_job
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.render import number

@@ -125,7 +125,7 @@ def test_reports_have_the_sections_that_a_result_fills(made, tmp_path):
 
 
 def test_a_job_that_was_not_simulated_has_a_report(tmp_path):
-    from armcontour.cli.running import built_in_job
+    from armcontour.cli.run_command import built_in_job
 
     study = ac.run(built_in_job(), simulate=False)
     ac.write_report(study, tmp_path / "study.html")

@@ -42,10 +42,10 @@ print(*(x for x in set(sys.modules) - before if x.startswith("numba.core.typing"
 WARM = """
 import sys
 from pathlib import Path
-from armcontour.core import compiling
-compiling.LIST = Path(sys.argv[1])
+from armcontour.core import compilation
+compilation.LIST = Path(sys.argv[1])
 steps = []
-found = compiling.warm("all", steps.append)
+found = compilation.warm("all", steps.append)
 print(found.functions, found.compiled, found.folder, *map(str, steps), sep="|")
 """
 

@@ -9,7 +9,7 @@ from tests.studio.conftest import DRAWINGS
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import reading_below
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_edits import Change, change_data
 from armcontour.studio.document import Document

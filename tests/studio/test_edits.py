@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.cell import cell_names, cell_text
 from armcontour.files.job_edits import change_data, change_text, value_at

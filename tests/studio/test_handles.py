@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_edits import change_text
 from armcontour.studio.converting import is_convertible

@@ -23,7 +23,7 @@ from tools.studio_page import SQUARE
 
 import armcontour as ac
 from armcontour.core.progress import Step
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_edits import Change, change_text
 from armcontour.studio import planner

@@ -11,20 +11,20 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from armcontour.batches.columns import COLUMNS, PLACE, RUN, WORKS, read_columns
-from armcontour.batches.parameters import Parameter, read_parameter
-from armcontour.batches.resolving import (
+from armcontour.batches.base_job import (
     Base,
     check_placed,
     named_files,
     read_base,
 )
+from armcontour.batches.columns import COLUMNS, PLACE, RUN, WORKS, read_columns
+from armcontour.batches.parameters import Parameter, read_parameter
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import read_text
 from armcontour.core.quantities import AtLeast, Choice
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files.keys import Keys, read_keys
 
 PRODUCT, ZIP = "product", "zip"

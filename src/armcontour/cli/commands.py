@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import textwrap
 from collections.abc import Callable, Sequence
 from copy import copy
 from enum import Enum
@@ -40,8 +42,9 @@ JobOrDrawing = Annotated[
         "waypoints (.csv), with --cell.",
     ),
 ]
-
-
+# Width of the list of arms [characters].
+WIDTH = 100
+PACKAGE = FilePath(__file__).parents[1]
 # Topics of the commands.
 RUN, PREPARE, JUDGE = "Plan and run", "Look, place, prepare", "Check and certify"
 ROBOT, INSTALLED = "With the robot", "About this installation"
@@ -128,9 +131,9 @@ def run(
     exports: ExportOptions,
 ) -> None:
     """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV)."""
-    from armcontour.cli.exporting import exports_of
-    from armcontour.cli.opening import open_job
-    from armcontour.cli.running import run_job
+    from armcontour.cli.exports import exports_of
+    from armcontour.cli.inputs import open_job
+    from armcontour.cli.run_command import run_job
 
     run_job(
         lambda progress: open_job(job, job_options, progress),
@@ -146,7 +149,7 @@ def run(
 @_command(RUN, "demo --open")
 def demo(out: Out = FilePath("demo"), force: Force = False, open_report: Open = False) -> None:
     """Run two built-in jobs: the paper's job on the PMK-3s, and a plate that a UR5e cuts."""
-    from armcontour.cli.running import run_demo
+    from armcontour.cli.run_command import run_demo
 
     run_demo(out, force=force, open_report=open_report)
 
@@ -164,7 +167,7 @@ def studio(
     ] = None,
 ) -> None:
     """Open a page in which the path is dragged, and the robot's answer is seen at once."""
-    from armcontour.cli.serving import open_studio
+    from armcontour.cli.studio_command import open_studio
 
     open_studio(job, options)
 
@@ -182,7 +185,7 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Show size and layers of a drawing, before any arm."""
-    from armcontour.cli.showing import show_file
+    from armcontour.cli.show_command import show_file
 
     show_file(drawing, drawing_options, as_json)
 
@@ -199,7 +202,7 @@ def check(
 
     Exit codes: 0 all limits kept, 1 a limit violated, 7 the samples cannot tell, 2 invalid input.
     """
-    from armcontour.cli.checking import check_file
+    from armcontour.cli.check_command import check_file
 
     raise typer.Exit(check_file(trajectory, options))
 
@@ -212,7 +215,7 @@ def certify(
     options: CertifyOptions,
 ) -> None:
     """Find the fastest plan whose execution keeps a tolerance; exit code 4 if there is none."""
-    from armcontour.cli.certifying import certify_file
+    from armcontour.cli.certify_command import certify_file
 
     certify_file(job, job_options, options)
 
@@ -226,7 +229,7 @@ def place(
     options: PlaceOptions,
 ) -> None:
     """Find where the part lies best: writes maps, a table, and the job in the best place."""
-    from armcontour.cli.placing import place_file
+    from armcontour.cli.place_command import place_file
 
     place_file(job, out, job_options, options)
 
@@ -245,7 +248,7 @@ def batch(
 
     Exit codes: 0 every job is done or refused; 1 some failed; 2 a wrong plan.
     """
-    from armcontour.cli.batching import batch_file
+    from armcontour.cli.batch_command import batch_file
 
     raise typer.Exit(batch_file(plan, out, options))
 
@@ -260,7 +263,7 @@ def export(
     options: StoredExportOptions,
 ) -> None:
     """Export set-points, or the plan, of an earlier result for a robot controller."""
-    from armcontour.cli.exporting import export_stored
+    from armcontour.cli.exports import export_stored
 
     export_stored(result, file, options)
 
@@ -281,7 +284,7 @@ def identify(
 
     Exit codes: 0 good, 1 a joint or the compensation is doubtful, 9 good on one program only.
     """
-    from armcontour.cli.identifying import identify_files
+    from armcontour.cli.identify_command import identify_files
 
     raise typer.Exit(identify_files(logs, options))
 
@@ -294,7 +297,7 @@ def learn(
     job_options: JobOptions,
 ) -> None:
     """Learn the set-points of the next run from the log of the last."""
-    from armcontour.cli.learning import learn_file
+    from armcontour.cli.learn_command import learn_file
 
     learn_file(job, job_options, options)
 
@@ -302,10 +305,20 @@ def learn(
 @_command(PREPARE, "arms")
 def arms() -> None:
     """List the built-in arms, with the parameters that are assumed."""
-    from armcontour.cli.listing import list_arms
+    from armcontour.files.robots.loading import arm_names, load_arm
 
-    for line in list_arms():
-        typer.echo(line)
+    for name in arm_names():
+        arm = load_arm(name)
+        chain = arm.chain
+        heavy = chain is not None and chain.masses is not None
+        known = "known" if heavy else "not known"
+        typer.echo(f"{name}: {arm.name}, {arm.dof} joints, masses {known}")
+        notes = [f"source: {arm.source}"]
+        if chain is not None and chain.assumed:
+            notes.append(f"assumed: {chain.assumed}")
+        for note in notes:
+            lines = textwrap.wrap(note, WIDTH, initial_indent="    ", subsequent_indent="        ")
+            typer.echo("\n".join(lines))
 
 
 @_command(PREPARE, "init ur5e --out cell.yaml")
@@ -320,9 +333,25 @@ def init(
     force: Annotated[bool, typer.Option("--force", help="Replace a file of that name.")] = False,
 ) -> None:
     """Write a work cell as a job file to start from, with an arm, limits, a servo and comments."""
-    from armcontour.cli.starting import write_cell
+    from armcontour.cli.console import Console
+    from armcontour.core import staging
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files.cell import YAML, cell_text
 
-    write_cell(cell, out, force=force)
+    text = cell_text(cell)
+    file = FilePath(f"{cell}.yaml") if out is None else out
+    if file.suffix.lower() not in YAML:
+        raise InvalidInput(f"A cell is a {YAML[0]} file: name one with --out, not {file}.")
+    if file.exists() and not force:
+        raise InvalidInput(f"{file} exists already: name another file with --out, or give --force.")
+    try:
+        staging.write_atomically(file, lambda x: x.write_text(text, encoding="utf-8"))
+    except OSError as error:
+        raise staging.unwritable(file, error) from None
+    Console().say(
+        f"{file} is a copy of the cell {cell}: set its arm, servo and position of the drawing, "
+        f"then armcontour run DRAWING --cell {file} --out FOLDER"
+    )
 
 
 @_command(INSTALLED, "warm usual")
@@ -335,9 +364,23 @@ def warm(
     ] = Kind.all,
 ) -> None:
     """Compile everything that is compiled at its first use, so that no command has to wait."""
-    from armcontour.cli.warming import warm_up
+    from armcontour.cli.console import Console
+    from armcontour.cli.progress_bars import share_progress
+    from armcontour.core.compilation import warm
 
-    warm_up(kind.value)
+    with share_progress() as progress:
+        warmed = warm(kind.value, progress)
+    console = Console()
+    console.say(
+        f"{warmed.functions} functions are compiled, {warmed.compiled} of them now. They are "
+        f"stored in {warmed.folder}."
+    )
+    if not os.environ.get("NUMBA_CACHE_DIR") and PACKAGE not in warmed.folder.parents:
+        console.say(
+            f"Note: only your own programs use these files, because the folder {PACKAGE} cannot "
+            "be written. Other users compile their own, or set NUMBA_CACHE_DIR to a folder that "
+            "all can write to, now and whenever armcontour runs."
+        )
 
 
 @_command(INSTALLED, "schema")

@@ -63,7 +63,7 @@ def _run() -> int:
     """Run the typer app and return its exit code."""
     # Imported here: typer takes a tenth of a second, during which signals must work already.
     from armcontour.cli.commands import app_for
-    from armcontour.cli.progress import compiling_said
+    from armcontour.cli.progress_bars import compiling_said
 
     try:
         with compiling_said():

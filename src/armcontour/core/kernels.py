@@ -33,6 +33,7 @@ _waiting: list[Callable[[Any], None]] = []
 # Where nobody listens, the log tells of compiling that goes on for longer than this [s].
 PATIENCE = 2.0
 ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT.name
 IMPORT = re.compile(r"^from (armcontour\.[\w.]+) import", re.MULTILINE)
 COMPILED = re.compile(r"^@compiled\(", re.MULTILINE)
 
@@ -169,7 +170,7 @@ class _Listener(event.Listener):
     def on_start(self, event: Any) -> None:
         """Tell the name of a function of this package."""
         function = event.data["dispatcher"].py_func
-        if not function.__module__.startswith(f"{__package__}."):
+        if not function.__module__.startswith(f"{PACKAGE}."):
             return
         name = f"{function.__module__}.{function.__name__}"
         if not (progress.tell_compiling(name) or self._logged):
@@ -184,7 +185,7 @@ class _Listener(event.Listener):
         self._begin = self._begin or now
         if now > self._begin + PATIENCE:
             self._logged = True
-            logging.getLogger(__package__).warning(
+            logging.getLogger(PACKAGE).warning(
                 "armcontour compiles the functions of this job that were not compiled yet, which "
                 "may take a minute or two. `armcontour warm` compiles all, on all processors."
             )

@@ -128,7 +128,7 @@ class About:
         option: The option of the command line, such as "--units"; "" for none.
         topic: Its section in the help of commands; by default that of the keys around it.
         help: Its help.
-        read: The function of `cli/quantities.py` that reads it, if it is no single value.
+        read: The function of `cli/inputs.py` that reads it, if it is no single value.
         key: The key that it sets in the mapping of the field; "*" for the keys that it names.
         usual: Range of the slider on the page of the Studio, in SI units; from 0 it is linear,
             otherwise logarithmic. By default there is none.

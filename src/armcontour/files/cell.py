@@ -12,7 +12,7 @@ from armcontour.core.checks import LONGEST_NAME
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
 from armcontour.core.text import make_printable, shorten
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_edits import REMOVE, move_files
 from armcontour.files.job_file import job_of, job_text, model_of, read_data

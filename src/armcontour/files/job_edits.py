@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias
 import yaml
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.yaml_layout import Loader, load_with_node
+from armcontour.core.yaml_loader import Loader, load_with_node
 from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.problems import place
 from armcontour.files.yaml_text import Shared, Splice, YamlText, same

@@ -18,7 +18,7 @@ from armcontour.core.fields import checked
 from armcontour.core.file_access import read_text
 from armcontour.core.progress import Progress
 from armcontour.core.text import show
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files.job_arm import arm_of, equipped
 from armcontour.files.job_model import (
     ExperimentModel,

@@ -11,12 +11,11 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.file_access import LARGE, read_text
 from armcontour.core.sampling import LARGEST, check_distance, check_samples, describe_bursts
-from armcontour.core.text import show
+from armcontour.core.text import count_noun, show
 from armcontour.files.csv_table import CsvTable, Digits, last_digit
 from armcontour.files.joint_titles import FRACTION, TIME, Key
 from armcontour.motion import LapLaw, Trajectory

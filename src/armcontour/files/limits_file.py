@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import read_text
 from armcontour.core.quantities import Angle, Length
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files.keys import Given, read_keys
 from armcontour.robot import Arm, Limits, resolve_limits
 

@@ -13,7 +13,7 @@ from armcontour import planning
 from armcontour.control import compensation
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show, suggest
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.job_edits import REMOVE, Change, Keys, change_data, change_text, value_at
 from armcontour.files.job_model import JobModel, RunModel

@@ -15,7 +15,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_text
 from armcontour.core.render import jsonable
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files.keys import Keys, read_keys
 from armcontour.robot.servo import ServoModel
 

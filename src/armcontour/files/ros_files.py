@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core import yaml_layout
+from armcontour.core import yaml_loader
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import LARGE, MEGABYTE, SMALL, read_text
@@ -184,7 +184,7 @@ def _read_yaml(
     """
     # What `echo` prints ends with the mark of a next message.
     text = read_text(file, "trajectory file").rstrip().removesuffix("---")
-    data = _trajectory_in(file.name, yaml_layout.load(text, file.name))
+    data = _trajectory_in(file.name, yaml_loader.load(text, file.name))
     if not isinstance(data, dict) or not {"joint_names", "points"} <= set(data):
         raise InvalidInput(
             f"{file.name} is no JointTrajectory, nor a goal or a message with one: that needs the "

@@ -8,7 +8,7 @@ from typing import Any
 from armcontour._version import __version__
 from armcontour.control.identification import Estimate, Identification, JointIdentification
 from armcontour.core.render import figure
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.robot.servo import ServoModel
 
 # Parameters with one value per joint in a servo file, with their units.

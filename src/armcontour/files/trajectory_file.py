@@ -7,10 +7,9 @@ from functools import partial
 from pathlib import Path as FilePath
 
 from armcontour.core import checks
-from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.text import list_some, show
+from armcontour.core.text import count_noun, list_some, show
 from armcontour.files.csv_table import MOST_NAMED, CsvTable, last_digit, read_table
 from armcontour.files.joint_table import (
     QUANTITIES,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from armcontour.core.yaml_layout import INT
+from armcontour.core.yaml_loader import INT
 from armcontour.files.yaml_values import TEXT, WIDTH, behind, block_text, flow_text
 
 COMMENT = re.compile(r"#[^\r\n]*")

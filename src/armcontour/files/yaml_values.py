@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from armcontour.core.yaml_layout import Loader
+from armcontour.core.yaml_loader import Loader
 
 # A value that would be longer on one line becomes a block of several lines.
 WIDTH = 100

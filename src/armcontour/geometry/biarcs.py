@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour.core._quintics import evaluate, quintic
 from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.segments import Segments, largest_bend
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour.core._quintics import re_expand
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.quintics import re_expand
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import (
     UNEVEN,

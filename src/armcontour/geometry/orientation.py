@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core._quintics import re_expand
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.describing import count_noun, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.frames import angle_between, exp, log
 from armcontour.core.quantities import Axes, Quantity
+from armcontour.core.quintics import re_expand
+from armcontour.core.text import count_noun, short_repr
 
 # Orientations that differ by less than this count as equal [rad].
 SAME_ORIENTATION = 1e-9

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core._quintics import quintic
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import exp, log, rotations, shortest
+from armcontour.core.quintics import quintic
 from armcontour.geometry.biarcs import dot, unit
 from armcontour.geometry.orientation import LINEAR, SAME_ORIENTATION, Orientation, value_of
 from armcontour.geometry.segments import Segments

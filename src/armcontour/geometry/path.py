@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.describing import count_noun, digits, format_table, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import Frame, Pose, angle_between
 from armcontour.core.quantities import Factor, Tolerance
+from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry.nearest import Projection, find_nearest
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, tabulate

@@ -20,10 +20,10 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.describing import count_noun, format_table, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.render import number
+from armcontour.core.text import count_noun, format_table, short_repr
 from armcontour.geometry.corner_curves import (
     ARC,
     PARABOLA,

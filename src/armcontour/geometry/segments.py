@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core._quintics import evaluate, re_expand
 from armcontour.core.checks import BoolArray, FloatArray, IntArray, Value
 from armcontour.core.errors import InvalidInput
+from armcontour.core.quintics import evaluate, re_expand
 
 # Points closer than this count as one point: no arm resolves a nanometre [m].
 REPEATED_POINT = 1e-9

@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core._quintics import evaluate
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.describing import count_noun, format_table, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
+from armcontour.core.quintics import evaluate
 from armcontour.core.render import number
+from armcontour.core.text import count_noun, format_table, short_repr
 from armcontour.geometry.path import Path, check_arc_length
 
 # Name of the duration of the shaped path itself, beside those of its starts.

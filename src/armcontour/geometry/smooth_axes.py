@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core._banded import solve_banded
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import angle_between
+from armcontour.core.quintics import solve_banded
 
 # Weights of smoothness, for waypoints one apart: the tool turns evenly with the largest of them.
 # They are bisected on a logarithmic scale in so many steps.

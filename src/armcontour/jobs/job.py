@@ -11,7 +11,6 @@ from armcontour.control.compensation import CompensationOptions, InverseDynamics
 from armcontour.control.compensation.compensator import INVERSE
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import count_noun, digits, format_table, short_repr
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import Checked
 from armcontour.core.frames import Frame
@@ -29,6 +28,7 @@ from armcontour.core.quantities import (
     Tolerance,
 )
 from armcontour.core.render import number
+from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
 from armcontour.geometry.rounding import CONTINUITIES, Continuity
 from armcontour.jobs.analog import check_speeds

@@ -10,11 +10,11 @@ from typing import Any
 
 from armcontour._version import __version__
 from armcontour.control.compensation import NoCompensation
-from armcontour.core.describing import count_noun, draw, short_repr, to_html
 from armcontour.core.errors import ExecutionError
 from armcontour.core.fields import checked
 from armcontour.core.render import Result, compare, lay_out, number, units
 from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
+from armcontour.core.text import count_noun, draw, short_repr, to_html
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import warnings
 from armcontour.jobs.improvements import Advice

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import count_noun
 from armcontour.core.fields import quantities
 from armcontour.core.render import number, plain
 from armcontour.core.result import VERDICT, Row, Table
-from armcontour.core.text import list_some
+from armcontour.core.text import count_noun, list_some
 from armcontour.geometry import RoundedPath, ShapedPath
 from armcontour.jobs.quantities import Torques, angular_speed, assumed_numbers
 from armcontour.motion import Execution, Span, Trajectory

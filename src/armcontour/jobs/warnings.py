@@ -8,9 +8,8 @@ import numpy as np
 
 from armcontour.control.compensation import InverseDynamics
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import count_noun
 from armcontour.core.render import figure, number
-from armcontour.core.text import list_some
+from armcontour.core.text import count_noun, list_some
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.jobs.jerk_stops import JerkStop

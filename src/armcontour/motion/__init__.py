@@ -10,6 +10,6 @@ _HOME = {
     "laws": "LapLaw Law LawAlongPath LineLaw PathLaw Rates dwell_law",
     "log": "Log",
     "trajectory": "DEFAULT_CYCLE LawPhase Method Samples Span TimedEvent Trajectory",
-    "armcontour.core._quintics": "quintic",
+    "armcontour.core.quintics": "quintic",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -8,9 +8,13 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core._quintics import evaluate, quintic
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.describing import (
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked, checked
+from armcontour.core.quantities import Axes, Quantity, Time
+from armcontour.core.quintics import evaluate, quintic
+from armcontour.core.render import number
+from armcontour.core.text import (
     count_noun,
     draw,
     format_table,
@@ -18,10 +22,6 @@ from armcontour.core.describing import (
     short_repr,
     to_html,
 )
-from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked
-from armcontour.core.quantities import Axes, Quantity, Time
-from armcontour.core.render import number
 from armcontour.motion.trajectory import Trajectory, to_columns
 from armcontour.robot import Arm, Limits
 

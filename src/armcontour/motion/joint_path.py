@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core._quintics import evaluate, quintic
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.describing import count_noun, format_table, joint_rows, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Axes, Choice
+from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
+from armcontour.core.text import count_noun, format_table, joint_rows, short_repr
 from armcontour.geometry import Path
 from armcontour.motion._joint_path import examine, spline_pieces
 from armcontour.motion._laws import Motion, joint_motions

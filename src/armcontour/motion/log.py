@@ -12,13 +12,12 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.describing import clock, count_noun, format_table, joint_rows, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import Axes, Choice, Name, Quantity
 from armcontour.core.render import number
 from armcontour.core.sampling import GAP, LARGEST, check_samples, describe_bursts
-from armcontour.core.text import show
+from armcontour.core.text import clock, count_noun, format_table, joint_rows, short_repr, show
 
 # What is known of a command between two samples of a log: not more.
 INTERPOLATIONS = ("linear", "step")

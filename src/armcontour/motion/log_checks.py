@@ -10,10 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import clock, count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampling import white_noise
-from armcontour.core.text import list_some, show
+from armcontour.core.text import clock, count_noun, list_some, show
 from armcontour.motion.log import Log
 from armcontour.robot import Arm
 

@@ -14,7 +14,11 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.describing import (
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked, checked
+from armcontour.core.quantities import Interval
+from armcontour.core.render import number
+from armcontour.core.text import (
     count_kinds,
     count_noun,
     draw,
@@ -22,10 +26,6 @@ from armcontour.core.describing import (
     short_repr,
     to_html,
 )
-from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, checked
-from armcontour.core.quantities import Interval
-from armcontour.core.render import number
 from armcontour.geometry import Path
 from armcontour.motion._laws import Motion, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw

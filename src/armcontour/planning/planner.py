@@ -11,11 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
-from armcontour.core.text import capitalise
+from armcontour.core.text import capitalise, count_noun
 from armcontour.geometry import Path
 from armcontour.geometry.shaped import doubt_search
 from armcontour.motion import JointPath, Trajectory

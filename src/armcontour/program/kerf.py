@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from armcontour.core.checks import LONGEST_NAME, BoolArray, FloatArray, IntArray
-from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import exp
+from armcontour.core.text import count_noun
 from armcontour.geometry import Path
 from armcontour.geometry.nearest import find_nearest
 from armcontour.geometry.orientation import Orientation

@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import count_kinds, count_noun, digits, format_table
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import Frame, Pose
@@ -29,7 +28,15 @@ from armcontour.core.quantities import (
     Time,
 )
 from armcontour.core.render import number_range
-from armcontour.core.text import list_some, make_printable, shorten
+from armcontour.core.text import (
+    count_kinds,
+    count_noun,
+    digits,
+    format_table,
+    list_some,
+    make_printable,
+    shorten,
+)
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import (
     arc_length_without_z,

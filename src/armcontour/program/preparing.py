@@ -11,10 +11,9 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import LONGEST_NAME, FloatArray
-from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import checked
-from armcontour.core.text import shorten
+from armcontour.core.text import count_noun, shorten
 from armcontour.geometry import Path, SegmentLimits
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT

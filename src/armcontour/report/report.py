@@ -8,9 +8,9 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour.core import checks, staging
-from armcontour.core.describing import count_noun
 from armcontour.core.fields import checked
 from armcontour.core.render import number
+from armcontour.core.text import count_noun
 from armcontour.jobs import Job, JobResult, RunResult
 from armcontour.motion import Execution, Trajectory
 from armcontour.report import sections

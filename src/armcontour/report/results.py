@@ -63,7 +63,7 @@ def study_of(result: Result) -> JobResult:
 
 
 def draw_result(result: Result, kind: str) -> Any:
-    """As `armcontour.core.describing.draw`."""
+    """As `armcontour.core.text.draw`."""
     checks.check_choice("kind", kind, tuple(KINDS))
     drawn = KINDS[kind](study_of(result))
     from plotly.graph_objects import Figure as Plotly

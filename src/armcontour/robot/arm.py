@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, Immutable
-from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.text import count_noun
 from armcontour.robot.chain import Chain, Payload
 from armcontour.robot.limits import DIRECTED, JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
 

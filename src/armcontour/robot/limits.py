@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import digits, format_table, short_repr, to_html
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, quantities
 from armcontour.core.quantities import (
@@ -31,6 +30,7 @@ from armcontour.core.quantities import (
     JointVelocities,
     SpeedLimit,
 )
+from armcontour.core.text import digits, format_table, short_repr, to_html
 
 JOINT_RANGE = ("joint_lower", "joint_upper")
 # Limits of joints that may differ between the two directions.

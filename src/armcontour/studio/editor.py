@@ -12,7 +12,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files.job_edits import Change, change_data, change_text
 from armcontour.jobs import Job
 from armcontour.studio.described import Seen, runs_of

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.describing import place_and_time, short_repr
 from armcontour.core.fields import Checked
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
+from armcontour.core.text import place_and_time, short_repr
 from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.nearest import pack
 from armcontour.geometry.orientation import turns_between

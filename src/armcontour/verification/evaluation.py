@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray, Value
-from armcontour.core.describing import draw, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, FIRST, Data, Row, Table
+from armcontour.core.text import draw, short_repr
 from armcontour.geometry import Path
 from armcontour.motion import Execution, SetPoints
 from armcontour.program import Program

@@ -12,7 +12,7 @@ import yaml
 from soak.identification import move, multisine
 from tests.files.tables import parse_log
 
-from armcontour.cli.identifying import identify_files
+from armcontour.cli.identify_command import identify_files
 from armcontour.cli.options import IdentifyOptions
 from armcontour.control.identification import Log, identify
 from armcontour.core.errors import InvalidInput

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 import armcontour as ac
-from armcontour.cli.identifying import identify_files
+from armcontour.cli.identify_command import identify_files
 from armcontour.cli.options import IdentifyOptions
 from armcontour.control.compensation import METHODS
 from armcontour.files import parse_job

@@ -58,7 +58,7 @@ def test_processes_and_dask_give_the_same_rows(small, tmp_path, work):
 
 ENDING = """
 import os
-from armcontour.batches.working import Work
+from armcontour.batches.outcomes import Work
 
 class Ending(Work):
     def __call__(self, index):
@@ -70,7 +70,7 @@ def test_a_job_that_ends_its_process_costs_itself_only(small, tmp_path, monkeypa
     (tmp_path / "ending.py").write_text(ENDING)
     monkeypatch.syspath_prepend(tmp_path)
     ending = importlib.import_module("ending")
-    monkeypatch.setattr("armcontour.batches.batching.Work", ending.Ending)
+    monkeypatch.setattr("armcontour.batches.runner.Work", ending.Ending)
     one = small | {"over": {"limits.speed": SPEEDS}}
     found = ac.batch(one, tmp_path / "out", workers=2)
     assert [x["status"] for x in found.rows] == ["done", "failed", *["done"] * 4]

@@ -14,7 +14,7 @@ import yaml
 from docs.pages import run_command
 from markdown_it import MarkdownIt
 
-from armcontour.cli.progress import compiling_said
+from armcontour.cli.progress_bars import compiling_said
 from armcontour.core.progress import tell_compiling
 
 ROOT = Path(__file__).parents[3]

@@ -4,7 +4,7 @@ import time
 import timeit
 from importlib import resources
 
-from armcontour.core.yaml_layout import load
+from armcontour.core.yaml_loader import load
 from armcontour.files.job_edits import Change, change_data, change_text
 
 PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")

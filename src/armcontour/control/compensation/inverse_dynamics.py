@@ -15,9 +15,9 @@ from armcontour.control.compensation.set_points import (
     integrator_tail,
     time_advances,
 )
-from armcontour.core._banded import solve_banded
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
+from armcontour.core.quintics import solve_banded
 from armcontour.motion import Trajectory
 from armcontour.robot import Arm
 from armcontour.robot.drives import Drives

@@ -10,11 +10,11 @@ import numpy as np
 
 from armcontour.control.identification.fit import allowed_deviation
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.render import Result, number_range
 from armcontour.core.result import Data, Row, Table
+from armcontour.core.text import short_repr
 from armcontour.motion.log import Log
 
 UNITS = {

@@ -15,11 +15,11 @@ from armcontour.control.identification.fitting import LogSegment, predict, split
 from armcontour.control.identification.residuals import fastest_motion
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.core.describing import count_noun, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row
+from armcontour.core.text import count_noun, short_repr
 from armcontour.motion.log import Log
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel

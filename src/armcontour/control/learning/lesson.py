@@ -10,13 +10,13 @@ import numpy as np
 from armcontour.control.learning.lifted import Lifted
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import clock, count_noun, format_table, joint_rows, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import Axes, Quantity
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.sampling import GAP, describe_bursts
+from armcontour.core.text import clock, count_noun, format_table, joint_rows, short_repr
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.robot.servo import ServoModel
 

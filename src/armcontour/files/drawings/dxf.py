@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray, raise_if
-from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
-from armcontour.core.text import list_some
+from armcontour.core.text import count_noun, list_some
 from armcontour.files.drawings._dxf_entities import (
     NO_CONTOUR,
     SHAPES,

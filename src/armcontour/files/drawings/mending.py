@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from armcontour.core.describing import digits
+from armcontour.core.text import digits
 from armcontour.files.drawings.options import ReadOptions
 from armcontour.geometry.mending import Mended, mend_vertices
 from armcontour.program import Contour, Program

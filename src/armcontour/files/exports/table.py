@@ -15,12 +15,12 @@ from typing import Annotated, Any
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core._banded import solve_banded
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.frames import quaternions
 from armcontour.core.quantities import Axes, Interval, Quantity
+from armcontour.core.quintics import solve_banded
 from armcontour.motion import (
     DEFAULT_CYCLE,
     LONGEST_CLOCK,

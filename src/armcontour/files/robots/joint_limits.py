@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core import file_access, yaml_layout
+from armcontour.core import file_access, yaml_loader
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import plain_number, show
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, UNITS, Limits, or_unlimited
@@ -64,7 +64,7 @@ def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
         InvalidInput: No such file, a file for other joints, or a value that is no limit.
     """
     content = file_access.read_bytes(file, "file of joint limits")
-    data = yaml_layout.load(content, str(file), yaml_layout.AngleLoader)
+    data = yaml_loader.load(content, str(file), yaml_loader.AngleLoader)
     for wrapper in WRAPPERS:
         if isinstance(data, Mapping) and wrapper in data:
             data = data[wrapper]

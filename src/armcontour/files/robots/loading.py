@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core import checks, file_access, yaml_layout
+from armcontour.core import checks, file_access, yaml_loader
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
@@ -160,7 +160,7 @@ def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -
     """Read a built-in arm or an arm file, by the arguments of `arm_of`."""
     if name.lower().endswith((".yaml", ".yml")):
         content = file_access.read_bytes(name, "arm file")
-        return arm_of(name, yaml_layout.load(content, name, yaml_layout.AngleLoader), payload, load)
+        return arm_of(name, yaml_loader.load(content, name, yaml_loader.AngleLoader), payload, load)
     built_in = name.lower().replace("-", "")
     if built_in not in arm_names():
         raise InvalidInput(
@@ -211,7 +211,7 @@ def _built_in(name: str) -> Any:
     """
     file = f"{name}.yaml"
     content = (resources.files("armcontour.files.robots") / "library" / file).read_bytes()
-    return yaml_layout.load(content, file, yaml_layout.AngleLoader)
+    return yaml_loader.load(content, file, yaml_loader.AngleLoader)
 
 
 def arm_of(

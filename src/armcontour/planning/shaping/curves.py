@@ -8,8 +8,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core._quintics import quintic
 from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.quintics import quintic
 from armcontour.core.sampling import number_parts
 from armcontour.geometry import Path, Segments, SmoothCurve
 from armcontour.geometry.biarcs import biarcs

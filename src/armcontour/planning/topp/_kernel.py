@@ -13,7 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from armcontour.core._vectors import (
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.kernels import FUSED, compiled
+from armcontour.core.simd import (
     LANES,
     choose,
     higher,
@@ -24,8 +26,6 @@ from armcontour.core._vectors import (
     size,
     store,
 )
-from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.kernels import FUSED, compiled
 from armcontour.motion._intervals import interval_time
 from armcontour.planning.topp.limits import (
     ALONE,

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour.core._vectors import LANES
 from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput
+from armcontour.core.simd import LANES
 
 # Columns of `Rows.ends`, of the vectors of `Rounds.ends`, and of all rises.
 A, B, LOW, HIGH = range(4)

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from armcontour.core._vectors import LANES
 from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.simd import LANES
 from armcontour.planning.grid import Grid
 from armcontour.planning.topp._forms import ROUNDING, derivatives, write_sampled
 from armcontour.planning.topp.limits import (

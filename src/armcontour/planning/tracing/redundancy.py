@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour.core._banded import solve_banded
 from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.quintics import solve_banded
 from armcontour.motion import quintic
 from armcontour.robot import SerialArm, newton
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from armcontour.core.describing import count_noun
 from armcontour.core.render import figure, number
 from armcontour.core.result import Data, Row
-from armcontour.core.text import capitalise, list_some
+from armcontour.core.text import capitalise, count_noun, list_some
 from armcontour.jobs import JobResult, RunResult, warnings_of
 from armcontour.jobs.quantities import assumed_numbers
 from armcontour.planning.explanation import BETWEEN, NAMES

@@ -12,12 +12,12 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.core.describing import short_repr
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import AtLeast, Interval, Seed, Time, Workers
 from armcontour.core.render import Result
 from armcontour.core.result import VERDICT, Data, Row
+from armcontour.core.text import short_repr
 from armcontour.geometry import Path, angle_between
 from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.nearest import pack_arcs

@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import count_noun, short_repr
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.render import Result, number, verdict
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
+from armcontour.core.text import count_noun, short_repr
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job, Run

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.describing import count_kinds
 from armcontour.core.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.core.text import count_kinds
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.experiment import build_plant

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.core.describing import joint_called
 from armcontour.core.render import number
+from armcontour.core.text import joint_called
 from armcontour.motion import Trajectory
 from armcontour.studies.certification._derating import CAUSES, Derating
 

@@ -12,11 +12,11 @@ import numpy as np
 from armcontour._version import __version__
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import short_repr
 from armcontour.core.fields import checked
 from armcontour.core.frames import Frame, quaternions
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
+from armcontour.core.text import short_repr
 from armcontour.jobs.axes import UNITS, Axis
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.place_search import DURATION

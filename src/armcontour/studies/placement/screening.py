@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core._quintics import quintic
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
+from armcontour.core.quintics import quintic
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.planning.program_tracing import bound_duration

@@ -10,14 +10,13 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.describing import clock, short_repr
 from armcontour.core.errors import Collision
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Tolerance
 from armcontour.core.render import Result, figure, number
 from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 from armcontour.core.sampling import interpolate
-from armcontour.core.text import list_some
+from armcontour.core.text import clock, list_some, short_repr
 from armcontour.motion import Execution, JointPath, Trajectory
 from armcontour.motion.travel import joint_travel, largest_accelerations
 from armcontour.robot import Arm

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 import armcontour as ac
-from armcontour.cli.identifying import identify_files
+from armcontour.cli.identify_command import identify_files
 from armcontour.cli.options import IdentifyOptions
 from armcontour.core.errors import InvalidInput
 from armcontour.files.robot_file import read_servo

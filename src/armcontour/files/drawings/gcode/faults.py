@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from armcontour.core.describing import count_noun
-from armcontour.core.text import list_some
+from armcontour.core.text import count_noun, list_some
 
 MILLIMETRE, INCH = 1e-3, 0.0254
 IDLE = "Left out, because it moves nothing: {}."

@@ -18,12 +18,12 @@ from threading import Condition, Thread
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from armcontour.core import kernels
-from armcontour.core._banded import solve_banded
 from armcontour.core.errors import ArmContourError
-from armcontour.core.kernels import KERNELS, ROOT, waiting
+from armcontour.core.kernels import KERNELS, PACKAGE, ROOT, waiting
 from armcontour.core.pool import TaskQueue, open_executor
 from armcontour.core.process import can_start, is_other, processors
 from armcontour.core.progress import COMPILING, Progress, Step, subprogress, tell_compiling
+from armcontour.core.quintics import solve_banded
 
 # Runs on plane arms, runs on arms in space, both, and everything.
 Which: TypeAlias = Literal["plane", "space", "usual", "all"]
@@ -151,11 +151,11 @@ def from_text(text: str) -> tuple[Any, ...]:
     """Types of arguments from text such as `float64[:, ::1], const(float64[::1]), int64`.
 
     The text is Python in the words of `numba.types`, and three more: `const`, for an array that is
-    read-only, `named`, for a named tuple, and `Vector`, of `_vectors`.
+    read-only, `named`, for a named tuple, and `Vector`, of `simd`.
     """
     # Only some of these types have annotations.
     types: Any = import_module("numba.types")
-    from armcontour.core._vectors import VECTOR
+    from armcontour.core.simd import VECTOR
 
     def named(module: str, name: str, *parts: Any) -> Any:
         kind = getattr(import_module(module), name)
@@ -247,7 +247,7 @@ class Order:
             self._left.pop(key, None)
             self._done += self._size[key]
             self.compiled += compiled > 0
-            name = ".".join(key).removeprefix(f"{__package__}.")
+            name = ".".join(key).removeprefix(f"{PACKAGE}.")
             self._tell(Step((name,), self._done / self._whole))
             self._news.notify_all()
 

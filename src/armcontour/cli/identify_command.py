@@ -30,7 +30,7 @@ def identify_files(logs: list[FilePath], x: IdentifyOptions) -> int:
     Raises:
         InvalidInput: A file or option that cannot be used.
     """
-    from armcontour.cli.checking import named_arm
+    from armcontour.cli.check_command import named_arm
     from armcontour.core.checks import raise_if
 
     lonely = x.out is None and (x.open_report or x.force)
@@ -56,7 +56,7 @@ def identify_files(logs: list[FilePath], x: IdentifyOptions) -> int:
 
 def _identify_servos(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) -> int:
     """Identify the servo of every joint of some logs; the arm gives errors at the tool."""
-    from armcontour.cli.progress import search_progress
+    from armcontour.cli.progress_bars import search_progress
     from armcontour.control.identification import ServoFit, identify
     from armcontour.core.render import plain
     from armcontour.core.result import Row
@@ -79,7 +79,7 @@ def _identify_servos(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) 
 
 def _identify_bodies(logs: list[FilePath], x: IdentifyOptions, name: str, arm: Arm) -> int:
     """Identify an arm with masses from logs."""
-    from armcontour.cli.progress import search_progress
+    from armcontour.cli.progress_bars import search_progress
     from armcontour.control.identification import BodyFit, identify_bodies
     from armcontour.core.errors import InvalidInput
     from armcontour.files.robot_file import read_servo, robot_servo_yaml, robot_yaml
@@ -109,7 +109,7 @@ def _identify_bodies(logs: list[FilePath], x: IdentifyOptions, name: str, arm: A
 
 def _shared_options(x: IdentifyOptions) -> dict[str, Any]:
     """The options that both kinds of identification have; without those that are not given."""
-    from armcontour.cli.quantities import read_option
+    from armcontour.cli.inputs import read_option
     from armcontour.core.quantities import Interval
 
     given = {
@@ -122,7 +122,7 @@ def _shared_options(x: IdentifyOptions) -> dict[str, Any]:
 
 def _read(log: FilePath, x: IdentifyOptions) -> Log:
     """Read a log."""
-    from armcontour.cli.quantities import read_window
+    from armcontour.cli.inputs import read_window
     from armcontour.files.log_file import read_log
 
     start, end = read_window(x.start, x.end)

@@ -27,8 +27,8 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
     Raises:
         ArmContourError: An invalid job, or no plan that meets the goal; then nothing is written.
     """
-    from armcontour.cli.opening import open_job
-    from armcontour.cli.progress import search_progress
+    from armcontour.cli.inputs import open_job
+    from armcontour.cli.progress_bars import search_progress
     from armcontour.core.errors import InvalidInput
     from armcontour.core.pool import open_executor
     from armcontour.files import ResultFolder, certificate_json
@@ -76,7 +76,7 @@ def _refuse_nothing_shared(goal: CertificateGoal) -> None:
 
 def _write(found: Certificate, folder: Any) -> None:
     """Write the plan, its set-points, the derating, the report and the summary."""
-    from armcontour.cli.running import write_motions
+    from armcontour.cli.run_command import write_motions
     from armcontour.files import certificate_json, derating_csv
     from armcontour.report import render_report
 

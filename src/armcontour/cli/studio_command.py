@@ -43,7 +43,7 @@ def open_studio(file: FilePath | None, x: StudioOptions) -> None:
 
 def _check(file: FilePath | None, x: StudioOptions) -> None:
     """Refuse what cannot be opened before anything is loaded that takes long."""
-    from armcontour.cli.opening import is_job
+    from armcontour.cli.inputs import is_job
     from armcontour.core.errors import InvalidInput
     from armcontour.core.file_access import LARGE, read_bytes
     from armcontour.files.drawings.endings import find_reader

@@ -9,9 +9,8 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, TypeVar
 
 from armcontour.cli.console import Console, open_page, show_notes
-from armcontour.cli.opening import open_job
-from armcontour.cli.progress import search_progress
-from armcontour.cli.quantities import read_window
+from armcontour.cli.inputs import open_job, read_window
+from armcontour.cli.progress_bars import search_progress
 from armcontour.core.progress import Progress, Step, subprogress
 
 if TYPE_CHECKING:
@@ -170,7 +169,7 @@ def _write(found: LearningStudy, folder: ResultFolder) -> None:
     """Write what was learned."""
     import dataclasses
 
-    from armcontour.cli.running import write_motions
+    from armcontour.cli.run_command import write_motions
     from armcontour.files.json_text import data_json
     from armcontour.files.lesson_file import write_lesson
     from armcontour.files.set_point_file import LESSON

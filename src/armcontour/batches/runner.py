@@ -10,14 +10,13 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
+from armcontour.batches.outcomes import Outcome, Results, Work, killed
 from armcontour.batches.plan import Plan, read_plan
-from armcontour.batches.results import Results
-from armcontour.batches.working import Outcome, Work, killed
-from armcontour.core.compiling import warm
-from armcontour.core.describing import count_noun, digits, format_table
+from armcontour.core.compilation import warm
 from armcontour.core.fields import checked
 from armcontour.core.pool import InProcess, TaskQueue, open_executor
 from armcontour.core.progress import Progress
+from armcontour.core.text import count_noun, digits, format_table
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
     Raises:
         InvalidInput: The drawing cannot be read.
     """
-    from armcontour.cli.progress import search_progress
+    from armcontour.cli.progress_bars import search_progress
 
     with search_progress("reading") as progress:
         program = _read_drawing(file, drawing, progress)
@@ -58,7 +58,7 @@ def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -
     Raises:
         InvalidInput: The drawing cannot be read.
     """
-    from armcontour.cli.opening import name_options, read_patch
+    from armcontour.cli.inputs import name_options, read_patch
     from armcontour.files.drawings.options import ReadOptions
     from armcontour.files.drawings.read import read_path
     from armcontour.files.keys import Keys, read_keys

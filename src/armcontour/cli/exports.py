@@ -9,9 +9,9 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour.cli.quantities import read_option
-from armcontour.core.describing import count_noun, digits
+from armcontour.cli.inputs import read_option
 from armcontour.core.file_access import MEGABYTE
+from armcontour.core.text import count_noun, digits
 
 if TYPE_CHECKING:
     from armcontour.cli.options import ExportOptions, StoredExportOptions

@@ -1,20 +1,102 @@
-"""The folder of a batch: a row of JSON for each job that is done, and in the end table and page."""
+"""Outcomes of jobs: work on a job, in any process, and the folder with the results of a batch."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from armcontour.batches.page import render_page
+import numpy as np
+
+from armcontour.batches.columns import CERTIFY, COLUMNS, PLACE, TEACH, figures_of
 from armcontour.batches.plan import Plan
-from armcontour.batches.working import FAILED, STATUSES, Outcome
 from armcontour.core import staging
-from armcontour.core.errors import InvalidInput
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.jobs import Job
+
+if TYPE_CHECKING:
+    from armcontour.report.sections.batch import Axis
+
+# What can come of a job: figures, a refusal by this library, or neither, which may be tried again.
+DONE, REFUSED, FAILED = STATUSES = ("done", "refused", "failed")
+
+
+class Outcome(NamedTuple):
+    """What came of a job.
+
+    Args:
+        status: One of STATUSES.
+        error: Name of the error; None for a job that is done.
+        sentence: Its message.
+        figures: The figures that the plan asks for; empty for a job that is not done.
+        seconds: Time that the job took [s].
+    """
+
+    status: str
+    error: str | None = None
+    sentence: str | None = None
+    figures: tuple[float | None, ...] = ()
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Work:
+    """The work on jobs of a plan; it can be called in other processes.
+
+    Args:
+        plan: The plan.
+    """
+
+    plan: Plan
+
+    def __call__(self, index: int) -> Outcome:
+        """Work on the job of an index."""
+        begin = time.perf_counter()
+        try:
+            base = self.plan.bases[self.plan.base(index)]
+            job = base.job(self.plan.data(index), trust_xacro=self.plan.trust_xacro)
+            found = _do(self.plan.work, job, base.run)
+            outcome = Outcome(DONE, figures=figures_of(found, self.plan.columns, self.plan.work))
+        except ArmContourError as error:
+            outcome = Outcome(REFUSED, type(error).__name__, str(error))
+        except Exception as error:
+            outcome = Outcome(FAILED, type(error).__name__, str(error))
+        return outcome._replace(seconds=time.perf_counter() - begin)
+
+
+def killed() -> Outcome:
+    """The outcome of a job whose process ended before it."""
+    return Outcome(
+        FAILED,
+        "ProcessEnded",
+        "The process of this job ended before the job did: it crashed, or was killed, as when the "
+        "memory of the machine runs out.",
+    )
+
+
+def _do(work: str, job: Job, run: str | None) -> Any:
+    """Do what the plan says with a job."""
+    if work == CERTIFY:
+        from armcontour.studies.certification import certify
+
+        return certify(job, run)
+    if work == PLACE:
+        from armcontour.studies.placement import place
+
+        # Others have jobs of their own.
+        return place(job, run=run, processes=1)
+    from armcontour import jobs
+
+    return jobs.run(job, simulate=work != TEACH).runs[str(run)]
+
 
 ROWS, TABLE, REPORT = "results.jsonl", "results.parquet", "report.html"
 # A column that differs from one run of the same batch to the next.
@@ -164,3 +246,50 @@ def _parquet(rows: list[dict[str, Any]], plan: Plan) -> bytes:
     sink = pa.BufferOutputStream()
     pq.write_table(pa.Table.from_pylist(rows, schema=schema), sink)
     return bytes(sink.getvalue())
+
+
+# Largest number of jobs that are drawn.
+MOST = 5_000
+
+
+def render_page(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Render the results of a batch as one HTML page without other files.
+
+    Args:
+        plan: The plan.
+        rows: The results.
+    """
+    # Loads the library that draws, which processes that only work on jobs do not need.
+    from armcontour.report import render_batch
+    from armcontour.report.sections.batch import BatchView
+
+    stride = max(1, -(-len(rows) // MOST))
+    shown = rows[::stride]
+    axes = [_axis(x.key, x.unit, shown, log=x.log) for x in plan.varied if x.numeric]
+    figures = [_axis(x, COLUMNS[x].unit, shown) for x in plan.columns]
+    # Figures that no job has, such as places along axes that are not varied, are left out.
+    known = [x for x in figures if np.isfinite(x.values).any()]
+    names = ", ".join(x.name for x in plan.bases)
+    varied = ", ".join(x.key for x in plan.varied)
+    view = BatchView(
+        name=plan.name,
+        about=f"{len(plan)} jobs: {plan.work} {names}" + (f" over {varied}" if varied else ""),
+        counts=Counter(x["status"] for x in rows),
+        errors=Counter(x["error"] for x in rows if x["error"]),
+        axes=tuple(axes),
+        figures=tuple(known or figures),
+        status=tuple(x["status"] for x in shown),
+        done=DONE,
+        stride=stride,
+    )
+    return render_batch(view)
+
+
+def _axis(
+    name: str, unit: str | None, rows: Sequence[Mapping[str, Any]], *, log: bool = False
+) -> Axis:
+    """Values of a column, in SI units."""
+    from armcontour.report.sections.batch import Axis
+
+    values: FloatArray = np.array([x[name] for x in rows], dtype=float)
+    return Axis(name, unit or "", values, log)

@@ -9,9 +9,9 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour.cli.console import Console, open_page
-from armcontour.cli.exporting import Exports, rehearse, write_exports
-from armcontour.cli.opening import library_file
-from armcontour.cli.progress import job_progress
+from armcontour.cli.exports import Exports, rehearse, write_exports
+from armcontour.cli.inputs import library_file
+from armcontour.cli.progress_bars import job_progress
 from armcontour.core.progress import Progress, Step, subprogress
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
     Raises:
         ArmContourError: The folder cannot be used.
     """
-    from armcontour.core.compiling import warm_for_run
+    from armcontour.core.compilation import warm_for_run
     from armcontour.files import ResultFolder, read_job
     from armcontour.files.json_text import data_json
 
@@ -117,7 +117,7 @@ def run_job(
         ArmContourError: An invalid job, or a run that fails; then nothing is written.
     """
     # Heavy imports come later, so that a wrong folder or job is refused at once.
-    from armcontour.core.compiling import warm_for_run
+    from armcontour.core.compilation import warm_for_run
     from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder
     from armcontour.files.json_text import data_json

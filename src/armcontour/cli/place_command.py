@@ -29,8 +29,8 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
     Raises:
         ArmContourError: An invalid job, or no feasible place; then nothing is written.
     """
-    from armcontour.cli.opening import open_job
-    from armcontour.cli.progress import share_progress
+    from armcontour.cli.inputs import open_job
+    from armcontour.cli.progress_bars import share_progress
     from armcontour.core.errors import InvalidInput
     from armcontour.core.pool import open_executor
     from armcontour.files import ResultFolder, placement_csv, placement_json
@@ -73,7 +73,7 @@ def _job_text(found: Placement, file: FilePath, out: FilePath, options: JobOptio
     Raises:
         InvalidInput: It cannot be written with keys of a job.
     """
-    from armcontour.cli.opening import is_job, read_patch
+    from armcontour.cli.inputs import is_job, read_patch
     from armcontour.files import placed_job_text
     from armcontour.files.cell import drawing_text
     from armcontour.files.job_file import job_text

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armcontour.cli.console import Console
-from armcontour.core.describing import digits, joint_called
-from armcontour.core.text import list_some, show
+from armcontour.core.text import digits, joint_called, list_some, show
 
 if TYPE_CHECKING:
     from armcontour.cli.options import ArmOptions, CheckOptions
@@ -195,7 +194,7 @@ def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
     Raises:
         InvalidInput: No such quantities, or an error of velocities that the file does not have.
     """
-    from armcontour.cli.quantities import read_option
+    from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import AngularDistance, AngularRate
 

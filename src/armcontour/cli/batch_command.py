@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour.cli.console import Console, open_page
-from armcontour.cli.progress import batch_progress
+from armcontour.cli.progress_bars import batch_progress
 
 if TYPE_CHECKING:
     from armcontour.batches import Batch, BatchProgress

@@ -1,0 +1,281 @@
+"""Inputs of commands: quantities of options, and the job of a file, or of a drawing and a cell."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from importlib import resources
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any, get_args
+
+from armcontour.cli.options import SHORT
+from armcontour.core.text import plain_number, show
+
+if TYPE_CHECKING:
+    from armcontour.cli.options import JobOptions
+    from armcontour.core.progress import Progress
+    from armcontour.files.patch import Patch
+    from armcontour.jobs import Job
+
+# A job may have one of these endings, or none.
+JOBS = (".yaml", ".yml", "")
+# Name of the built-in job, which any command takes in place of a job file.
+PAPER = "paper"
+
+
+def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
+    """The keys of a job that options set.
+
+    Args:
+        groups: Groups of options.
+
+    Returns:
+        The values by their keys, and the options by keys with dots.
+
+    Raises:
+        InvalidInput: Text of another form, or a key that two options set.
+    """
+    from armcontour.core.errors import InvalidInput, error_context
+
+    patch: dict[tuple[str | int, ...], Any] = {}
+    options: dict[str, str] = {}
+    for group in groups:
+        for name, value in group.keys.items():
+            if value in (None, []):
+                continue
+            row, option = SHORT[name], f"--{name.replace('_', '-')}"
+            try:
+                value = READERS[row["read"]](value) if row["read"] else value
+            except ValueError as error:
+                raise InvalidInput(f"{option} {error}.") from None
+            *outer, last = row["key"].split(".")
+            each = value.items() if last == "*" else [(last, value)]
+            patch |= {(*outer, key): item for key, item in each}
+            options[row["key"].removesuffix(".*")] = option
+        for text in getattr(group, "sets", None) or ():
+            # Loads the checks of jobs.
+            from armcontour.files import parse_set
+
+            with error_context("--set"):
+                [(keys, value)] = parse_set(text).items()
+            key = ".".join(map(str, keys))
+            if key in options:
+                raise InvalidInput(f"{options[key]} and --set {key} set the same: leave one out.")
+            patch[keys], options[key] = value, "--set"
+    return patch, options
+
+
+@contextmanager
+def name_options(options: Mapping[str, str]) -> Iterator[None]:
+    """Put the option that has set a key before the message of an error that names this key.
+
+    Args:
+        options: The options by keys with dots.
+    """
+    from armcontour.core.errors import InvalidInput
+
+    try:
+        yield
+    except InvalidInput as error:
+        for key, option in options.items():
+            # A name without dots may be another word elsewhere in the sentence.
+            begin = r"\b" if "." in key else ": (unknown key )?"
+            if re.search(rf"{begin}{re.escape(key)}\b", str(error)):
+                raise error.at(option).with_traceback(error.__traceback__) from None
+        raise
+
+
+def library_file(name: str) -> FilePath:
+    """A file of the package's library of jobs."""
+    return FilePath(str(resources.files("armcontour.jobs") / "library" / name))
+
+
+def is_job(file: FilePath) -> bool:
+    """Whether a file is a job by its name; else it is a drawing."""
+    from armcontour.core.errors import InvalidInput
+
+    if file.is_dir():
+        raise InvalidInput(f"{file} is a folder: name a job file or a drawing.")
+    return file.suffix.lower() in JOBS
+
+
+def open_job(file: FilePath, x: JobOptions, progress: Progress, *groups: Any) -> Job:
+    """Read the job in a job file, or combine a drawing with a cell.
+
+    Args:
+        file: A job file, or a drawing.
+        x: Options that set keys of the job; --cell is for a drawing only.
+        progress: Called with the progress of reading the drawing.
+        groups: More groups of options that set keys of the job.
+
+    Raises:
+        InvalidInput: A drawing without a cell, a job file with a cell, or an invalid file.
+    """
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files import read_job
+    from armcontour.files.cell import cell_names, read_cell
+    from armcontour.files.drawings.endings import find_reader
+
+    patch, options = read_patch(x, *groups)
+    if is_job(file):
+        if x.cell is not None:
+            raise InvalidInput(
+                f"{file.name} is a job, which has an arm: --cell goes with a drawing."
+            )
+        if str(file) == PAPER and not file.exists():
+            file = library_file("paper.yaml")
+        with name_options(options):
+            return read_job(file, patch=patch, reading=progress, trust_xacro=x.trust_xacro)
+    # A robot description, say, is no drawing, and needs no cell.
+    find_reader(file)
+    if x.cell is None:
+        raise InvalidInput(
+            f"{file.name} is a drawing: name the cell it is to be run in with --cell, one of "
+            f"{', '.join(cell_names())}, or a job file."
+        )
+    with name_options(options):
+        return read_cell(x.cell, file, patch=patch, reading=progress, trust_xacro=x.trust_xacro)
+
+
+def read_option(option: str, text: str | int | None, kind: Any) -> float | None:
+    """The quantity of an option in SI units; None without the option.
+
+    Args:
+        option: The option, such as "--speed".
+        text: A number with its unit, or 0.
+        kind: The annotated type of the quantity, such as `Speed`.
+
+    Raises:
+        InvalidInput: The text is no quantity of the required unit, or has no unit.
+    """
+    return None if text is None else _read(option, str(text), kind)
+
+
+def read_window(start: str | None, end: str | None) -> tuple[float, float]:
+    """First and last time of a log to use [s]; infinite without the option.
+
+    Args:
+        start: The option --from.
+        end: The option --to.
+
+    Raises:
+        InvalidInput: One of them is no time.
+    """
+    from armcontour.core.quantities import Moment
+
+    first, last = read_option("--from", start, Moment), read_option("--to", end, Moment)
+    return -math.inf if first is None else first, math.inf if last is None else last
+
+
+def to_quantity(text: str) -> str | int:
+    """A quantity as a job file has it: text with a unit, or zero."""
+    return 0 if plain_number(text) == 0 else text.strip()
+
+
+def to_quantities(text: str) -> list[str | int]:
+    """Quantities that are separated by commas."""
+    return [to_quantity(part) for part in text.split(",")]
+
+
+def to_point(text: str) -> list[str | int]:
+    """A point; without z it is zero."""
+    coordinates = to_quantities(text)
+    return [*coordinates, 0] if len(coordinates) == 2 else coordinates
+
+
+def to_skip(_: bool) -> str:
+    """What the reader does with unknown elements."""
+    return "skip"
+
+
+def to_words(texts: list[str]) -> dict[str, list[str]]:
+    """Words to skip, separated by commas, in one option or several."""
+    return {"skip": [word.strip() for text in texts for word in text.split(",") if word.strip()]}
+
+
+def to_tools(texts: list[str]) -> dict[int, str | int]:
+    """Diameters of tools by their numbers."""
+    example = "1: 3 mm"
+    diameters = _named([part for text in texts for part in text.split(",")], example)
+    for name in diameters:
+        if not (name.isascii() and name.isdigit() and len(name) <= 8):
+            raise ValueError(f"takes the number of a tool, as in {example!r}, not {show(name)}")
+    return {int(name): to_quantity(diameter) for name, diameter in diameters.items()}
+
+
+def to_axes(texts: list[str]) -> dict[str, dict[str, str | int]]:
+    """Ranges of axes."""
+    example, axes = "x: -300 mm .. 300 mm, 25", dict[str, dict[str, str | int]]()
+    for name, text in _named(texts, example).items():
+        span, _, count = text.rpartition(",")
+        low, dots, high = span.partition("..")
+        number = plain_number(count)
+        if not dots or number is None or number != int(number):
+            raise ValueError(f"takes an axis, a range and a number, such as {example!r}")
+        axes[name] = {"from": to_quantity(low), "to": to_quantity(high), "places": int(number)}
+    return axes
+
+
+def to_offsets(texts: list[str]) -> dict[str, str | int]:
+    """By how much the part may be off along axes."""
+    return {name: to_quantity(text) for name, text in _named(texts, "x: 2 mm").items()}
+
+
+def to_anchor(text: str) -> str | list[str | int]:
+    """The name of a point, or its coordinates."""
+    return to_quantities(text) if "," in text else text
+
+
+def _named(texts: list[str], example: str) -> dict[str, str]:
+    """Texts such as 'x: 2 mm', by the names before their colons.
+
+    Raises:
+        ValueError: Text of another form, or a name twice.
+    """
+    values: dict[str, str] = {}
+    for text in texts:
+        name, colon, value = (part.strip() for part in text.partition(":"))
+        if not (name and colon and value):
+            raise ValueError(f"takes a name and a value, such as {example!r}, not {show(text)}")
+        if name in values:
+            raise ValueError(f"names {show(name)} twice: give it once")
+        values[name] = value
+    return values
+
+
+def _read(option: str, text: str, kind: Any) -> float:
+    """Read one quantity of an option: options are text, and text other than 0 needs a unit."""
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files.units import read_quantity
+
+    quantity = get_args(kind)[1]
+    plain = text.strip()
+    number = plain_number(plain)
+    if number:
+        # Not the number with a unit: the unit that was meant is not known.
+        raise InvalidInput(
+            f"{option}: {plain!r} has no unit: write one, as in '{quantity.example}'."
+        )
+    try:
+        return read_quantity(plain if number is None else number, quantity)
+    except ValueError as error:
+        raise InvalidInput(f"{option}: {str(error).rstrip('.')}.") from None
+
+
+# The functions that read the short options, by the names that `About` gives them.
+READERS: dict[str, Callable[[Any], Any]] = {
+    x.__name__: x
+    for x in (
+        to_quantity,
+        to_quantities,
+        to_point,
+        to_skip,
+        to_words,
+        to_tools,
+        to_axes,
+        to_offsets,
+        to_anchor,
+    )
+}
