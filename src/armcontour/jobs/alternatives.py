@@ -122,7 +122,7 @@ def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
     Args:
         job: The job.
     """
-    chosen = job.start is None and isinstance(job.arm, SerialArm)
+    chosen = job.seed is None and isinstance(job.arm, SerialArm)
     if not chosen or not _is_looked_at(job):
         return None
     return job.cell.stays_above if job.ignore_collisions else job.cell.fits
@@ -210,7 +210,7 @@ def _other_start(
 
     None if no start gets farther than the joint paths that were tried first, by `_reach`.
     """
-    if job.start is not None or not isinstance(job.arm, SerialArm):
+    if job.seed is not None or not isinstance(job.arm, SerialArm):
         return None
     program, farthest, cell = traced.program, None, job.cell
     first = next(x.path for x in program.moves if isinstance(x, Contour))
@@ -221,7 +221,7 @@ def _other_start(
         for k, q in enumerate(clear):
             progress(Step(("clearance",), k / len(clear)))
             try:
-                found = trace_program(program, job.arm, this.limits, start=q)
+                found = trace_program(program, job.arm, this.limits, seed=q)
             except ArmContourError:
                 continue
             least = sum(bound_duration(x, bounds) for x in found.joint_paths)
@@ -307,7 +307,7 @@ def _retract(arm: SerialArm, this: Run, q: FloatArray, height: float) -> FloatAr
     point, rotation = (x[0] for x in arm.pose(q[None]))
     line = Path.polyline([point, point - height * rotation[:, 2]])
     try:
-        way = trace(line.oriented(rotation), arm, limits=this.limits, start=q)
+        way = trace(line.oriented(rotation), arm, limits=this.limits, seed=q)
     except ArmContourError:
         return None
     return way(np.linspace(0.0, way.length, PLACES))

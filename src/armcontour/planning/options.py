@@ -56,11 +56,11 @@ class PlanOptions(Options):
             servo. With a reserve of 0, a servo that lags cannot catch up.
         configuration: For an arm in the plane: the branch of its inverse kinematics; by default the
             one that is fastest along the path.
-        start: For an arm in space: joint positions near the required start [rad], (dof,); by
+        seed: For an arm in space: joint positions near the required start [rad], (dof,); by
             default the configuration that is fastest along the path.
-        fits: Whether the arm may follow a joint path, such as `Cell(arm, scene).fits`: the fastest
-            configuration that fits is taken, and the fastest of all if none does. By default no
-            collisions are considered; `check_clearance` finds those of a plan.
+        accept: Returns whether the arm may follow a joint path, such as `Cell(arm, scene).fits`.
+            The fastest accepted configuration is used, and the fastest of all if none is accepted.
+            By default collisions are ignored; `check_clearance` finds those of a plan.
 
     Raises:
         InvalidInput: A value of the wrong type or out of range.
@@ -69,8 +69,8 @@ class PlanOptions(Options):
     method: ClassVar[Method]
     reserve: Annotated[Reserve, About(usual=(0.0, 0.9))] = 0.0
     configuration: str | None = None
-    start: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
-    fits: Callable[[JointPath], bool] | None = None
+    seed: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
+    accept: Callable[[JointPath], bool] | None = None
 
 
 @checks.explain_calls

@@ -102,8 +102,8 @@ def plan(
             arm,
             bounds,
             configuration=options.configuration,
-            start=options.start,
-            fits=options.fits,
+            seed=options.seed,
+            accept=options.accept,
         )
     kept = with_reserve(bounds, options.reserve)
     if isinstance(traced, JointPath):
@@ -273,8 +273,8 @@ def _refuse_foreign(
             "The method shaped changes the tool path, but this path is traced already: give it "
             "the Path or Program."
         )
-    if not (options.configuration is None and options.start is None):
-        given = "start" if options.configuration is None else "configuration"
+    if not (options.configuration is None and options.seed is None):
+        given = "seed" if options.configuration is None else "configuration"
         raise InvalidInput(f"A joint path is traced already: give {given} to trace instead.")
     steps = (TracedMove(move=None, joint_path=path),) if isinstance(path, JointPath) else path.steps
     for x in steps:

@@ -104,8 +104,8 @@ def trace_program(
     limits: Limits | None = None,
     *,
     configuration: str | None = None,
-    start: npt.ArrayLike | None = None,
-    fits: Callable[[JointPath], bool] | None = None,
+    seed: npt.ArrayLike | None = None,
+    accept: Callable[[JointPath], bool] | None = None,
     progress: Progress | None = None,
 ) -> Tracing:
     """Trace all moves of a program.
@@ -122,8 +122,8 @@ def trace_program(
         limits: Limits with the joint ranges; they also decide which configuration is the fastest.
             By default the arm's own.
         configuration: As in `plan`.
-        start: As in `plan`; by default where the contours were shaped, if they were.
-        fits: Whether a contour may be followed along a joint path, asked where a configuration is
+        seed: As in `plan`; by default where the contours were shaped, if they were.
+        accept: Whether a contour may be followed along a joint path, asked where a configuration is
             chosen: one that does not fit is only taken if none does.
         progress: Called after every contour with the step "tracing" and the share that is done.
 
@@ -131,9 +131,9 @@ def trace_program(
         ArmContourError: A move cannot be traced; the message starts with the name of the contour.
     """
     bounds = resolve_limits("trace_program", arm, limits)
-    if start is None:
+    if seed is None:
         shaped = [x.path for x in program.contours if isinstance(x.path, ShapedPath)]
-        start = shaped[0].outcome.joints if shaped else None
+        seed = shaped[0].outcome.joints if shaped else None
     tracer = _Tracer(
         program.single_path,
         program.moves,
@@ -142,8 +142,8 @@ def trace_program(
         arm.with_limits(bounds),
         bounds,
         configuration,
-        start,
-        fits,
+        seed,
+        accept,
     )
     for i, move in enumerate(program.moves):
         tracer.follow(i, move)
@@ -165,8 +165,8 @@ class _Tracer:
     limited: Arm
     limits: Limits
     configuration: str | None
-    start: npt.ArrayLike | None
-    fits: Callable[[JointPath], bool] | None
+    seed: npt.ArrayLike | None
+    accept: Callable[[JointPath], bool] | None
     steps: list[TracedMove] = field(default_factory=list)
     last: JointPath | None = None
     done: int = 0
@@ -197,7 +197,7 @@ class _Tracer:
             called = f"rapid away from {contour_called(before[0], self.done - 1)}"
         turned = turn_along(path, before, after)
         with error_context(called):
-            first = self.last is None and self.start is None
+            first = self.last is None and self.seed is None
             found = self._trace_to(after[0], turned, i) if first else self._trace(turned, i)
             self._append(i, found, called)
 
@@ -213,7 +213,7 @@ class _Tracer:
     def _trace(self, path: Path, i: int) -> JointPath:
         """Trace the path of a move from the present configuration, else from the fastest one."""
         if self.last is None:
-            return self._fastest(path, i, configuration=self.configuration, start=self.start)
+            return self._fastest(path, i, configuration=self.configuration, seed=self.seed)
         try:
             return trace(path, self.limited, **configuration_of(self.arm, ends_of(self.last)[1]))
         except Unreachable:
@@ -236,7 +236,7 @@ class _Tracer:
         path: Path,
         i: int,
         configuration: str | None = None,
-        start: npt.ArrayLike | None = None,
+        seed: npt.ArrayLike | None = None,
     ) -> JointPath:
         """Trace the path of a move in its fastest configuration; of equals that for what follows.
 
@@ -244,15 +244,13 @@ class _Tracer:
             path: The path.
             i: Index of the move.
             configuration: As in `trace_fastest`.
-            start: As in `trace_fastest`.
+            seed: As in `trace_fastest`.
         """
-        fits = self.fits if self.looks_ahead else None
+        accept = self.accept if self.looks_ahead else None
         first: JointPath | None = None
-        for group in trace_by_duration(
-            path, self.limited, configuration=configuration, start=start
-        ):
+        for group in trace_by_duration(path, self.limited, configuration=configuration, seed=seed):
             for x in self._in_order(group, i):
-                if fits is None or np.all(fits(x)):
+                if accept is None or np.all(accept(x)):
                     self.faster_rejected |= first is not None
                     return x
                 first = x if first is None else first
@@ -314,7 +312,7 @@ def configuration_of(arm: Arm, q: FloatArray) -> dict[str, Any]:
     return (
         {"configuration": arm.configuration_of(q)}
         if isinstance(arm, PlanarTwoLink)
-        else {"start": q}
+        else {"seed": q}
     )
 
 
@@ -354,7 +352,7 @@ def trace_fastest(
     limits: Limits | None = None,
     *,
     configuration: str | None = None,
-    start: npt.ArrayLike | None = None,
+    seed: npt.ArrayLike | None = None,
 ) -> JointPath:
     """Trace a path in the configuration whose optimal plan takes the least time.
 
@@ -365,13 +363,13 @@ def trace_fastest(
         arm: The arm.
         limits: Limits, including the joint ranges, without those of jerk; by default the arm's own.
         configuration: For an arm in the plane: the branch, as in `trace`, which leaves no choice.
-        start: For an arm in space: joint positions near the required start [rad], (dof,).
+        seed: For an arm in space: joint positions near the required start [rad], (dof,).
 
     Raises:
         Unreachable: No configuration completes the path.
         InvalidInput: The path does not fit the arm.
     """
-    return next(trace_by_duration(path, arm, limits, configuration=configuration, start=start))[0]
+    return next(trace_by_duration(path, arm, limits, configuration=configuration, seed=seed))[0]
 
 
 def trace_by_duration(
@@ -380,7 +378,7 @@ def trace_by_duration(
     limits: Limits | None = None,
     *,
     configuration: str | None = None,
-    start: npt.ArrayLike | None = None,
+    seed: npt.ArrayLike | None = None,
 ) -> Iterator[list[JointPath]]:
     """Trace a path in all configurations, those with the fastest optimal plans first.
 
@@ -389,7 +387,7 @@ def trace_by_duration(
         arm: See above.
         limits: See above.
         configuration: See above.
-        start: See above.
+        seed: See above.
 
     Yields:
         Joint paths that are as fast, the shortest one first. Of a long path there is only the
@@ -403,11 +401,11 @@ def trace_by_duration(
     # Limits of jerk cost much time here, and favour no configuration.
     rough = bounds.without_jerk
     if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):
-        long = _trace_long(path, arm, bounds) if configuration is None and start is None else None
+        long = _trace_long(path, arm, bounds) if configuration is None and seed is None else None
         if long is not None:
             yield [long]
             return
-    found = trace_all(path, arm, limits=bounds, configuration=configuration, start=start)
+    found = trace_all(path, arm, limits=bounds, configuration=configuration, seed=seed)
     if len(found) == 1:
         yield found
     else:
@@ -494,7 +492,7 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
         if any((1 - ALIKE) * x < durations[k] < (1 + ALIKE) * x for x in done):
             continue
         try:
-            found = trace(path, arm, limits=limits, start=solutions[k][0])
+            found = trace(path, arm, limits=limits, seed=solutions[k][0])
         except ArmContourError:
             continue
         done.append(float(durations[k]))
@@ -529,7 +527,7 @@ def _compare(
     for k, q in enumerate(solutions):
         try:
             found = [
-                trace(part, arm, limits=limits, start=q[i])
+                trace(part, arm, limits=limits, seed=q[i])
                 for part, i in zip(cuts, first, strict=True)
             ]
             bounds[k] = sum(bound_duration(x, rough) for x in found)

@@ -127,21 +127,21 @@ class Shaping:
         """
         drawn = [self._draw(x) if isinstance(x, Contour) else x for x in program.moves]
         program = dataclasses.replace(program, moves=tuple(drawn))
-        start = self.options.start
+        seed = self.options.seed
         arcs, traced = self._trace(program)
         moves = list(program.moves)
         tasks: list[tuple[int, Contour, _Task]] = []
         for step in traced.steps:
             move = None if step.move is None else moves[step.move]
             if isinstance(move, Contour) and step.move is not None and step.joint_path is not None:
-                task = _Task(move.path, self._timer(step.joint_path, start), self.options)
+                task = _Task(move.path, self._timer(step.joint_path, seed), self.options)
                 tasks.append((step.move, move, task))
         found = _shape_all([x[2] for x in tasks], progress)
         for done, (i, move, _) in enumerate(tasks):
             with _named(move, done, named):
                 moves[i] = put_on_path(move, found(done))
         shaped = dataclasses.replace(program, moves=tuple(moves))
-        if arcs is None or start is not None or self.arm.dimension == 2:
+        if arcs is None or seed is not None or self.arm.dimension == 2:
             return shaped
         return self._faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
 
@@ -164,12 +164,12 @@ class Shaping:
             shaped: The shaped program.
             first: Joint positions at the start of the program in which it was shaped [rad], (dof,).
         """
-        start = tuple(first.tolist())
+        seed = tuple(first.tolist())
         ways: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
         with suppress(ArmContourError):
             ways.append((arcs.program, None, self._time(arcs)))
         along_arcs = ways[0][2].contour_spans if ways else None
-        for near in (None, start):
+        for near in (None, seed):
             with suppress(ArmContourError):
                 ways.append((shaped, near, self._time(self._follow(shaped, near))))
         if not ways:
@@ -203,12 +203,10 @@ class Shaping:
         timing = Timing(self.arm, limits, Optimal(intervals=self.options.intervals))
         return time_program(traced, timing)
 
-    def _follow(self, program: Program, start: npt.ArrayLike | None) -> Tracing:
+    def _follow(self, program: Program, seed: npt.ArrayLike | None) -> Tracing:
         """The joint paths of a program."""
         configuration = self.options.configuration
-        return trace_program(
-            program, self.arm, self.limits, configuration=configuration, start=start
-        )
+        return trace_program(program, self.arm, self.limits, configuration=configuration, seed=seed)
 
     def _trace(self, program: Program) -> tuple[Tracing | None, Tracing]:
         """Trace the program with arcs at its corners, and where that is faster with sharp corners.
@@ -217,12 +215,12 @@ class Shaping:
             The program with arcs and its joint paths, None if the arm cannot follow it; and the
             tracing whose configurations of the arm all starts and shapes then have.
         """
-        start = self.options.start
+        seed = self.options.seed
         try:
-            arcs = self._follow(self._with_arcs(program), start)
+            arcs = self._follow(self._with_arcs(program), seed)
         except ArmContourError:
-            return None, self._follow(program, start)
-        if start is not None or program.single_path is None or self.arm.dimension == 2:
+            return None, self._follow(program, seed)
+        if seed is not None or program.single_path is None or self.arm.dimension == 2:
             return arcs, arcs
         try:
             sharp = self._follow(program, None)

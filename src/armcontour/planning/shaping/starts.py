@@ -115,20 +115,20 @@ class Timer:
         arm: The arm.
         limits: The limits that the motion keeps, one value per joint.
         configuration: For an arm in the plane, the branch of its inverse kinematics.
-        start: For an arm in space, joint positions at the start [rad], (dof,).
+        seed: For an arm in space, joint positions at the start [rad], (dof,).
         intervals: Approximate number of grid intervals of a plan; None for the default.
     """
 
     arm: Arm
     limits: Limits
     configuration: str | None
-    start: FloatArray | None
+    seed: FloatArray | None
     intervals: int | None = None
 
     def trace(self, path: Path) -> JointPath:
         """The joint path along a path."""
         return trace_fastest(
-            path, self.arm, self.limits, configuration=self.configuration, start=self.start
+            path, self.arm, self.limits, configuration=self.configuration, seed=self.seed
         )
 
     def time(self, joint_path: JointPath) -> Trajectory:

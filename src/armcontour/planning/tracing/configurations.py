@@ -106,7 +106,7 @@ def find_solutions(
     knots: Knots,
     knot_poses: FloatArray,
     task: int,
-    start: FloatArray | None,
+    seed: FloatArray | None,
 ) -> list[Solution]:
     """All solutions that complete the path inside the joint ranges, the shortest first.
 
@@ -116,7 +116,7 @@ def find_solutions(
         knots: Knot intervals of the path.
         knot_poses: Poses of the tool at their starts and at the end of the last, (n + 1, 3, 4).
         task: Task dimension.
-        start: Joint positions near those at the start of the path [rad], (dof,); None for all
+        seed: Joint positions near those at the start of the path [rad], (dof,); None for all
             configurations.
 
     Raises:
@@ -124,21 +124,21 @@ def find_solutions(
     """
     fine, at = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
-    starts = configurations(arm, poses[0], task, start)
+    starts = configurations(arm, poses[0], task, seed)
     if len(starts) == 0:
-        _refuse_start(path, arm, poses, task, start)
-    enough = EXACTLY if start is None else NEARLY
+        _refuse_start(path, arm, poses, task, seed)
+    enough = EXACTLY if seed is None else NEARLY
     followed, failures = _follow(arm, poses, task, starts[:MOST_STARTS], enough)
     followed = [q[at] for q in followed]
     s = np.append(fine.s0, path.length)[at]
     redundant = task < arm.dof
     if redundant:
-        followed = _rank(arm, s, knot_poses, task, followed, start)
+        followed = _rank(arm, s, knot_poses, task, followed, seed)
     found: list[Solution] = []
     different = _Different(arm, knot_poses, task)
-    candidates = _with_costs(arm, s, knot_poses, task, followed, start)
+    candidates = _with_costs(arm, s, knot_poses, task, followed, seed)
     for count, (q, cost) in enumerate(candidates, start=1):
-        in_range = _turn_into_range(arm, q, start)
+        in_range = _turn_into_range(arm, q, seed)
         if isinstance(in_range, _Failure):
             failures.append(dataclasses.replace(in_range, reached=int(at[in_range.reached])))
         elif different.add(in_range):
@@ -158,7 +158,7 @@ def _with_costs(
     poses: FloatArray,
     task: int,
     ways: list[FloatArray],
-    start: FloatArray | None,
+    seed: FloatArray | None,
 ) -> Iterator[tuple[FloatArray, float]]:
     """Joint paths with their costs; those of a redundant arm are smoothed when they are taken.
 
@@ -168,13 +168,13 @@ def _with_costs(
         poses: Poses of the tool at the knots, (n, 3, 4).
         task: Task dimension.
         ways: The joint paths [rad], (n, dof) each.
-        start: Joint positions at the start that stay, or None.
+        seed: Joint positions at the start that stay, or None.
     """
     if task == arm.dof:
         yield from ((q, _joint_distance(arm, q)) for q in ways)
         return
     for some in (ways[:MOST_SMOOTHED], *([q] for q in ways[MOST_SMOOTHED:])):
-        yield from _smooth(arm, s, poses, task, some, start_stays=start is not None)
+        yield from _smooth(arm, s, poses, task, some, start_stays=seed is not None)
 
 
 def _follow(
@@ -239,7 +239,7 @@ def _rank(
     poses: FloatArray,
     task: int,
     followed: list[FloatArray],
-    start: FloatArray | None,
+    seed: FloatArray | None,
 ) -> list[FloatArray]:
     """The solutions, sorted by their cost after a few iterations of smoothing on some knots.
 
@@ -250,7 +250,7 @@ def _rank(
     few = np.unique(np.linspace(0, len(s) - 1, min(len(s), ROUGH_KNOTS)).astype(np.intp))
 
     shifted = [shift_by_turns(arm, q)[0] for q in followed]
-    options = {"start_stays": start is not None, "rounds": ROUGH_ROUNDS}
+    options = {"start_stays": seed is not None, "rounds": ROUGH_ROUNDS}
     rough = _smooth(arm, s[few], poses[few], task, [q[few] for q in shifted], **options)
     both = zip(shifted, rough, strict=True)
     ranked = [(cost, q if len(few) < len(s) else short) for q, (short, cost) in both]
@@ -373,13 +373,13 @@ def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
 
 
 def _turn_into_range(
-    arm: SerialArm, q: FloatArray, start: FloatArray | None
+    arm: SerialArm, q: FloatArray, seed: FloatArray | None
 ) -> FloatArray | _Failure:
     """The positions, shifted by whole turns into the joint ranges; or where they leave a range.
 
-    If a start is given, the shifts nearest to the start are preferred.
+    If a seed is given, the shifts nearest to it are preferred.
     """
-    wanted, inside = shift_by_turns(arm, q, start)
+    wanted, inside = shift_by_turns(arm, q, seed)
     if inside:
         return wanted
     lower, upper = arm.limits.joint_range(arm.dof)
@@ -402,11 +402,11 @@ def _turn_into_range(
 
 
 def _refuse_start(
-    path: Path, arm: SerialArm, poses: FloatArray, task: int, start: FloatArray | None
+    path: Path, arm: SerialArm, poses: FloatArray, task: int, seed: FloatArray | None
 ) -> None:
     """Raise Unreachable with the reason why the first pose of the path has no solution."""
-    if start is not None:
-        _refuse_given_start(arm, poses[0], task, start)
+    if seed is not None:
+        _refuse_seed(arm, poses[0], task, seed)
     point = poses[0, :, 3]
     gap = _reach_gap(arm, poses[0], task, seeds(arm)[:REACH_SEEDS])
     some = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), SOME_POSES)).astype(np.intp))
@@ -428,8 +428,8 @@ def _refuse_start(
     )
 
 
-def _refuse_given_start(arm: SerialArm, pose: FloatArray, task: int, start: FloatArray) -> None:
-    """Refuse a start from which the first pose is not reached, though the pose has solutions.
+def _refuse_seed(arm: SerialArm, pose: FloatArray, task: int, seed: FloatArray) -> None:
+    """Refuse a seed from which the first pose is not reached, though the pose has solutions.
 
     Raises:
         Unreachable: The pose has solutions; names the nearest one.
@@ -437,18 +437,18 @@ def _refuse_given_start(arm: SerialArm, pose: FloatArray, task: int, start: Floa
     known = configurations(arm, pose, task)
     if len(known) == 0:
         return
-    difference = start - known
+    difference = seed - known
     turns = np.round(difference / (2 * np.pi))
     difference = np.abs(difference - 2 * np.pi * turns).max(axis=1)
     nearest = known[np.argmin(difference)]
     point = pose[:, 3]
     raise Unreachable(
-        f"From the given start the arm {arm.name} does not reach the pose of the tool at the start "
-        f"of the path, {tuple(np.round(point, 6).tolist())} m; give a start nearer to joint "
+        f"From the given seed the arm {arm.name} does not reach the pose of the tool at the start "
+        f"of the path, {tuple(np.round(point, 6).tolist())} m; give a seed nearer to joint "
         f"positions that reach it, such as {tuple(np.round(nearest, 4).tolist())} rad.",
         point=point.tolist(),
         s=0.0,
-        limit="start",
+        limit="seed",
         needed=float(difference.min()),
     )
 

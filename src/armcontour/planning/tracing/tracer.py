@@ -37,7 +37,7 @@ def trace(
     *,
     limits: Limits | None = None,
     configuration: str | None = None,
-    start: npt.ArrayLike | None = None,
+    seed: npt.ArrayLike | None = None,
     tolerance: float = 1e-10,
 ) -> JointPath:
     """The joint path along which the arm's tool follows `path`.
@@ -53,7 +53,7 @@ def trace(
             joint paths; by default the arm's own.
         configuration: For an arm in the plane, one of `arm.branches`; by default the first that
             completes the path. `plan` chooses the fastest.
-        start: For an arm in space, joint positions near the start of the joint path [rad], (dof,);
+        seed: For an arm in space, joint positions near the start of the joint path [rad], (dof,);
             by default the configuration with the shortest joint path. `plan` chooses the fastest.
         tolerance: Largest distance between the tool and its position on the path [m].
 
@@ -67,7 +67,7 @@ def trace(
         arm,
         limits=limits,
         configuration=configuration,
-        start=start,
+        seed=seed,
         tolerance=tolerance,
         most=1,
     )
@@ -80,7 +80,7 @@ def trace_all(
     *,
     limits: Limits | None = None,
     configuration: str | None = None,
-    start: npt.ArrayLike | None = None,
+    seed: npt.ArrayLike | None = None,
     tolerance: float = 1e-10,
     most: int | None = None,
 ) -> list[JointPath]:
@@ -96,7 +96,7 @@ def trace_all(
         arm: The arm.
         limits: As in `trace`.
         configuration: As in `trace`.
-        start: As in `trace`.
+        seed: As in `trace`.
         tolerance: As in `trace`.
         most: Largest number of joint paths to return; all by default.
 
@@ -114,19 +114,19 @@ def trace_all(
         checks.check_type("trace", limits, Limits)
         arm = arm.with_limits(limits)
     if isinstance(arm, PlanarTwoLink):
-        if start is not None:
-            raise InvalidInput(f"The arm {arm.name} takes a branch to start in, not a start.")
+        if seed is not None:
+            raise InvalidInput(f"The arm {arm.name} takes a branch to start in, not a seed.")
         branches = arm.branches if configuration is None else (configuration,)
         return _complete((partial(_trace_planar, path, arm, x, tolerance) for x in branches), most)
     if not isinstance(arm, SerialArm):
         raise InvalidInput(f"There is no inverse kinematics for {type(arm).__name__}.")
     if configuration is not None:
         raise InvalidInput(
-            f"The arm {arm.name} has no named branches: give start, joint positions near those at "
+            f"The arm {arm.name} has no named branches: give seed, joint positions near those at "
             "the start of the path."
         )
     _refuse_flat(arm)
-    near = None if start is None else _check_start(arm, start)
+    near = None if seed is None else _check_seed(arm, seed)
     return _trace_serial(path, arm, near, tolerance, most)
 
 
@@ -209,7 +209,7 @@ def _trace_planar(
 
 
 def _trace_serial(
-    path: Path, arm: SerialArm, start: FloatArray | None, tolerance: float, most: int | None
+    path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, most: int | None
 ) -> list[JointPath]:
     """Joint paths of a serial arm in all its configurations, at most `most`, the shortest first.
 
@@ -230,7 +230,7 @@ def _trace_serial(
         check_joint_range(joint_path, arm.limits)
         return joint_path
 
-    solutions = find_solutions(path, arm, knots, first.row, task, start)
+    solutions = find_solutions(path, arm, knots, first.row, task, seed)
     return _complete((partial(refine_solution, x) for x in solutions), most)
 
 
@@ -256,19 +256,19 @@ def _complete(tries: Iterable[Callable[[], JointPath]], most: int | None) -> lis
     return joint_paths
 
 
-def _check_start(arm: SerialArm, start: npt.ArrayLike) -> FloatArray:
-    """The given start as joint positions inside the joint ranges [rad], (dof,).
+def _check_seed(arm: SerialArm, seed: npt.ArrayLike) -> FloatArray:
+    """The seed as joint positions inside the joint ranges [rad], (dof,).
 
     Raises:
-        InvalidInput: The start has a wrong number of joints, or a joint is out of its range.
+        InvalidInput: The seed has a wrong number of joints, or a joint is out of its range.
     """
-    near = checks.per_joint("start", start, arm.dof, "rad")
+    near = checks.per_joint("seed", seed, arm.dof, "rad")
     lower, upper = arm.limits.joint_range(arm.dof)
     outside = (near < lower) | (near > upper)
     if outside.any():
         j = int(np.argmax(outside))
         raise InvalidInput(
-            f"start has joint {j + 1} at {near[j]:.6g} rad, outside its range from {lower[j]:.6g} "
+            f"seed has joint {j + 1} at {near[j]:.6g} rad, outside its range from {lower[j]:.6g} "
             f"to {upper[j]:.6g} rad: give angles in rad, or with their unit.",
             joint=j,
             needed=float(near[j]),

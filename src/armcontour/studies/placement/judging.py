@@ -182,7 +182,7 @@ class Judge:
             return None
         limits = with_reserve(self.run.limits, self.run.timing.reserve)
         of_all = self.objective == MANIPULABILITY
-        return Screen(program, arm, limits, self.job.start, of_all=of_all)
+        return Screen(program, arm, limits, self.job.seed, of_all=of_all)
 
     @cached_property
     def _limited(self) -> Arm:

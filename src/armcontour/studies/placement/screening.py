@@ -67,7 +67,7 @@ class Screen:
         program: The program that the tool follows, with rounded corners.
         arm: The arm, which may stand anywhere.
         limits: The limits.
-        start: Joint positions near the start [rad], (dof,); None for any.
+        seed: Joint positions near the start [rad], (dof,); None for any.
         of_all: Whether the least singular values of all configurations are asked for.
     """
 
@@ -76,14 +76,14 @@ class Screen:
         program: Program,
         arm: SerialArm,
         limits: Limits,
-        start: npt.ArrayLike | None,
+        seed: npt.ArrayLike | None,
         *,
         of_all: bool = False,
     ) -> None:
         self.limits, self.of_all, self._arm = limits.without_jerk, of_all, arm
-        given = start is not None and isinstance(program.moves[0], Contour)
+        given = seed is not None and isinstance(program.moves[0], Contour)
         self.contours = [
-            _Poses(x.path, arm, np.asarray(start, dtype=float) if given and k == 0 else None)
+            _Poses(x.path, arm, np.asarray(seed, dtype=float) if given and k == 0 else None)
             for k, x in enumerate(program.contours)
         ]
         self.dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
@@ -129,11 +129,11 @@ class _Poses:
     Args:
         path: The path.
         arm: The arm.
-        start: As of the screen.
+        seed: As of the screen.
     """
 
-    def __init__(self, path: Path, arm: SerialArm, start: FloatArray | None) -> None:
-        self.path, self.start = path, start
+    def __init__(self, path: Path, arm: SerialArm, seed: FloatArray | None) -> None:
+        self.path, self.seed = path, seed
         self.task = task_dimension(path, arm)
         knots = first_knots(path, arm.span)
         self.first = FirstPoses.of(path, knots)
@@ -151,7 +151,7 @@ class _Poses:
 
     def look(self, arm: SerialArm, limits: Limits, of_all: bool) -> Screened:
         """What is known of the path on an arm."""
-        starts = configurations(arm, self.fine[0], self.task, self.start)[:MOST_STARTS]
+        starts = configurations(arm, self.fine[0], self.task, self.seed)[:MOST_STARTS]
         if len(starts) == 0:
             return Screened(refusal=REACH)
         ways, reached = follow_branches(arm, self.fine, self.task, starts)
