@@ -22,9 +22,8 @@ import armcontour as ac
 from armcontour.core.checks import FloatArray
 from armcontour.motion import quintic
 from armcontour.planning.tracing.configurations import Solution
-from armcontour.planning.tracing.knots import Knots, first_knots
-from armcontour.planning.tracing.numeric import Numeric
-from armcontour.planning.tracing.poses import FirstPoses, motion_at
+from armcontour.planning.tracing.knots import FirstPoses, Knots, first_knots, motion_at
+from armcontour.planning.tracing.serial_solver import Numeric
 from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 

@@ -16,7 +16,7 @@ from armcontour.control.identification.options import DRIVE_CYCLE, LONGEST_DELAY
 from armcontour.core.describing import MOST_LINES, format_table
 from armcontour.files import parse_job
 from armcontour.jobs import PlaceSearch
-from armcontour.planning.grid import DEFAULT_INTERVALS
+from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.robot.scene.scene import MARGINS
 from armcontour.studies.placement.judging import Verdict
 from armcontour.studies.placement.moving import Moves

@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armcontour as ac
-from armcontour.planning._laps import laps
-from armcontour.planning.paper_line import Line
+from armcontour.planning.paper_line import Line, laps
 
 
 def shortest_time(step, velocity, limit):

@@ -5,9 +5,9 @@ import pytest
 
 import armcontour as ac
 from armcontour.planning.constraints import Constraint, JointMotion, SecondOrder
-from armcontour.planning.grid import grid_through
 from armcontour.planning.optimal import plan_optimal
-from armcontour.planning.topp.limits import A, Rounds
+from armcontour.planning.path_grid import grid_through
+from armcontour.planning.topp.limit_forms import A, Rounds
 
 
 class TwoJoints:

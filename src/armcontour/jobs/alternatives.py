@@ -16,7 +16,8 @@ from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
 from armcontour.motion import JointPath, Span, Trajectory, dwell_law
 from armcontour.planning import Tracing, trace_program
-from armcontour.planning.program_tracing import bound_duration, ends_of, find_starts
+from armcontour.planning.duration_bound import bound_duration
+from armcontour.planning.program_tracing import ends_of, find_starts
 from armcontour.planning.tracing import trace
 from armcontour.program import Contour, Program, contour_called
 from armcontour.robot import Arm, SerialArm

@@ -16,10 +16,10 @@ from armcontour.core.fields import checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
-from armcontour.planning.common import with_reserve
 from armcontour.planning.constraints import Constraint, IntervalEnds
-from armcontour.planning.grid import Grid
+from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.optimal import assigned_speeds
+from armcontour.planning.path_grid import Grid
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.limits import JOINT_LIMITS
 

@@ -23,7 +23,7 @@ from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
 from armcontour.planning.program_timing import JoinedMoves, Timing
 from armcontour.planning.program_tracing import Tracing
-from armcontour.planning.topp.limits import Ceiling, Form
+from armcontour.planning.topp.limit_forms import Ceiling, Form
 
 # A duration shorter than the fastest one by this share differs from it by rounding.
 SAME_DURATION = 1e-9

@@ -33,7 +33,8 @@ from armcontour.planning.constraints import (
     limits_on,
 )
 from armcontour.planning.end_speeds import END, START, Ends, raise_too_fast
-from armcontour.planning.grid import (
+from armcontour.planning.options import FASTEST, JerkLimits, Optimal, Task
+from armcontour.planning.path_grid import (
     DEFAULT_INTERVALS,
     Grid,
     cut_pieces,
@@ -41,11 +42,10 @@ from armcontour.planning.grid import (
     share_out,
     split,
 )
-from armcontour.planning.options import FASTEST, JerkLimits, Optimal, Task
-from armcontour.planning.topp import _kernel
-from armcontour.planning.topp._kernel import Plan, Rules, plan_on_grid
-from armcontour.planning.topp._losses import estimate_losses
-from armcontour.planning.topp.limits import Limits as LimitsOnGrid
+from armcontour.planning.topp import kernels
+from armcontour.planning.topp.kernels import Plan, Rules, plan_on_grid
+from armcontour.planning.topp.limit_forms import Limits as LimitsOnGrid
+from armcontour.planning.topp.losses import estimate_losses
 from armcontour.planning.vanishing import reparametrize, stands_at
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import TOOL_LIMITS
@@ -114,7 +114,7 @@ def plan_optimal(
         if jerk is None:
             return law
         # Most plans have no limits of jerk.
-        from armcontour.planning.jerk.limiting import limit_jerk
+        from armcontour.planning.jerk.limiter import limit_jerk
 
         task = Task(arm, tuple(active), jerk, start, end, intervals, options.iterations)
         return limit_jerk(law, task)
@@ -221,7 +221,7 @@ def time_optimal(
         path = OnGrid(grid)
         limits = _with_stops(limits_on(path, active), grid)
         found = plan_on_grid(path.intervals, limits, rules)
-        if found.outcome == _kernel.FOUND:
+        if found.outcome == kernels.FOUND:
             if math.isinf(largest_loss):
                 return _law(grid, found)
             duration, loss, points = estimate_losses(path.intervals, limits, found)
@@ -236,7 +236,7 @@ def time_optimal(
             grid = split(grid, parts, points)
             continue
         s = float(grid.s[found.place])
-        if found.outcome != _kernel.FINER:
+        if found.outcome != kernels.FINER:
             if best is not None:
                 break
             _refuse(grid, found, arm, rules)
@@ -298,11 +298,11 @@ def _law(grid: Grid, found: Plan) -> PathLaw:
 def _refuse(grid: Grid, found: Plan, arm: Arm, rules: Rules) -> NoReturn:
     """Raise the error of a plan that was not found, as in `time_optimal`."""
     i = found.place
-    if found.outcome == _kernel.START:
+    if found.outcome == kernels.START:
         raise_too_fast("start", rules.start, found.allowed, float(grid.s[0]))
-    if found.outcome == _kernel.END:
+    if found.outcome == kernels.END:
         raise_too_fast("end", rules.end, found.allowed, float(grid.s[-1]))
-    if found.outcome == _kernel.STUCK:
+    if found.outcome == kernels.STUCK:
         _refuse_stuck(grid, i)
     if not OnGrid(grid).derivatives[0][0, i].any():
         raise InvalidInput(

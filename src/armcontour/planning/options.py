@@ -26,7 +26,7 @@ from armcontour.core.quantities import (
 from armcontour.core.render import number
 from armcontour.motion import DEFAULT_CYCLE, JointPath, Method, check_cycle
 from armcontour.planning.constraints import Constraint
-from armcontour.planning.grid import FEWEST_PER_PIECE, MOST_INTERVALS
+from armcontour.planning.path_grid import FEWEST_PER_PIECE, MOST_INTERVALS
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 

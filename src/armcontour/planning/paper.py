@@ -21,7 +21,7 @@ from armcontour.motion import (
     Method,
     Trajectory,
 )
-from armcontour.planning.common import (
+from armcontour.planning.law_checks import (
     check_kept,
     law_peaks,
     path_law,
@@ -309,3 +309,36 @@ def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> LawPhase:
         s=part.s,
         **law_peaks(part.laws, arm),
     )
+
+
+def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+    """Plan uniform tool speed from the first instant to the last, whatever the joint limits.
+
+    Velocities jump at corners and at both ends. Limits of joint velocity and acceleration are not
+    checked, as in Sec. IV of the paper. Limits of torque and of angular motion are checked between
+    the jumps.
+
+    Raises:
+        InvalidInput: The limits have no assigned velocity.
+        NotRealizable: A torque or the angular motion of the tool would break its limit.
+    """
+    path = tool_path_of(joint_path, "conventional")
+    speeds = segment_speeds(path, require_speed(limits, "conventional"))
+    law = path_law(joint_path, path.breaks, speeds, speeds)
+    check_kept(
+        [law],
+        arm,
+        limits,
+        ("joint_torque", "angular_speed", "angular_acceleration"),
+        where="At uniform speed along the path",
+        t=0.0,
+        mends="a lower assigned velocity or the method optimal helps",
+    )
+    stretch = LawPhase(
+        name="whole path",
+        kind="uniform",
+        t=(0.0, float(law.breaks[-1])),
+        s=(0.0, path.length),
+        **law_peaks([law], arm),
+    )
+    return Trajectory(laws=(law,), method=Method.CONVENTIONAL, path=path, stretches=(stretch,))

@@ -19,9 +19,9 @@ from armcontour.core.text import capitalise
 from armcontour.geometry import Path
 from armcontour.geometry.shaped import doubt_search
 from armcontour.motion import JointPath, Trajectory
-from armcontour.planning.common import with_reserve
-from armcontour.planning.grid import DEFAULT_INTERVALS
+from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.options import FASTEST, LONGEST_MOTION, Optimal, PlanOptions, Shaped
+from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.planning.program_timing import (
     Timing,
     check_jerk_support,

@@ -103,7 +103,7 @@ def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
     """Plan the motion along a contour."""
     how, options = (joint_path, timing.arm, timing.limits), timing.options
     if isinstance(options, Conventional):
-        from armcontour.planning.conventional import plan_conventional
+        from armcontour.planning.paper import plan_conventional
 
         return plan_conventional(*how)
     if isinstance(options, Paper):

@@ -19,6 +19,7 @@ from armcontour.geometry import Path, ShapedPath
 from armcontour.geometry.cutting import cut_path
 from armcontour.geometry.orientation import Orientation
 from armcontour.motion import JointPath
+from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
 from armcontour.planning.tracing import sketch_all, trace, trace_all
@@ -544,32 +545,3 @@ def _compare(
             durations[k] = np.inf
         least = min(least, float(durations[k]))
     return bounds, durations
-
-
-def bound_duration(joint_path: JointPath, limits: Limits) -> float:
-    """A duration that no motion from rest to rest along a joint path falls below [s].
-
-    It takes account of the joints' velocities and accelerations, the tool's speed and, on arcs, its
-    centripetal acceleration; torques and all other limits are left out.
-
-    Args:
-        joint_path: A traced path.
-        limits: The limits.
-    """
-    breaks, dof = joint_path.breaks, joint_path.dof
-    rests = np.isin(breaks, joint_path.stops)
-    rests[[0, -1]] = True
-    ceilings = np.full(len(breaks) - 1, np.inf)
-    path = joint_path.tool_path
-    if path is not None:
-        segment = path.locate((breaks[:-1] + breaks[1:]) / 2)
-        speed = np.inf if limits.speed is None else limits.speed
-        across = [limits.centripetal_acceleration, limits.tool_acceleration]
-        most = min((x for x in across if x is not None), default=np.inf)
-        bend = np.where(path.segments.bent, 0.0, path.curvatures)
-        with np.errstate(divide="ignore"):
-            ceilings = np.minimum(np.fmin(path.speeds, speed) ** 2, most / bend)[segment]
-    bounds = np.stack([*limits.velocity_bounds(dof), *limits.acceleration_bounds(dof)])
-    from armcontour.planning._least_duration import least_duration
-
-    return float(least_duration(breaks, joint_path.coefficients, rests, ceilings, bounds))

@@ -6,9 +6,9 @@ from numpy.polynomial import Polynomial
 from scipy.special import comb
 
 import armcontour as ac
-from armcontour.planning.jerk._polynomials import basis, motion_rows, raised, to_bernstein
 from armcontour.planning.jerk.mesh import End, Mesh, place_mesh
-from armcontour.planning.jerk.rows import control_points
+from armcontour.planning.jerk.mesh_rows import control_points
+from armcontour.planning.jerk.polynomials import basis, motion_rows, raised, to_bernstein
 
 LIMITS = ac.Limits.only(joint_velocity=[1.0] * 2, joint_acceleration=[4.0] * 2)
 # Breaks of the path lie close together around 1.2.

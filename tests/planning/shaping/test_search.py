@@ -9,8 +9,8 @@ import armcontour as ac
 from armcontour.geometry import Tube
 from armcontour.planning.shaping.curves import draw
 from armcontour.planning.shaping.nodes import place_nodes
-from armcontour.planning.shaping.rows import Spline, assemble, span_rows
 from armcontour.planning.shaping.search import make_searches, why_not
+from armcontour.planning.shaping.spline_rows import Spline, assemble, span_rows
 from armcontour.planning.shaping.starts import (
     ARCS,
     PARABOLAS,

@@ -7,9 +7,9 @@ from scipy.optimize import linprog
 import armcontour as ac
 from armcontour.planning import optimal
 from armcontour.planning.constraints import Constraint, JointTorque, OnGrid, limits_on
-from armcontour.planning.grid import place_grid
-from armcontour.planning.topp._kernel import Bounds, Rules, plan_on_grid, rows_with_friction
-from armcontour.planning.topp.limits import (
+from armcontour.planning.path_grid import place_grid
+from armcontour.planning.topp.kernels import Bounds, Rules, plan_on_grid, rows_with_friction
+from armcontour.planning.topp.limit_forms import (
     ALONE,
     BY_SLOPE,
     BY_U,

@@ -10,8 +10,7 @@ import armcontour as ac
 from armcontour.core.frames import Frame, exp, log
 from armcontour.planning.tracing import trace_all
 from armcontour.planning.tracing.configurations import follow_branches
-from armcontour.planning.tracing.knots import first_knots
-from armcontour.planning.tracing.poses import row_of_poses
+from armcontour.planning.tracing.knots import first_knots, row_of_poses
 from armcontour.planning.tracing.redundancy import smooth
 from armcontour.robot import Chain, SerialArm
 from armcontour.robot.inverse import configurations

@@ -13,7 +13,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 from armcontour.geometry import Path, Segments, SmoothCurve
 from armcontour.geometry.biarcs import biarcs
-from armcontour.planning.shaping.rows import Spline
+from armcontour.planning.shaping.spline_rows import Spline
 from armcontour.robot import Arm
 
 # A span is cut into parts in which the joint velocity changes by this share of itself.

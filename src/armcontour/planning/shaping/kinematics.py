@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import Unreachable
 from armcontour.geometry import Path
-from armcontour.planning.tracing.poses import task_dimension
+from armcontour.planning.tracing.knots import task_dimension
 from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 
 

@@ -17,11 +17,11 @@ from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.shaped import ARCS, PARABOLAS, SHAPED
 from armcontour.planning.options import Shaped
-from armcontour.planning.shaping._quadratic import solve_program
 from armcontour.planning.shaping.curves import Drawn, draw
 from armcontour.planning.shaping.kinematics import NearPath
 from armcontour.planning.shaping.nodes import INSIDE, Nodes, place_nodes
-from armcontour.planning.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
+from armcontour.planning.shaping.quadratic_program import solve_program
+from armcontour.planning.shaping.spline_rows import LEAST_SPAN, Spline, assemble, span_rows
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, match, prove
 
 # Paths of more corners and rests than this are long.

@@ -21,7 +21,7 @@ from armcontour.core.text import capitalise
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.geometry.shaped import ARCS, SHAPED, STOPS, doubt_search
 from armcontour.motion import JointPath, Method, Trajectory
-from armcontour.planning.common import with_reserve
+from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.options import Optimal, Shaped
 from armcontour.planning.program_timing import Timing, check_jerk_support, time_program
 from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program

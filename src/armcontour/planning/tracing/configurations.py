@@ -14,8 +14,13 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.pool import map_in_threads, split_evenly
 from armcontour.geometry import Path
-from armcontour.planning.tracing.knots import Knots
-from armcontour.planning.tracing.poses import OUT_OF_REACH, poses_at, row_of_poses, what_helps
+from armcontour.planning.tracing.knots import (
+    OUT_OF_REACH,
+    Knots,
+    poses_at,
+    row_of_poses,
+    what_helps,
+)
 from armcontour.planning.tracing.ranges import out_of_range
 from armcontour.planning.tracing.redundancy import null_space, smooth
 from armcontour.robot import SerialArm, _newton

@@ -10,7 +10,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.planning.tracing.poses import what_helps
+from armcontour.planning.tracing.knots import what_helps
 from armcontour.robot import Limits
 
 # Joint positions have smaller rounding errors than this, and no robot resolves it [rad].

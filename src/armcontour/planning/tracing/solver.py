@@ -11,8 +11,10 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, quintic
-from armcontour.planning.tracing.knots import MIDDLE, PLACES, Knots
-from armcontour.planning.tracing.poses import (
+from armcontour.planning.tracing.knots import (
+    MIDDLE,
+    PLACES,
+    Knots,
     turning_too_fast,
     what_helps,
 )

@@ -14,8 +14,13 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.planning.tracing.knots import Knots, first_knots
-from armcontour.planning.tracing.poses import FirstPoses, row_of_poses, task_dimension
+from armcontour.planning.tracing.knots import (
+    FirstPoses,
+    Knots,
+    first_knots,
+    row_of_poses,
+    task_dimension,
+)
 from armcontour.planning.tracing.ranges import check_joint_range, turn_into_range
 from armcontour.planning.tracing.solver import Analytic, refine
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm
@@ -218,7 +223,7 @@ def _trace_serial(
         InvalidInput: As in `trace`.
     """
     from armcontour.planning.tracing.configurations import find_solutions
-    from armcontour.planning.tracing.numeric import Numeric
+    from armcontour.planning.tracing.serial_solver import Numeric
 
     task = task_dimension(path, arm)
     knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)

@@ -17,10 +17,10 @@ from armcontour.planning.constraints import (
     JointMotion,
     OnGrid,
 )
-from armcontour.planning.grid import Grid, place_grid
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
-from armcontour.planning.topp.limits import Ceiling, Form
+from armcontour.planning.path_grid import Grid, place_grid
+from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.planning.tracing import check_joint_range
 from armcontour.robot import Arm, Limits
 

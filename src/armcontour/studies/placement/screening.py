@@ -12,18 +12,19 @@ from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.planning.program_tracing import bound_duration
+from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.tracing.configurations import MOST_STARTS, follow_branches, subdivide
-from armcontour.planning.tracing.knots import PLACES, first_knots
-from armcontour.planning.tracing.numeric import SINGULAR
-from armcontour.planning.tracing.poses import (
+from armcontour.planning.tracing.knots import (
     OUT_OF_REACH,
+    PLACES,
     FirstPoses,
+    first_knots,
     row_of_poses,
     task_dimension,
     tool_errors,
 )
 from armcontour.planning.tracing.ranges import ROUNDING
+from armcontour.planning.tracing.serial_solver import SINGULAR
 from armcontour.planning.tracing.solver import Ends
 from armcontour.program import Contour, Dwell, Program
 from armcontour.robot import Limits, SerialArm, _newton

@@ -7,11 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from armcontour.core.checks import FloatArray, kernel_array
-from armcontour.planning.constraints.base import Constraint
-from armcontour.planning.constraints.second_order import check_rest
-from armcontour.planning.grid import Grid
-from armcontour.planning.topp._forms import ROUNDING
-from armcontour.planning.topp.limits import (
+from armcontour.planning.constraints.constraint import Constraint, check_rest
+from armcontour.planning.path_grid import Grid
+from armcontour.planning.topp.limit_forms import (
     BY_SLOPE,
     BY_U,
     BY_X,
@@ -24,7 +22,7 @@ from armcontour.planning.topp.limits import (
     Joints,
     Rows,
 )
-from armcontour.planning.topp.on_grid import OnGrid
+from armcontour.planning.topp.on_grid import ROUNDING, OnGrid
 from armcontour.robot import Arm
 
 

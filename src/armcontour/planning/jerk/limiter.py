@@ -12,7 +12,7 @@ from armcontour.motion import PathLaw, Rates, interval_times
 from armcontour.planning.end_speeds import END as END_SPEED
 from armcontour.planning.end_speeds import START as START_SPEED
 from armcontour.planning.end_speeds import raise_too_fast
-from armcontour.planning.jerk._interior_point import (
+from armcontour.planning.jerk.interior_point import (
     DURATION,
     END,
     START,
@@ -21,15 +21,17 @@ from armcontour.planning.jerk._interior_point import (
     least_slacks,
     limit_steps,
 )
-from armcontour.planning.jerk.mesh import End, Mesh, place_mesh
-from armcontour.planning.jerk.rows import Rows
-from armcontour.planning.jerk.sections import (
+from armcontour.planning.jerk.mesh import (
+    End,
+    Mesh,
     find_ends,
     find_sections,
+    place_mesh,
     square_at,
 )
+from armcontour.planning.jerk.mesh_rows import Rows
 from armcontour.planning.options import MOST_ITERATIONS, Task
-from armcontour.planning.topp._kernel import Bounds
+from armcontour.planning.topp.kernels import Bounds
 
 # Cells of a plan by default: so many while an acceleration builds up, but at least as many as the
 # fewest, to which each polynomial of the joint path adds.

@@ -7,9 +7,10 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.geometry import Path
 from armcontour.planning.tracing.configurations import Solution
-from armcontour.planning.tracing.knots import MIDDLE, Knots
-from armcontour.planning.tracing.poses import (
+from armcontour.planning.tracing.knots import (
+    MIDDLE,
     FirstPoses,
+    Knots,
     motion_at,
     poses_at,
     tool_errors,

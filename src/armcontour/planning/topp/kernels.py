@@ -27,7 +27,7 @@ from armcontour.core._vectors import (
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernels import FUSED, compiled
 from armcontour.motion._intervals import interval_time
-from armcontour.planning.topp.limits import (
+from armcontour.planning.topp.limit_forms import (
     ALONE,
     BACK,
     BY_SLOPE,

@@ -8,20 +8,23 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.planning.constraints import Constraint, JointMotion, OnGrid, limits_on
-from armcontour.planning.jerk._interior_point import Section
-from armcontour.planning.jerk._polynomials import (
+from armcontour.planning.jerk.interior_point import Section
+from armcontour.planning.jerk.mesh import Mesh
+from armcontour.planning.jerk.polynomials import (
+    DEGREE,
     Basis,
+    ToolMotion,
+    arc_length_bounds,
     basis,
     elevated,
+    largest_at_ramps,
     motion_rows,
     raised,
     to_bernstein,
 )
-from armcontour.planning.jerk.mesh import Mesh
-from armcontour.planning.jerk.tool import DEGREE, ToolMotion, arc_length_bounds, largest_at_ramps
 from armcontour.planning.options import JerkLimits
-from armcontour.planning.topp._kernel import Bounds, rows_with_friction
-from armcontour.planning.topp.limits import HIGH, LOW, A, B, Limits, margins_of
+from armcontour.planning.topp.kernels import Bounds, rows_with_friction
+from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, Limits, margins_of
 from armcontour.robot import Arm
 
 # A tangent of the bound of ds² is used unless it falls below this share of its middle at an end.

@@ -10,8 +10,8 @@ from armcontour.core._vectors import choose, highest, load
 from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
 from armcontour.motion._intervals import interval_time
-from armcontour.planning.topp._kernel import Plan, next_joint, range_of, slopes_of
-from armcontour.planning.topp.limits import BACK, FORTH, ROWS, Intervals, Limits
+from armcontour.planning.topp.kernels import Plan, next_joint, range_of, slopes_of
+from armcontour.planning.topp.limit_forms import BACK, FORTH, ROWS, Intervals, Limits
 
 BINDS = 0.02  # nearer to its bound than this share of its range, u is at the bound
 # Share of what an interval leaves of the range of u that its time is longer, as measured against

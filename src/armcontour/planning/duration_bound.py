@@ -8,6 +8,8 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernels import compiled
+from armcontour.motion import JointPath
+from armcontour.robot import Limits
 
 # A joint path is looked at in about this many places, and in more where the joints change their
 # direction, by this angle from place to place [rad].
@@ -198,3 +200,30 @@ def least_duration(
     for i in range(size):
         duration += _time_on(widths[i], x[i], x[i + 1], steepest[i, 0], steepest[i, 1], tops[i])
     return duration if math.isfinite(duration) else 0.0
+
+
+def bound_duration(joint_path: JointPath, limits: Limits) -> float:
+    """A duration that no motion from rest to rest along a joint path falls below [s].
+
+    It takes account of the joints' velocities and accelerations, the tool's speed and, on arcs, its
+    centripetal acceleration; torques and all other limits are left out.
+
+    Args:
+        joint_path: A traced path.
+        limits: The limits.
+    """
+    breaks, dof = joint_path.breaks, joint_path.dof
+    rests = np.isin(breaks, joint_path.stops)
+    rests[[0, -1]] = True
+    ceilings = np.full(len(breaks) - 1, np.inf)
+    path = joint_path.tool_path
+    if path is not None:
+        segment = path.locate((breaks[:-1] + breaks[1:]) / 2)
+        speed = np.inf if limits.speed is None else limits.speed
+        across = [limits.centripetal_acceleration, limits.tool_acceleration]
+        most = min((x for x in across if x is not None), default=np.inf)
+        bend = np.where(path.segments.bent, 0.0, path.curvatures)
+        with np.errstate(divide="ignore"):
+            ceilings = np.minimum(np.fmin(path.speeds, speed) ** 2, most / bend)[segment]
+    bounds = np.stack([*limits.velocity_bounds(dof), *limits.acceleration_bounds(dof)])
+    return float(least_duration(breaks, joint_path.coefficients, rests, ceilings, bounds))

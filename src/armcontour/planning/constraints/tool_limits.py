@@ -14,9 +14,9 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.motion import JointPath
-from armcontour.planning.constraints.base import Constraint
-from armcontour.planning.grid import Grid
-from armcontour.planning.topp.limits import Ceiling, Form
+from armcontour.planning.constraints.constraint import Constraint
+from armcontour.planning.path_grid import Grid
+from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm
 from armcontour.robot.limit_use import require_orientation

@@ -169,7 +169,7 @@ SHAPES: dict[type, dict[str, tuple[int | None, ...]]] = {
 }
 
 
-def checked(form: Form, n: int, name: str) -> Form:
+def check_form(form: Form, n: int, name: str) -> Form:
     """A form with arrays that kernels take.
 
     Args:
