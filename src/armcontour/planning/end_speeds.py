@@ -27,7 +27,7 @@ HALVINGS = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Ends:
+class EndSpeeds:
     """Speeds at the ends of a path.
 
     Args:

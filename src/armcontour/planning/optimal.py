@@ -32,21 +32,21 @@ from armcontour.planning.constraints import (
     ToolSpeed,
     limits_on,
 )
-from armcontour.planning.end_speeds import END, START, Ends, raise_too_fast
+from armcontour.planning.end_speeds import END, START, EndSpeeds, raise_too_fast
 from armcontour.planning.options import FASTEST, JerkLimits, Optimal, Task
 from armcontour.planning.path_grid import (
     DEFAULT_INTERVALS,
     Grid,
     cut_pieces,
+    distribute_intervals,
     grid_through,
-    share_out,
     split,
 )
 from armcontour.planning.topp import kernels
-from armcontour.planning.topp.kernels import Plan, Rules, plan_on_grid
-from armcontour.planning.topp.limit_forms import Limits as LimitsOnGrid
+from armcontour.planning.topp.kernels import GridPlan, Rules, plan_on_grid
+from armcontour.planning.topp.limit_forms import GridLimits
 from armcontour.planning.topp.losses import estimate_losses
-from armcontour.planning.vanishing import reparametrize, stands_at
+from armcontour.planning.vanishing import reparametrize, rests_at_breaks
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import TOOL_LIMITS
 
@@ -92,14 +92,16 @@ def plan_optimal(
     at_rest = joint_path.breaks[:0]
     if constraints or limits.path_jerk is not None:
         # Both count in s.
-        at_rest = at_rest if suited is joint_path else joint_path.breaks[stands_at(joint_path)]
+        at_rest = (
+            at_rest if suited is joint_path else joint_path.breaks[rests_at_breaks(joint_path)]
+        )
     elif suited is not joint_path:
         if points is not None:
             grid_through(joint_path, points)
             points = np.interp(points, joint_path.breaks, places)
         joint_path = suited
     if points is None:
-        count = share_out(joint_path, intervals)
+        count = distribute_intervals(joint_path, intervals)
         loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
     else:
         placed = grid_through(joint_path, points)
@@ -126,7 +128,7 @@ def plan_optimal(
             if len(at_rest):
                 _refuse_standing(float(at_rest[0]))
             raise
-        raise Ends(solve, options.start_speed, options.end_speed).refuse(error) from None
+        raise EndSpeeds(solve, options.start_speed, options.end_speed).refuse(error) from None
     return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
 
 
@@ -210,12 +212,12 @@ def time_optimal(
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
     # Where dq_ds vanishes, the joints rest at any ds.
-    stands = stands_at(grid.joint_path)
+    stands = rests_at_breaks(grid.joint_path)
     start = np.inf if start_speed == 0 and stands[0] else start_speed**2
     end = np.inf if end_speed == 0 and stands[-1] else end_speed**2
     most = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
     rules, s = Rules(float(start), float(end), most), 0.0
-    best: tuple[Grid, Plan] | None = None
+    best: tuple[Grid, GridPlan] | None = None
     shortest, room = math.inf, max(MOST_REFINED, 2 * len(grid))
     for k in range(MOST_REFINEMENTS):
         path = OnGrid(grid)
@@ -271,7 +273,7 @@ def _whole(parts: FloatArray, most: int) -> FloatArray:
         parts = parts / 2
 
 
-def _with_stops(limits: LimitsOnGrid, grid: Grid) -> LimitsOnGrid:
+def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
     """Limits with x = 0 at the stops of the joint path."""
     stops = grid.joint_path.stops
     if not len(stops):
@@ -281,7 +283,7 @@ def _with_stops(limits: LimitsOnGrid, grid: Grid) -> LimitsOnGrid:
     return limits._replace(ceiling=ceiling)
 
 
-def _law(grid: Grid, found: Plan) -> PathLaw:
+def _law(grid: Grid, found: GridPlan) -> PathLaw:
     """Make the continuous time law: the path acceleration is linear in s on every interval.
 
     Raises:
@@ -295,7 +297,7 @@ def _law(grid: Grid, found: Plan) -> PathLaw:
         _refuse_stuck(grid, error.index)
 
 
-def _refuse(grid: Grid, found: Plan, arm: Arm, rules: Rules) -> NoReturn:
+def _refuse(grid: Grid, found: GridPlan, arm: Arm, rules: Rules) -> NoReturn:
     """Raise the error of a plan that was not found, as in `time_optimal`."""
     i = found.place
     if found.outcome == kernels.START:

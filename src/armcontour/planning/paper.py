@@ -30,7 +30,7 @@ from armcontour.planning.law_checks import (
     tool_path_of,
 )
 from armcontour.planning.options import FEWEST_LAPS, MOST_LAPS, Paper
-from armcontour.planning.paper_line import Line, Part, parts_by_rule
+from armcontour.planning.paper_line import PaperLine, RulePart, parts_by_rule
 from armcontour.robot import Arm, Limits
 
 # Next to a rest the speed grows by a large factor per knot: one lap there would be a coarse step.
@@ -94,7 +94,7 @@ def _make_lines(
     assigned: FloatArray,
     junctions: list[Junction],
     options: Paper,
-) -> list[Line]:
+) -> list[PaperLine]:
     """Place the knots on the lines of a path; arguments as in `plan_paper`.
 
     Raises:
@@ -108,7 +108,7 @@ def _make_lines(
             count = _usual_knots(path.lengths[i], assigned[i], options.cycle, number)
         rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
         lines.append(
-            Line(
+            PaperLine(
                 name=f"line {number + 1}",
                 joint_path=joint_path,
                 arm=arm,
@@ -163,7 +163,9 @@ def _usual_knots(length: float, speed: float, interval: float, number: int) -> i
     return max(FEWEST_LAPS, int(np.ceil(wanted)))
 
 
-def _join(lines: list[Line], junctions: list[Junction], arm: Arm, limits: Limits) -> Trajectory:
+def _join(
+    lines: list[PaperLine], junctions: list[Junction], arm: Arm, limits: Limits
+) -> Trajectory:
     """Plan all lines and corners, one after the other, and join them.
 
     Raises:
@@ -260,7 +262,7 @@ def _knots(start: float, end: float, count: int, rest: tuple[bool, bool]) -> Flo
     return s
 
 
-def _match_speeds(lines: list[Line], junctions: list[Junction]) -> None:
+def _match_speeds(lines: list[PaperLine], junctions: list[Junction]) -> None:
     """Lower the speeds of junctions to what the lines can reach, forwards and then backwards."""
     for number, line in enumerate(lines):
         run = line.forward(junctions[number].speed)
@@ -274,15 +276,15 @@ def _match_speeds(lines: list[Line], junctions: list[Junction]) -> None:
             before.speed = min(before.speed, float(run.speed[-1]))
 
 
-def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> Part:
+def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> RulePart:
     """Plan an arc at one speed, (17)."""
     path = tool_path_of(joint_path, "paper")
     law = path_law(joint_path, path.breaks[arc : arc + 2], np.array([speed]), np.array([speed]))
     ends = (float(path.breaks[arc]), float(path.breaks[arc + 1]))
-    return Part(name, "corner", float(law.breaks[-1]), ends, [law])
+    return RulePart(name, "corner", float(law.breaks[-1]), ends, [law])
 
 
-def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> LawPhase:
+def _stretch(part: RulePart, now: float, arm: Arm, limits: Limits) -> LawPhase:
     """Check a part that starts at the time `now` [s], and find its peaks.
 
     MAC itself does not check the middle path, the corners, joint velocities, torques or the angular

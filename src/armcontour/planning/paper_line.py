@@ -25,7 +25,7 @@ HARDLY_MOVING = 0.01
 
 
 @compiled()
-def laps(
+def run_laps(
     q: FloatArray, dq_ds: FloatArray, speed: float, limit: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, int, float]:
     """Run from the first knot towards the last, as fast as (18)-(20) allow.
@@ -142,7 +142,7 @@ class LinePhase:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class RulePart:
     """The part of a line or a corner that one rule made.
 
     Args:
@@ -160,23 +160,23 @@ class Part:
     laws: list[LawAlongPath]
 
 
-def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[Part]:
+def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[RulePart]:
     """Group the pieces of a line by rule; a meeting lap is MAC before its switch and MDC after."""
     parts = []
     for piece in pieces:
         time = float(piece.law.breaks[-1])
         if piece.kind != "meeting":
-            parts.append(Part(name, piece.kind, time, piece.s, [piece.law]))
+            parts.append(RulePart(name, piece.kind, time, piece.s, [piece.law]))
             continue
         before, length = piece.switch
         middle = piece.s[0] + length
-        parts.append(Part(name, "MAC", before, (piece.s[0], middle), [piece.law]))
-        parts.append(Part(name, "MDC", time - before, (middle, piece.s[1]), [piece.law]))
-    joined: list[Part] = []
+        parts.append(RulePart(name, "MAC", before, (piece.s[0], middle), [piece.law]))
+        parts.append(RulePart(name, "MDC", time - before, (middle, piece.s[1]), [piece.law]))
+    joined: list[RulePart] = []
     for part in parts:
         if joined and joined[-1].kind == part.kind:
             last = joined.pop()
-            part = Part(
+            part = RulePart(
                 name,
                 part.kind,
                 last.duration + part.duration,
@@ -187,7 +187,7 @@ def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[Part]:
     return joined
 
 
-class Line:
+class PaperLine:
     """A straight segment of a traced path, with its knots.
 
     Args:
@@ -220,11 +220,11 @@ class Line:
 
     def forward(self, speed: float) -> Pass:
         """Run the pass from the start of the line, with the tool speed `speed` [m/s] there."""
-        return Pass(*laps(self.q, self.dq_ds, speed, self.limit))
+        return Pass(*run_laps(self.q, self.dq_ds, speed, self.limit))
 
     def reverse(self, speed: float) -> Pass:
         """Run the pass backwards in time from the end of the line, with the tool speed `speed`."""
-        return Pass(*laps(self.q[::-1].copy(), -self.dq_ds[::-1], speed, self.limit))
+        return Pass(*run_laps(self.q[::-1].copy(), -self.dq_ds[::-1], speed, self.limit))
 
     def plan(self, start: float, end: float) -> list[LinePhase]:
         """Plan the line from the tool speed `start` to the tool speed `end` [m/s].
@@ -294,7 +294,7 @@ class Line:
         """Knots around the point where the passes meet, between which the limit is kept.
 
         One lap is usual. Where the passes meet next to an end of the lap, uniform acceleration of
-        the tool would need slightly more joint acceleration than the limit: then two laps.
+        the tool would need slightly more joint acceleration than the limit: then two run_laps.
 
         Args:
             low: Knot before the meeting point.

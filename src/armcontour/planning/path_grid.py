@@ -64,15 +64,15 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     Raises:
         InvalidInput: No joint moves along the joint path.
     """
-    return cut_pieces(joint_path, share_out(joint_path, intervals))
+    return cut_pieces(joint_path, distribute_intervals(joint_path, intervals))
 
 
 def cut_pieces(joint_path: JointPath, count: IntArray) -> Grid:
     """Make a grid of so many equal intervals on every piece of a joint path, (pieces,)."""
-    return _locked(joint_path, *cut(joint_path.breaks, count))
+    return _locked(joint_path, *divide_intervals(joint_path.breaks, count))
 
 
-def share_out(joint_path: JointPath, intervals: int | None = None) -> IntArray:
+def distribute_intervals(joint_path: JointPath, intervals: int | None = None) -> IntArray:
     """How many intervals every piece of a joint path gets in `place_grid`, (pieces,).
 
     Args:
@@ -88,7 +88,7 @@ def share_out(joint_path: JointPath, intervals: int | None = None) -> IntArray:
     if intervals is not None:
         count = intervals
     width = breaks[1:] - breaks[:-1]
-    turning = turning_of(breaks, joint_path.coefficients, AT_REST)
+    turning = turning_rates(breaks, joint_path.coefficients, AT_REST)
     if not len(turning):
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
     turn = width * turning
@@ -113,7 +113,7 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
             f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
         )
     # A point that differs from a break or from the one before by rounding only is left out.
-    s, piece, fewest = merge(points, breaks, 1e-12 * (breaks[-1] - breaks[0]))
+    s, piece, fewest = merge_breaks(points, breaks, 1e-12 * (breaks[-1] - breaks[0]))
     grid = _locked(joint_path, s, piece)
     # From rest to rest within one interval there is no motion, so every piece gets at least two.
     return grid if fewest > 1 else split(grid, np.where(np.bincount(piece)[piece] == 1, 2, 1))
@@ -130,11 +130,11 @@ def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = 
     """
     parts = np.maximum(1, parts).astype(np.intp)
     if points is None:
-        s, interval = cut(grid.s, parts)
+        s, interval = divide_intervals(grid.s, parts)
         return _locked(grid.joint_path, s, grid.piece[interval])
     inside = (parts > 1) & (points > grid.s[:-1]) & (points < grid.s[1:])
     parts[inside] = 2
-    s, interval = cut(grid.s, parts)
+    s, interval = divide_intervals(grid.s, parts)
     s[(np.cumsum(parts) - 1)[inside]] = points[inside]
     return _locked(grid.joint_path, s, grid.piece[interval])
 
@@ -146,7 +146,7 @@ def _locked(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
 
 
 @compiled()
-def turning_of(breaks: FloatArray, coefficients: FloatArray, at_rest: float) -> FloatArray:
+def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) -> FloatArray:
     """How fast a joint path turns on each of its pieces, as a mean of its ends and its middle.
 
     Args:
@@ -190,7 +190,7 @@ def turning_of(breaks: FloatArray, coefficients: FloatArray, at_rest: float) -> 
 
 
 @compiled()
-def cut(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
+def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
     """Points that cut intervals into equal parts, and the interval that each part lies in.
 
     Args:
@@ -212,7 +212,9 @@ def cut(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
 
 
 @compiled()
-def merge(points: FloatArray, breaks: FloatArray, close: float) -> tuple[FloatArray, IntArray, int]:
+def merge_breaks(
+    points: FloatArray, breaks: FloatArray, close: float
+) -> tuple[FloatArray, IntArray, int]:
     """All breaks, and the points that are not close to a break or to the point before.
 
     Args:

@@ -33,12 +33,14 @@ BERNSTEIN = np.array([[comb(i, k) / comb(4, k) for k in range(5)] for i in range
 
 
 @compiled()
-def moves_on(coefficients: FloatArray, vanished: float, small: float, moving: BoolArray) -> bool:
+def moves_one_way(
+    coefficients: FloatArray, vanished: float, small: float, moving: BoolArray
+) -> bool:
     """Whether some joint moves one way on every piece, so that dq_ds cannot vanish.
 
     Args:
         coefficients: Of the joint path, (n, 6, dof).
-        vanished: As in `standing_breaks`, for pieces that are surely bent.
+        vanished: As in `resting_breaks`, for pieces that are surely bent.
         small: A larger share of the same kind, for all others.
         moving: Written: whether a joint moves so on each piece, (n,).
     """
@@ -79,7 +81,7 @@ def moves_on(coefficients: FloatArray, vanished: float, small: float, moving: Bo
 
 
 @compiled()
-def standing_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
+def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
     """Whether dq_ds of all joints vanishes at each break of a joint path, on both sides, (n + 1,).
 
     Args:
@@ -126,9 +128,9 @@ REVERSED = np.array([[comb(k, m) * (-1.0) ** m for k in range(6)] for m in range
 Polynomials = tuple[FloatArray, FloatArray]  # lengths, (n,), and coefficients, (n, 6, dof)
 
 
-def stands_at(joint_path: JointPath) -> BoolArray:
+def rests_at_breaks(joint_path: JointPath) -> BoolArray:
     """Whether dq_ds of all joints vanishes at each break, (n + 1,): joints rest there at any ds."""
-    return standing_breaks(joint_path.coefficients, VANISHED)
+    return resting_breaks(joint_path.coefficients, VANISHED)
 
 
 def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
@@ -148,7 +150,7 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
         return same
     coefficients = joint_path.coefficients
     moving = np.empty(len(coefficients), np.bool_)
-    if moves_on(coefficients, VANISHED, SMALL, moving):
+    if moves_one_way(coefficients, VANISHED, SMALL, moving):
         return same
     if not coefficients[:, 1:].any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")

@@ -10,7 +10,7 @@ from armcontour.geometry import Tube
 from armcontour.planning.shaping.curves import draw
 from armcontour.planning.shaping.nodes import place_nodes
 from armcontour.planning.shaping.search import make_searches, why_not
-from armcontour.planning.shaping.spline_rows import Spline, assemble, span_rows
+from armcontour.planning.shaping.spline_rows import JointSpline, assemble, span_rows
 from armcontour.planning.shaping.starts import (
     ARCS,
     PARABOLAS,
@@ -146,7 +146,7 @@ def case(request):
 @pytest.fixture(scope="module")
 def drawn(case):
     arm, objective, _, nodes = case
-    spline = Spline(q=nodes.q, h=np.diff(nodes.times), rest=nodes.rest)
+    spline = JointSpline(q=nodes.q, h=np.diff(nodes.times), rest=nodes.rest)
     return draw(spline, arm, objective, nodes.place, nodes.tolerance), spline
 
 
@@ -244,7 +244,7 @@ def moving(request):
     q = np.array(middle) + 0.02 * np.cumsum(random.normal(size=(N, arm.dof)), axis=0)
     rest = np.isin(np.arange(N + 1), (0, 5, N))
     q[5] = q[4]
-    return arm, Spline(q=q, h=random.uniform(0.02, 0.05, N), rest=rest)
+    return arm, JointSpline(q=q, h=random.uniform(0.02, 0.05, N), rest=rest)
 
 
 def slope(arm, spline, limits, speeds=NO_SPEEDS, **change):
@@ -387,7 +387,7 @@ def test_the_program_has_the_derivatives_by_offsets_and_span_times(moving):
 
     def value(x):
         q = spline.q + np.einsum("njk,nk->nj", steps, x[:, :k] * unit[:, None])
-        changed = Spline(q=q, h=spline.h * (1 + x[:, k]), rest=spline.rest)
+        changed = JointSpline(q=q, h=spline.h * (1 + x[:, k]), rest=spline.rest)
         return span_rows(changed, arm, limits, NO_SPEEDS).value / rows.scale
 
     near = 1e-6 * max(np.abs(found).max(), 1.0)

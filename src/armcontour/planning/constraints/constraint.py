@@ -27,13 +27,13 @@ from armcontour.planning.topp.limit_forms import (
     B,
     Ceiling,
     Form,
+    GridLimits,
+    LinearRows,
     Rounds,
-    Rows,
     Squares,
     check_form,
     collect,
 )
-from armcontour.planning.topp.limit_forms import Limits as LimitsOnGrid
 from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States, use_of
@@ -164,7 +164,7 @@ class Constraint:
 def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
     """Used share of a form at the starts and ends of all intervals, (n, 2, rows)."""
     match form:
-        case Rows():
+        case LinearRows():
             value = form.ends[..., A] * u + form.ends[..., B] * x
             return np.maximum(value / form.ends[..., HIGH], value / form.ends[..., LOW])
         case Squares():
@@ -177,7 +177,7 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
     return np.zeros_like(x)
 
 
-def limits_on(path: OnGrid, active: Sequence[Constraint]) -> LimitsOnGrid:
+def limits_on(path: OnGrid, active: Sequence[Constraint]) -> GridLimits:
     """All limits on a grid.
 
     Args:

@@ -19,8 +19,8 @@ from armcontour.planning.topp.limit_forms import (
     B,
     Form,
     Friction,
-    Joints,
-    Rows,
+    JointBounds,
+    LinearRows,
 )
 from armcontour.planning.topp.on_grid import ROUNDING, OnGrid
 from armcontour.robot import Arm
@@ -62,9 +62,9 @@ class JointMotion(Constraint):
         """The bounds, of which the planner makes rows."""
         none = np.full(0, np.inf), np.full(0, np.inf)
         accelerations = (self.low, self.high) if len(self.low) else none
-        return (Joints.of(path.grid.joint_path.dof, *accelerations, *(1 / self.velocity**2)),)
+        return (JointBounds.of(path.grid.joint_path.dof, *accelerations, *(1 / self.velocity**2)),)
 
-    def rows(self, path: OnGrid) -> Rows:
+    def rows(self, path: OnGrid) -> LinearRows:
         """The accelerations as rows: g = q' u + q'' x has g'' = 5 q''' u + q'''' x + 4 q'' k."""
         (first, second), (third, fourth) = path.derivatives
         w, n = path.grid.width[:, None], len(path)
@@ -76,7 +76,7 @@ class JointMotion(Constraint):
         rise[..., BY_U] = w**2 / 8 * 5 * third
         rise[..., BY_X] = w**2 / 8 * fourth + ROUNDING / w * q1
         rise[..., BY_SLOPE] = w**2 / 8 * 4 * q2
-        return Rows(ends, rise)
+        return LinearRows(ends, rise)
 
 
 class JointTorque(Constraint):

@@ -16,22 +16,22 @@ from armcontour.planning.jerk.interior_point import (
     DURATION,
     END,
     START,
-    Section,
+    JerkSection,
     improve,
     least_slacks,
     limit_steps,
 )
 from armcontour.planning.jerk.mesh import (
     End,
-    Mesh,
+    JerkMesh,
     find_ends,
     find_sections,
     place_mesh,
     square_at,
 )
-from armcontour.planning.jerk.mesh_rows import Rows
+from armcontour.planning.jerk.mesh_rows import MeshRows
 from armcontour.planning.options import MOST_ITERATIONS, Task
-from armcontour.planning.topp.kernels import Bounds
+from armcontour.planning.topp.kernels import MotionBounds
 
 # Cells of a plan by default: so many while an acceleration builds up, but at least as many as the
 # fewest, to which each polynomial of the joint path adds.
@@ -97,7 +97,7 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     return _solve_with_margins(mesh, found, task)
 
 
-def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
+def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
     """The second pass, where limits need margins between the ends of cells.
 
     Raises:
@@ -131,7 +131,7 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
         near, wider = found, wider * WIDER
 
 
-def _with_slow_ramps(rows: Rows, task: Task, near: PathLaw) -> Rows:
+def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
     """The rows, with lower bounds on cells of uniform jerk of which margins take too much.
 
     Such cells are not split; the bounds hold the plan, and margins fall with them.
@@ -147,9 +147,11 @@ def _with_slow_ramps(rows: Rows, task: Task, near: PathLaw) -> Rows:
     return rows
 
 
-def _rows(task: Task, mesh: Mesh, near: PathLaw, bounds: Bounds | None = None) -> Rows:
+def _rows(
+    task: Task, mesh: JerkMesh, near: PathLaw, bounds: MotionBounds | None = None
+) -> MeshRows:
     """The rows of all cells for a plan near another one."""
-    return Rows(mesh, task.active, task.jerk, bounds, _squares(near, mesh), task.arm)
+    return MeshRows(mesh, task.active, task.jerk, bounds, _squares(near, mesh), task.arm)
 
 
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
@@ -168,12 +170,12 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
     return int(found)
 
 
-def _squares(law: PathLaw, mesh: Mesh) -> FloatArray:
+def _squares(law: PathLaw, mesh: JerkMesh) -> FloatArray:
     """ds² of a plan in the middles of cells [m²/s²], (n,)."""
     return square_at(law, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
 
 
-def _bounds(mesh: Mesh, near: PathLaw, wider: float, curved: bool) -> Bounds:
+def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> MotionBounds:
     """Bounds of ds², dds and its slope on every cell, around a plan."""
     ds, dds, slope, _ = near.rates
     width = np.diff(near.s)
@@ -200,7 +202,7 @@ def _bounds(mesh: Mesh, near: PathLaw, wider: float, curved: bool) -> Bounds:
     lowest = -largest(-least) * LEAST / wider if curved else np.zeros(len(mesh.grid))
     # Cells of uniform jerk are bounded by ds² and dds at their moving end, which are the largest.
     ramps = mesh.ramps[mesh.cell] != 0
-    return Bounds(
+    return MotionBounds(
         x=HEADROOM * wider * most,
         u=HEADROOM_RATE * wider * largest(u),
         k=np.where(ramps, 0.0, HEADROOM_SLOPE * wider * largest(change)),
@@ -208,7 +210,7 @@ def _bounds(mesh: Mesh, near: PathLaw, wider: float, curved: bool) -> Bounds:
     )
 
 
-def _gain(rows: Rows, bounds: Bounds, law: PathLaw) -> float:
+def _gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
     """The share of the duration that wider bounds of a plan may save.
 
     At the end of the search the product of each slack and its multiplier is the same share of the
@@ -230,7 +232,7 @@ def _gain(rows: Rows, bounds: Bounds, law: PathLaw) -> float:
     return float(0.5 * EXACT / rows.count * (1 / np.maximum(near, TINY)).sum())
 
 
-def _solve(rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:
+def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:
     """The fastest motion within the rows.
 
     Args:
@@ -265,7 +267,7 @@ def _solve(rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float
 
 
 def _start(
-    p: Section,
+    p: JerkSection,
     s: FloatArray,
     at_rest: BoolArray,
     near: tuple[PathLaw, float],
@@ -324,7 +326,7 @@ def _start(
     )
 
 
-def _law(rows: Rows, found: Sequence[FloatArray]) -> PathLaw:
+def _law(rows: MeshRows, found: Sequence[FloatArray]) -> PathLaw:
     """The time law of control points of ds² of all sections, with both ends of each."""
     mesh, begin, end = rows.mesh, rows.section.begin, rows.section.end
     grid, width, ramps = mesh.grid, mesh.width, mesh.ramps

@@ -76,7 +76,7 @@ class End:
 
 
 @dataclass(frozen=True, slots=True)
-class Mesh:
+class JerkMesh:
     """Cells of a path, in sections between rests or other ends, and their parts.
 
     ds² is one parabola on each cell, and the joint path one polynomial on each part.
@@ -112,14 +112,14 @@ class Mesh:
     @classmethod
     def through(
         cls, joint_path: JointPath, nodes: FloatArray, sections: IntArray, at_rest: BoolArray
-    ) -> Mesh:
+    ) -> JerkMesh:
         """The mesh of given cells, with the breaks of the joint path as further ends of parts."""
         s = np.union1d(nodes, joint_path.breaks)
         middle = (s[:-1] + s[1:]) / 2
         grid = Grid(joint_path, s, joint_path.locate(middle))
         return cls(grid, nodes, np.searchsorted(nodes, middle) - 1, sections, at_rest)
 
-    def split(self, parts: FloatArray) -> Mesh:
+    def split(self, parts: FloatArray) -> JerkMesh:
         """Split cells, but those of uniform jerk, into the largest number of their parts, (m,)."""
         most = np.ones(len(self.nodes) - 1)
         np.maximum.at(most, self.cell, parts)
@@ -131,7 +131,7 @@ class Mesh:
         # A new node that misses a break by a rounding error would leave a part without a size.
         snapped, new = _snap(nodes, self.grid.joint_path.breaks), np.append(number > 0, False)
         nodes = np.where(new, snapped, nodes)
-        return Mesh.through(self.grid.joint_path, nodes, before[self.sections], self.at_rest)
+        return JerkMesh.through(self.grid.joint_path, nodes, before[self.sections], self.at_rest)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +163,7 @@ def place_mesh(
     cells: int,
     places: FloatArray,
     ends: list[tuple[End, End]],
-) -> Mesh:
+) -> JerkMesh:
     """Make cells for a plan near another one.
 
     Args:
@@ -181,7 +181,7 @@ def place_mesh(
         first.append(first[-1] + len(nodes) - 1)
     nodes = np.concatenate([*found, places[-1:]])
     at_rest = np.array([[x.rest, y.rest] for x, y in ends])
-    return Mesh.through(law.joint_path, nodes, np.array(first), at_rest)
+    return JerkMesh.through(law.joint_path, nodes, np.array(first), at_rest)
 
 
 def _nodes(

@@ -8,8 +8,8 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.planning.constraints import Constraint, JointMotion, OnGrid, limits_on
-from armcontour.planning.jerk.interior_point import Section
-from armcontour.planning.jerk.mesh import Mesh
+from armcontour.planning.jerk.interior_point import JerkSection
+from armcontour.planning.jerk.mesh import JerkMesh
 from armcontour.planning.jerk.polynomials import (
     DEGREE,
     Basis,
@@ -23,15 +23,15 @@ from armcontour.planning.jerk.polynomials import (
     to_bernstein,
 )
 from armcontour.planning.options import JerkLimits
-from armcontour.planning.topp.kernels import Bounds, rows_with_friction
-from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, Limits, margins_of
+from armcontour.planning.topp.kernels import MotionBounds, rows_with_friction
+from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, margins_of
 from armcontour.robot import Arm
 
 # A tangent of the bound of ds² is used unless it falls below this share of its middle at an end.
 LEAST_SHARE = 0.25
 
 
-class Rows:
+class MeshRows:
     """All rows of a mesh, from which the sections take theirs.
 
     Args:
@@ -47,10 +47,10 @@ class Rows:
 
     def __init__(
         self,
-        mesh: Mesh,
+        mesh: JerkMesh,
         active: Sequence[Constraint],
         jerk: JerkLimits,
-        bounds: Bounds | None,
+        bounds: MotionBounds | None,
         about: FloatArray,
         arm: Arm,
     ) -> None:
@@ -90,12 +90,12 @@ class Rows:
         )
         self.section = self._whole()
 
-    def _with_margins(self, limits: Limits, about: FloatArray) -> Limits:
+    def _with_margins(self, limits: GridLimits, about: FloatArray) -> GridLimits:
         """Limits less their margins, which `lost` counts, and with lines for friction."""
         none, bounds = np.zeros(len(about)), self.bounds
-        near = Bounds(about, about, none, none) if bounds is None else bounds
+        near = MotionBounds(about, about, none, none) if bounds is None else bounds
         if limits.friction.viscous.shape[2]:
-            near = Bounds(*(kernel_array(x) for x in near))
+            near = MotionBounds(*(kernel_array(x) for x in near))
             width, margins = self.mesh.grid.width, bounds is not None
             limits = limits._replace(rows=rows_with_friction(width, limits, near, margins))
         if bounds is None:
@@ -137,7 +137,7 @@ class Rows:
         finite = sum(int(np.isfinite(x).sum()) for x in (p.low, p.high, p.radius))
         return finite + 2 * len(p.curved) * int(p.curved.shape[1])
 
-    def of_section(self, k: int) -> Section:
+    def of_section(self, k: int) -> JerkSection:
         """The rows of one section, without its cells of uniform jerk."""
         mesh, p = self.mesh, self.section
         first, last = mesh.sections[k : k + 2]
@@ -186,7 +186,7 @@ class Rows:
             found.append(np.minimum.reduceat(x, begins))
         return found[0], found[1]
 
-    def _whole(self) -> Section:
+    def _whole(self) -> JerkSection:
         """The rows of all cells."""
         of, on = self.mesh.cell, self.basis
         begin, end = control_points(self.mesh)
@@ -206,7 +206,7 @@ class Rows:
             found[..., 1] += x[..., 1]
             return np.asarray(found)
 
-        return Section(
+        return JerkSection(
             width=self.mesh.width,
             begin=begin,
             end=end,
@@ -402,7 +402,7 @@ class Rows:
         return np.asarray(np.nanmin(found, axis=0))
 
 
-def control_points(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
+def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
     """Rows of the first and last control point of ds² on every cell, (n, 3) each.
 
     Inside a section both are means of the neighbours, so that ds² has a continuous slope. Next to a

@@ -11,7 +11,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
 from armcontour.planning.path_grid import Grid
-from armcontour.planning.topp.kernels import Bounds
+from armcontour.planning.topp.kernels import MotionBounds
 from armcontour.robot import Arm
 
 # Highest degree of a joint path.
@@ -207,7 +207,7 @@ class ToolMotion:
                 found[m, b] += first[m] * on.slope[:, b, None]
         return np.asarray(np.einsum("cm,mbna->ncab", to_bernstein(DEGREE), found))
 
-    def margin(self, bounds: Bounds) -> FloatArray:
+    def margin(self, bounds: MotionBounds) -> FloatArray:
         """Bound of what the rows leave out, (n,)."""
         return np.asarray(
             self.off[2] * bounds.x + 3 * self.off[1] * bounds.u + self.off[0] * np.abs(bounds.k)

@@ -13,7 +13,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 from armcontour.geometry import Path, Segments, SmoothCurve
 from armcontour.geometry.biarcs import biarcs
-from armcontour.planning.shaping.spline_rows import Spline
+from armcontour.planning.shaping.spline_rows import JointSpline
 from armcontour.robot import Arm
 
 # A span is cut into parts in which the joint velocity changes by this share of itself.
@@ -34,7 +34,7 @@ Ends: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drawn:
+class DrawnPath:
     """A tool path that was drawn by a spline.
 
     Args:
@@ -51,8 +51,8 @@ class Drawn:
 
 
 def draw(
-    spline: Spline, arm: Arm, objective: Path, place: FloatArray, tolerance: FloatArray
-) -> Drawn:
+    spline: JointSpline, arm: Arm, objective: Path, place: FloatArray, tolerance: FloatArray
+) -> DrawnPath:
     """The tool path of a spline.
 
     Args:
@@ -121,7 +121,9 @@ def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
     return arcs, breaks, quintic(np.diff(breaks), begin, end)
 
 
-def _draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray, count: IntArray) -> Drawn:
+def _draw(
+    spline: JointSpline, arm: Arm, objective: Path, place: FloatArray, count: IntArray
+) -> DrawnPath:
     """The tool path of a spline whose spans are drawn in several parts each, (n,)."""
     span, share = _parts(np.arange(len(count)), count)
     begin = _points(spline, arm, span, share[:, 0])
@@ -142,10 +144,10 @@ def _draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray, count: I
     places[[0, -1], 0] = 0.0, objective.length
     places[:, 0] = np.maximum.accumulate(places[:, 0])
     knots = np.append(breaks[np.searchsorted(span, np.arange(len(spline.q)))], breaks[-1])
-    return Drawn(segments=segments, curve=curve, places=places, knots=knots)
+    return DrawnPath(segments=segments, curve=curve, places=places, knots=knots)
 
 
-def _count_parts(spline: Spline) -> IntArray:
+def _count_parts(spline: JointSpline) -> IntArray:
     """How many parts to draw each span in, so that speeds change little along a part, (n,)."""
     e = np.linalg.norm(spline.velocities, axis=1)
     change = np.linalg.norm(np.diff(spline.velocities, axis=0), axis=1)
@@ -156,7 +158,7 @@ def _count_parts(spline: Spline) -> IntArray:
     return np.asarray(count)
 
 
-def _points(spline: Spline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
+def _points(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
     """Points, tangents and their derivatives along the arc length, (m, dimension) each.
 
     Args:

@@ -59,14 +59,14 @@ def solve_program(
     for iteration in range(MOST_ITERATIONS):
         gap, worst = 0.0, 0.0
         for r in range(count):
-            primal[r] = _times(first, ends, values, x, r) + slack[r] - bound[r]
+            primal[r] = _row_product(first, ends, values, x, r) + slack[r] - bound[r]
             complement[r] = slack[r] * dual[r]
             gap += complement[r]
             worst = max(worst, abs(primal[r]))
         gap /= max(count, 1)
         if gap < GAP * largest and worst < VIOLATION:
             return x.reshape(n, k), iteration
-        _fill(first, ends, values, slack, dual, w, matrix)
+        _normal_matrix(first, ends, values, slack, dual, w, matrix)
         if not _factor(matrix):
             return x.reshape(n, k), -iteration - 1
         # The predictor goes for complementarity at once, the corrector for a share of it.
@@ -80,10 +80,10 @@ def solve_program(
                     step[at + p] -= values[p] * value
             _solve(matrix, step)
             for r in range(count):
-                change = -primal[r] - _times(first, ends, values, step, r)
+                change = -primal[r] - _row_product(first, ends, values, step, r)
                 d_slack[r] = change
                 d_dual[r] = -(complement[r] + dual[r] * change) / slack[r]
-            way = _longest(slack, dual, d_slack, d_dual)
+            way = _longest_step(slack, dual, d_slack, d_dual)
             if corrected:
                 break
             after = 0.0
@@ -136,7 +136,9 @@ def _pack(
 
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
-def _times(first: IntArray, ends: IntArray, values: FloatArray, x: FloatArray, r: int) -> float:
+def _row_product(
+    first: IntArray, ends: IntArray, values: FloatArray, x: FloatArray, r: int
+) -> float:
     """Value of row r."""
     value = 0.0
     at = first[r] - ends[r]
@@ -146,7 +148,7 @@ def _times(first: IntArray, ends: IntArray, values: FloatArray, x: FloatArray, r
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _fill(
+def _normal_matrix(
     first: IntArray,
     ends: IntArray,
     values: FloatArray,
@@ -213,7 +215,9 @@ def _solve(matrix: FloatArray, x: FloatArray) -> None:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _longest(slack: FloatArray, dual: FloatArray, d_slack: FloatArray, d_dual: FloatArray) -> float:
+def _longest_step(
+    slack: FloatArray, dual: FloatArray, d_slack: FloatArray, d_dual: FloatArray
+) -> float:
     """The longest step, up to 1, that keeps slacks and multipliers positive."""
     way = 1.0
     for r in range(len(slack)):

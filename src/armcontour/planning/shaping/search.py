@@ -17,11 +17,11 @@ from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.shaped import ARCS, PARABOLAS, SHAPED
 from armcontour.planning.options import Shaped
-from armcontour.planning.shaping.curves import Drawn, draw
+from armcontour.planning.shaping.curves import DrawnPath, draw
 from armcontour.planning.shaping.kinematics import NearPath
 from armcontour.planning.shaping.nodes import INSIDE, Nodes, place_nodes
 from armcontour.planning.shaping.quadratic_program import solve_program
-from armcontour.planning.shaping.spline_rows import LEAST_SPAN, Spline, assemble, span_rows
+from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, assemble, span_rows
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, match, prove
 
 # Paths of more corners and rests than this are long.
@@ -140,7 +140,7 @@ class _State:
 
 
 @dataclass(slots=True)
-class Search:
+class ShapeSearch:
     """A search along the nodes of one start; each step gives the best candidate so far.
 
     Args:
@@ -242,7 +242,7 @@ class Search:
         near = NearPath.along(q, self.timer.arm, self.timer.configuration, found.path, s)
         self.nodes = replace(self.nodes, near=near, q=q)
 
-    def _judge(self, drawn: Drawn) -> tuple[Candidate, FloatArray, BoolArray] | None:
+    def _judge(self, drawn: DrawnPath) -> tuple[Candidate, FloatArray, BoolArray] | None:
         """The drawn path timed, its span times [s], and which corners are slower than before.
 
         None if the arm cannot follow the path.
@@ -257,7 +257,7 @@ class Search:
 
     def _draw_most(
         self, offsets: FloatArray, h: FloatArray
-    ) -> tuple[FloatArray, FloatArray, Drawn | None]:
+    ) -> tuple[FloatArray, FloatArray, DrawnPath | None]:
         """Draw a proposal; on a long path, corners that leave the tube go back to the best shape.
 
         Returns:
@@ -311,11 +311,11 @@ class Search:
             state.h + share * (h - state.h),
         )
 
-    def _spline(self, offsets: FloatArray, h: FloatArray) -> Spline:
+    def _spline(self, offsets: FloatArray, h: FloatArray) -> JointSpline:
         """The spline of the joints for offsets [m] and span times [s]."""
         nodes = self.nodes
         points = nodes.points + np.einsum("ndk,nk->nd", nodes.frames, offsets)
-        return Spline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
+        return JointSpline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
 
     def _propose(self) -> tuple[FloatArray, FloatArray]:
         """Offsets and span times of the quadratic program around the best shape."""
@@ -384,7 +384,7 @@ class Search:
             share = np.where(along > self.state.limits, self.state.limits / along, 1.0)
         return np.asarray(offsets * np.clip(share.min(axis=1), 0.0, 1.0)[:, None])
 
-    def _draw(self, offsets: FloatArray, h: FloatArray) -> Drawn | None:
+    def _draw(self, offsets: FloatArray, h: FloatArray) -> DrawnPath | None:
         """The path of offsets and times; None if it leaves the tube, whose limits are then less."""
         nodes = self.nodes
         spline = self._spline(offsets, h)
@@ -434,7 +434,7 @@ class Search:
         state.limits = nodes.bounds(self.tube, state.inside)
         state.offsets = self._clip(state.offsets)
 
-    def _nearly_stops(self, drawn: Drawn) -> bool:
+    def _nearly_stops(self, drawn: DrawnPath) -> bool:
         """Whether the tool turns on the spot somewhere; the offsets there then change less."""
         nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
         tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
@@ -445,7 +445,7 @@ class Search:
         self.state.trust[there] = np.maximum(SHRINK * self.state.trust[there], LEAST_TRUST)
         return True
 
-    def _path(self, drawn: Drawn) -> ShapedPath | None:
+    def _path(self, drawn: DrawnPath) -> ShapedPath | None:
         """The drawn path, whose outcome is not known yet; None if its tool turns too far off."""
         options, objective = self.options, self.tube.objective
         path = ShapedPath(
@@ -484,7 +484,7 @@ def why_not(objective: Path, tube: Tube) -> str | None:
 
 def make_searches(
     objective: Path, tube: Tube, timer: Timer, options: Shaped
-) -> Iterator[Search | None]:
+) -> Iterator[ShapeSearch | None]:
     """Searches from parabolas and from arcs that the arm can follow, the faster ones first.
 
     None stands for a search that would need too many nodes.
@@ -502,7 +502,7 @@ def make_searches(
         if nodes is None:
             yield None
         elif not nodes.fixed.all():
-            yield Search(nodes, start, tube, timer, options)
+            yield ShapeSearch(nodes, start, tube, timer, options)
 
 
 def _turns_at_corners(objective: Path) -> bool:

@@ -26,7 +26,7 @@ LEAST_SPAN = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spline:
+class JointSpline:
     """A quadratic B-spline in time with n control points, from rest to rest.
 
     Args:
@@ -79,7 +79,7 @@ class SpanRows:
     scale: FloatArray
 
 
-def span_rows(spline: Spline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
+def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
     """All rows of the limits, but for those on the tool's turning and of the joint ranges.
 
     Turning depends on the orientation, which belongs to the place and not to the offsets: the exact
@@ -255,7 +255,7 @@ def _by_both_ends(
 
 
 def assemble(
-    spline: Spline, rows: SpanRows, steps: FloatArray, unit: FloatArray
+    spline: JointSpline, rows: SpanRows, steps: FloatArray, unit: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Rows of the quadratic program in scaled unknowns, and their bounds.
 

@@ -47,10 +47,10 @@ from armcontour.planning.topp.limit_forms import (
     A,
     B,
     Friction,
+    GridLimits,
     Intervals,
-    Limits,
+    LinearRows,
     Rounds,
-    Rows,
 )
 
 Vector = Any  # of LANES numbers
@@ -109,7 +109,7 @@ class Rules(NamedTuple):
     gain: float = 1e-6
 
 
-class Bounds(NamedTuple):
+class MotionBounds(NamedTuple):
     """For a plan with slopes k margins hold while |u| <= u and least <= x <= x, (n,) each."""
 
     x: FloatArray
@@ -118,7 +118,7 @@ class Bounds(NamedTuple):
     k: FloatArray
 
 
-class Plan(NamedTuple):
+class GridPlan(NamedTuple):
     """A plan, or why there is none.
 
     Args:
@@ -138,7 +138,7 @@ class Plan(NamedTuple):
     allowed: float
 
 
-class Lines(NamedTuple):
+class LimitLines(NamedTuple):
     """The limits of one try, in the plane of x at the start and the mean u of each interval.
 
     Args:
@@ -163,14 +163,14 @@ class Lines(NamedTuple):
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _margin(rise: FloatArray, i: int, r: int, bounds: Bounds) -> float:
+def _margin(rise: FloatArray, i: int, r: int, bounds: MotionBounds) -> float:
     by = rise[i, r, BY_U] * bounds.u[i] + rise[i, r, BY_X] * bounds.x[i]
     return float(by + rise[i, r, BY_SLOPE] * abs(bounds.k[i]) + rise[i, r, ALONE])
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _draw_end(
-    lines: Lines,
+def _half_plane(
+    lines: LimitLines,
     place: tuple[int, int, int],
     motion: tuple[float, float],
     row: tuple[Vector, Vector, Vector, Vector],
@@ -208,8 +208,8 @@ def _draw_end(
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _draw_both(
-    lines: Lines,
+def _half_planes(
+    lines: LimitLines,
     i: int,
     line: int,
     motion: tuple[float, float],
@@ -225,8 +225,8 @@ def _draw_both(
         # All is lost where rest may not be allowed.
         share = choose(0.0, room, choose(rest, used, 1.0, room / rest), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(share))
-    _draw_end(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
-    _draw_end(lines, (i, 1, line + LANES), motion, (a1, b1, low1 + room, high1 - room))
+    _half_plane(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
+    _half_plane(lines, (i, 1, line + LANES), motion, (a1, b1, low1 + room, high1 - room))
 
 
 class Bracket(NamedTuple):
@@ -313,8 +313,8 @@ def _products(ends: FloatArray, i: int, end: int, r: int) -> tuple[float, float,
 
 
 @compiled(inner=True)
-def _draw_conic(
-    lines: Lines,
+def _conic(
+    lines: LimitLines,
     i: int,
     r: int,
     ends: FloatArray,
@@ -358,8 +358,8 @@ def _draw_conic(
 
 
 @compiled(inner=True)
-def _row(
-    limits: Limits, i: int, r: int, w: float, within: Bracket, margins: bool
+def _linear_row(
+    limits: GridLimits, i: int, r: int, w: float, within: Bracket, margins: bool
 ) -> tuple[float, ...]:
     """Row r of interval i: a, b, low and high at its start and at its end, and the rise.
 
@@ -409,7 +409,9 @@ def _row(
 
 
 @compiled()
-def rows_with_friction(width: FloatArray, limits: Limits, bounds: Bounds, margins: bool) -> Rows:
+def rows_with_friction(
+    width: FloatArray, limits: GridLimits, bounds: MotionBounds, margins: bool
+) -> LinearRows:
     """The rows with lines for friction: upper limits, then lower ones, then those without friction.
 
     Args:
@@ -419,11 +421,11 @@ def rows_with_friction(width: FloatArray, limits: Limits, bounds: Bounds, margin
         margins: Whether friction counts where a joint may turn round.
     """
     n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]
-    found = Rows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
+    found = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
     for i in range(n):
         within = bracket(bounds.least[i], bounds.x[i])
         for r in range(count):
-            row = _row(limits, i, r, width[i], within, margins)
+            row = _linear_row(limits, i, r, width[i], within, margins)
             for k in range(4):
                 found.ends[i, 0, r, k], found.ends[i, 1, r, k] = row[k], row[4 + k]
                 found.rise[i, r, k] = row[8 + k]
@@ -431,7 +433,7 @@ def rows_with_friction(width: FloatArray, limits: Limits, bounds: Bounds, margin
 
 
 @compiled(inner=True)
-def _lose(lines: Lines, i: int, room: float, turn: float, rest: float) -> None:
+def _count_margin(lines: LimitLines, i: int, room: float, turn: float, rest: float) -> None:
     """Count the share `room` of what a limit leaves at rest; all where rest may not be allowed."""
     if room + turn > rest:
         lines.lost[i] = max(lines.lost[i], 1.0)
@@ -440,10 +442,10 @@ def _lose(lines: Lines, i: int, room: float, turn: float, rest: float) -> None:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _draw_caps(
-    lines: Lines, limits: Limits, bounds: Bounds, i: int, w: float, margins: bool
+def _ceilings(
+    lines: LimitLines, limits: GridLimits, bounds: MotionBounds, i: int, w: float, margins: bool
 ) -> None:
-    """Write the ceilings of x on interval i; arguments as in `_draw`."""
+    """Write the ceilings of x on interval i; arguments as in `_interval_limits`."""
     squares, cap0, cap1 = limits.squares, limits.ceiling[i, 0], limits.ceiling[i, 1]
     lowest, steepest = min(cap0, cap1), 0.0
     for r in range(squares.most.shape[1]):
@@ -478,7 +480,7 @@ def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def slopes_of(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Vector]:
+def path_slopes(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Vector]:
     """dq_ds and d2q_ds2 of LANES joints, from one on, at an end of an interval."""
     k = grid.piece[i]
     scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
@@ -492,7 +494,7 @@ def slopes_of(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Ve
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _largest(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vector]:
+def _derivative_bounds(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vector]:
     """Bounds of |d3q_ds3| and |d4q_ds4| on an interval, by Taylor about its middle."""
     k = grid.piece[i]
     scale, begin = 1.0 / (grid.breaks[k + 1] - grid.breaks[k]), grid.breaks[k]
@@ -513,11 +515,11 @@ def next_joint(grid: Intervals, joint: int) -> int:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _draw_joints(
-    lines: Lines,
+def _joint_half_planes(
+    lines: LimitLines,
     grid: Intervals,
-    limits: Limits,
-    bounds: Bounds,
+    limits: GridLimits,
+    bounds: MotionBounds,
     i: int,
     place: tuple[int, int],
     margins: bool,
@@ -529,8 +531,8 @@ def _draw_joints(
     """
     (group, joint), table = place, limits.joints
     at = ROWS * group
-    (a0, b0), (a1, b1) = slopes_of(grid, i, joint, 0), slopes_of(grid, i, joint, 1)
-    q3, q4 = _largest(grid, i, joint)
+    (a0, b0), (a1, b1) = path_slopes(grid, i, joint, 0), path_slopes(grid, i, joint, 1)
+    q3, q4 = _derivative_bounds(grid, i, joint)
     w, slope = grid.s[i + 1] - grid.s[i], bounds.k[i]
     share = w * w / 8
     certain = share * q3
@@ -563,14 +565,14 @@ def _draw_joints(
     lines.cap[i, 1] = min(lines.cap[i, 1], 1.0 / highest(e1) - sag)
     low, high = load(table, at + LOWEST), load(table, at + HIGHEST)
     rows = (a0, b0, low, high), (a1, b1, low, high)
-    _draw_both(lines, i, 2 * LANES * group, (w, slope * w / 2), rows, room, margins)
+    _half_planes(lines, i, 2 * LANES * group, (w, slope * w / 2), rows, room, margins)
 
 
 @compiled(inner=True)
-def _draw_rows(
-    lines: Lines,
-    limits: Limits,
-    bounds: Bounds,
+def _row_half_planes(
+    lines: LimitLines,
+    limits: GridLimits,
+    bounds: MotionBounds,
     i: int,
     first: int,
     line: int,
@@ -582,7 +584,7 @@ def _draw_rows(
     within = bracket(bounds.least[i], bounds.x[i])
     for lane in range(LANES):
         if first + lane < count:
-            row = _row(limits, i, first + lane, w, within, margins)
+            row = _linear_row(limits, i, first + lane, w, within, margins)
             for k in range(8):
                 by[k * LANES + lane] = row[k]
             room = row[8] * bounds.u[i] + row[9] * bounds.x[i] + row[10] * abs(bounds.k[i])
@@ -595,12 +597,17 @@ def _draw_rows(
     start = load(by, 0), load(by, LANES), load(by, 2 * LANES), load(by, 3 * LANES)
     end = load(by, 4 * LANES), load(by, 5 * LANES), load(by, 6 * LANES), load(by, 7 * LANES)
     room = load(by, 8 * LANES)
-    _draw_both(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
+    _half_planes(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _draw(
-    grid: Intervals, limits: Limits, bounds: Bounds, i: int, margins: bool, lines: Lines
+def _interval_limits(
+    grid: Intervals,
+    limits: GridLimits,
+    bounds: MotionBounds,
+    i: int,
+    margins: bool,
+    lines: LimitLines,
 ) -> None:
     """Draw the limits on interval i for a plan within bounds, with or without margins."""
     rounds, groups = limits.rounds, len(limits.joints) // ROWS
@@ -608,27 +615,27 @@ def _draw(
     w = grid.s[i + 1] - grid.s[i]
     turn, line = bounds.k[i] * w / 2, 2 * LANES * groups
     lines.drawn[i & (len(lines.drawn) - 1)] = i
-    _draw_caps(lines, limits, bounds, i, w, margins)
+    _ceilings(lines, limits, bounds, i, w, margins)
     joint = 0
     for group in range(groups):
-        _draw_joints(lines, grid, limits, bounds, i, (group, joint), margins)
+        _joint_half_planes(lines, grid, limits, bounds, i, (group, joint), margins)
         joint = next_joint(grid, joint)
     for r in range(0, count, LANES):
-        _draw_rows(lines, limits, bounds, i, r, line + 2 * r, w, margins)
+        _row_half_planes(lines, limits, bounds, i, r, line + 2 * r, w, margins)
     for r in range(rounds.radius.shape[1]):
         radius, room = rounds.radius[i, r], 0.0
         if margins:
             room = _margin(rounds.rise, i, r, bounds)
             first, _, _ = _products(rounds.ends, i, 0, r)
             last, _, _ = _products(rounds.ends, i, 1, r)
-            _lose(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
+            _count_margin(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
         square = max(radius - room, 0.0) ** 2
         for end in range(2):
-            _draw_conic(lines, i, r, rounds.ends, square, (w, turn), end)
+            _conic(lines, i, r, rounds.ends, square, (w, turn), end)
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _mean_range(lines: Lines, i: int, x: float) -> tuple[float, float]:
+def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
     """Range of the mean u for x."""
     of, count, at = lines.of, lines.width, i & (len(lines.drawn) - 1)
     first = 3 * count * at
@@ -647,7 +654,9 @@ def _mean_range(lines: Lines, i: int, x: float) -> tuple[float, float]:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _means(lines: Lines, i: int, x: float) -> tuple[float, float, float, float, int]:
+def _mean_range_slopes(
+    lines: LimitLines, i: int, x: float
+) -> tuple[float, float, float, float, int]:
     """Range of the mean u for x, how fast its bottom and its top fall with x, the line below."""
     of, count, at = lines.of, lines.width, i & (len(lines.drawn) - 1)
     low, high, below, above = -math.inf, math.inf, -1, -1
@@ -672,7 +681,7 @@ def _means(lines: Lines, i: int, x: float) -> tuple[float, float, float, float, 
 
 
 @compiled(inner=True)
-def _start(lines: Lines, w: float, most: FloatArray) -> float:
+def _free_start(lines: LimitLines, w: float, most: FloatArray) -> float:
     """The ds² at a start at which joints rest at any: the fastest on the first interval.
 
     Next to nothing less than the largest may allow a far larger u, as dq_ds is rounded.
@@ -689,12 +698,12 @@ def _start(lines: Lines, w: float, most: FloatArray) -> float:
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
-def _sweep(
+def _backward_forward_pass(
     grid: Intervals,
-    limits: Limits,
-    bounds: Bounds,
+    limits: GridLimits,
+    bounds: MotionBounds,
     state: tuple[BoolArray, bool],
-    lines: Lines,
+    lines: LimitLines,
     rules: Rules,
     cap: FloatArray,
     most: FloatArray,
@@ -726,7 +735,7 @@ def _sweep(
         here = math.inf
         if i > 0:
             if changed[i - 1] or lines.drawn[(i - 1) & slots] != i - 1:
-                _draw(grid, limits, bounds, i - 1, margins, lines)
+                _interval_limits(grid, limits, bounds, i - 1, margins, lines)
             here = lines.cap[i - 1, 1]
         if i < n:
             here = min(here, lines.cap[i, 0])
@@ -757,7 +766,7 @@ def _sweep(
             high = min(high, (y - here) * steep)
             if max(low, -here * steep) <= high:
                 break
-            low, high, low_tilt, high_tilt, below = _means(lines, i, here)
+            low, high, low_tilt, high_tilt, below = _mean_range_slopes(lines, i, here)
             if (y - here) * steep < high:
                 high, high_tilt = (y - here) * steep, steep
             if -here * steep > low:
@@ -772,12 +781,12 @@ def _sweep(
         return stuck
     x[0] = min(rules.start, most[0])
     if rules.start == math.inf:
-        x[0] = _start(lines, grid.s[1] - grid.s[0], most)
+        x[0] = _free_start(lines, grid.s[1] - grid.s[0], most)
     for i in range(n):
         w, high = grid.s[i + 1] - grid.s[i], mean[i]
         if x[i] < most[i]:
             if lines.drawn[i & slots] != i:
-                _draw(grid, limits, bounds, i, margins, lines)
+                _interval_limits(grid, limits, bounds, i, margins, lines)
             low, high = _mean_range(lines, i, x[i])
             steep = 0.5 / w
             high = min(high, (most[i + 1] - x[i]) * steep)
@@ -788,7 +797,7 @@ def _sweep(
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _roots(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
+def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
     """The smallest and the largest u that a vector allows."""
     aa = ab = bb = 0.0
     for d in range(3):
@@ -801,13 +810,13 @@ def _roots(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, f
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _joint_range(
-    grid: Intervals, limits: Limits, place: tuple[int, int, int, int], x: float
+def _joint_acceleration_range(
+    grid: Intervals, limits: GridLimits, place: tuple[int, int, int, int], x: float
 ) -> tuple[float, float, float, int, int]:
-    """As `range_of`, of one group of bounds, with its first joint."""
+    """As `acceleration_range`, of one group of bounds, with its first joint."""
     i, end, group, joint = place
     at = ROWS * group
-    a, b = slopes_of(grid, i, joint, end)
+    a, b = path_slopes(grid, i, joint, end)
     some = size(a)
     inverse = 1.0 / choose(NOTHING, some, a, 1.0)
     least, most = load(limits.joints, at + LOWEST), load(limits.joints, at + HIGHEST)
@@ -824,8 +833,8 @@ def _joint_range(
 
 
 @compiled(inner=True, fastmath=FUSED)
-def range_of(
-    grid: Intervals, limits: Limits, i: int, end: int, x: float
+def acceleration_range(
+    grid: Intervals, limits: GridLimits, i: int, end: int, x: float
 ) -> tuple[float, float, float, int, int]:
     """The smallest and the largest u at one end of an interval, and the bounds that do so.
 
@@ -835,7 +844,9 @@ def range_of(
     low, high, wide, below, above = -math.inf, math.inf, math.inf, -1, -1
     joint = 0
     for group in range(len(limits.joints) // ROWS):
-        first, last, range_, bottom, top = _joint_range(grid, limits, (i, end, group, joint), x)
+        first, last, range_, bottom, top = _joint_acceleration_range(
+            grid, limits, (i, end, group, joint), x
+        )
         joint, wide = next_joint(grid, joint), min(wide, range_)
         if first > low:
             low, below = first, -2 - bottom
@@ -859,7 +870,7 @@ def range_of(
         if last < high:
             high, above = last, top
     for r in range(rounds.radius.shape[1]):
-        first, last = _roots(rounds, i, end, r, x)
+        first, last = _round_range(rounds, i, end, r, x)
         wide = min(wide, last - first)
         if first > low:
             low, below = first, 2 * (rows.shape[2] + r)
@@ -869,7 +880,9 @@ def range_of(
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _steer(grid: Intervals, limits: Limits, cap: FloatArray, x: FloatArray, bounds: Bounds) -> None:
+def _choose_slopes(
+    grid: Intervals, limits: GridLimits, cap: FloatArray, x: FloatArray, bounds: MotionBounds
+) -> None:
     """Write slopes with which u stays at its bound on the whole interval."""
     for i in range(len(grid.piece)):
         w, x0, x1 = grid.s[i + 1] - grid.s[i], x[i], x[i + 1]
@@ -877,8 +890,8 @@ def _steer(grid: Intervals, limits: Limits, cap: FloatArray, x: FloatArray, boun
         if not (0.0 < x0 < cap[i] * BELOW_CEILING and 0.0 < x1 < cap[i + 1] * BELOW_CEILING):
             continue
         mean = (x1 - x0) / (2 * w)
-        low0, high0, wide0, _, _ = range_of(grid, limits, i, 0, x0)
-        low1, high1, wide1, _, _ = range_of(grid, limits, i, 1, x1)
+        low0, high0, wide0, _, _ = acceleration_range(grid, limits, i, 0, x0)
+        low1, high1, wide1, _, _ = acceleration_range(grid, limits, i, 1, x1)
         falling = min((mean - low0) / wide0, (mean - low1) / wide1) < NEAR
         turn = 0.0
         if min((high0 - mean) / wide0, (high1 - mean) / wide1) < NEAR:
@@ -895,7 +908,9 @@ def _steer(grid: Intervals, limits: Limits, cap: FloatArray, x: FloatArray, boun
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _sizes(width: FloatArray, x: FloatArray, k: FloatArray, i: int) -> tuple[float, float, float]:
+def _motion_extent(
+    width: FloatArray, x: FloatArray, k: FloatArray, i: int
+) -> tuple[float, float, float]:
     """The largest and the smallest x, and the largest |u|, on an interval."""
     w, first, last = width[i], x[i], x[i + 1]
     mean, turn = (last - first) / (2 * w), abs(k[i]) * w / 2
@@ -904,14 +919,14 @@ def _sizes(width: FloatArray, x: FloatArray, k: FloatArray, i: int) -> tuple[flo
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
-def _enclose(
-    width: FloatArray, x: FloatArray, rules: Rules, headroom: float, bounds: Bounds
+def _bound_motion(
+    width: FloatArray, x: FloatArray, rules: Rules, headroom: float, bounds: MotionBounds
 ) -> None:
     """Write bounds around a plan; u of its neighbours counts too, as switches move."""
     n, fastest = len(width), 0.0
     rates = np.empty(n)
     for i in range(n):
-        largest, least, rates[i] = _sizes(width, x, bounds.k, i)
+        largest, least, rates[i] = _motion_extent(width, x, bounds.k, i)
         bounds.x[i], bounds.least[i] = headroom * largest, least / headroom
         fastest = max(fastest, rates[i])
     for i in range(n):
@@ -922,13 +937,18 @@ def _enclose(
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _widen(
-    width: FloatArray, x: FloatArray, rules: Rules, bounds: Bounds, rubs: bool, changed: BoolArray
+def _prove_or_widen(
+    width: FloatArray,
+    x: FloatArray,
+    rules: Rules,
+    bounds: MotionBounds,
+    rubs: bool,
+    changed: BoolArray,
 ) -> bool:
     """The proof: say whether a plan is within its bounds; where it is not, widen them."""
     holds = True
     for i in range(len(width)):
-        largest, least, rate = _sizes(width, x, bounds.k, i)
+        largest, least, rate = _motion_extent(width, x, bounds.k, i)
         out = largest > bounds.x[i] or rate > bounds.u[i]
         if rubs and least < bounds.least[i]:
             out, bounds.least[i] = True, least / (rules.headroom * rules.headroom)
@@ -944,7 +964,7 @@ def _widen(
 
 
 @compiled(inner=True)
-def _worst(lost: FloatArray) -> int:
+def _largest_margin(lost: FloatArray) -> int:
     """The interval on which margins take the largest share."""
     worst = 0
     for i in range(len(lost)):
@@ -962,7 +982,7 @@ def _duration(width: FloatArray, x: FloatArray, k: FloatArray) -> float:
 
 
 @compiled(inner=True)
-def _is_near(x: FloatArray, bounds: Bounds, near: float) -> bool:
+def _recentre(x: FloatArray, bounds: MotionBounds, near: float) -> bool:
     """Whether a plan is near that about which friction is linear; makes it that plan."""
     found = True
     for i in range(len(bounds.x)):
@@ -973,7 +993,7 @@ def _is_near(x: FloatArray, bounds: Bounds, near: float) -> bool:
 
 
 @compiled(inner=True)
-def _judge_ends(stuck: int, rules: Rules, most: FloatArray, x: FloatArray) -> tuple[int, float]:
+def _pass_outcome(stuck: int, rules: Rules, most: FloatArray, x: FloatArray) -> tuple[int, float]:
     """The outcome of a sweep, and the largest ds² at the end that is too fast."""
     n = len(x) - 1
     if rules.start < math.inf and min(rules.start, most[0]) < rules.start * (1 - PLAY):
@@ -986,7 +1006,7 @@ def _judge_ends(stuck: int, rules: Rules, most: FloatArray, x: FloatArray) -> tu
 
 
 @compiled(inner=True)
-def _drop_slopes(bounds: Bounds, lost: FloatArray, most: float, changed: BoolArray) -> bool:
+def _drop_slopes(bounds: MotionBounds, lost: FloatArray, most: float, changed: BoolArray) -> bool:
     """Leave out slopes where margins take more than a share, and say whether there were any."""
     again = False
     for i in range(len(lost)):
@@ -997,7 +1017,7 @@ def _drop_slopes(bounds: Bounds, lost: FloatArray, most: float, changed: BoolArr
 
 
 @compiled()
-def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
+def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     """Plan without margins; then with margins for bounds around that plan, until it is within.
 
     With one try only: the plan without margins, and FINER.
@@ -1009,13 +1029,13 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
     """
     n, rubbing = len(grid.piece), limits.friction.within.shape[1]
     width, x, most, cap = np.empty(n), np.zeros(n + 1), np.empty(n + 1), np.empty(n + 1)
-    bounds = Bounds(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+    bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
     changed, slots = np.ones(n, np.bool_), 1
     while slots < min(n, BLOCK):
         slots *= 2
     groups = (limits.rows.rise.shape[1] + rubbing + LANES - 1) // LANES
     count = 2 * LANES * max(1, len(limits.joints) // ROWS + groups)
-    lines = Lines(
+    lines = LimitLines(
         np.empty(3 * count * slots),
         count,
         np.full(slots, -1),
@@ -1028,7 +1048,9 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
     slopes, kind, tangents = np.zeros(n), 0, 0
     # The first plan has no friction.
     none = Friction(np.empty((n, 2, 0)), np.empty((n, 0, 3)))
-    free = Limits(limits.rows, limits.squares, limits.rounds, none, limits.ceiling, limits.joints)
+    free = GridLimits(
+        limits.rows, limits.squares, limits.rounds, none, limits.ceiling, limits.joints
+    )
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
     if rubbing > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
@@ -1040,15 +1062,17 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
                 lines.of[line], lines.of[line + count] = -math.inf, math.inf
     for _ in range(rules.tries):
         drawn = limits if kind > 0 else free
-        stuck = _sweep(grid, drawn, bounds, (changed, kind == 2), lines, rules, cap, most, x)
+        stuck = _backward_forward_pass(
+            grid, drawn, bounds, (changed, kind == 2), lines, rules, cap, most, x
+        )
         if stuck >= n:
-            return Plan(x, bounds.k, lost, UNLIMITED, stuck - n, 0.0)
-        worst = _worst(lines.lost)
+            return GridPlan(x, bounds.k, lost, UNLIMITED, stuck - n, 0.0)
+        worst = _largest_margin(lines.lost)
         if kind == 2 and lines.lost[worst] > rules.most:
             if _drop_slopes(bounds, lines.lost, max(rules.most, rules.steady), changed):
                 continue
             break
-        outcome, allowed = _judge_ends(stuck, rules, most, x)
+        outcome, allowed = _pass_outcome(stuck, rules, most, x)
         if outcome != FOUND:
             if shortest < math.inf:
                 break
@@ -1057,21 +1081,21 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
                 for i in range(n):
                     if stuck < 0 or abs(i - stuck) < AROUND:
                         lines.lost[i] = max(lines.lost[i], NO_WAY)
-                return Plan(x, bounds.k, lines.lost, FINER, max(stuck, 0), 0.0)
-            return Plan(x, bounds.k, lines.lost, outcome, stuck, allowed)
+                return GridPlan(x, bounds.k, lines.lost, FINER, max(stuck, 0), 0.0)
+            return GridPlan(x, bounds.k, lines.lost, outcome, stuck, allowed)
         if kind < 2:
-            near = _is_near(x, bounds, rules.near)
+            near = _recentre(x, bounds, rules.near)
             kind = 1
             if rubbing and not near and tangents < rules.tangents:
                 tangents += 1
                 continue
-            _steer(grid, limits, cap, x, bounds)
-            _enclose(width, x, rules, rules.headroom, bounds)
+            _choose_slopes(grid, limits, cap, x, bounds)
+            _bound_motion(width, x, rules, rules.headroom, bounds)
             changed[:] = True
             kind = 2
-        elif _widen(width, x, rules, bounds, rubbing > 0, changed):
+        elif _prove_or_widen(width, x, rules, bounds, rubbing > 0, changed):
             if not rubbing:
-                return Plan(x, bounds.k, lines.lost, FOUND, -1, 0.0)
+                return GridPlan(x, bounds.k, lines.lost, FOUND, -1, 0.0)
             duration = _duration(width, x, bounds.k)
             better = duration < shortest * (1 - rules.gain)
             if duration < shortest:
@@ -1079,14 +1103,14 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
                 found, slopes, lost = x.copy(), bounds.k.copy(), lines.lost.copy()
             if not better:
                 break
-            _enclose(width, x, rules, rules.close, bounds)
+            _bound_motion(width, x, rules, rules.close, bounds)
             changed[:] = True
     if shortest < math.inf:
-        return Plan(found, slopes, lost, FOUND, -1, 0.0)
-    worst = _worst(lines.lost)
+        return GridPlan(found, slopes, lost, FOUND, -1, 0.0)
+    worst = _largest_margin(lines.lost)
     if lines.lost[worst] <= rules.most:
         for i in range(n):
             if changed[i]:
                 lines.lost[i] = NO_WAY
-        worst = _worst(lines.lost)
-    return Plan(x, bounds.k, lines.lost, FINER, worst, 0.0)
+        worst = _largest_margin(lines.lost)
+    return GridPlan(x, bounds.k, lines.lost, FINER, worst, 0.0)

@@ -22,8 +22,8 @@ from armcontour.planning.topp.limit_forms import (
     A,
     B,
     Intervals,
+    LinearRows,
     Rounds,
-    Rows,
     Squares,
 )
 
@@ -40,7 +40,7 @@ def _slopes(c: FloatArray, k: int, j: int, x: float, scale: float) -> tuple[floa
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _largest(
+def _derivative_bounds(
     c: FloatArray, k: int, j: int, x: float, y: float, scale: float
 ) -> tuple[float, float]:
     """Bounds of |d3q_ds3| and |d4q_ds4| of joint j from place x to y of piece k."""
@@ -77,7 +77,7 @@ def derivatives(
         for j in range(coefficients.shape[2]):
             ends[0, i, 0, j], ends[1, i, 0, j] = _slopes(coefficients, k, j, x, scale)
             ends[0, i, 1, j], ends[1, i, 1, j] = _slopes(coefficients, k, j, y, scale)
-            most[0, i, j], most[1, i, j] = _largest(coefficients, k, j, x, y, scale)
+            most[0, i, j], most[1, i, j] = _derivative_bounds(coefficients, k, j, x, y, scale)
 
 
 @compiled(fastmath=FUSED)
@@ -86,7 +86,7 @@ def write_sampled(
     after: IntArray,
     terms: tuple[FloatArray, ...],
     bounds: tuple[FloatArray, ...],
-    rows: Rows,
+    rows: LinearRows,
 ) -> None:
     """Write rows `low <= a u + b x + c <= high` whose coefficients are sampled.
 
@@ -196,7 +196,7 @@ class OnGrid:
         """q, dq_ds and d2q_ds2 at all places, (places, dof) each."""
         return self.grid.joint_path.motion(*self.places)
 
-    def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> Rows:
+    def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> LinearRows:
         """Rows `low <= a u + b x + c <= high` whose coefficients are known at all places.
 
         How far a coefficient is off its chord is measured in the middle of an interval. Near an
@@ -209,7 +209,7 @@ class OnGrid:
             high: Upper bounds, (rows,).
         """
         n, count = len(self), terms[0].shape[1]
-        rows = Rows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
+        rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
         write_sampled(self.intervals, self.after, terms, (low, high), rows)
         return rows
 
