@@ -88,18 +88,20 @@ def plan_optimal(
     points, intervals, constraints = options.grid, options.intervals, options.constraints
     if points is not None:
         points = checks.kernel_array(points)
-    suited, places = reparametrize(joint_path)
+    reparametrized, new_breaks = reparametrize(joint_path)
     at_rest = joint_path.breaks[:0]
     if constraints or limits.path_jerk is not None:
         # Both count in s.
         at_rest = (
-            at_rest if suited is joint_path else joint_path.breaks[rests_at_breaks(joint_path)]
+            at_rest
+            if reparametrized is joint_path
+            else joint_path.breaks[rests_at_breaks(joint_path)]
         )
-    elif suited is not joint_path:
+    elif reparametrized is not joint_path:
         if points is not None:
             grid_through(joint_path, points)
-            points = np.interp(points, joint_path.breaks, places)
-        joint_path = suited
+            points = np.interp(points, joint_path.breaks, new_breaks)
+        joint_path = reparametrized
     if points is None:
         count = distribute_intervals(joint_path, intervals)
         loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
@@ -215,21 +217,21 @@ def time_optimal(
     stands = rests_at_breaks(grid.joint_path)
     start = np.inf if start_speed == 0 and stands[0] else start_speed**2
     end = np.inf if end_speed == 0 and stands[-1] else end_speed**2
-    most = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
-    rules, s = Rules(float(start), float(end), most), 0.0
+    max_margin = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
+    rules, s = Rules(float(start), float(end), max_margin), 0.0
     best: tuple[Grid, GridPlan] | None = None
-    shortest, room = math.inf, max(MOST_REFINED, 2 * len(grid))
+    shortest, max_intervals = math.inf, max(MOST_REFINED, 2 * len(grid))
     for k in range(MOST_REFINEMENTS):
         path = OnGrid(grid)
         limits = _with_stops(limits_on(path, active), grid)
-        found = plan_on_grid(path.intervals, limits, rules)
-        if found.outcome == kernels.FOUND:
+        grid_plan = plan_on_grid(path.intervals, limits, rules)
+        if grid_plan.outcome == kernels.FOUND:
             if math.isinf(largest_loss):
-                return _law(grid, found)
-            duration, loss, points = estimate_losses(path.intervals, limits, found)
+                return _law(grid, grid_plan)
+            duration, loss, points = estimate_losses(path.intervals, limits, grid_plan)
             gained = shortest - duration
             if duration < shortest:
-                best, shortest = (grid, found), duration
+                best, shortest = (grid, grid_plan), duration
             if loss.sum() <= largest_loss * duration or gained < largest_loss / 4 * duration:
                 break
             parts = _parts_by_loss(loss, largest_loss * duration)
@@ -237,18 +239,18 @@ def time_optimal(
                 break
             grid = split(grid, parts, points)
             continue
-        s = float(grid.s[found.place])
-        if found.outcome != kernels.FINER:
+        s = float(grid.s[grid_plan.place])
+        if grid_plan.outcome != kernels.FINER:
             if best is not None:
                 break
-            _refuse(grid, found, arm, rules)
-        parts = _whole(np.sqrt(found.lost / LARGEST_MARGIN), room)
+            _refuse(grid, grid_plan, arm, rules)
+        parts = _whole(np.sqrt(grid_plan.lost / LARGEST_MARGIN), max_intervals)
         crowded = parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MOST_REFINED / 2
-        if crowded and most == LARGEST_MARGIN_EVER:
+        if crowded and max_margin == LARGEST_MARGIN_EVER:
             break
         grid = split(grid, parts)
-        most = min(MORE_EACH_TIME ** (k + 1) * LARGEST_MARGIN, LARGEST_MARGIN_EVER)
-        rules = rules._replace(most=most, steady=0.0)
+        max_margin = min(MORE_EACH_TIME ** (k + 1) * LARGEST_MARGIN, LARGEST_MARGIN_EVER)
+        rules = rules._replace(most=max_margin, steady=0.0)
     if best is not None:
         return _law(*best)
     raise NotRealizable(
@@ -258,17 +260,17 @@ def time_optimal(
     )
 
 
-def _parts_by_loss(loss: FloatArray, most: float) -> FloatArray:
+def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
     """Into how many parts to split intervals with such losses, to lose at most so much on all."""
-    parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / most, MOST_PARTS_AT_ONCE**2))
+    parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / max_loss, MOST_PARTS_AT_ONCE**2))
     return _whole(parts, max(MOST_REFINED, len(loss)))
 
 
-def _whole(parts: FloatArray, most: int) -> FloatArray:
+def _whole(parts: FloatArray, max_parts: int) -> FloatArray:
     """Numbers of parts rounded up, after halving until there are at most so many in all."""
     while True:
         counts = np.maximum(np.ceil(parts), 1.0)
-        if counts.sum() <= most:
+        if counts.sum() <= max_parts:
             return np.asarray(counts)
         parts = parts / 2
 
@@ -278,33 +280,33 @@ def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
     stops = grid.joint_path.stops
     if not len(stops):
         return limits
-    at, ceiling = np.searchsorted(grid.s, stops), limits.ceiling.copy()
-    ceiling[at, 0] = ceiling[at - 1, 1] = 0.0
+    indices, ceiling = np.searchsorted(grid.s, stops), limits.ceiling.copy()
+    ceiling[indices, 0] = ceiling[indices - 1, 1] = 0.0
     return limits._replace(ceiling=ceiling)
 
 
-def _law(grid: Grid, found: GridPlan) -> PathLaw:
+def _law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
     """Make the continuous time law: the path acceleration is linear in s on every interval.
 
     Raises:
         NotRealizable: Two neighbouring points are at rest.
     """
     try:
-        return PathLaw.of_squares(grid.joint_path, grid.s, found.x, found.k)
+        return PathLaw.of_squares(grid.joint_path, grid.s, grid_plan.x, grid_plan.k)
     except InvalidInput as error:
         if error.index is None:
             raise
         _refuse_stuck(grid, error.index)
 
 
-def _refuse(grid: Grid, found: GridPlan, arm: Arm, rules: Rules) -> NoReturn:
+def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn:
     """Raise the error of a plan that was not found, as in `time_optimal`."""
-    i = found.place
-    if found.outcome == kernels.START:
-        raise_too_fast("start", rules.start, found.allowed, float(grid.s[0]))
-    if found.outcome == kernels.END:
-        raise_too_fast("end", rules.end, found.allowed, float(grid.s[-1]))
-    if found.outcome == kernels.STUCK:
+    i = grid_plan.place
+    if grid_plan.outcome == kernels.START:
+        raise_too_fast("start", rules.start, grid_plan.allowed, float(grid.s[0]))
+    if grid_plan.outcome == kernels.END:
+        raise_too_fast("end", rules.end, grid_plan.allowed, float(grid.s[-1]))
+    if grid_plan.outcome == kernels.STUCK:
         _refuse_stuck(grid, i)
     if not OnGrid(grid).derivatives[0][0, i].any():
         raise InvalidInput(

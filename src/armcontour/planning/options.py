@@ -147,9 +147,9 @@ class Shaped(PlanOptions):
 
     def _check_together(self) -> None:
         if (self.line_tolerance is None) != (self.zone is None):
-            given, missing = ("line_tolerance", "zone")[:: 1 if self.zone is None else -1]
+            specified, missing = ("line_tolerance", "zone")[:: 1 if self.zone is None else -1]
             raise InvalidInput(
-                f"{given} is given without {missing}: line_tolerance holds farther from the "
+                f"{specified} is given without {missing}: line_tolerance holds farther from the "
                 "vertices than zone, so give both or neither."
             )
         if self.line_tolerance is None or self.zone is None:

@@ -317,14 +317,14 @@ class PaperLine:
         s = self.s[[low, high]]
         start, end = forward[low], backward[high]
         law = path_law(self.joint_path, s, np.array([start]), np.array([end]))
-        places = (float(s[0]), float(s[1]))
+        ends = (float(s[0]), float(s[1]))
         if not meeting or np.isnan([forward[high], backward[low]]).any():
-            return LinePhase(law, "AVC", places)
+            return LinePhase(law, "AVC", ends)
         ahead, after = backward[low] ** 2 - start**2, forward[high] ** 2 - end**2
         length = float(s[1] - s[0]) * (ahead / (ahead + after) if ahead + after > 0 else 0.5)
         acceleration = law.rates.dds[0]
         time = 2 * length / (start + np.sqrt(max(start**2 + 2 * acceleration * length, 0.0)))
-        return LinePhase(law, "meeting", places, (float(time), length))
+        return LinePhase(law, "meeting", ends, (float(time), length))
 
     def _refuse_broken(self, forward: Pass, last: int, reverse: Pass, count: int) -> None:
         """Refuse a line on which a pass ended at a joint limit, not at the assigned velocity.

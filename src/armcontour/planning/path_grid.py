@@ -159,8 +159,8 @@ def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) 
         |d2q_ds2| over |dq_ds| [1/m], (pieces,); (0,) if no joint moves.
     """
     n, dof = len(breaks) - 1, coefficients.shape[2]
-    size, bend = np.empty((n, 3)), np.empty((n, 3))
-    most = 0.0
+    size, curvature = np.empty((n, 3)), np.empty((n, 3))
+    fastest = 0.0
     for i in range(n):
         width, c = breaks[i + 1] - breaks[i], coefficients[i]
         for k in range(3):
@@ -174,19 +174,19 @@ def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) 
                 slope, curve = slope / width, curve / (width * width)
                 first += slope * slope
                 second += curve * curve
-            size[i, k], bend[i, k] = math.sqrt(first), math.sqrt(second)
-            most = max(most, size[i, k])
-    if most == 0.0:
+            size[i, k], curvature[i, k] = math.sqrt(first), math.sqrt(second)
+            fastest = max(fastest, size[i, k])
+    if fastest == 0.0:
         return np.empty(0)
-    found = np.empty(n)
+    rates = np.empty(n)
     for i in range(n):
         total, count = 0.0, 0
         for k in range(3):
-            if size[i, k] > at_rest * most:
-                total += bend[i, k] / size[i, k]
+            if size[i, k] > at_rest * fastest:
+                total += curvature[i, k] / size[i, k]
                 count += 1
-        found[i] = total / max(count, 1)
-    return found
+        rates[i] = total / max(count, 1)
+    return rates
 
 
 @compiled()
@@ -200,41 +200,41 @@ def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArr
     total = 0
     for i in range(len(count)):
         total += count[i]
-    points, of = np.empty(total + 1), np.empty(total, np.intp)
+    points, interval = np.empty(total + 1), np.empty(total, np.intp)
     part = 0
     for i in range(len(count)):
         width = s[i + 1] - s[i]
         for k in range(count[i]):
-            points[part], of[part] = s[i] + width * k / count[i], i
+            points[part], interval[part] = s[i] + width * k / count[i], i
             part += 1
     points[total] = s[len(count)]
-    return points, of
+    return points, interval
 
 
 @compiled()
 def merge_breaks(
-    points: FloatArray, breaks: FloatArray, close: float
+    points: FloatArray, breaks: FloatArray, min_distance: float
 ) -> tuple[FloatArray, IntArray, int]:
     """All breaks, and the points that are not close to a break or to the point before.
 
     Args:
         points: Increasing numbers from the first to the last break, (m,).
         breaks: Increasing numbers, (pieces + 1,).
-        close: Distances below this are none.
+        min_distance: Distances below this are none.
 
     Returns:
         The ends of the intervals, (n + 1,), the piece of each interval, (n,), and the smallest
         number of intervals of a piece.
     """
-    most, last = len(points) + len(breaks), len(breaks) - 1
-    s, piece = np.empty(most), np.empty(most, np.intp)
-    n, k, fewest = 0, 0, most
+    capacity, last = len(points) + len(breaks), len(breaks) - 1
+    s, piece = np.empty(capacity), np.empty(capacity, np.intp)
+    n, k, fewest = 0, 0, capacity
     for i in range(last):
         first = n
         s[n], piece[n] = breaks[i], i
         n += 1
         while k < len(points) and points[k] < breaks[i + 1]:
-            if points[k] - s[n - 1] >= close and breaks[i + 1] - points[k] >= close:
+            if points[k] - s[n - 1] >= min_distance and breaks[i + 1] - points[k] >= min_distance:
                 s[n], piece[n] = points[k], i
                 n += 1
             k += 1

@@ -199,8 +199,8 @@ class _Tracer:
         turned = turn_along(path, before, after)
         with error_context(called):
             first = self.last is None and self.seed is None
-            found = self._trace_to(after[0], turned, i) if first else self._trace(turned, i)
-            self._append(i, found, called)
+            joint_path = self._trace_to(after[0], turned, i) if first else self._trace(turned, i)
+            self._append(i, joint_path, called)
 
     def _append(self, i: int, joint_path: JointPath, called: str) -> None:
         """Append a joint path, with a straight line in joint space to its start if needed."""
@@ -224,8 +224,8 @@ class _Tracer:
         """Trace a rapid to the first contour, in the configuration that is fastest for it."""
         arm, limited = self.arm, self.limited
         try:
-            at = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
-            fastest = self._fastest(contour.path, at, configuration=self.configuration)
+            index = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
+            fastest = self._fastest(contour.path, index, configuration=self.configuration)
             back = trace(path.reversed(), limited, **configuration_of(arm, fastest(0.0)))
             return trace(path, limited, **configuration_of(arm, back(back.length)))
         except ArmContourError:
@@ -250,11 +250,11 @@ class _Tracer:
         accept = self.accept if self.looks_ahead else None
         first: JointPath | None = None
         for group in trace_by_duration(path, self.limited, configuration=configuration, seed=seed):
-            for x in self._in_order(group, i):
-                if accept is None or np.all(accept(x)):
+            for joint_path in self._in_order(group, i):
+                if accept is None or np.all(accept(joint_path)):
                     self.faster_rejected |= first is not None
-                    return x
-                first = x if first is None else first
+                    return joint_path
+                first = joint_path if first is None else first
         assert first is not None
         return first
 
@@ -287,8 +287,8 @@ class _Tracer:
                 trial.follow(k, move)
             except ArmContourError:
                 return np.inf
-        ways = [x.joint_path for x in trial.steps if x.joint_path is not None]
-        return sum(bound_duration(x, self.limits) for x in ways)
+        joint_paths = [x.joint_path for x in trial.steps if x.joint_path is not None]
+        return sum(bound_duration(x, self.limits) for x in joint_paths)
 
 
 def _line(begin: FloatArray, end: FloatArray) -> JointPath:
@@ -332,11 +332,11 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
         return path
     ends = [(x.path.orientation, x.path.length) for x in before]
     ends += [(x.path.orientation, 0.0) for x in after]
-    given = [(x, s) for x, s in ends if x is not None]
-    if not given:
+    orientations = [(x, s) for x, s in ends if x is not None]
+    if not orientations:
         return path
-    free = all(x.axis_only for x, _ in given)
-    first, last = given[0][0](given[0][1]), given[-1][0](given[-1][1])
+    free = all(x.axis_only for x, _ in orientations)
+    first, last = orientations[0][0](orientations[0][1]), orientations[-1][0](orientations[-1][1])
     # If only tool axes are given, the tool does not turn about its axis. For opposite orientations
     # either direction of rotation will do.
     turn = shortest(first[:, 2], last[:, 2]) if free else log((last @ first.T)[None])[0]
@@ -402,23 +402,27 @@ def trace_by_duration(
     # Limits of jerk cost much time here, and favour no configuration.
     rough = bounds.without_jerk
     if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):
-        long = _trace_long(path, arm, bounds) if configuration is None and seed is None else None
-        if long is not None:
-            yield [long]
+        joint_path = (
+            _trace_long(path, arm, bounds) if configuration is None and seed is None else None
+        )
+        if joint_path is not None:
+            yield [joint_path]
             return
-    found = trace_all(path, arm, limits=bounds, configuration=configuration, seed=seed)
-    if len(found) == 1:
-        yield found
+    joint_paths = trace_all(path, arm, limits=bounds, configuration=configuration, seed=seed)
+    if len(joint_paths) == 1:
+        yield joint_paths
     else:
-        yield from _by_duration(found, arm, rough)
+        yield from _by_duration(joint_paths, arm, rough)
 
 
-def _by_duration(found: list[JointPath], arm: Arm, rough: Limits) -> Iterator[list[JointPath]]:
+def _by_duration(
+    joint_paths: list[JointPath], arm: Arm, rough: Limits
+) -> Iterator[list[JointPath]]:
     """Joint paths of one tool path, those with the fastest plans under rough limits first."""
-    at_least = [bound_duration(x, rough) for x in found]
+    at_least = [bound_duration(x, rough) for x in joint_paths]
     order = np.argsort(at_least, kind="stable").tolist()
-    if isinstance(arm, PlanarTwoLink) and len(found[0].breaks) > MOST_PLANNED:
-        yield from ([found[i]] for i in order)
+    if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MOST_PLANNED:
+        yield from ([joint_paths[i]] for i in order)
         return
     # Of those that are planned and did not come yet.
     durations: dict[int, float] = {}
@@ -429,10 +433,10 @@ def _by_duration(found: list[JointPath], arm: Arm, rough: Limits) -> Iterator[li
             durations[i] = np.inf
             # If no configuration can be planned, the plan of the first one raises the reason.
             with suppress(ArmContourError):
-                durations[i] = plan_optimal(found[i], arm, rough, ROUGHLY).duration
-        least = min(durations.values())
-        as_fast = sorted(i for i, x in durations.items() if x <= least * (1 + AS_FAST))
-        yield [found[i] for i in as_fast]
+                durations[i] = plan_optimal(joint_paths[i], arm, rough, ROUGHLY).duration
+        shortest = min(durations.values())
+        as_fast = sorted(i for i, x in durations.items() if x <= shortest * (1 + AS_FAST))
+        yield [joint_paths[i] for i in as_fast]
         for i in as_fast:
             del durations[i]
 
@@ -481,25 +485,25 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
         # Tracing says why.
         return None
     bounds, durations = _compare(path, arm, limits, s, solutions)
-    near = durations <= (1 + SLOWER) * durations.min()
+    fast = durations <= (1 + SLOWER) * durations.min()
     with np.errstate(divide="ignore", invalid="ignore"):
-        above = durations / bounds
-    slow = np.flatnonzero(~near)
-    best, least, done = None, np.inf, list[float]()
+        ratio = durations / bounds
+    slow = np.flatnonzero(~fast)
+    best, shortest, done = None, np.inf, list[float]()
     # The shortest joint paths come first; slow ones are traced only if no other can be.
-    for k in [*np.flatnonzero(near), *slow[np.argsort(durations[slow], kind="stable")]]:
-        if done and not near[k]:
+    for k in [*np.flatnonzero(fast), *slow[np.argsort(durations[slow], kind="stable")]]:
+        if done and not fast[k]:
             break
         if any((1 - ALIKE) * x < durations[k] < (1 + ALIKE) * x for x in done):
             continue
         try:
-            found = trace(path, arm, limits=limits, seed=solutions[k][0])
+            joint_path = trace(path, arm, limits=limits, seed=solutions[k][0])
         except ArmContourError:
             continue
         done.append(float(durations[k]))
-        duration = bound_duration(found, rough) * above[k]
-        if best is None or duration < least:
-            best, least = found, duration
+        duration = bound_duration(joint_path, rough) * ratio[k]
+        if best is None or duration < shortest:
+            best, shortest = joint_path, duration
     return best
 
 
@@ -527,21 +531,21 @@ def _compare(
     bounds, traced = np.full(len(solutions), np.inf), list[list[JointPath]]()
     for k, q in enumerate(solutions):
         try:
-            found = [
+            joint_paths = [
                 trace(part, arm, limits=limits, seed=q[i])
                 for part, i in zip(cuts, first, strict=True)
             ]
-            bounds[k] = sum(bound_duration(x, rough) for x in found)
+            bounds[k] = sum(bound_duration(x, rough) for x in joint_paths)
         except ArmContourError:
-            found = []
-        traced.append(found)
-    durations, least = bounds.copy(), np.inf
+            joint_paths = []
+        traced.append(joint_paths)
+    durations, shortest = bounds.copy(), np.inf
     for k in np.argsort(bounds, kind="stable"):
-        if SURE * bounds[k] > (1 + SLOWER) * least:
+        if SURE * bounds[k] > (1 + SLOWER) * shortest:
             break
         try:
             durations[k] = sum(plan_optimal(x, arm, rough, ROUGHLY).duration for x in traced[k])
         except ArmContourError:
             durations[k] = np.inf
-        least = min(least, float(durations[k]))
+        shortest = min(shortest, float(durations[k]))
     return bounds, durations

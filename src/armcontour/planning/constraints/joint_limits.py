@@ -115,10 +115,10 @@ class JointTorque(Constraint):
         if not (self.curved or self.coulomb.any()):
             return (rows,)
         (first, _), (third, _) = path.derivatives
-        off = path.grid.width[:, None] ** 2 / 8 * third
+        bulge = path.grid.width[:, None] ** 2 / 8 * third
         size = np.abs(first)
-        largest = size.max(axis=1) + off
-        one_way = (first[:, 0] * first[:, 1] > 0) & (size.min(axis=1) > off)
+        largest = size.max(axis=1) + bulge
+        one_way = (first[:, 0] * first[:, 1] > 0) & (size.min(axis=1) > bulge)
         sign = np.where(one_way, np.sign(first[:, 0]), 0.0)
         dry = np.where(largest > 0, self.coulomb, 0.0)
         # Where a joint may turn round, dry friction counts against both limits.
@@ -130,5 +130,5 @@ class JointTorque(Constraint):
         rows.ends[..., HIGH] -= above[:, None]
         if not self.curved:
             return (rows,)
-        within = np.stack([self.viscous * largest, self.viscous * off, sign], axis=2)
+        within = np.stack([self.viscous * largest, self.viscous * bulge, sign], axis=2)
         return rows, Friction(self.viscous * first, within)

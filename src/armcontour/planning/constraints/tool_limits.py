@@ -60,10 +60,10 @@ class ToolMetric:
         """
         breaks, pieces = joint_path.breaks, np.arange(len(joint_path.breaks) - 1)
         s = breaks[:-1] + SAMPLES * (breaks[1:] - breaks[:-1])
-        found = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
-        most, least = found.max(axis=1), found.min(axis=1)
-        speed, curvature = 2 * most - least
-        uneven = (most[1] > FLAT) & (most[1] - least[1] > EVEN * most[1])
+        samples = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
+        largest, smallest = samples.max(axis=1), samples.min(axis=1)
+        speed, curvature = 2 * largest - smallest
+        uneven = (largest[1] > FLAT) & (largest[1] - smallest[1] > EVEN * largest[1])
         return cls(joint_path=joint_path, arm=arm, speed=speed, curvature=curvature, uneven=uneven)
 
     def curvature_on(self, grid: Grid) -> FloatArray:
@@ -84,8 +84,8 @@ class ToolMetric:
         Where the curvature varies, a factor bounds how far it is above its chord: twice what the
         samples in between show.
         """
-        found = np.empty((2, len(grid)))
-        found[:] = self.curvature[grid.piece]
+        chords = np.empty((2, len(grid)))
+        chords[:] = self.curvature[grid.piece]
         i = np.flatnonzero(self.uneven[grid.piece])
         if len(i):
             s = grid.s[i] + SHARES * grid.width[i]
@@ -94,8 +94,8 @@ class ToolMetric:
             begin, end = np.maximum(values[0], FLAT), np.maximum(values[-1], FLAT)
             even = begin + SHARES[1:-1] * (end - begin)
             bent = 1 + 2 * np.maximum(values[1:-1] / even - 1, 0.0).max(axis=0)
-            found[:, i] = np.stack([begin, end]) * bent
-        return found
+            chords[:, i] = np.stack([begin, end]) * bent
+        return chords
 
 
 def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
@@ -139,9 +139,9 @@ class ToolSpeed(Constraint):
 
     def on(self, path: OnGrid) -> Iterable[Form]:
         """The bound of each piece, which holds on the whole interval."""
-        found = np.empty((len(path), 2))
-        found[:] = self._ceiling[path.grid.piece, None]
-        return (Ceiling(found),)
+        ceiling = np.empty((len(path), 2))
+        ceiling[:] = self._ceiling[path.grid.piece, None]
+        return (Ceiling(ceiling),)
 
 
 class RapidSpeed(Constraint):
@@ -185,8 +185,8 @@ class CentripetalAcceleration(Constraint):
     def on(self, path: OnGrid) -> Iterable[Form]:
         """The bound at both ends; between them x stays below the chord of both."""
         with np.errstate(divide="ignore"):
-            found = self.limit / self.metric.curvature_on(path.grid)
-        return (Ceiling(np.ascontiguousarray(found.T)),)
+            ceiling = self.limit / self.metric.curvature_on(path.grid)
+        return (Ceiling(np.ascontiguousarray(ceiling.T)),)
 
 
 class ToolAcceleration(Constraint):

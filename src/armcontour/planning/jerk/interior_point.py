@@ -126,16 +126,16 @@ def _axis_value(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray)
 
 
 @compiled(inner=True, inline="always")
-def _write_tangents(p: JerkSection, c: int, d: FloatArray, found: FloatArray) -> None:
+def _write_tangents(p: JerkSection, c: int, d: FloatArray, tangents: FloatArray) -> None:
     """Write the control points of the tangent below a^(-1/2) in part c, and slopes, (j, 4)."""
     i = p.cell[c]
     root = 1.0 / math.sqrt(p.about[c])
     half = 0.5 * root / p.about[c]
     for k in range(p.raised.shape[1]):
-        found[k, 0] = 1.5 * root - half * _row_value(p.raised, c, k, i, d)
-        found[k, 1] = -half * p.raised[c, k, 0]
-        found[k, 2] = -half * p.raised[c, k, 1]
-        found[k, 3] = -half * p.raised[c, k, 2]
+        tangents[k, 0] = 1.5 * root - half * _row_value(p.raised, c, k, i, d)
+        tangents[k, 1] = -half * p.raised[c, k, 0]
+        tangents[k, 2] = -half * p.raised[c, k, 1]
+        tangents[k, 3] = -half * p.raised[c, k, 2]
 
 
 @compiled(inner=True, inline="always")
@@ -176,38 +176,38 @@ def _round_slack(bound: float, vector: Any) -> float:
 
 @compiled(inner=True)
 def _write_slacks(
-    p: JerkSection, d: FloatArray, free: int, tangents: FloatArray, found: _Duals
+    p: JerkSection, d: FloatArray, free: int, tangents: FloatArray, slack: _Duals
 ) -> bool:
     """Write how far d is from every bound, and return whether it is within all.
 
     An end that is not free has no bound.
     """
-    n, least = len(p.width), math.inf
+    n, smallest = len(p.width), math.inf
     for c in range(len(p.cell)):
         i = p.cell[c]
         _write_tangents(p, c, d, tangents)
         for r in range(p.plain.shape[1]):
             f = _row_value(p.plain, c, r, i, d)
-            found.high[c, r], found.low[c, r] = p.high[c, r] - f, f - p.low[c, r]
-            least = min(least, found.high[c, r], found.low[c, r])
+            slack.high[c, r], slack.low[c, r] = p.high[c, r] - f, f - p.low[c, r]
+            smallest = min(smallest, slack.high[c, r], slack.low[c, r])
         for r in range(p.curved.shape[1]):
             bound, f = p.jerk[r] * tangents[p.of[r], 0], _row_value(p.curved, c, r, i, d)
-            found.curved[c, r, 0], found.curved[c, r, 1] = bound - f, bound + f
-            least = min(least, found.curved[c, r, 0], found.curved[c, r, 1])
+            slack.curved[c, r, 0], slack.curved[c, r, 1] = bound - f, bound + f
+            smallest = min(smallest, slack.curved[c, r, 0], slack.curved[c, r, 1])
         for r in range(p.round.shape[1]):
             radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
-            found.round[c, r] = _round_slack(radius[0], vector)
-            least = min(least, found.round[c, r])
+            slack.round[c, r] = _round_slack(radius[0], vector)
+            smallest = min(smallest, slack.round[c, r])
     for i in range(n + 2):
-        found.positive[i] = d[i]
+        slack.positive[i] = d[i]
         if 0 < i <= n:
-            least = min(least, d[i])
+            smallest = min(smallest, d[i])
     if free != START:
-        found.positive[0] = 0.0
+        slack.positive[0] = 0.0
     if free != END:
-        found.positive[n + 1] = 0.0
+        slack.positive[n + 1] = 0.0
     # False for what is no number, too.
-    return least > 0.0
+    return smallest > 0.0
 
 
 @compiled()
@@ -229,26 +229,26 @@ def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
         p.about[c] = _mean(p, c, d)
     slack, tangents = _new_duals(p), np.empty((p.raised.shape[1], 4))
     _write_slacks(p, d, DURATION, tangents, slack)
-    found = np.ones(len(p.width))
+    shares = np.ones(len(p.width))
     for c in range(len(p.cell)):
         i = p.cell[c]
-        least = found[i] if d[i + 1] > 0.0 else -1.0
+        smallest = shares[i] if d[i + 1] > 0.0 else -1.0
         _write_tangents(p, c, d, tangents)
         for r in range(p.plain.shape[1]):
             f = abs(_row_value(p.plain, c, r, i, d))
             if p.high[c, r] < math.inf:
-                least = min(least, slack.high[c, r] / max(abs(p.high[c, r]), f, TINY))
+                smallest = min(smallest, slack.high[c, r] / max(abs(p.high[c, r]), f, TINY))
             if p.low[c, r] > -math.inf:
-                least = min(least, slack.low[c, r] / max(abs(p.low[c, r]), f, TINY))
+                smallest = min(smallest, slack.low[c, r] / max(abs(p.low[c, r]), f, TINY))
         for r in range(p.curved.shape[1]):
-            left, right = slack.curved[c, r, 0], slack.curved[c, r, 1]
+            upper, lower = slack.curved[c, r, 0], slack.curved[c, r, 1]
             # The sum of both slacks is twice the bound.
-            least = min(least, min(left, right) / max(abs(left + right) / 2, TINY))
+            smallest = min(smallest, min(upper, lower) / max(abs(upper + lower) / 2, TINY))
         for r in range(p.round.shape[1]):
             bound = abs(_radius(p, c, r, tangents)[0])
-            least = min(least, slack.round[c, r] / max(bound, TINY))
-        found[i] = least
-    return found
+            smallest = min(smallest, slack.round[c, r] / max(bound, TINY))
+        shares[i] = smallest
+    return shares
 
 
 @compiled(inner=True, inline="always")
@@ -389,12 +389,12 @@ def _round_slope(p: JerkSection, c: int, r: int, radius: Any, vector: Any) -> An
     """The slope of `bound - |vector|² / bound`, (x, y, z)."""
     bound, x, y, z = radius
     u, v, w = vector[0] / bound, vector[1] / bound, vector[2] / bound
-    more = 1.0 + u * u + v * v + w * w
+    factor = 1.0 + u * u + v * v + w * w
     rows = p.round
     return (
-        more * x - 2.0 * (u * rows[c, r, 0, 0] + v * rows[c, r, 1, 0] + w * rows[c, r, 2, 0]),
-        more * y - 2.0 * (u * rows[c, r, 0, 1] + v * rows[c, r, 1, 1] + w * rows[c, r, 2, 1]),
-        more * z - 2.0 * (u * rows[c, r, 0, 2] + v * rows[c, r, 1, 2] + w * rows[c, r, 2, 2]),
+        factor * x - 2.0 * (u * rows[c, r, 0, 0] + v * rows[c, r, 1, 0] + w * rows[c, r, 2, 0]),
+        factor * y - 2.0 * (u * rows[c, r, 0, 1] + v * rows[c, r, 1, 1] + w * rows[c, r, 2, 1]),
+        factor * z - 2.0 * (u * rows[c, r, 0, 2] + v * rows[c, r, 1, 2] + w * rows[c, r, 2, 2]),
     )
 
 
@@ -423,8 +423,8 @@ def _longest_round_step(bound: float, rise: float, vector: Any, change: Any, sla
     if inner < 0.0 or (linear > 0.0 and square >= 0.0):
         return math.inf
     root = math.sqrt(inner)
-    found = (linear + root) / (-2.0 * square) if linear > 0.0 else 2.0 * start / (root - linear)
-    return float(found)
+    step = (linear + root) / (-2.0 * square) if linear > 0.0 else 2.0 * start / (root - linear)
+    return float(step)
 
 
 @compiled(inner=True)
@@ -462,10 +462,10 @@ def _dual_changes(
             common = p.jerk[r] * (x * step[i] + y * step[i + 1] + z * step[i + 2])
             rise = _row_value(p.curved, c, r, i, step)
             for side in range(2):
-                own = common - rise if side == 0 else common + rise
+                rate = common - rise if side == 0 else common + rise
                 room, old = slack.curved[c, r, side], dual.curved[c, r, side]
-                new = (mu - old * own) / room - old
-                reach = _longest_steps(room, old, own, new, reach)
+                new = (mu - old * rate) / room - old
+                reach = _longest_steps(room, old, rate, new, reach)
                 change.curved[c, r, side] = new
         for r in range(p.round.shape[1]):
             radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
@@ -571,11 +571,11 @@ def _take_step(d: FloatArray, step: FloatArray, share: float, trial: FloatArray)
 @compiled(inner=True)
 def _count_bounds(p: JerkSection, dual: _Duals) -> float:
     """Number of bounds."""
-    found = dual.curved.size + dual.round.size
+    count = dual.curved.size + dual.round.size
     for c in range(p.low.shape[0]):
         for r in range(p.low.shape[1]):
-            found += (p.low[c, r] > -math.inf) + (p.high[c, r] < math.inf)
-    return float(found + len(p.width))
+            count += (p.low[c, r] > -math.inf) + (p.high[c, r] < math.inf)
+    return float(count + len(p.width))
 
 
 @compiled(inner=True)
@@ -598,9 +598,9 @@ def _central_duals(p: JerkSection, slack: _Duals, mu: float, dual: _Duals) -> No
 @compiled(inner=True)
 def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
     """Add a share of the changes to multipliers."""
-    flat, more = dual.reshape(-1), change.reshape(-1)
+    flat, changes = dual.reshape(-1), change.reshape(-1)
     for i in range(flat.size):
-        flat[i] += share * more[i]
+        flat[i] += share * changes[i]
 
 
 @compiled()
@@ -611,7 +611,7 @@ def improve(
     target: float,
     weight: float,
     tolerance: float,
-    most: int,
+    max_iterations: int,
 ) -> int:
     """Improve a strictly feasible d in place until its gap is small; returns the iterations.
 
@@ -623,7 +623,7 @@ def improve(
         weight: What reaching the target counts, against the whole duration, which is minimized too
             and keeps the rest of the path away from rest.
         tolerance: Share of the optimum within which the result is.
-        most: Largest number of iterations.
+        max_iterations: Largest number of iterations.
     """
     n = len(p.width)
     slack, dual, change = _new_duals(p), _new_duals(p), _new_duals(p)
@@ -636,7 +636,7 @@ def improve(
     bounds = _count_bounds(p, dual)
     mu = size / bounds
     _central_duals(p, slack, mu, dual)
-    for iteration in range(most):
+    for iteration in range(max_iterations):
         bands[:], right[:] = 0.0, 0.0
         size = _add_durations(p, d, bands, right)
         if goal != DURATION:
@@ -654,11 +654,11 @@ def improve(
         if landed:
             share = (target - d[end]) / right[end]
         _take_step(d, right, share, trial)
-        shorter = 0
+        halvings = 0
         while not _write_slacks(p, trial, goal, tangents, slack):
             # Rounding errors next to a bound.
-            shorter, share, landed = shorter + 1, share * SHORTER, False
-            if shorter > MOST_SHORTER:
+            halvings, share, landed = halvings + 1, share * SHORTER, False
+            if halvings > MOST_SHORTER:
                 return iteration
             _take_step(d, right, share, trial)
         d[:] = trial
@@ -676,4 +676,4 @@ def improve(
             if bounds * mu <= 0.5 * tolerance * size:
                 return iteration + 1
             mu *= FALL
-    return most
+    return max_iterations

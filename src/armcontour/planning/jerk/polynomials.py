@@ -70,15 +70,15 @@ def to_bernstein(degree: int) -> FloatArray:
     )
 
 
-def raised(on: Basis, degree: int) -> FloatArray:
+def raised(basis: Basis, degree: int) -> FloatArray:
     """Control points of ds² as a polynomial of a degree of at least two, (m, degree + 1, 3)."""
-    return elevated(on.square, degree)
+    return elevated(basis.square, degree)
 
 
 def elevated(powers: FloatArray, degree: int) -> FloatArray:
     """Control points of polynomials of a lower degree, given by powers, (m, degree + 1, 3)."""
-    own = to_bernstein(degree)[:, : powers.shape[2]]
-    return np.asarray(np.einsum("cm,pbm->pcb", own, powers))
+    matrix = to_bernstein(degree)[:, : powers.shape[2]]
+    return np.asarray(np.einsum("cm,pbm->pcb", matrix, powers))
 
 
 @compiled()
@@ -87,11 +87,11 @@ def motion_rows(
     breaks: FloatArray,
     piece: IntArray,
     s: FloatArray,
-    on: Basis,
+    basis: Basis,
     degree: int,
     of_powers: tuple[FloatArray, FloatArray],
     joints: tuple[IntArray, IntArray],
-    found: tuple[FloatArray, FloatArray],
+    rows: tuple[FloatArray, FloatArray],
 ) -> None:
     """Control points of acceleration, and of jerk over ds, as rows of the control points of ds².
 
@@ -102,11 +102,11 @@ def motion_rows(
         breaks: Of the joint path, (pieces + 1,).
         piece: Piece of each part, (n,).
         s: Ends of the parts, (n + 1,).
-        on: The basis on the parts.
+        basis: The basis on the parts.
         degree: Of the joint path.
         of_powers: `to_bernstein` of the degrees of acceleration, `degree`, and jerk, one less.
         joints: Joints whose accelerations, and whose jerks are wanted.
-        found: Takes the rows, joint after joint, (n, joints (degree + 1), 3) and (n, joints
+        rows: Takes the rows, joint after joint, (n, joints (degree + 1), 3) and (n, joints
             degree, 3).
     """
     taylor = np.empty((3, HIGHEST + 1))
@@ -120,8 +120,8 @@ def motion_rows(
         dx = h * scale
         for kind in range(2):
             count = degree + 1 - kind
-            for place in range(len(joints[kind])):
-                j = joints[kind][place]
+            for position in range(len(joints[kind])):
+                j = joints[kind][position]
                 factor = 1.0
                 for m in range(HIGHEST + 1):
                     # The m-th derivative over m!, at the start of the part.
@@ -144,21 +144,21 @@ def motion_rows(
                     for m in range(HIGHEST):
                         for n in range(3):
                             if kind == 0:
-                                powers[m + n] += taylor[1, m] * on.square[i, b, n]
+                                powers[m + n] += taylor[1, m] * basis.square[i, b, n]
                             else:
-                                powers[m + n] += taylor[2, m] * on.square[i, b, n]
+                                powers[m + n] += taylor[2, m] * basis.square[i, b, n]
                         for n in range(2):
                             if kind == 0:
-                                powers[m + n] += taylor[0, m] * on.rate[i, b, n]
+                                powers[m + n] += taylor[0, m] * basis.rate[i, b, n]
                             else:
-                                powers[m + n] += 3.0 * taylor[1, m] * on.rate[i, b, n]
+                                powers[m + n] += 3.0 * taylor[1, m] * basis.rate[i, b, n]
                         if kind == 1:
-                            powers[m] += taylor[0, m] * on.slope[i, b]
+                            powers[m] += taylor[0, m] * basis.slope[i, b]
                     for c in range(count):
                         total = 0.0
                         for m in range(c + 1):
                             total += of_powers[kind][c, m] * powers[m]
-                        found[kind][i, place * count + c, b] = total
+                        rows[kind][i, position * count + c, b] = total
 
 
 # Degree of the polynomials: derivatives of the tool's position are parabolas on a part.
@@ -191,21 +191,21 @@ class ToolMotion:
         """Measure the derivatives by forward kinematics."""
         return cls(*_parabolas(_derivatives(grid, arm)))
 
-    def rows(self, on: Basis) -> FloatArray:
+    def rows(self, basis: Basis) -> FloatArray:
         """Control points of jerk over ds as rows of the control points of ds², (n, 5, 3, 3).
 
         The jerk over ds is `p''' ds² + 3 p'' dds + p' slope`, a vector.
         """
         first, second, third = self.powers
-        found = np.zeros((DEGREE + 1, 3, *first.shape[1:]))  # power, control point, part, axis
+        powers = np.zeros((DEGREE + 1, 3, *first.shape[1:]))  # power, control point, part, axis
         for b in range(3):
             for m in range(3):
                 for k in range(3):
-                    found[m + k, b] += third[m] * on.square[:, b, k, None]
+                    powers[m + k, b] += third[m] * basis.square[:, b, k, None]
                 for k in range(2):
-                    found[m + k, b] += 3 * second[m] * on.rate[:, b, k, None]
-                found[m, b] += first[m] * on.slope[:, b, None]
-        return np.asarray(np.einsum("cm,mbna->ncab", to_bernstein(DEGREE), found))
+                    powers[m + k, b] += 3 * second[m] * basis.rate[:, b, k, None]
+                powers[m, b] += first[m] * basis.slope[:, b, None]
+        return np.asarray(np.einsum("cm,mbna->ncab", to_bernstein(DEGREE), powers))
 
     def margin(self, bounds: MotionBounds) -> FloatArray:
         """Bound of what the rows leave out, (n,)."""
@@ -237,11 +237,11 @@ def arc_length_bounds(grid: Grid, arm: Arm) -> FloatArray:
     """
     p = _derivatives(grid, arm)
     speed = np.linalg.norm(p[0], axis=2)
-    own = (speed > LEAST_SPEED).all(axis=0)
-    safe = np.where(own, speed, 1.0)
-    rate = np.where(own, np.sum(p[0] * p[1], axis=2) / safe, 0.0)
-    bend = np.sum(p[0] * p[2] + p[1] * p[1], axis=2) - rate**2
-    values = np.stack([safe, rate, np.where(own, bend / safe, 0.0)])
+    moving = (speed > LEAST_SPEED).all(axis=0)
+    safe = np.where(moving, speed, 1.0)
+    rate = np.where(moving, np.sum(p[0] * p[1], axis=2) / safe, 0.0)
+    second = np.sum(p[0] * p[2] + p[1] * p[1], axis=2) - rate**2
+    values = np.stack([safe, rate, np.where(moving, second / safe, 0.0)])
     return _parabolas(values[..., None])[2]
 
 
@@ -251,11 +251,11 @@ def _derivatives(grid: Grid, arm: Arm) -> FloatArray:
     piece = np.broadcast_to(grid.piece, s.shape).ravel()
     path = grid.joint_path
     q, *rates = (path.on_interval(piece, s.ravel(), order) for order in range(4))
-    found = [arm.tool_velocity(q, *rates[:1]), arm.tool_acceleration(q, *rates[:2])]
-    found.append(arm.tool_jerk(q, *rates))
+    derivatives = [arm.tool_velocity(q, *rates[:1]), arm.tool_acceleration(q, *rates[:2])]
+    derivatives.append(arm.tool_jerk(q, *rates))
     values = np.zeros((3, len(PLACES), len(grid), 3))
-    for k, x in enumerate(found):
-        values[k, ..., : x.shape[1]] = x.reshape(*s.shape, -1)
+    for k, derivative in enumerate(derivatives):
+        values[k, ..., : derivative.shape[1]] = derivative.reshape(*s.shape, -1)
     return values
 
 
@@ -263,6 +263,6 @@ def _parabolas(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Powers of parabolas through values at places, distances from them, and largest lengths."""
     powers = np.einsum("mp,kpnc->kmnc", PARABOLA, values[:, ::2])
     parabola = np.einsum("pm,kmnc->kpnc", PLACES[1::2, None] ** np.arange(3), powers)
-    off = MARGIN * np.linalg.norm(values[:, 1::2] - parabola, axis=3).max(axis=1)
+    deviation = MARGIN * np.linalg.norm(values[:, 1::2] - parabola, axis=3).max(axis=1)
     points = np.einsum("cm,kmnx->kcnx", to_bernstein(2), powers)
-    return powers, off, np.linalg.norm(points, axis=3).max(axis=1) + off
+    return powers, deviation, np.linalg.norm(points, axis=3).max(axis=1) + deviation

@@ -86,11 +86,11 @@ class NearPath:
         poses = np.array(self.poses)
         poses[:, :, 3] = points
         q = np.array(guess, order="C")
-        found = _newton.newton(
+        solved = _newton.newton(
             self.arm.link_table, self.task, q, poses, self.free[:, None], self.q[:, None]
         )
-        if not found.all():
-            i = int(np.argmin(found))
+        if not solved.all():
+            i = int(np.argmin(solved))
             raise Unreachable("A control point is out of reach.", point=points[i].tolist())
         return q
 

@@ -75,29 +75,29 @@ def solve_program(
                 step[a] = -c[a] - w[a] * x[a]
             for r in range(count):
                 value = dual[r] + (dual[r] * primal[r] - complement[r]) / slack[r]
-                at = first[r] - ends[r]
+                shift = first[r] - ends[r]
                 for p in range(ends[r], ends[r + 1]):
-                    step[at + p] -= values[p] * value
+                    step[shift + p] -= values[p] * value
             _solve(matrix, step)
             for r in range(count):
                 change = -primal[r] - _row_product(first, ends, values, step, r)
                 d_slack[r] = change
                 d_dual[r] = -(complement[r] + dual[r] * change) / slack[r]
-            way = _longest_step(slack, dual, d_slack, d_dual)
+            step_length = _longest_step(slack, dual, d_slack, d_dual)
             if corrected:
                 break
             after = 0.0
             for r in range(count):
-                after += (slack[r] + way * d_slack[r]) * (dual[r] + way * d_dual[r])
-            aim = (after / max(count, 1) / gap) ** 3 * gap
+                after += (slack[r] + step_length * d_slack[r]) * (dual[r] + step_length * d_dual[r])
+            target = (after / max(count, 1) / gap) ** 3 * gap
             for r in range(count):
-                complement[r] += d_slack[r] * d_dual[r] - aim
-        way = min(1.0, WAY * way)
+                complement[r] += d_slack[r] * d_dual[r] - target
+        step_length = min(1.0, WAY * step_length)
         for a in range(n * k):
-            x[a] += way * step[a]
+            x[a] += step_length * step[a]
         for r in range(count):
-            slack[r] += way * d_slack[r]
-            dual[r] += way * d_dual[r]
+            slack[r] += step_length * d_slack[r]
+            dual[r] += step_length * d_dual[r]
     return x.reshape(n, k), -MOST_ITERATIONS
 
 
@@ -126,11 +126,11 @@ def _pack(
                 end -= 1
             if begin == end:
                 continue
-            at = ends[count]
+            offset = ends[count]
             for j in range(begin, end):
-                values[at + j - begin] = rows[i, r, j]
+                values[offset + j - begin] = rows[i, r, j]
             first[count], bound[count] = (i - 1) * k + begin, bounds[i, r]
-            ends[count + 1] = at + end - begin
+            ends[count + 1] = offset + end - begin
             count += 1
     return first[:count], ends[: count + 1], values[: ends[count]], bound[:count]
 
@@ -141,9 +141,9 @@ def _row_product(
 ) -> float:
     """Value of row r."""
     value = 0.0
-    at = first[r] - ends[r]
+    shift = first[r] - ends[r]
     for p in range(ends[r], ends[r + 1]):
-        value += values[p] * x[at + p]
+        value += values[p] * x[shift + p]
     return value
 
 
@@ -219,10 +219,10 @@ def _longest_step(
     slack: FloatArray, dual: FloatArray, d_slack: FloatArray, d_dual: FloatArray
 ) -> float:
     """The longest step, up to 1, that keeps slacks and multipliers positive."""
-    way = 1.0
+    step_length = 1.0
     for r in range(len(slack)):
         if d_slack[r] < 0.0:
-            way = min(way, -slack[r] / d_slack[r])
+            step_length = min(step_length, -slack[r] / d_slack[r])
         if d_dual[r] < 0.0:
-            way = min(way, -dual[r] / d_dual[r])
-    return way
+            step_length = min(step_length, -dual[r] / d_dual[r])
+    return step_length

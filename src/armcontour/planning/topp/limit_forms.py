@@ -195,21 +195,21 @@ def check_form(form: Form, n: int, name: str) -> Form:
 
 def collect(forms: Iterable[Form], n: int) -> GridLimits:
     """Put the forms of all constraints on a grid of n intervals together."""
-    found: dict[type, list[tuple[FloatArray, ...]]] = {}
-    for x in forms:
-        found.setdefault(type(x), []).append(x)
-    ceiling = found.get(Ceiling)
+    tables: dict[type, list[tuple[FloatArray, ...]]] = {}
+    for form in forms:
+        tables.setdefault(type(form), []).append(form)
+    ceiling = tables.get(Ceiling)
     if ceiling is None:
         lowest = np.full((n, 2), np.inf)
     else:
         lowest = ceiling[0][0] if len(ceiling) == 1 else np.min([x[0] for x in ceiling], axis=0)
     return GridLimits(
-        LinearRows(*_joined(found.get(LinearRows), (n, 2, 0, 4), (n, 0, 4))),
-        Squares(*_joined(found.get(Squares), (n, 2, 0), (n, 0), (n, 0, 4))),
-        Rounds(*_joined(found.get(Rounds), (n, 2, 0, 2, 3), (n, 0), (n, 0, 4))),
-        Friction(*_joined(found.get(Friction), (n, 2, 0), (n, 0, 3))),
+        LinearRows(*_joined(tables.get(LinearRows), (n, 2, 0, 4), (n, 0, 4))),
+        Squares(*_joined(tables.get(Squares), (n, 2, 0), (n, 0), (n, 0, 4))),
+        Rounds(*_joined(tables.get(Rounds), (n, 2, 0, 2, 3), (n, 0), (n, 0, 4))),
+        Friction(*_joined(tables.get(Friction), (n, 2, 0), (n, 0, 3))),
         lowest,
-        np.concatenate([*(x[0] for x in found.get(JointBounds, [])), np.empty(0)]),
+        np.concatenate([*(x[0] for x in tables.get(JointBounds, [])), np.empty(0)]),
     )
 
 

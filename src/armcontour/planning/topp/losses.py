@@ -31,8 +31,8 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
     for group in range(len(limits.joints) // ROWS):
         a, _ = path_slopes(grid, i, joint, end)
         joint = next_joint(grid, joint)
-        at = ROWS * group
-        back, forth = load(limits.joints, at + BACK), load(limits.joints, at + FORTH)
+        offset = ROWS * group
+        back, forth = load(limits.joints, offset + BACK), load(limits.joints, offset + FORTH)
         steepest = max(steepest, highest(a * a * choose(a, 0.0, back, forth)))
     for r in range(limits.squares.most.shape[1]):
         steepest = max(steepest, limits.squares.ends[i, end, r])
@@ -54,17 +54,17 @@ def _shortest_time(
     up, down = 2 * rates[0], 2 * rates[1]
     first = min(max((x[1] - x[0] + down * w) / (up + down), 0.0), w)
     top = x[0] + up * first
-    last = first
+    last_switch = first
     if top > ceiling:
         top = max(ceiling, x[0], x[1])
-        first, last = min((top - x[0]) / up, w), w - min((top - x[1]) / down, w)
+        first, last_switch = min((top - x[0]) / up, w), w - min((top - x[1]) / down, w)
     speeds = math.sqrt(x[0]), math.sqrt(top), math.sqrt(x[1])
     time = interval_time(first, speeds[0], speeds[1], 0.0) if first > 0.0 else 0.0
-    if last < w:
-        time += interval_time(w - last, speeds[1], speeds[2], 0.0)
-    if last > first:
-        time += (last - first) / speeds[1]
-    share = first / w if first > INSIDE * w else last / w
+    if last_switch < w:
+        time += interval_time(w - last_switch, speeds[1], speeds[2], 0.0)
+    if last_switch > first:
+        time += (last_switch - first) / speeds[1]
+    share = first / w if first > INSIDE * w else last_switch / w
     return time, share
 
 

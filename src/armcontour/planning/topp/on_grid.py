@@ -59,7 +59,7 @@ def derivatives(
     coefficients: FloatArray,
     grid: Intervals,
     ends: FloatArray,
-    most: FloatArray,
+    bounds: FloatArray,
 ) -> None:
     """Derivatives of a joint path on a grid.
 
@@ -68,7 +68,7 @@ def derivatives(
         coefficients: Of the joint path, (pieces, 6, dof).
         grid: The intervals.
         ends: Takes dq_ds and d2q_ds2 at the starts and ends of the intervals, (2, n, 2, dof).
-        most: Takes bounds of |d3q_ds3| and |d4q_ds4| on the intervals, (2, n, dof).
+        bounds: Takes bounds of |d3q_ds3| and |d4q_ds4| on the intervals, (2, n, dof).
     """
     for i in range(len(grid.piece)):
         k = grid.piece[i]
@@ -77,7 +77,7 @@ def derivatives(
         for j in range(coefficients.shape[2]):
             ends[0, i, 0, j], ends[1, i, 0, j] = _slopes(coefficients, k, j, x, scale)
             ends[0, i, 1, j], ends[1, i, 1, j] = _slopes(coefficients, k, j, y, scale)
-            most[0, i, j], most[1, i, j] = _derivative_bounds(coefficients, k, j, x, y, scale)
+            bounds[0, i, j], bounds[1, i, j] = _derivative_bounds(coefficients, k, j, x, y, scale)
 
 
 @compiled(fastmath=FUSED)
@@ -100,29 +100,29 @@ def write_sampled(
     a, b, c = terms
     low, high = bounds
     n, count = len(grid.piece), a.shape[1]
-    bend = np.empty((n, 3, count))
+    second = np.empty((n, 3, count))
     for i in range(n):
         w, last = grid.s[i + 1] - grid.s[i], after[i]
         # Twice what the middle is off the chord, over w².
         inverse = 2 / (w * w)
         for r in range(count):
-            bend[i, 0, r] = inverse * abs(a[n + i, r] - (a[i, r] + a[last, r]) / 2)
-            bend[i, 1, r] = inverse * abs(b[n + i, r] - (b[i, r] + b[last, r]) / 2)
-            bend[i, 2, r] = inverse * abs(c[n + i, r] - (c[i, r] + c[last, r]) / 2)
+            second[i, 0, r] = inverse * abs(a[n + i, r] - (a[i, r] + a[last, r]) / 2)
+            second[i, 1, r] = inverse * abs(b[n + i, r] - (b[i, r] + b[last, r]) / 2)
+            second[i, 2, r] = inverse * abs(c[n + i, r] - (c[i, r] + c[last, r]) / 2)
     for i in range(n):
         w, last = grid.s[i + 1] - grid.s[i], after[i]
         before = i - 1 if i > 0 and grid.piece[i - 1] == grid.piece[i] else i
         behind = i + 1 if i < n - 1 and grid.piece[i + 1] == grid.piece[i] else i
         for r in range(count):
             for end in range(2):
-                at = last if end else i
-                rows.ends[i, end, r, A], rows.ends[i, end, r, B] = a[at, r], b[at, r]
-                rows.ends[i, end, r, LOW] = low[r] - c[at, r]
-                rows.ends[i, end, r, HIGH] = high[r] - c[at, r]
+                row = last if end else i
+                rows.ends[i, end, r, A], rows.ends[i, end, r, B] = a[row, r], b[row, r]
+                rows.ends[i, end, r, LOW] = low[r] - c[row, r]
+                rows.ends[i, end, r, HIGH] = high[r] - c[row, r]
             a0, a1, b0, b1 = a[i, r], a[last, r], b[i, r], b[last, r]
-            by_u = w * w * max(bend[before, 0, r], bend[i, 0, r], bend[behind, 0, r])
-            by_x = w * w * max(bend[before, 1, r], bend[i, 1, r], bend[behind, 1, r])
-            alone = w * w * max(bend[before, 2, r], bend[i, 2, r], bend[behind, 2, r])
+            by_u = w * w * max(second[before, 0, r], second[i, 0, r], second[behind, 0, r])
+            by_x = w * w * max(second[before, 1, r], second[i, 1, r], second[behind, 1, r])
+            alone = w * w * max(second[before, 2, r], second[i, 2, r], second[behind, 2, r])
             rows.rise[i, r, BY_U] = by_u + abs(b1 - b0) * w / 2
             rows.rise[i, r, BY_X] = by_x + ROUNDING * max(abs(a0), abs(a1)) / w
             rows.rise[i, r, BY_SLOPE] = w / 4 * (abs(a1 - a0) + w * max(abs(b0), abs(b1)))
@@ -154,8 +154,8 @@ class OnGrid:
         path = self.grid.joint_path
         flat, dof = path.coefficients.ravel(), path.dof
         last = np.zeros(6 * dof * KEPT + LANES)
-        kept = flat[-6 * dof * KEPT :]
-        last[6 * dof * KEPT - len(kept) : -LANES] = kept
+        tail = flat[-6 * dof * KEPT :]
+        last[6 * dof * KEPT - len(tail) : -LANES] = tail
         return Intervals(self.grid.s, self.grid.piece, path.breaks, flat, last, dof)
 
     @cached_property
@@ -165,9 +165,9 @@ class OnGrid:
         And bounds of |d3q_ds3| and |d4q_ds4| on the intervals, (2, n, dof).
         """
         path, n = self.grid.joint_path, len(self)
-        ends, most = np.empty((2, n, 2, path.dof)), np.empty((2, n, path.dof))
-        derivatives(path.breaks, path.coefficients, self.intervals, ends, most)
-        return ends, most
+        ends, bounds = np.empty((2, n, 2, path.dof)), np.empty((2, n, path.dof))
+        derivatives(path.breaks, path.coefficients, self.intervals, ends, bounds)
+        return ends, bounds
 
     @cached_property
     def after(self) -> IntArray:
@@ -236,21 +236,21 @@ class OnGrid:
     def square(self, b: FloatArray) -> Squares:
         """`b x <= 1` for one b that is not below zero and is known at all places, (places,)."""
         w, ends = self.grid.width, self.at_ends(b)
-        bend, rise = self._bend(b[:, None]), np.zeros((len(self), 1, 4))
+        deviation, rise = self._bend(b[:, None]), np.zeros((len(self), 1, 4))
         rise[:, 0, BY_U] = np.abs(ends[:, 1] - ends[:, 0]) * w / 2
-        rise[:, 0, BY_X] = bend
+        rise[:, 0, BY_X] = deviation
         rise[:, 0, BY_SLOPE] = w * w / 4 * ends.max(axis=1)
-        return Squares(ends[..., None], (ends.max(axis=1) + bend)[:, None], rise)
+        return Squares(ends[..., None], (ends.max(axis=1) + deviation)[:, None], rise)
 
     def _bend(self, values: FloatArray) -> FloatArray:
         """Bound of the distances of vectors at all places, (places, m), from their chords, (n,)."""
         n, square, piece = len(self), self.grid.width**2, self.grid.piece
         middle = values[n : 2 * n] - self.at_ends(values).mean(axis=1)
-        bend = 2 * _length(middle) / square
-        most, alike = bend.copy(), piece[1:] == piece[:-1]
-        most[1:] = np.where(alike, np.maximum(most[1:], bend[:-1]), most[1:])
-        most[:-1] = np.where(alike, np.maximum(most[:-1], bend[1:]), most[:-1])
-        return np.asarray(most * square)
+        second = 2 * _length(middle) / square
+        largest, alike = second.copy(), piece[1:] == piece[:-1]
+        largest[1:] = np.where(alike, np.maximum(largest[1:], second[:-1]), largest[1:])
+        largest[:-1] = np.where(alike, np.maximum(largest[:-1], second[1:]), largest[:-1])
+        return np.asarray(largest * square)
 
 
 def _length(vectors: FloatArray) -> FloatArray:

@@ -47,25 +47,25 @@ class Knots:
         """Number of intervals."""
         return len(self.segment)
 
-    def part(self, which: BoolArray | IntArray) -> Knots:
+    def part(self, selection: BoolArray | IntArray) -> Knots:
         """The intervals selected by a mask or by indices."""
-        return Knots(**{name: getattr(self, name)[which] for name in Knots.__slots__})
+        return Knots(**{name: getattr(self, name)[selection] for name in Knots.__slots__})
 
-    def halve(self, which: BoolArray, u: FloatArray) -> tuple[Knots, IntArray, IntArray]:
+    def halve(self, mask: BoolArray, u: FloatArray) -> tuple[Knots, IntArray, IntArray]:
         """The intervals, with the selected ones split in two.
 
         Args:
-            which: Mask of the intervals to split, (n,).
+            mask: Mask of the intervals to split, (n,).
             u: Distance along the segment at which each of these is split [m].
 
         Returns:
             The new intervals; for each of them, the index of its old interval; and the indices
             of the second halves among the new intervals.
         """
-        parent = np.repeat(np.arange(len(self)), 1 + which)
+        parent = np.repeat(np.arange(len(self)), 1 + mask)
         second = np.flatnonzero(np.diff(parent, prepend=-1) == 0)
         u0, u1, s0 = self.u0[parent], self.u1[parent], self.s0[parent]
-        s0[second] = self.part(which).at(u)
+        s0[second] = self.part(mask).at(u)
         u0[second], u1[second - 1] = u, u
         segment, piece = self.segment[parent], self.piece[parent]
         return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), parent, second
@@ -79,18 +79,18 @@ class Knots:
         Returns:
             The parts, and the indices of the given knots among their starts and last end, (n + 1,).
         """
-        at = np.append(0, np.cumsum(count))
-        of = np.repeat(np.arange(len(self)), count)
-        number = np.arange(at[-1]) - at[of]
-        share = ((self.u1 - self.u0) / count)[of]
-        last = number + 1 == count[of]
+        ends = np.append(0, np.cumsum(count))
+        parent = np.repeat(np.arange(len(self)), count)
+        number = np.arange(ends[-1]) - ends[parent]
+        share = ((self.u1 - self.u0) / count)[parent]
+        last = number + 1 == count[parent]
         return Knots(
-            segment=self.segment[of],
-            piece=self.piece[of],
-            u0=self.u0[of] + share * number,
-            u1=np.where(last, self.u1[of], self.u0[of] + share * (number + 1)),
-            s0=self.s0[of] + share * number,
-        ), at
+            segment=self.segment[parent],
+            piece=self.piece[parent],
+            u0=self.u0[parent] + share * number,
+            u1=np.where(last, self.u1[parent], self.u0[parent] + share * (number + 1)),
+            s0=self.s0[parent] + share * number,
+        ), ends
 
     def ends(self) -> tuple[IntArray, FloatArray, IntArray]:
         """Places of the starts of the intervals, and of those ends that are not starts of others.
@@ -99,10 +99,13 @@ class Knots:
             The interval of every place, (m,); the distances along the segments there [m], (m,); and
             the place of the end of every interval, (n,).
         """
-        x, n = self, len(self)
-        alone = np.append((np.diff(x.segment) != 0) | (np.diff(x.piece) != 0), True)
-        alone[:-1] |= x.u0[1:] != x.u1[:-1]
-        row, u = np.append(np.arange(n), np.flatnonzero(alone)), np.append(x.u0, x.u1[alone])
+        knots, n = self, len(self)
+        alone = np.append((np.diff(knots.segment) != 0) | (np.diff(knots.piece) != 0), True)
+        alone[:-1] |= knots.u0[1:] != knots.u1[:-1]
+        row, u = (
+            np.append(np.arange(n), np.flatnonzero(alone)),
+            np.append(knots.u0, knots.u1[alone]),
+        )
         return row, u, np.where(alone, n - 1 + np.cumsum(alone), np.arange(1, n + 1))
 
     def places(self) -> tuple[Knots, FloatArray]:
@@ -226,16 +229,18 @@ def _refuse_jump(path: Path, orientation: Orientation) -> None:
     jumps = orientation.jumps
     i = int(np.argmax(jumps > NO_JUMP))
     s = float(orientation.breaks[i + 1])
-    helps = "round a sharp corner: round the corner, with an angular tolerance"
+    remedy = "round a sharp corner: round the corner, with an angular tolerance"
     if _bends_out_of_plane(path, s):
-        helps = (
+        remedy = (
             "round a corner that is not rounded, as its two segments do not lie in one plane: let "
             "them lie in one, or join them by an arc that touches both"
         )
-    why = f", as it follows the tangent {helps}" if orientation.follows else ": make it turn evenly"
+    cause = (
+        f", as it follows the tangent {remedy}" if orientation.follows else ": make it turn evenly"
+    )
     raise InvalidInput(
         f"At {s:.6g} m along the path the tool's orientation jumps by "
-        f"{np.degrees(jumps[i]):.3g}°{why}, or leave the orientation fixed there.",
+        f"{np.degrees(jumps[i]):.3g}°{cause}, or leave the orientation fixed there.",
         s=s,
         point=path(s).tolist(),
     )
@@ -305,11 +310,13 @@ def tool_errors(
         task: Task dimension.
         tolerances: Largest distance of the tool from its place [m], and angle [rad].
     """
-    off = arm.poses(q) - targets
-    error: FloatArray = np.linalg.norm(off[:, :, 3], axis=1) / tolerances[0]
+    difference = arm.poses(q) - targets
+    error: FloatArray = np.linalg.norm(difference[:, :, 3], axis=1) / tolerances[0]
     if task == 3:
         return error
-    turned = off[:, :, 2] if task == 5 else off[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
+    turned = (
+        difference[:, :, 2] if task == 5 else difference[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
+    )
     angle: FloatArray = np.linalg.norm(turned, axis=1)
     return np.maximum(error, angle / tolerances[1])
 
@@ -364,11 +371,11 @@ class FirstPoses:
     def of(cls, path: Path, knots: Knots) -> FirstPoses:
         """Compute them."""
         row, u, ends = knots.ends()
-        places = knots.part(row)
-        poses, rates = motion_at(path, places, u)
+        intervals = knots.part(row)
+        poses, rates = motion_at(path, intervals, u)
         return cls(
             knots=knots,
-            places=places,
+            places=intervals,
             u=u,
             poses=poses,
             rates=rates,

@@ -66,9 +66,9 @@ class Numeric(Solver[SerialArm]):
         first, q = self._first, self._solution.q
         alone = first.ends >= len(knots)
         guess = np.concatenate([q[:-1], q[1:][alone]])
-        found = self._solve(first.places, first.u, guess, first.poses, first.rates)
-        q, dq_ds, d2q_ds2 = (x[: len(knots)] for x in found)
-        end_q, end_dq_ds, end_d2q_ds2 = (x[first.ends] for x in found)
+        columns = self._solve(first.places, first.u, guess, first.poses, first.rates)
+        q, dq_ds, d2q_ds2 = (x[: len(knots)] for x in columns)
+        end_q, end_dq_ds, end_d2q_ds2 = (x[first.ends] for x in columns)
         return (q, dq_ds, d2q_ds2), (end_q, end_dq_ds, end_d2q_ds2)
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
@@ -86,11 +86,11 @@ class Numeric(Solver[SerialArm]):
         """What `ends` gives, for tool poses and their derivatives; q are guesses, overwritten."""
         w, g = self._rows(knots, u)
         links = self.arm.link_table
-        found = _newton.newton(links, self.task, q, poses, w, g)
+        solved = _newton.newton(links, self.task, q, poses, w, g)
         dq_ds, d2q_ds2, pivot_ratio = _newton.path_derivatives(
             links, self.task, q, poses, rates, w, g
         )
-        bad = ~(found & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
+        bad = ~(solved & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
             raise_singular(self, float(knots.at(u)[np.argmax(bad)]), "is singular")
         return q, dq_ds, d2q_ds2

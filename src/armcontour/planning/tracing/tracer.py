@@ -67,16 +67,16 @@ def trace(
             the arc length.
         InvalidInput: The path does not fit the arm.
     """
-    found = trace_all(
+    joint_paths = trace_all(
         path,
         arm,
         limits=limits,
         configuration=configuration,
         seed=seed,
         tolerance=tolerance,
-        most=1,
+        max_count=1,
     )
-    return found[0]
+    return joint_paths[0]
 
 
 def trace_all(
@@ -87,7 +87,7 @@ def trace_all(
     configuration: str | None = None,
     seed: npt.ArrayLike | None = None,
     tolerance: float = 1e-10,
-    most: int | None = None,
+    max_count: int | None = None,
 ) -> list[JointPath]:
     """Joint paths of all configurations that complete the path, the shortest first.
 
@@ -103,7 +103,7 @@ def trace_all(
         configuration: As in `trace`.
         seed: As in `trace`.
         tolerance: As in `trace`.
-        most: Largest number of joint paths to return; all by default.
+        max_count: Largest number of joint paths to return; all by default.
 
     Raises:
         Unreachable: As in `trace`.
@@ -122,7 +122,9 @@ def trace_all(
         if seed is not None:
             raise InvalidInput(f"The arm {arm.name} takes a branch to start in, not a seed.")
         branches = arm.branches if configuration is None else (configuration,)
-        return _complete((partial(_trace_planar, path, arm, x, tolerance) for x in branches), most)
+        return _complete(
+            (partial(_trace_planar, path, arm, x, tolerance) for x in branches), max_count
+        )
     if not isinstance(arm, SerialArm):
         raise InvalidInput(f"There is no inverse kinematics for {type(arm).__name__}.")
     if configuration is not None:
@@ -132,7 +134,7 @@ def trace_all(
         )
     _refuse_flat(arm)
     near = None if seed is None else _check_seed(arm, seed)
-    return _trace_serial(path, arm, near, tolerance, most)
+    return _trace_serial(path, arm, near, tolerance, max_count)
 
 
 def _refuse_flat(arm: SerialArm) -> None:
@@ -175,8 +177,8 @@ def sketch_all(
     task = task_dimension(path, arm)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
-    found = find_solutions(path, arm, few, row_of_poses(path, few), task, None)
-    return np.append(few.s0, path.length), [x.q for x in found]
+    solutions = find_solutions(path, arm, few, row_of_poses(path, few), task, None)
+    return np.append(few.s0, path.length), [x.q for x in solutions]
 
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
@@ -214,9 +216,9 @@ def _trace_planar(
 
 
 def _trace_serial(
-    path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, most: int | None
+    path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
 ) -> list[JointPath]:
-    """Joint paths of a serial arm in all its configurations, at most `most`, the shortest first.
+    """Joint paths of a serial arm in its configurations, the shortest first.
 
     Raises:
         Unreachable: As in `trace`.
@@ -236,11 +238,11 @@ def _trace_serial(
         return joint_path
 
     solutions = find_solutions(path, arm, knots, first.row, task, seed)
-    return _complete((partial(refine_solution, x) for x in solutions), most)
+    return _complete((partial(refine_solution, x) for x in solutions), max_count)
 
 
-def _complete(tries: Iterable[Callable[[], JointPath]], most: int | None) -> list[JointPath]:
-    """Joint paths of the configurations that complete a path, at most `most`.
+def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -> list[JointPath]:
+    """Joint paths of the configurations that complete a path, at most `max_count`.
 
     Raises:
         Unreachable: None does; the reason of the first one.
@@ -248,7 +250,7 @@ def _complete(tries: Iterable[Callable[[], JointPath]], most: int | None) -> lis
     joint_paths: list[JointPath] = []
     refusals: list[Unreachable] = []
     for attempt in tries:
-        if most is not None and len(joint_paths) == most:
+        if max_count is not None and len(joint_paths) == max_count:
             break
         # A configuration that is singular or leaves a joint range between two knots is no reason
         # to refuse the others.
@@ -267,16 +269,16 @@ def _check_seed(arm: SerialArm, seed: npt.ArrayLike) -> FloatArray:
     Raises:
         InvalidInput: The seed has a wrong number of joints, or a joint is out of its range.
     """
-    near = checks.per_joint("seed", seed, arm.dof, "rad")
+    positions = checks.per_joint("seed", seed, arm.dof, "rad")
     lower, upper = arm.limits.joint_range(arm.dof)
-    outside = (near < lower) | (near > upper)
+    outside = (positions < lower) | (positions > upper)
     if outside.any():
         j = int(np.argmax(outside))
         raise InvalidInput(
-            f"seed has joint {j + 1} at {near[j]:.6g} rad, outside its range from {lower[j]:.6g} "
-            f"to {upper[j]:.6g} rad: give angles in rad, or with their unit.",
+            f"seed has joint {j + 1} at {positions[j]:.6g} rad, outside its range from "
+            f"{lower[j]:.6g} to {upper[j]:.6g} rad: give angles in rad, or with their unit.",
             joint=j,
-            needed=float(near[j]),
-            allowed=float(lower[j] if near[j] < lower[j] else upper[j]),
+            needed=float(positions[j]),
+            allowed=float(lower[j] if positions[j] < lower[j] else upper[j]),
         )
-    return near
+    return positions
