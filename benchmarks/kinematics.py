@@ -108,7 +108,7 @@ def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
     first = first_knots(path, arm.span)
     traced = ac.trace(path, arm)
     q = traced(np.append(first.s0, path.length))
-    solver = Numeric(path, arm, 6, FirstPoses.of(path, first), Solution(q=q, cost=0.0), 1e-10)
+    solver = Numeric(path, arm, 6, FirstPoses.at_knots(path, first), Solution(q=q, cost=0.0), 1e-10)
     begin, end = solver.first_ends(first)
     coefficients = quintic(first.u1 - first.u0, begin, end)
     i = np.clip(np.searchsorted(first.s0, s, side="right") - 1, 0, len(first) - 1)

@@ -153,7 +153,7 @@ class _Slower(Constraint):
     def __init__(self, fastest: Trajectory, share: float) -> None:
         self.fastest, self.share = fastest, share
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The share at grid points; between them nothing depends on it."""
         x: FloatArray = self.share * self.fastest.speed_at(path.grid.s) ** 2
         return (Ceiling(np.stack([x[:-1], x[1:]], axis=1)),)

@@ -108,7 +108,7 @@ def plan_optimal(
     else:
         placed = grid_through(joint_path, points)
     active = [*constraints_of(joint_path, arm, limits), *constraints]
-    jerk = JerkLimits.of(limits, joint_path.dof)
+    jerk = JerkLimits.from_limits(limits, joint_path.dof)
 
     def solve(start: float, end: float) -> PathLaw:
         if points is None:
@@ -155,7 +155,7 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
         return active
     assigned = bool(np.isfinite(speed).any())
     if assigned or limits.centripetal_acceleration is not None:
-        metric = ToolMetric.of(joint_path, arm)
+        metric = ToolMetric.measure(joint_path, arm)
         if assigned:
             active.append(ToolSpeed(speed, metric))
         if limits.centripetal_acceleration is not None:
@@ -239,7 +239,7 @@ def time_optimal(
                 break
             grid = split(grid, parts, points)
             continue
-        s = float(grid.s[grid_plan.place])
+        s = float(grid.s[grid_plan.interval])
         if grid_plan.outcome != kernels.FINER:
             if best is not None:
                 break
@@ -250,7 +250,7 @@ def time_optimal(
             break
         grid = split(grid, parts)
         max_margin = min(MORE_EACH_TIME ** (k + 1) * LARGEST_MARGIN, LARGEST_MARGIN_EVER)
-        rules = rules._replace(most=max_margin, steady=0.0)
+        rules = rules._replace(max_margin=max_margin, steady=0.0)
     if best is not None:
         return _law(*best)
     raise NotRealizable(
@@ -301,7 +301,7 @@ def _law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
 
 def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn:
     """Raise the error of a plan that was not found, as in `time_optimal`."""
-    i = grid_plan.place
+    i = grid_plan.interval
     if grid_plan.outcome == kernels.START:
         raise_too_fast("start", rules.start, grid_plan.allowed, float(grid.s[0]))
     if grid_plan.outcome == kernels.END:

@@ -222,7 +222,7 @@ class JerkLimits:
     tool: float
 
     @classmethod
-    def of(cls, limits: Limits, dof: int) -> JerkLimits | None:
+    def from_limits(cls, limits: Limits, dof: int) -> JerkLimits | None:
         """The limits of jerk among limits; None if there are none."""
         if limits.joint_jerk is None and limits.path_jerk is None and limits.tool_jerk is None:
             return None

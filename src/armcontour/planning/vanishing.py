@@ -160,11 +160,11 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
     both = np.stack([np.linalg.norm(_terms(x), axis=2) for x in (c, REVERSED @ c)])
     slow = (both[..., :2] <= VANISHED * both.sum(axis=2, keepdims=True)).all(axis=2).any(axis=0)
     suspect = doubtful[slow | _straight(c)[0]]
-    suspects = {int(i): _Piece.of(joint_path, int(i)) for i in suspect}
+    suspects = {int(i): _Piece.from_path(joint_path, int(i)) for i in suspect}
     unsuited = {i for i, x in suspects.items() if x.is_unsuited()}
     if not unsuited:
         return same
-    pieces = {i: _Piece.of(joint_path, i) for i in range(len(coefficients))}
+    pieces = {i: _Piece.from_path(joint_path, i) for i in range(len(coefficients))}
     return _with(joint_path, {i: x for i, x in pieces.items() if x.is_straight or i in unsuited})
 
 
@@ -225,7 +225,7 @@ class _Piece:
     degrees: tuple[int, int]
 
     @classmethod
-    def of(cls, joint_path: JointPath, i: int) -> _Piece:
+    def from_path(cls, joint_path: JointPath, i: int) -> _Piece:
         """Examine one piece."""
         c = joint_path.coefficients[i]
         (straight,), (line,) = _straight(c[None])

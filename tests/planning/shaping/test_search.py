@@ -147,7 +147,7 @@ def case(request):
 def drawn(case):
     arm, objective, _, nodes = case
     spline = JointSpline(q=nodes.q, h=np.diff(nodes.times), rest=nodes.rest)
-    return draw(spline, arm, objective, nodes.place, nodes.tolerance), spline
+    return draw(spline, arm, objective, nodes.s_objective, nodes.tolerance), spline
 
 
 def test_arcs_are_tangent_and_near_the_curve_between_samples(drawn):
@@ -205,7 +205,7 @@ def test_nodes_are_dense_at_corners_and_fixed_where_the_arm_rests(case):
     gaps = np.linalg.norm(np.diff(nodes.points, axis=0), axis=1)
     for k, corner in enumerate(objective.vertices[tube.vertex]):
         at = int(np.argmin(np.linalg.norm(nodes.points - corner, axis=1)))
-        assert abs(nodes.place[at] - objective.breaks[tube.vertex[k]]) < TOLERANCE
+        assert abs(nodes.s_objective[at] - objective.breaks[tube.vertex[k]]) < TOLERANCE
         assert (nodes.vertex[at - 1 : at + 2] == k).all()
         assert gaps[at] < 0.2 * TOLERANCE < gaps.max()
 
@@ -214,7 +214,7 @@ def test_bounds_of_offsets_keep_control_points_in_the_tube(case):
     _, _, tube, nodes = case
     limits = nodes.bounds(tube, np.full(len(nodes), 1e-3))
     assert not limits[nodes.fixed].any() and (limits[~nodes.fixed].max(axis=1) > 0).all()
-    windows = tube.windows(nodes.place, nodes.reach)
+    windows = tube.windows(nodes.s_objective, nodes.reach)
     near = nodes.vertex >= 0
     corners = tube.objective.vertices[np.append(tube.vertex, 0)[nodes.vertex]]
     for side, most in zip(nodes.sides, limits.T, strict=True):
@@ -224,7 +224,7 @@ def test_bounds_of_offsets_keep_control_points_in_the_tube(case):
             assert (tube.margin(points, windows) >= 0).all()
             assert (np.linalg.norm(points - corners, axis=1)[near] <= TOLERANCE).all()
     # No limit is much less than it has to be: next to the lines it is a circle's.
-    middle = limits[np.argmax(np.diff(nodes.place))]
+    middle = limits[np.argmax(np.diff(nodes.s_objective))]
     assert middle.min() > 0.9 * TOLERANCE
 
 

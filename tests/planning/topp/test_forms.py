@@ -165,13 +165,13 @@ class Own(Constraint):
     def __init__(self, form):
         self.form = form
 
-    def on(self, path):
+    def discretize(self, path):
         return (self.form,)
 
 
 RIGHT = {
     LinearRows: {"ends": (5, 2, 3, 4), "rise": (5, 3, 4)},
-    Squares: {"ends": (5, 2, 3), "most": (5, 3), "rise": (5, 3, 4)},
+    Squares: {"ends": (5, 2, 3), "largest": (5, 3), "rise": (5, 3, 4)},
     Rounds: {"ends": (5, 2, 3, 2, 3), "radius": (5, 3), "rise": (5, 3, 4)},
     Friction: {"viscous": (5, 2, 3), "within": (5, 3, 3)},
     Ceiling: {"x": (5, 2)},

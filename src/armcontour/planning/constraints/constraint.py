@@ -58,7 +58,7 @@ class IntervalEnds:
     grid: Grid
 
     @cached_property
-    def on(self) -> OnGrid:
+    def path(self) -> OnGrid:
         """The joint path on the grid."""
         return OnGrid(self.grid)
 
@@ -80,7 +80,7 @@ class IntervalEnds:
         piece, s = np.repeat(self.grid.piece, 2), np.repeat(self.grid.s, 2)[1:-1]
         q = self.grid.joint_path.on_interval(piece, s)
         x, u = self.x[..., None], self.u[..., None]
-        first, second = self.on.derivatives[0]
+        first, second = self.path.derivatives[0]
         dq, ddq = first * np.sqrt(x), first * u + second * x
         return States(self.arm, (q, dq.reshape(q.shape), ddq.reshape(q.shape)))
 
@@ -131,7 +131,7 @@ class Constraint:
     joints = False
     curved = False
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The limit on a grid.
 
         Args:
@@ -156,7 +156,7 @@ class Constraint:
             (n, 1), or (n, joints) where `joints` is true.
         """
         used = np.zeros((len(ends.grid), 1))
-        for form in self.on(ends.on):
+        for form in self.discretize(ends.path):
             used = np.maximum(used, _usage(form, ends.x[..., None], ends.u[..., None]).max(axis=1))
         return used if self.joints else used.max(axis=1, keepdims=True)
 
@@ -188,7 +188,7 @@ def limits_on(path: OnGrid, active: Sequence[Constraint]) -> GridLimits:
         InvalidInput: A form has arrays of another shape than it should.
     """
     n = len(path)
-    return collect([check_form(form, n, x.name) for x in active for form in x.on(path)], n)
+    return collect([check_form(form, n, x.name) for x in active for form in x.discretize(path)], n)
 
 
 Coefficients = Callable[[FloatArray, str], tuple[FloatArray, FloatArray, FloatArray]]
@@ -238,7 +238,7 @@ class SecondOrder(Constraint):
         name, shape = f"coefficients of {self.name}", (3, len(s), len(self.low))
         return checks.shaped(name, checks.check_numbers(name, self.coefficients(s, side)), shape)
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The quantities.
 
         Raises:

@@ -58,11 +58,15 @@ class JointMotion(Constraint):
         back = np.where(slopes.max(axis=1) < -certain, low, np.minimum(low, high))
         return np.asarray(np.where(slopes.min(axis=1) > certain, high, back))
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The bounds, of which the planner makes rows."""
         none = np.full(0, np.inf), np.full(0, np.inf)
         accelerations = (self.low, self.high) if len(self.low) else none
-        return (JointBounds.of(path.grid.joint_path.dof, *accelerations, *(1 / self.velocity**2)),)
+        return (
+            JointBounds.from_limits(
+                path.grid.joint_path.dof, *accelerations, *(1 / self.velocity**2)
+            ),
+        )
 
     def rows(self, path: OnGrid) -> LinearRows:
         """The accelerations as rows: g = q' u + q'' x has g'' = 5 q''' u + q'''' x + 4 q'' k."""
@@ -102,7 +106,7 @@ class JointTorque(Constraint):
         self.viscous, self.coulomb = np.array(chain.viscous), np.array(chain.coulomb)
         self.curved = bool(self.viscous.any())
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The torques, less dry friction, and viscous friction.
 
         Raises:

@@ -53,7 +53,7 @@ class ToolMetric:
     uneven: BoolArray
 
     @classmethod
-    def of(cls, joint_path: JointPath, arm: Arm) -> ToolMetric:
+    def measure(cls, joint_path: JointPath, arm: Arm) -> ToolMetric:
         """Measure the tool motion along a joint path by forward kinematics.
 
         A bound is the largest sample of a piece plus the spread of its samples.
@@ -137,7 +137,7 @@ class ToolSpeed(Constraint):
     def __init__(self, speed: FloatArray, metric: ToolMetric) -> None:
         self._ceiling: FloatArray = (speed / metric.speed) ** 2
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The bound of each piece, which holds on the whole interval."""
         ceiling = np.empty((len(path), 2))
         ceiling[:] = self._ceiling[path.grid.piece, None]
@@ -157,7 +157,7 @@ class RapidSpeed(Constraint):
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._arm = limit, arm
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """A bound on each interval: the largest sample plus the spread of the samples."""
         grid = path.grid
         s = grid.s[:-1] + SHARES * grid.width
@@ -182,7 +182,7 @@ class CentripetalAcceleration(Constraint):
     def __init__(self, limit: float, metric: ToolMetric) -> None:
         self.limit, self.metric = limit, metric
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The bound at both ends; between them x stays below the chord of both."""
         with np.errstate(divide="ignore"):
             ceiling = self.limit / self.metric.curvature_on(path.grid)
@@ -203,7 +203,7 @@ class ToolAcceleration(Constraint):
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._arm = limit, arm
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The vectors, in a frame that turns with the motion: on circles they do not change."""
         speed, along, across = _parts(*self._arm.tool_motion(*path.motion))
         first, second = np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1)
@@ -226,7 +226,7 @@ class AngularSpeed(Constraint):
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._tool = limit, require_orientation(arm)
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The square of the angular speed."""
         q, first, _ = path.motion
         w = self._tool.tool_twist(q, first)[:, 3:]
@@ -250,7 +250,7 @@ class AngularAcceleration(Constraint):
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._tool = limit, require_orientation(arm)
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The vectors."""
         q, first, second = path.motion
         w = self._tool.tool_twist(q, first)[:, 3:]

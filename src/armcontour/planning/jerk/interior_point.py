@@ -53,13 +53,13 @@ class JerkSection(NamedTuple):
         curved: Rows `|row| <= jerk f`, where f is a control point of the tangent below a^(-1/2),
             (m, l, 3).
         jerk: Their limits, (l,).
-        of: The control point of each, (l,).
+        curved_points: The control point of each, (l,).
         raised: Rows of the control points of a on each part, as a polynomial of the degree of the
             curved rows, (m, j, 3).
         about: Where the tangent of each part touches a^(-1/2) [m²/s²], (m,); the search moves it.
         round: Vectors of rows, `|vector| <= radius`, or `<= radius f - margin`, (m, o, 3, 3).
         radius, margin: Of the round rows, (m, o).
-        round_of: The control point of each, or -1 for a fixed radius, (o,).
+        round_points: The control point of each, or -1 for a fixed radius, (o,).
     """
 
     width: FloatArray
@@ -72,13 +72,13 @@ class JerkSection(NamedTuple):
     high: FloatArray
     curved: FloatArray
     jerk: FloatArray
-    of: IntArray
+    curved_points: IntArray
     raised: FloatArray
     about: FloatArray
     round: FloatArray
     radius: FloatArray
     margin: FloatArray
-    round_of: IntArray
+    round_points: IntArray
 
 
 class _Duals(NamedTuple):
@@ -150,7 +150,7 @@ def _mean(p: JerkSection, c: int, d: FloatArray) -> float:
 @compiled(inner=True, inline="always")
 def _radius(p: JerkSection, c: int, r: int, tangents: FloatArray) -> Any:
     """The radius of a round row, and its slope, (value, x, y, z)."""
-    k, radius = p.round_of[r], p.radius[c, r]
+    k, radius = p.round_points[r], p.radius[c, r]
     if k < 0:
         return radius - p.margin[c, r], 0.0, 0.0, 0.0
     value, x, y, z = tangents[k, 0], tangents[k, 1], tangents[k, 2], tangents[k, 3]
@@ -191,7 +191,7 @@ def _write_slacks(
             slack.high[c, r], slack.low[c, r] = p.high[c, r] - f, f - p.low[c, r]
             smallest = min(smallest, slack.high[c, r], slack.low[c, r])
         for r in range(p.curved.shape[1]):
-            bound, f = p.jerk[r] * tangents[p.of[r], 0], _row_value(p.curved, c, r, i, d)
+            bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
             slack.curved[c, r, 0], slack.curved[c, r, 1] = bound - f, bound + f
             smallest = min(smallest, slack.curved[c, r, 0], slack.curved[c, r, 1])
         for r in range(p.round.shape[1]):
@@ -353,7 +353,7 @@ def _add_bounds(
             row = (p.plain[c, r, 0], p.plain[c, r, 1], p.plain[c, r, 2])
             h, g = _accumulate(h, g, row, weight, push)
         for r in range(p.curved.shape[1]):
-            k = p.of[r]
+            k = p.curved_points[r]
             x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
             for side in range(2):
                 sign = -1.0 if side == 0 else 1.0
@@ -457,7 +457,7 @@ def _dual_changes(
                 reach = _longest_steps(room, old, rise, new, reach)
                 change.low[c, r] = new
         for r in range(p.curved.shape[1]):
-            k = p.of[r]
+            k = p.curved_points[r]
             x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
             common = p.jerk[r] * (x * step[i] + y * step[i + 1] + z * step[i + 2])
             rise = _row_value(p.curved, c, r, i, step)
@@ -496,7 +496,7 @@ def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _
         _write_tangents(p, c, d, tangents)
         good = True
         for r in range(p.curved.shape[1]):
-            bound, f = p.jerk[r] * tangents[p.of[r], 0], _row_value(p.curved, c, r, i, d)
+            bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
             good &= bound - f >= KEPT * slack.curved[c, r, 0]
             good &= bound + f >= KEPT * slack.curved[c, r, 1]
         for r in range(p.round.shape[1]):
@@ -506,7 +506,7 @@ def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _
             p.about[c] = before
             continue
         for r in range(p.curved.shape[1]):
-            bound, f = p.jerk[r] * tangents[p.of[r], 0], _row_value(p.curved, c, r, i, d)
+            bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
             slack.curved[c, r, 0], slack.curved[c, r, 1] = bound - f, bound + f
         for r in range(p.round.shape[1]):
             radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)

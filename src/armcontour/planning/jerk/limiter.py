@@ -208,7 +208,7 @@ def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> Motion
         x=HEADROOM * wider * largest_square,
         u=HEADROOM_RATE * wider * largest(u),
         k=np.where(ramps, 0.0, HEADROOM_SLOPE * wider * largest(change)),
-        least=np.where(ramps, 0.0, lowest),
+        x_min=np.where(ramps, 0.0, lowest),
     )
 
 
@@ -225,7 +225,7 @@ def _gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
         distance = np.stack(
             [
                 1 - np.maximum(square[:-1], square[1:]) / bounds.x,
-                np.where(bounds.least > 0, low / bounds.least - 1, 1.0),
+                np.where(bounds.x_min > 0, low / bounds.x_min - 1, 1.0),
                 1 - np.abs(dds) / bounds.u,
                 1 - np.abs(slope) / bounds.k,
             ]

@@ -64,7 +64,7 @@ class MeshRows:
         self.tool: ToolMotion | None = None
         if np.isfinite(jerk.tool):
             # The tangents have as many control points as the jerk of the tool.
-            self.tool, self.degree = ToolMotion.on(grid, arm), DEGREE + 1
+            self.tool, self.degree = ToolMotion.measure(grid, arm), DEGREE + 1
         self.length: FloatArray | None = None
         if np.isfinite(jerk.path) and grid.joint_path.tool_path is not None:
             self.length = arc_length_bounds(grid, arm)
@@ -217,13 +217,13 @@ class MeshRows:
             high=high,
             curved=local(rows),
             jerk=np.concatenate(limits),
-            of=np.tile(np.arange(self.degree), rows.shape[1] // self.degree),
+            curved_points=np.tile(np.arange(self.degree), rows.shape[1] // self.degree),
             raised=local(raised(basis, self.degree - 1)),
             about=np.zeros(len(cell)),
             round=local(vectors),
             radius=radius,
             margin=margin,
-            round_of=points,
+            round_points=points,
         )
 
     def _path_jerk(self) -> list[FloatArray]:
@@ -264,7 +264,7 @@ class MeshRows:
         ends = [basis.at_end(e) for e in range(2)]
         rows, low, high = [basis.points], [-none], [top]
         if bounds is not None:
-            smallest = np.where(bounds.least > 0, bounds.least, -np.inf)
+            smallest = np.where(bounds.x_min > 0, bounds.x_min, -np.inf)
             low = [np.broadcast_to(smallest[:, None], (n, 3))]
             high = [np.minimum(top, bounds.x[:, None])]
             rate_bounds = np.stack([bounds.u, bounds.u, np.abs(bounds.k)], axis=1)

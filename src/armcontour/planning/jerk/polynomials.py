@@ -178,16 +178,16 @@ class ToolMotion:
 
     Args:
         powers: Of x from 0 to 1 on every part, for the first to third derivative, (3, 3, n, 3).
-        off: Bounds of the distance of the derivatives from these parabolas, (3, n).
+        deviation: Bounds of the distance of the derivatives from these parabolas, (3, n).
         largest: Bounds of the derivatives' lengths, (3, n).
     """
 
     powers: FloatArray
-    off: FloatArray
+    deviation: FloatArray
     largest: FloatArray
 
     @classmethod
-    def on(cls, grid: Grid, arm: Arm) -> ToolMotion:
+    def measure(cls, grid: Grid, arm: Arm) -> ToolMotion:
         """Measure the derivatives by forward kinematics."""
         return cls(*_parabolas(_derivatives(grid, arm)))
 
@@ -210,7 +210,9 @@ class ToolMotion:
     def margin(self, bounds: MotionBounds) -> FloatArray:
         """Bound of what the rows leave out, (n,)."""
         return np.asarray(
-            self.off[2] * bounds.x + 3 * self.off[1] * bounds.u + self.off[0] * np.abs(bounds.k)
+            self.deviation[2] * bounds.x
+            + 3 * self.deviation[1] * bounds.u
+            + self.deviation[0] * np.abs(bounds.k)
         )
 
 

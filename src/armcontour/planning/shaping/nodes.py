@@ -57,13 +57,13 @@ class Nodes:
     """The n nodes along a start.
 
     Args:
-        place: Arc lengths on the objective [m], (n,).
+        s_objective: Arc lengths on the objective [m], (n,).
         points: Points on the start [m], (n, dimension).
         frames: Directions of the offsets as columns, (n, dimension, k).
         sides: Directions in the coordinates of the offsets in which they are bounded, (m, k).
         sag: How far the curve may lie from the polygon of the control points [m], (n,).
         tolerance: Tolerance at each node [m], (n,).
-        least: The least tolerance at each node and its neighbours, whose control points shape the
+        smallest: Least tolerance of each node and its neighbours, whose control points shape the
             curve together [m], (n,).
         reach: Reach of the own part of each node along the objective [m], (n,).
         fixed: Whether the control point stays on the start, (n,).
@@ -75,13 +75,13 @@ class Nodes:
         q: Joint positions at the nodes [rad], (n, dof).
     """
 
-    place: FloatArray
+    s_objective: FloatArray
     points: FloatArray
     frames: FloatArray
     sides: FloatArray
     sag: FloatArray
     tolerance: FloatArray
-    least: FloatArray
+    smallest: FloatArray
     reach: FloatArray
     fixed: BoolArray
     rest: BoolArray
@@ -93,7 +93,7 @@ class Nodes:
 
     def __len__(self) -> int:
         """Number of nodes."""
-        return len(self.place)
+        return len(self.s_objective)
 
     def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
         """Largest offsets along every side, (n, m), in metres.
@@ -103,8 +103,8 @@ class Nodes:
             inside: Share of the tolerance that offsets stay inside by, (n,).
         """
         windows = self._windows(tube)
-        spare = inside * self.least + np.minimum(self.sag, 0.3 * self.least)
-        margin = spare + self.tolerance - self.least
+        spare = inside * self.smallest + np.minimum(self.sag, 0.3 * self.smallest)
+        margin = spare + self.tolerance - self.smallest
         at_corner = self.vertex >= 0
         corners = tube.objective.vertices[np.append(tube.vertex, 0)[self.vertex]]
         allowed = np.where(
@@ -132,10 +132,10 @@ class Nodes:
         """
         ends = tube.objective.breaks[tube.vertex]
         corners = np.concatenate([[-np.inf], ends, [np.inf]])
-        low = corners[np.searchsorted(ends, self.place - SAME, side="right")]
-        high = corners[np.searchsorted(ends, self.place + SAME, side="left") + 1]
-        low = np.maximum(self.place - self.reach, low + SAME)
-        high = np.minimum(self.place + self.reach, high - SAME)
+        low = corners[np.searchsorted(ends, self.s_objective - SAME, side="right")]
+        high = corners[np.searchsorted(ends, self.s_objective + SAME, side="left") + 1]
+        low = np.maximum(self.s_objective - self.reach, low + SAME)
+        high = np.minimum(self.s_objective + self.reach, high - SAME)
         return tube.windows_between(low, high)
 
 
@@ -169,7 +169,7 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
         configuration: For an arm in the plane, the branch of its inverse kinematics.
     """
     path, matches, joint_path = start.path, start.places, start.joint_path
-    marks = _Marks.of(path, matches, tube)
+    marks = _Marks.from_path(path, matches, tube)
     spread = _spread(start, arm, tube, marks)
     if spread is None:
         return None
@@ -187,7 +187,7 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
     wide = np.maximum(np.append(0.0, gap), np.append(gap, 0.0))
     tangents = path(s, 1)
     return Nodes(
-        place=s_objective,
+        s_objective=s_objective,
         points=path(s),
         frames=_frames(tangents),
         sides=_sides(tangents.shape[1] - 1),
@@ -195,12 +195,12 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
         # the joints bends.
         sag=wide**2 * _bend(joint_path, arm, s) / 8,
         tolerance=tolerance,
-        least=_least_nearby(tolerance),
+        smallest=_least_nearby(tolerance),
         reach=REACH * tolerance + 2 * wide,
         fixed=resting | (tolerance == 0),
         rest=doubled | np.isin(np.arange(len(s) + 1), [0, len(s)]),
         vertex=np.where(resting, -1, _beside_corners(corner)),
-        group=np.searchsorted((marks.at[1:] + marks.at[:-1]) / 2, s),
+        group=np.searchsorted((marks.s[1:] + marks.s[:-1]) / 2, s),
         times=start.trajectory.time_at(np.concatenate([s[:1], (s[1:] + s[:-1]) / 2, s[-1:]])),
         near=NearPath.along(joint_path(s), arm, configuration, path, s),
         q=joint_path(s),
@@ -212,19 +212,19 @@ class _Marks:
     """Rests and corners of a start, m of them.
 
     Args:
-        at: Arc lengths on the start, ascending [m], (m,).
+        s: Arc lengths on the start, ascending [m], (m,).
         rest: Whether the tool rests there, (m,).
         corner: Index of the corner in the tube; -1 for rests, (m,).
         first: Distance to the next nodes [m], (m,); of no meaning for rests.
     """
 
-    at: FloatArray
+    s: FloatArray
     rest: BoolArray
     corner: IntArray
     first: FloatArray
 
     @classmethod
-    def of(cls, path: Path, matches: FloatArray, tube: Tube) -> _Marks:
+    def from_path(cls, path: Path, matches: FloatArray, tube: Tube) -> _Marks:
         """The marks of a path with places in a tube."""
         s_corners = np.interp(tube.objective.breaks[tube.vertex], matches[:, 0], matches[:, 1])
         stops = np.concatenate([[0.0], path.stops, [path.length]])
@@ -295,8 +295,8 @@ def _spread(
     The distance between nodes grows from that at a mark by GROWTH from node to node.
     """
     path, matches, joint_path = start.path, start.places, start.joint_path
-    rests = marks.at[marks.rest]
-    samples, _ = _divide(marks.at, marks.at, np.full(len(marks.at) - 1, SAMPLES))
+    rests = marks.s[marks.rest]
+    samples, _ = _divide(marks.s, marks.s, np.full(len(marks.s) - 1, SAMPLES))
     median = max(float(np.median(_bend(joint_path, arm, samples))), 1e-3)
     for parts in (SAMPLES, PER_NODE, PER_NODE, 0):
         tolerances = np.maximum(
@@ -309,7 +309,7 @@ def _spread(
         )
         i = np.clip(np.searchsorted(rests, samples, side="right") - 1, 0, len(rests) - 2)
         step = np.minimum(step, np.diff(rests)[i] / FEWEST)
-        k = np.searchsorted(samples, marks.at)
+        k = np.searchsorted(samples, marks.s)
         step[k] = np.where(marks.rest, AT_REST * step[k], np.minimum(marks.first, step[k]))
         # Neighbouring distances differ by no more than the growth.
         step = GROWTH * samples + np.minimum.accumulate(step - GROWTH * samples)
@@ -327,9 +327,9 @@ def _spread(
             break
         # Samples are denser where nodes will be.
         samples, _ = _divide(
-            total[k], marks.at, np.maximum(count * PER_NODE, parts), (total, samples)
+            total[k], marks.s, np.maximum(count * PER_NODE, parts), (total, samples)
         )
-    s, mark = _divide(total[k], marks.at, count, (total, samples))
+    s, mark = _divide(total[k], marks.s, count, (total, samples))
     return s, mark
 
 

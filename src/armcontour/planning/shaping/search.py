@@ -351,7 +351,7 @@ class ShapeSearch:
         nodes, limits = self.nodes, self.timer.limits
         spline = self._spline(offsets, h)
         steps = nodes.near.steps(spline.q, nodes.frames)
-        speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.place)]
+        speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.s_objective)]
         # The end of a span may lie on the segment of either node.
         speeds[:-1] = np.fmin(speeds[:-1], speeds[1:])
         assigned = np.fmin(speeds, np.inf if limits.speed is None else limits.speed)
@@ -388,7 +388,9 @@ class ShapeSearch:
         """The path of offsets and times; None if it leaves the tube, whose limits are then less."""
         nodes = self.nodes
         spline = self._spline(offsets, h)
-        drawn = draw(spline, self.timer.arm, self.tube.objective, nodes.place, nodes.tolerance)
+        drawn = draw(
+            spline, self.timer.arm, self.tube.objective, nodes.s_objective, nodes.tolerance
+        )
         if self._nearly_stops(drawn):
             return None
         knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
@@ -425,13 +427,14 @@ class ShapeSearch:
             near = nodes.vertex == k
             if not near.any():
                 near = (
-                    np.abs(nodes.place - s_corners[k]) == np.abs(nodes.place - s_corners[k]).min()
+                    np.abs(nodes.s_objective - s_corners[k])
+                    == np.abs(nodes.s_objective - s_corners[k]).min()
                 )
             lacking[near] = np.maximum(lacking[near], excess[k])
         # Control points shape their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
         lacking = np.maximum(lacking, wide)
-        reduction = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.least, 1e-12)
+        reduction = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.smallest, 1e-12)
         # At least twice as much as before, so that a few times are enough.
         increased = np.maximum(2 * state.inside, state.inside + reduction)
         state.inside = np.where(lacking > 0, np.minimum(increased, 1.0), state.inside)

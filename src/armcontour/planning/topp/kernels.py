@@ -80,7 +80,7 @@ class Rules(NamedTuple):
     Args:
         start: ds² at the start; infinite for the largest.
         end: ds² at the end; infinite for the largest.
-        most: Largest share of a limit that margins may take.
+        max_margin: Largest share of a limit that margins may take.
         steady: Where margins take more than this, slopes are left out first.
         headroom: Bounds of x and u are those of the plan before times this.
         close: The same of bounds around a proven plan.
@@ -96,7 +96,7 @@ class Rules(NamedTuple):
 
     start: float = 0.0
     end: float = 0.0
-    most: float = 1e-2
+    max_margin: float = 1e-2
     steady: float = 0.999
     headroom: float = 1.05
     close: float = 1.02
@@ -110,10 +110,10 @@ class Rules(NamedTuple):
 
 
 class MotionBounds(NamedTuple):
-    """For a plan with slopes k margins hold while |u| <= u and least <= x <= x, (n,) each."""
+    """For a plan with slopes k margins hold while |u| <= u and x_min <= x <= x, (n,) each."""
 
     x: FloatArray
-    least: FloatArray
+    x_min: FloatArray
     u: FloatArray
     k: FloatArray
 
@@ -126,7 +126,7 @@ class GridPlan(NamedTuple):
         k: Slopes of dds over s, (n,).
         lost: Share of limits that margins take, (n,).
         outcome: FOUND, or FINER, STUCK, START, END, UNLIMITED.
-        place: Where there is none: an interval.
+        interval: Where there is none: an interval.
         allowed: With START and END: the largest ds² there.
     """
 
@@ -134,7 +134,7 @@ class GridPlan(NamedTuple):
     k: FloatArray
     lost: FloatArray
     outcome: int
-    place: int
+    interval: int
     allowed: float
 
 
@@ -142,7 +142,7 @@ class LimitLines(NamedTuple):
     """The limits of one try, in the plane of x at the start and the mean u of each interval.
 
     Args:
-        of: `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the drawn intervals, flat.
+        table: `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the drawn intervals, flat.
             Each has LANES for the starts and LANES for the ends of every LANES joints or rows.
         width: Number of lines of an interval.
         drawn: The intervals that are drawn, (BLOCK,) or for fewer all.
@@ -153,7 +153,7 @@ class LimitLines(NamedTuple):
         scratch: Takes rows, side by side.
     """
 
-    of: FloatArray
+    table: FloatArray
     width: int
     drawn: IntArray
     conics: FloatArray
@@ -202,9 +202,9 @@ def _half_plane(
     low, high = low * inverse, high * inverse
     first = 3 * lines.width * (i & (len(lines.drawn) - 1)) + line
     last = first + 2 * lines.width
-    store(lines.of, first, choose(NOTHING, magnitude, b * inverse, 0.0))
-    store(lines.of, first + lines.width, choose(NOTHING, magnitude, lower(low, high), -math.inf))
-    store(lines.of, last, choose(NOTHING, magnitude, higher(low, high), math.inf))
+    store(lines.table, first, choose(NOTHING, magnitude, b * inverse, 0.0))
+    store(lines.table, first + lines.width, choose(NOTHING, magnitude, lower(low, high), -math.inf))
+    store(lines.table, last, choose(NOTHING, magnitude, higher(low, high), math.inf))
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -232,7 +232,7 @@ def _half_planes(
 class Bracket(NamedTuple):
     """A range of x on an interval: the smallest x, and the roots of the smallest and largest."""
 
-    least: float
+    smallest: float
     low: float
     high: float
 
@@ -278,7 +278,7 @@ def friction_row(
         offset = max(SHARE_AT_REST * room / largest, LEAST)
     if offset >= within.low / 2:
         return 0.0, offset, 1 / (4 * offset)
-    return 0.0, offset, (within.low - offset) / within.least
+    return 0.0, offset, (within.low - offset) / within.smallest
 
 
 @compiled(inner=True)
@@ -431,7 +431,7 @@ def rows_with_friction(
     n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
     for i in range(n):
-        within = bracket(bounds.least[i], bounds.x[i])
+        within = bracket(bounds.x_min[i], bounds.x[i])
         for r in range(count):
             row = _linear_row(limits, i, r, width[i], within, margins)
             for k in range(4):
@@ -456,8 +456,8 @@ def _ceilings(
     """Write the ceilings of x on interval i; arguments as in `_interval_limits`."""
     squares, cap0, cap1 = limits.squares, limits.ceiling[i, 0], limits.ceiling[i, 1]
     lowest, steepest = min(cap0, cap1), 0.0
-    for r in range(squares.most.shape[1]):
-        b0, b1, largest = squares.ends[i, 0, r], squares.ends[i, 1, r], squares.most[i, r]
+    for r in range(squares.largest.shape[1]):
+        b0, b1, largest = squares.ends[i, 0, r], squares.ends[i, 1, r], squares.largest[i, r]
         room, steepest = 1.0, max(steepest, b0, b1)
         if margins:
             room -= _margin(squares.rise, i, r, bounds)
@@ -589,7 +589,7 @@ def _row_half_planes(
 ) -> None:
     """Draw LANES rows on interval i from one row on."""
     by, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
-    within = bracket(bounds.least[i], bounds.x[i])
+    within = bracket(bounds.x_min[i], bounds.x[i])
     for lane in range(LANES):
         if first + lane < count:
             row = _linear_row(limits, i, first + lane, w, within, margins)
@@ -645,7 +645,7 @@ def _interval_limits(
 @compiled(inner=True, fastmath=FUSED)
 def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
     """Range of the mean u for x."""
-    table, count, slot = lines.of, lines.width, i & (len(lines.drawn) - 1)
+    table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
     first = 3 * count * slot
     tilted = x * load(table, first)
     bottom, top = load(table, first + count) - tilted, load(table, first + 2 * count) - tilted
@@ -666,7 +666,7 @@ def _mean_range_slopes(
     lines: LimitLines, i: int, x: float
 ) -> tuple[float, float, float, float, int]:
     """Range of the mean u for x, how fast its bottom and its top fall with x, the line below."""
-    table, count, slot = lines.of, lines.width, i & (len(lines.drawn) - 1)
+    table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
     low, high, below, above = -math.inf, math.inf, -1, -1
     for k in range(3 * count * slot, 3 * count * slot + count):
         moved = table[k] * x
@@ -763,7 +763,7 @@ def _backward_forward_pass(
         # The line of y and one that bounds m from below bound x: the one of the interval before.
         if below >= 0:
             line = 3 * lines.width * (i & slots) + below
-            tilt, bottom = lines.of[line], lines.of[line + lines.width]
+            tilt, bottom = lines.table[line], lines.table[line + lines.width]
             if tilt < steep and y * steep - bottom < (steep - tilt) * trial:
                 trial = max((y * steep - bottom) / (steep - tilt) * INSIDE, 0.0)
         for _ in range(100):
@@ -939,7 +939,7 @@ def _bound_motion(
     rates = np.empty(n)
     for i in range(n):
         largest, smallest, rates[i] = _motion_extent(width, x, bounds.k, i)
-        bounds.x[i], bounds.least[i] = headroom * largest, smallest / headroom
+        bounds.x[i], bounds.x_min[i] = headroom * largest, smallest / headroom
         fastest = max(fastest, rates[i])
     for i in range(n):
         largest_u = rules.floor * min(fastest, bounds.x[i] / width[i])
@@ -962,8 +962,8 @@ def _prove_or_widen(
     for i in range(len(width)):
         largest, smallest, rate = _motion_extent(width, x, bounds.k, i)
         outside = largest > bounds.x[i] or rate > bounds.u[i]
-        if rubs and smallest < bounds.least[i]:
-            outside, bounds.least[i] = True, smallest / (rules.headroom * rules.headroom)
+        if rubs and smallest < bounds.x_min[i]:
+            outside, bounds.x_min[i] = True, smallest / (rules.headroom * rules.headroom)
         if outside:
             bounds.x[i] = max(bounds.x[i], rules.headroom * largest)
             bounds.u[i] = max(bounds.u[i], 1.2 * rate)
@@ -1000,7 +1000,7 @@ def _recentre(x: FloatArray, bounds: MotionBounds, near: float) -> bool:
     for i in range(len(bounds.x)):
         middle = (x[i] + x[i + 1]) / 2
         is_near &= abs(middle - bounds.x[i]) <= near * bounds.x[i]
-        bounds.x[i] = bounds.least[i] = middle
+        bounds.x[i] = bounds.x_min[i] = middle
     return is_near
 
 
@@ -1072,10 +1072,10 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     if rubbing > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
         # Lines that no try draws limit nothing.
         for line in range(3 * count * slots):
-            lines.of[line] = 0.0
+            lines.table[line] = 0.0
         for slot in range(slots):
             for line in range(3 * count * slot + count, 3 * count * slot + 2 * count):
-                lines.of[line], lines.of[line + count] = -math.inf, math.inf
+                lines.table[line], lines.table[line + count] = -math.inf, math.inf
     for _ in range(rules.tries):
         drawn = limits if kind > 0 else free
         stuck = _backward_forward_pass(
@@ -1084,8 +1084,8 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
         if stuck >= n:
             return GridPlan(x, bounds.k, lost, UNLIMITED, stuck - n, 0.0)
         worst = _largest_margin(lines.lost)
-        if kind == 2 and lines.lost[worst] > rules.most:
-            if _drop_slopes(bounds, lines.lost, max(rules.most, rules.steady), changed):
+        if kind == 2 and lines.lost[worst] > rules.max_margin:
+            if _drop_slopes(bounds, lines.lost, max(rules.max_margin, rules.steady), changed):
                 continue
             break
         outcome, allowed = _pass_outcome(stuck, rules, reachable, x)
@@ -1124,7 +1124,7 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     if shortest < math.inf:
         return GridPlan(x_best, slopes, lost, FOUND, -1, 0.0)
     worst = _largest_margin(lines.lost)
-    if lines.lost[worst] <= rules.most:
+    if lines.lost[worst] <= rules.max_margin:
         for i in range(n):
             if changed[i]:
                 lines.lost[i] = NO_WAY

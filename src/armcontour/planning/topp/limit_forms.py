@@ -61,7 +61,7 @@ class JointBounds(NamedTuple):
     bounds: FloatArray
 
     @classmethod
-    def of(cls, dof: int, *limits: FloatArray) -> JointBounds:
+    def from_limits(cls, dof: int, *limits: FloatArray) -> JointBounds:
         """Make the table from bounds of accelerations and inverse squares of velocities, if any."""
         groups = -(-dof // LANES)
         table = np.zeros((ROWS // LANES, groups * LANES))
@@ -89,12 +89,12 @@ class Squares(NamedTuple):
 
     Args:
         ends: b at the starts and ends of the intervals, (n, 2, rows).
-        most: The largest b on the whole interval, (n, rows).
+        largest: The largest b on the whole interval, (n, rows).
         rise: Of each row, (n, rows, 4).
     """
 
     ends: FloatArray
-    most: FloatArray
+    largest: FloatArray
     rise: FloatArray
 
 
@@ -162,7 +162,7 @@ Form = JointBounds | LinearRows | Squares | Rounds | Friction | Ceiling
 # Arrays of a form have n intervals, and these other axes; None is the number of rows.
 SHAPES: dict[type, dict[str, tuple[int | None, ...]]] = {
     LinearRows: {"ends": (2, None, 4), "rise": (None, 4)},
-    Squares: {"ends": (2, None), "most": (None,), "rise": (None, 4)},
+    Squares: {"ends": (2, None), "largest": (None,), "rise": (None, 4)},
     Rounds: {"ends": (2, None, 2, 3), "radius": (None,), "rise": (None, 4)},
     Friction: {"viscous": (2, None), "within": (None, 3)},
     Ceiling: {"x": (2,)},

@@ -34,7 +34,7 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
         offset = ROWS * group
         back, forth = load(limits.joints, offset + BACK), load(limits.joints, offset + FORTH)
         steepest = max(steepest, highest(a * a * choose(a, 0.0, back, forth)))
-    for r in range(limits.squares.most.shape[1]):
+    for r in range(limits.squares.largest.shape[1]):
         steepest = max(steepest, limits.squares.ends[i, end, r])
     return float(min(limits.ceiling[i, end], 1.0 / steepest))
 

@@ -549,4 +549,4 @@ def _find_end_of_reach(
             high = middle
         else:
             low = middle
-    return float(one.at(np.array([high]))[0])
+    return float(one.arc_lengths(np.array([high]))[0])

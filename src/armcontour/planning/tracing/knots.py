@@ -65,7 +65,7 @@ class Knots:
         parent = np.repeat(np.arange(len(self)), 1 + mask)
         second = np.flatnonzero(np.diff(parent, prepend=-1) == 0)
         u0, u1, s0 = self.u0[parent], self.u1[parent], self.s0[parent]
-        s0[second] = self.part(mask).at(u)
+        s0[second] = self.part(mask).arc_lengths(u)
         u0[second], u1[second - 1] = u, u
         segment, piece = self.segment[parent], self.piece[parent]
         return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), parent, second
@@ -118,7 +118,7 @@ class Knots:
         u = self.u0 + PLACES[:, None] * (self.u1 - self.u0)
         return repeated, u.ravel()
 
-    def at(self, u: FloatArray) -> FloatArray:
+    def arc_lengths(self, u: FloatArray) -> FloatArray:
         """Arc lengths at distances `u` along the segments [m], (n,)."""
         return np.asarray(self.s0 + (u - self.u0))
 
@@ -138,7 +138,7 @@ def first_knots(path: Path, span: float, finer: int = 1) -> Knots:
     turning = path.curvatures[cells.segment]
     if path.orientation is not None and not path.orientation.fixed:
         i = cells.piece
-        middle = cells.at((cells.u0 + cells.u1) / 2) - path.orientation.breaks[i]
+        middle = cells.arc_lengths((cells.u0 + cells.u1) / 2) - path.orientation.breaks[i]
         rate, _ = path.orientation.rates_on_piece(i, middle)
         turning = np.maximum(turning, 1.5 * np.linalg.norm(rate, axis=1))
     step = max(FIRST_STEP * extent, SHORTEST_FIRST_STEP * span)
@@ -293,7 +293,7 @@ def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
     elif orientation.fixed:
         poses[:, :, :3] = orientation.starts[knots.piece]
     else:
-        after = knots.at(u) - orientation.breaks[knots.piece]
+        after = knots.arc_lengths(u) - orientation.breaks[knots.piece]
         poses[:, :, :3] = orientation.on_piece(knots.piece, after)
     return poses
 
@@ -331,7 +331,7 @@ def motion_at(path: Path, knots: Knots, u: FloatArray) -> tuple[FloatArray, Floa
     rates[:, 0] = path.on_segment(knots.segment, u, 1)
     rates[:, 1] = path.on_segment(knots.segment, u, 2)
     if orientation is not None and not orientation.fixed:
-        after = knots.at(u) - orientation.breaks[knots.piece]
+        after = knots.arc_lengths(u) - orientation.breaks[knots.piece]
         rates[:, 2], rates[:, 3] = orientation.rates_on_piece(knots.piece, after)
     return poses, rates
 
@@ -368,7 +368,7 @@ class FirstPoses:
     stops: FloatArray
 
     @classmethod
-    def of(cls, path: Path, knots: Knots) -> FirstPoses:
+    def at_knots(cls, path: Path, knots: Knots) -> FirstPoses:
         """Compute them."""
         row, u, ends = knots.ends()
         intervals = knots.part(row)

@@ -78,7 +78,7 @@ class Guide:
         ]
         return cls(s=s, coefficients=np.concatenate(parts), dof=dof)
 
-    def at(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
         """W and g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof).
 
         Args:
@@ -234,7 +234,7 @@ def smooth(
         active = active[better]
         if not len(active):
             break
-        cost = cost.some(better)
+        cost = cost.select(better)
     return smoothed, values
 
 
@@ -265,7 +265,7 @@ class _Cost:
         both = share / 2 + steps / np.where(whole > 0.0, whole, 1.0) / 2
         self.weights = pace / np.sqrt(np.where(whole > 0.0, both, share))[..., None]
 
-    def some(self, mask: BoolArray) -> _Cost:
+    def select(self, mask: BoolArray) -> _Cost:
         """The cost of some of the configurations."""
         cost = copy(self)
         cost.weights = self.weights[mask]

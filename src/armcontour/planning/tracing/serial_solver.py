@@ -92,7 +92,7 @@ class Numeric(Solver[SerialArm]):
         )
         bad = ~(solved & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
-            raise_singular(self, float(knots.at(u)[np.argmax(bad)]), "is singular")
+            raise_singular(self, float(knots.arc_lengths(u)[np.argmax(bad)]), "is singular")
         return q, dq_ds, d2q_ds2
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
@@ -119,4 +119,6 @@ class Numeric(Solver[SerialArm]):
         n, dof = len(u), self.arm.dof
         if self._guide is None:
             return np.zeros((n, 3, 0, dof)), np.zeros((n, 3, dof))
-        return self._guide.at(knots.at(u), knots.at((knots.u0 + knots.u1) / 2))
+        return self._guide.evaluate(
+            knots.arc_lengths(u), knots.arc_lengths((knots.u0 + knots.u1) / 2)
+        )

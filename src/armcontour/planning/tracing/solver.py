@@ -151,7 +151,7 @@ class Analytic(Solver[PlanarTwoLink]):
             q = self.arm.joint_position(self.path.on_segment(knots.segment, u), self.configuration)
         except Unreachable as error:
             index = error.index or 0
-            s = float(knots.at(u)[index])
+            s = float(knots.arc_lengths(u)[index])
             raise Unreachable(
                 f"At {s:.6g} m along the path: {error}",
                 point=error.point,

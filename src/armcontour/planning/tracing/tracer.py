@@ -229,7 +229,7 @@ def _trace_serial(
 
     task = task_dimension(path, arm)
     knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)
-    first = FirstPoses.of(path, knots)
+    first = FirstPoses.at_knots(path, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
         numeric = Numeric(path, arm, task, first, solution, tolerance)

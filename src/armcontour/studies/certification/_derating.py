@@ -122,7 +122,7 @@ class DeratedAcceleration(JointMotion):
         share = self.derating.share[self.derating.cell_of(grid)]
         return self.low * share, self.high * share
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The accelerations with their own bounds on every interval."""
         return (self.rows(path),)
 
@@ -139,7 +139,7 @@ class Cap(Constraint):
     def __init__(self, derating: Derating) -> None:
         self.derating = derating
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The cap at both ends of every interval."""
         cap = self.derating.cap[self.derating.cell_of(path.grid)]
         return (Ceiling(np.stack([cap, cap], axis=1)),)

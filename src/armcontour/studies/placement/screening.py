@@ -137,7 +137,7 @@ class _Poses:
         self.path, self.seed = path, seed
         self.task = task_dimension(path, arm)
         knots = first_knots(path, arm.span)
-        self.first = FirstPoses.of(path, knots)
+        self.first = FirstPoses.at_knots(path, knots)
         fine, self.at = subdivide(path, knots, self.first.row)
         self.fine = self.first.row if len(fine) == len(knots) else row_of_poses(path, fine)
         self.breaks = np.append(knots.s0, path.length)
