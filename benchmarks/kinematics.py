@@ -22,9 +22,8 @@ import armcontour as ac
 from armcontour.core.checks import FloatArray
 from armcontour.motion import quintic
 from armcontour.planning.tracing.configurations import Solution
-from armcontour.planning.tracing.knots import Knots, first_knots
-from armcontour.planning.tracing.numeric import Numeric
-from armcontour.planning.tracing.poses import FirstPoses, motion_at
+from armcontour.planning.tracing.knots import FirstPoses, Knots, first_knots, motion_at
+from armcontour.planning.tracing.serial_solver import Numeric
 from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 
@@ -109,7 +108,7 @@ def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
     first = first_knots(path, arm.span)
     traced = ac.trace(path, arm)
     q = traced(np.append(first.s0, path.length))
-    solver = Numeric(path, arm, 6, FirstPoses.of(path, first), Solution(q=q, cost=0.0), 1e-10)
+    solver = Numeric(path, arm, 6, FirstPoses.at_knots(path, first), Solution(q=q, cost=0.0), 1e-10)
     begin, end = solver.first_ends(first)
     coefficients = quintic(first.u1 - first.u0, begin, end)
     i = np.clip(np.searchsorted(first.s0, s, side="right") - 1, 0, len(first) - 1)

@@ -147,7 +147,7 @@ def _torque(given: bool) -> Pair:
     first = plan(arm, path, limits)
     start = first(0.0)
     rounded = ac.round_corners(path, tolerance=ur5e.CORNER_ERROR)
-    traced = ac.trace(rounded, arm, start=start)
+    traced = ac.trace(rounded, arm, seed=start)
     s = np.linspace(0, traced.length, torque.PLACES)
     solve = torque.toppra_planner(arm, arm.limits, s / traced.length, traced(s))
 
@@ -166,7 +166,7 @@ def plan(
 ) -> ac.Trajectory:
     """Our plan, rounding included."""
     rounded = ac.round_corners(path, tolerance=ur5e.CORNER_ERROR)
-    return ac.plan(rounded, arm, limits, ac.Optimal(start=start))
+    return ac.plan(rounded, arm, limits, ac.Optimal(seed=start))
 
 
 @cache

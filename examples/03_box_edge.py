@@ -17,7 +17,7 @@ rounded = ac.round_corners(objective, tolerance=2e-3, angular_tolerance=np.radia
 limits = arm.limits.replace(speed=0.2, joint_acceleration=0.8 * arm.limits.joint_acceleration)
 
 # Elbow up: left to itself, plan takes the fastest configuration, and looks for no collisions.
-planned = ac.plan(rounded, arm, limits, ac.Optimal(start=(0.0, -1.1, -2.4, -0.8, 1.6, 1.5)))
+planned = ac.plan(rounded, arm, limits, ac.Optimal(seed=(0.0, -1.1, -2.4, -0.8, 1.6, 1.5)))
 explanation = ac.explain(planned, arm, limits)
 print(f"{rounded.length * 1e3:.0f} mm in {planned.duration:.3f} s")
 for place in explanation.shortfalls:

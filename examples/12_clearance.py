@@ -6,7 +6,7 @@ from armcontour.robot.scene import Box, HalfSpace
 arm = ac.load_arm("ur5e", tool=ac.Frame(position=(0.0, 0.0, 0.15)))
 seam = ac.Path.polyline([(0.45, -0.25, 0.10), (0.45, 0.25, 0.10)]).pointing((0.0, 0.0, -1.0))
 limits = arm.limits.replace(speed=0.2)
-planned = ac.plan(seam, arm, limits, ac.Optimal(start=(0.0, -1.2, -2.0, -1.5, 1.57, 0.0)))
+planned = ac.plan(seam, arm, limits, ac.Optimal(seed=(0.0, -1.2, -2.0, -1.5, 1.57, 0.0)))
 
 
 def cell(x: float) -> ac.Scene:

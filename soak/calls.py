@@ -48,7 +48,7 @@ placement: {over: {x: {from: -5 mm, to: 5 mm, places: 2}}, refine: false}
 # Methods that only the package calls, with what it has checked; most of them are in inner loops.
 INNER = {
     *("SegmentLimits.columns", "Execution.between", "Orientation.cut", "Orientation.even"),
-    *("Orientation.join", "Orientation.place", "SecondOrder.allowed", "SecondOrder.on"),
+    *("Orientation.join", "Orientation.place", "SecondOrder.allowed", "SecondOrder.discretize"),
     *("SecondOrder.usage", "ServoModel.check_orders", "ServoModel.check_gains"),
     *("ServoModel.saturate", "motion_between", "on_interval", "on_piece", "on_segment"),
     *("Uncertainty.dead_time_of", "Uncertainty.gains_of", "Uncertainty.check_payload"),

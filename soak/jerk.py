@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.planning.jerk import limiting
+from armcontour.planning.jerk import limiter
 from soak import Outcome
 from soak.timing import answer
 
@@ -170,12 +170,12 @@ def judge(
 @contextmanager
 def interrupted(iterations: int) -> Iterator[None]:
     """Every search for the fastest motion ends after so many iterations."""
-    limit_jerk = limiting.limit_jerk
+    limit_jerk = limiter.limit_jerk
 
     def short(law, task):  # noqa: ANN001, ANN202
         return limit_jerk(law, replace(task, iterations=iterations))
 
-    with mock.patch.object(limiting, "limit_jerk", short):
+    with mock.patch.object(limiter, "limit_jerk", short):
         yield
 
 

@@ -312,7 +312,7 @@ def time_rivals(planned: ac.Trajectory, problem: Problem) -> dict[str, float]:
         "parabolas": hold_tool(round_with_parabolas(objective, tolerance=tolerance), problem.hold),
         "stops": objective,
     }
-    options = {} if objective.dimension == 2 else {"start": planned(0.0)}
+    options = {} if objective.dimension == 2 else {"seed": planned(0.0)}
     found = {}
     for name, path in shapes.items():
         # Arcs do not know of zones.

@@ -72,8 +72,8 @@ def test_a_plan_without_limits_of_jerk_loads_nothing_of_them():
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
     assert "armcontour.planning.optimal" in loaded.split()
     for name in (
-        "planning.jerk.limiting",
-        "planning.jerk._interior_point",
+        "planning.jerk.limiter",
+        "planning.jerk.interior_point",
         "simulation.robustness.monte_carlo",
     ):
         assert f"armcontour.{name}" not in loaded.split()

@@ -56,7 +56,7 @@ OPTIONS = {
         "speed",
         "geometry|files/(drawings|summary)|.*(certification|identification)|motion|program"
         "|robot/drives|report|batches|.*constraints|.*/(jerk|topp)|core/text|verification"
-        "|planning/(common|mac|_laps|end_sp|expl|conv|program|limit_use|planner)"
+        "|planning/(law_checks|paper|end_sp|expl|program|planner)"
         "|studio/(line|picture)|robot/limit_use"
         "|jobs/(analog|programs|planning|warnings|results|run_data|job)|studio/(converting|static)",
     ),
@@ -69,7 +69,7 @@ OPTIONS = {
         "|studies/certification|simulation|robot|report|motion|jobs/study|studio/tasks",
     ),
     # `with_reserve` subtracts it.
-    "timing.reserve": ("reserve", "studies/certification|motion|jobs/planning|planning/common"),
+    "timing.reserve": ("reserve", "studies/certification|motion|jobs/planning|planning/law_checks"),
 }
 # Attributes that hold each quantity, and files that do not count.
 SCRIPTS = "|studio/static/(arm3d|layers|motion|notes|playback|trail|view2d)"

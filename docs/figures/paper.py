@@ -14,7 +14,7 @@ from matplotlib.patches import Arc, Circle
 
 import armcontour as ac
 from armcontour.control.compensation import METHODS
-from armcontour.planning.paper_line import Line
+from armcontour.planning.paper_line import PaperLine
 
 FINE = 2e-4  # s: nearly a continuous command
 CYCLE = 4e-3  # s: a usual cycle
@@ -172,7 +172,7 @@ def draw_fig05_passes() -> Figure:
     joint_path = ac.trace(path, ARM)
     share = np.linspace(0, 1, 1501)
     line, back = (
-        Line(
+        PaperLine(
             name="line",
             joint_path=joint_path,
             arm=ARM,

@@ -170,7 +170,7 @@ def test_analog_outputs_are_columns_of_a_run_and_not_of_an_earlier_result(call, 
 
 ROBOT_LASER = """name: laser
 arm: {name: ur5e, tool: {position: [0, 0, 120 mm]}}
-start: [0.2, -1.7, -2.4, -0.6, 1.6, 2.5]
+seed: [0.2, -1.7, -2.4, -0.6, 1.6, 2.5]
 path:
   file: part.ngc
   frame: {position: [380 mm, -70 mm, 50 mm]}

@@ -125,8 +125,8 @@ arm: {name: ur5e, tool: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}} => arm.tool 
 arm: {name: ur5e, tool: {quaternion: [0, 0, 0, 2]}} => arm.tool.quaternion: ... length 1
 arm: {name: ur5e, payload: {mass: 1, inertia: [1, 0, 0, 1, 0, 5]}} => arm.payload: No body can have
 arm: {file: robot.urdf, tip: tcp, locked: {lift: 10 deg}} => arm.locked.lift ... in m, ... '10 deg'
-start: [0, 0, 0] => start has 3 values, but the arm has 6 joints
-start: {elbow: 0} => start names the joints 'elbow' ... shoulder_lift_joint
+seed: [0, 0, 0] => seed has 3 values, but the arm has 6 joints
+seed: {elbow: 0} => seed names the joints 'elbow' ... shoulder_lift_joint
 ignore_jerk: true => unknown key ignore_jerk: ... joint_jerk: inf
 experiment: {runs: [three]} => experiment.runs names the run three
 experiment: {noise: 1 m} => experiment.noise: must be a quantity in rad
@@ -241,13 +241,13 @@ def test_limits_of_joints_and_experiments():
 
 
 def test_corners_and_start():
-    start = ["10 deg", -1, 1, 0, 0, 0]
-    found = job(start=start)
+    seed = ["10 deg", -1, 1, 0, 0, 0]
+    found = job(seed=seed)
     assert found.runs[0].rounding.angular_tolerance == pytest.approx(np.radians(2))
-    np.testing.assert_allclose(found.start, [np.radians(10), -1, 1, 0, 0, 0])
-    assert not found.start.flags.writeable and job().start is None
-    named = job(start=dict(reversed(list(zip(found.arm.joint_names, start, strict=True)))))
-    np.testing.assert_array_equal(named.start, found.start)
+    np.testing.assert_allclose(found.seed, [np.radians(10), -1, 1, 0, 0, 0])
+    assert not found.seed.flags.writeable and job().seed is None
+    named = job(seed=dict(reversed(list(zip(found.arm.joint_names, seed, strict=True)))))
+    np.testing.assert_array_equal(named.seed, found.seed)
 
 
 CONTINUITY = """
@@ -274,7 +274,7 @@ arm: {file: robot.urdf, tool: {position: [0, 0, 1 mm], rpy: [0, 0, 0]}}
 path:
   spline: {points: [[0.4, 0.0, 0.2], [0.5, 0.0, 0.2], [0.5, 100 mm, 0.2]], tolerance: 1 um}
   orientation: {follow_tangent: {up: [0, 0, 1]}, axis_only: true}
-start: [10 deg, 0, 0, 0, 0, 0]
+seed: [10 deg, 0, 0, 0, 0, 0]
 experiment: {noise: 0.001 deg, runs: [one]}
 """)
     assert list(validator.iter_errors(whole)) == []

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from scipy import signal
 
 import armcontour as ac
-from armcontour.planning._laps import laps
+from armcontour.planning.paper_line import run_laps
 
 L0, L1, L2 = 0.135, 0.250, 0.215  # m, Sec. IV-A
 KP, KV = 25.0, 150.0  # 1/s, Sec. IV-A
@@ -133,7 +133,7 @@ def one_lap(velocity, step, limit=LIMIT):
     """Time and acceleration of one lap of one joint, by the library."""
     way = np.sign(step) or np.sign(velocity) or 1.0
     given = np.array([[0.0], [step]]), np.array([[way], [way]])
-    h, _, _, acceleration, *_ = laps(*given, abs(velocity), np.array([limit]))
+    h, _, _, acceleration, *_ = run_laps(*given, abs(velocity), np.array([limit]))
     return float(h[0]), float(acceleration[0, 0])
 
 
@@ -187,7 +187,7 @@ class TestLaps:
             assert bool(needed <= limit) is feasible
         # The library stops there, and names the joint and what it would need.
         given = np.array([[0.0, 0.0], [step, 0.5]]), np.array([[velocity, 0.0], [velocity, 1.0]])
-        *_, done, joint, needed = laps(*given, 1.0, np.array([limit, limit]))
+        *_, done, joint, needed = run_laps(*given, 1.0, np.array([limit, limit]))
         assert (done, joint) == (0, 0)
         assert_allclose(needed, 1.8, rtol=1e-12)
 
@@ -236,7 +236,7 @@ class TestLaps:
         _, plain = plain_laps(knots)
         joint_path = ac.trace(rounded, arm)
         slopes = joint_path(np.linspace(0, rounded.breaks[1] * (1 - 1e-15), 201), 1)
-        _, _, _, shipped, done, *_ = laps(knots, slopes, 0.0, np.array([LIMIT, LIMIT]))
+        _, _, _, shipped, done, *_ = run_laps(knots, slopes, 0.0, np.array([LIMIT, LIMIT]))
 
         def zigzag(acceleration):
             """Largest second difference of joint 1, which does not set the laps' times."""
@@ -261,7 +261,7 @@ class TestLaps:
         for count in (100, 200, 400):
             s = np.linspace(0, rounded.breaks[1] * (1 - 1e-15), count + 1)
             given = joint_path(s), joint_path(s, 1)
-            h, _, begin, acceleration, *_ = laps(*given, 0.01, np.array([LIMIT, LIMIT]))
+            h, _, begin, acceleration, *_ = run_laps(*given, 0.01, np.array([LIMIT, LIMIT]))
             end = begin + acceleration * h[:, None]
             jumps = np.abs(end[:-1] - begin[1:])
             assert jumps[:, 1].max() < 1e-15  # joint 2 sets the laps' times

@@ -106,8 +106,8 @@ def test_plan_and_a_job_choose_the_same_configuration(job):
     scene = post_at_elbow(job, fastest)
     clear = plan_of(alone, scene=scene)
     limits = alone.runs[0].limits
-    for fits, like in ((None, fastest), (ac.Cell(job.arm, scene).fits, clear)):
-        found = ac.plan(alone.path, job.arm, limits, ac.Optimal(fits=fits))
+    for accept, like in ((None, fastest), (ac.Cell(job.arm, scene).fits, clear)):
+        found = ac.plan(alone.path, job.arm, limits, ac.Optimal(accept=accept))
         np.testing.assert_allclose(found(0.0), like.trajectory(0.0), atol=1e-9)
         assert found.duration == pytest.approx(like.trajectory.duration, rel=1e-6)
     assert np.abs(fastest.trajectory(0.0) - clear.trajectory(0.0)).max() > 0.1
@@ -263,7 +263,7 @@ def test_configurations_that_stay_above_the_base_are_preferred(below):
     assert lowest(found, job) > 0 and found.clearance.below == ()
     assert below.duration < found.trajectory.duration
     assert not any("below the base" in x for x in found.warnings)
-    start = dataclasses.replace(job, start=below(0.0))
+    start = dataclasses.replace(job, seed=below(0.0))
     (low,) = run(start, simulate=False).runs.values()
     sentence = low.clearance.below_base
     assert any(sentence in x for x in low.warnings)
@@ -277,4 +277,4 @@ def test_a_floor_with_a_height_is_avoided_or_refused(below):
         (found,) = run(job, simulate=False).runs.values()
         assert (lowest(found, job) < 0) == is_below and found.clearance.below == ()
     with pytest.raises(Collision, match="floor"):
-        run(dataclasses.replace(job, start=below(0.0)), simulate=False)
+        run(dataclasses.replace(job, seed=below(0.0)), simulate=False)

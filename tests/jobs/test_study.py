@@ -131,7 +131,7 @@ def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):
         (lambda: ac.run(with_runs(job, fast)), "paper needs an assigned velocity"),
         (lambda: Rounding(tolerance=5e-3, acceleration=0.0), "acceleration of a rounding", "zero"),
         (lambda: with_runs(job, first, first), "every run its own name"),
-        (lambda: dataclasses.replace(in_space, start=np.zeros(2)), "start has 2 values"),
+        (lambda: dataclasses.replace(in_space, seed=np.zeros(2)), "seed has 2 values"),
         (lambda: Experiment(viscous=[1.0, 2.0]).for_joints(6), "viscous has 2 values"),
         (
             lambda: Experiment(joint_stiffness=[1e4, 0.0]),
@@ -232,7 +232,7 @@ def test_branch_start_and_angular_tolerance_reach_their_steps(in_space):
     assert found.duration == planned.duration
     others = trace_all(in_space.path, in_space.arm)
     other = next(x for x in others if np.abs(x(0.0) - found(0.0)).max() > 0.5)
-    asked = dataclasses.replace(in_space, start=other(0.0) + 0.01)
+    asked = dataclasses.replace(in_space, seed=other(0.0) + 0.01)
     np.testing.assert_allclose(
         run(asked, simulate=False).runs["one"].trajectory(0.0), other(0.0), atol=1e-6
     )
@@ -323,7 +323,7 @@ def test_contours_are_refused_before_the_rapids_to_them():
     def approached(x, height):
         path = in_place([[*p, 0.0] for p in SQUARE], x, 0.0, 0.2, orientation={"axis": [0, 0, -1]})
         process = {"approach": height}
-        return refusal(SPACE, path=path, process=process, corners="sharp", start=None)
+        return refusal(SPACE, path=path, process=process, corners="sharp", seed=None)
 
     error, said = approached(0.9, 0.3)
     assert "Run one: The path is out of reach" in said or "contour 1 is out" in said.lower()

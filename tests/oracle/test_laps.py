@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armcontour as ac
-from armcontour.planning._laps import laps
-from armcontour.planning.paper_line import Line
+from armcontour.planning.paper_line import PaperLine, run_laps
 
 
 def shortest_time(step, velocity, limit):
@@ -48,7 +47,7 @@ def test_laps_18_to_20(arm, seed):
     q, dq_ds = traced(s), traced(s, 1)
     limit = rng.uniform(0.5, 1.0, 2)
     speed = rng.choice([0.0, 0.02])
-    h, speeds, dq, ddq, done, joint, _ = laps(q, dq_ds, speed, limit)
+    h, speeds, dq, ddq, done, joint, _ = run_laps(q, dq_ds, speed, limit)
     slow = slow_laps(q.tolist(), dq_ds.tolist(), speed, limit.tolist())
     times, expected_speeds, accelerations, expected_done = slow
     assert done == expected_done > 0
@@ -67,7 +66,7 @@ def test_the_corpus_holds_laps_that_cannot_be_kept(arm):
     q = np.array([[0.0, 0.0], [0.01, 0.2]])
     dq_ds = np.array([[1.0, 1.0], [1.0, 1.0]])
     limit = np.array([0.5, 0.5])
-    *_, done, joint, needed = laps(q, dq_ds, 0.4, limit)
+    *_, done, joint, needed = run_laps(q, dq_ds, 0.4, limit)
     times, _, _, expected = slow_laps(q.tolist(), dq_ds.tolist(), 0.4, limit.tolist())
     assert done == expected == 0 and times == []
     h = (math.sqrt(0.4**2 + 2 * 0.5 * 0.2) - 0.4) / 0.5
@@ -81,7 +80,7 @@ def test_a_lap_in_which_a_joint_turns_round(sign):
     q = sign * np.array([[0.0, 0.0], [0.01, 0.01]])
     dq_ds = sign * np.array([[-1.0, 1.0], [1.0, 1.0]])
     limit = np.array([0.5, 0.5])
-    h, speeds, _, ddq, done, *_ = laps(q, dq_ds, 0.05, limit)
+    h, speeds, _, ddq, done, *_ = run_laps(q, dq_ds, 0.05, limit)
     times, expected, accelerations, _ = slow_laps(q.tolist(), dq_ds.tolist(), 0.05, limit.tolist())
     assert done == 1
     assert h[0] == pytest.approx((math.sqrt(0.05**2 + 2 * 0.5 * 0.01) + 0.05) / 0.5)
@@ -112,7 +111,7 @@ def test_passes_follow_the_phase_plane(arm, rounded, limits, segment, backwards,
     traced = ac.trace(path, arm, tolerance=1e-11)
     s = np.linspace(0, path.length, 401)
     limit = limits.joint_acceleration
-    line = Line(name="line", joint_path=traced, arm=arm, limit=limit, s=s, assigned=0.15)
+    line = PaperLine(name="line", joint_path=traced, arm=arm, limit=limit, s=s, assigned=0.15)
     run = line.forward(begin)
     last = run.last_within(0.15)
     assert last > 40

@@ -14,8 +14,8 @@ from scipy import sparse
 import armcontour as ac
 from armcontour.planning import optimal
 from armcontour.planning.constraints import OnGrid, limits_on
-from armcontour.planning.grid import grid_through
-from armcontour.planning.topp._kernel import Rules, plan_on_grid
+from armcontour.planning.path_grid import grid_through
+from armcontour.planning.topp.kernels import Rules, plan_on_grid
 
 clarabel = pytest.importorskip("clarabel")
 

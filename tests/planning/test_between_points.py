@@ -5,9 +5,9 @@ import pytest
 
 import armcontour as ac
 from armcontour.planning.constraints import Constraint, JointMotion, SecondOrder
-from armcontour.planning.grid import grid_through
 from armcontour.planning.optimal import plan_optimal
-from armcontour.planning.topp.limits import A, Rounds
+from armcontour.planning.path_grid import grid_through
+from armcontour.planning.topp.limit_forms import A, Rounds
 
 
 class TwoJoints:
@@ -68,7 +68,7 @@ class Round(Constraint):
     def __init__(self, radius):
         self.radius = radius
 
-    def on(self, path):
+    def discretize(self, path):
         ends = np.zeros((len(path), 2, 1, 2, 3))
         ends[..., A, 0] = 1.0
         return (Rounds(ends, np.full((len(path), 1), self.radius), np.zeros((len(path), 1, 4))),)
@@ -102,7 +102,7 @@ class Vectors(Constraint):
         self.b = np.array(b)
         self.a = -2 * WIDTH * share * self.b + np.array([0.0, 0.0, off])
 
-    def on(self, path):
+    def discretize(self, path):
         before = (path.grid.s[:-1] < 2.0).astype(float)[:, None]
         places = np.concatenate(
             [before, before, np.zeros((len(path.places[1]) - 2 * len(path), 1))]

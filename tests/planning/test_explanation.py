@@ -9,7 +9,7 @@ import armcontour as ac
 from armcontour.motion import Method, PathLaw, Rates
 from armcontour.planning import explain
 from armcontour.planning.constraints import IntervalEnds, SecondOrder
-from armcontour.planning.grid import grid_through
+from armcontour.planning.path_grid import grid_through
 
 SPEED, ACCELERATION = 0.1, 0.2  # m/s, m/s²
 

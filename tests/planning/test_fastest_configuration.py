@@ -8,8 +8,9 @@ import pytest
 import armcontour as ac
 from armcontour.motion import JointPath
 from armcontour.planning import program_tracing as here
+from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.optimal import plan_optimal
-from armcontour.planning.program_tracing import bound_duration, trace_by_duration, trace_fastest
+from armcontour.planning.program_tracing import trace_by_duration, trace_fastest
 from armcontour.planning.tracing import trace_all
 
 DOWN = np.diag([1.0, -1.0, -1.0])

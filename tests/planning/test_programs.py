@@ -426,7 +426,7 @@ def test_of_configurations_as_fast_for_a_contour_that_for_the_next_ones_is_chose
     limits = IN_SPACE.replace(speed=0.02, joint_torque=np.inf)
     equals = next(trace_by_duration(program.contours[0].path, UR5E, limits))
     assert len(equals) > 1
-    durations = [ac.plan(program, UR5E, limits, ac.Optimal(start=x(0.0))).duration for x in equals]
+    durations = [ac.plan(program, UR5E, limits, ac.Optimal(seed=x(0.0))).duration for x in equals]
     assert max(durations) > 1.001 * min(durations)
     found = ac.plan(program, UR5E, limits)
     assert found.duration == pytest.approx(min(durations), rel=1e-6)

@@ -8,10 +8,10 @@ import pytest
 import armcontour as ac
 from armcontour.planning import optimal
 from armcontour.planning.constraints import OnGrid
-from armcontour.planning.grid import Grid
 from armcontour.planning.optimal import plan_optimal
-from armcontour.planning.topp._kernel import Rules
-from armcontour.planning.topp.limits import ALONE
+from armcontour.planning.path_grid import Grid
+from armcontour.planning.topp.kernels import Rules
+from armcontour.planning.topp.limit_forms import ALONE
 from armcontour.robot.chain import Payload
 from armcontour.robot.serial import SerialArm
 

@@ -98,7 +98,7 @@ SPACE: dict[str, Any] = {
             "inertia": [0.01, 0, 0, 0.01, 0, 0.01],
         },
     },
-    "start": [0.0, -1.5, 1.5, -1.5, -1.5, 0.0],
+    "seed": [0.0, -1.5, 1.5, -1.5, -1.5, 0.0],
     "path": {
         "points": [[0.45, 0.0, 0.2], [0.50, 0.0, 0.2], [0.50, 0.03, 0.2]],
         "orientation": {"rpy": [math.pi, 0.0, 0.0]},
@@ -199,7 +199,7 @@ _REAL = {
 }  # fmt: skip
 _FED = {"velocity_feedforward": 1.0, "acceleration_feedforward": 0.5}
 _UR5E = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
-_BY_NAME = dict(zip((f"{x}_joint" for x in _UR5E), SPACE["start"], strict=True))
+_BY_NAME = dict(zip((f"{x}_joint" for x in _UR5E), SPACE["seed"], strict=True))
 _TURNED = {"rpy": None, "quaternion": [0.0, 0.0, 0.0, 1.0]}
 _FLAT = {"points": [[0.40, 0.20, 0.0], [0.42, 0.20, 0.0], [0.42, 0.22, 0.0]]}
 _ABOUT = {
@@ -323,7 +323,7 @@ BASES: list[dict[str, Any]] = [
         for key in ("limits", "command_limits")
     ),
     _with(PLANE, limits={"joint_jerk": 100.0, "tool_jerk": 10.0, "path_jerk": 10.0}),
-    _with(SPACE, start=None) | {"start": _BY_NAME},
+    _with(SPACE, seed=None) | {"seed": _BY_NAME},
     _path(start=[0.30, 0.20], segments=[_LINE]),
     _path(start=[0.30, 0.20], segments=[{"via": [0.32, 0.21], "to": [0.34, 0.20]}]),
     _path(start=[0.30, 0.20], segments=[{"center": [0.30, 0.23], "angle": 1.5}]),

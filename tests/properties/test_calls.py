@@ -42,7 +42,7 @@ def test_arguments_of_another_class_are_refused_before_anything_is_done(files, r
     plan, learn = (lambda **more: ac.plan(x["path"], x["arm"], x["limits"], **more)), ac.learn
     refuses(lambda: plan(progress=3), ac.InvalidInput, "plan", "function", "progress", "int")
     refuses(lambda: plan(options="all"), ac.InvalidInput, "plan", "PlanOptions", "options", "str")
-    refuses(lambda: ac.Optimal(fits="all"), ac.InvalidInput, "fits", "str")
+    refuses(lambda: ac.Optimal(accept="all"), ac.InvalidInput, "accept", "str")
     refuses(lambda: ac.plan(x["path"], x["trajectory"]), ac.InvalidInput, "Arm", "Trajectory")
     given = (x["set_points"], x["executed"])
     for servo in (x["arm"], None, {"kp": 25.0}):

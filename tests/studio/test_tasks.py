@@ -117,7 +117,7 @@ def test_they_are_those_of_a_run_of_the_saved_job(which, request):
 def test_a_collision_is_a_refusal_where_it_is(square):
     box = {"name": "post", "size": [0.02, 0.02, 0.1], "at": [0.1, 0.1, 0.0]}
     square["scene"] = {"boxes": [box | {"fixed_to": "part"}]}
-    square["start"] = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
+    square["seed"] = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
     frame = ask("figures", square, "optimal")
     assert (frame.kind, frame.header["tier"]) == ("refusal", 3)
     assert frame.header["error"] == "Collision" and frame.header["exit"] == 8

@@ -207,20 +207,20 @@ def parts_of(
     return arm, drawn, scene
 
 
-def _start(start: list[float] | dict[str, float], arm: Arm) -> FloatArray:
-    """The key `start`: joint positions in the order of the arm, or by the names of its joints.
+def _seed(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
+    """The key `seed`: joint positions in the order of the arm, or by the names of its joints.
 
     Raises:
         InvalidInput: Names that are not those of the joints.
     """
-    if isinstance(start, list):
-        return np.array(start)
-    if set(start) != set(arm.joint_names):
+    if isinstance(seed, list):
+        return np.array(seed)
+    if set(seed) != set(arm.joint_names):
         raise InvalidInput(
-            f"start names the joints {', '.join(map(show, start))}, but those of {arm.name} are "
+            f"seed names the joints {', '.join(map(show, seed))}, but those of {arm.name} are "
             f"{', '.join(arm.joint_names)}: name each of them once, or give a list."
         )
-    return np.array([start[x] for x in arm.joint_names])
+    return np.array([seed[x] for x in arm.joint_names])
 
 
 def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
@@ -250,7 +250,7 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         path=path,
         process=process,
         configuration=model.configuration,
-        start=None if model.start is None else _start(model.start, arm),
+        seed=None if model.seed is None else _seed(model.seed, arm),
         servo=servo,
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
         runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),

@@ -32,7 +32,7 @@ GROUPS = {
         *("process.pierce", "process.tabs", "process.weave", "process"),
     ),
     "Tool and tilt": ("path.orientation", "arm.tool", "arm.payload", "tools", "path.tool"),
-    "Arm and limits": ("arm", "limits", "configuration", "start", "command_limits"),
+    "Arm and limits": ("arm", "limits", "configuration", "seed", "command_limits"),
     "Layers and order": (
         *("path.layers", "process.by_layer", "process.order", "process.reverse_open"),
         *("process.direction", "process.begin", "process.passes", "path.names", "path.colors"),

@@ -382,7 +382,7 @@ class JobModel(SharedModel):
             to the job file, or a mapping.
         configuration: Branch of the inverse kinematics of a planar arm: `positive` or `negative`,
             the sign of theta2; by default the one that is fastest along the path.
-        start: Joint positions near the start configuration [rad], for an arm in space, in the order
+        seed: Joint positions near the start configuration [rad], for an arm in space, in the order
             of the joints or by their names; by default the configuration that is fastest along the
             path.
         tools: The tool table: tools by the names in the program, such as T1 for the word T1 of
@@ -406,7 +406,7 @@ class JobModel(SharedModel):
     title: str | None = None
     arm: str | ArmModel
     configuration: str | None = None
-    start: list[Angle] | dict[str, Angle] | None = None
+    seed: list[Angle] | dict[str, Angle] | None = None
     tools: Annotated[dict[str, TableToolModel | Place], Field(min_length=1)] | None = None
     path: PathModel
     process: Process | None = None

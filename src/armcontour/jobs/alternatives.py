@@ -16,7 +16,8 @@ from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
 from armcontour.motion import JointPath, Span, Trajectory, dwell_law
 from armcontour.planning import Tracing, trace_program
-from armcontour.planning.program_tracing import bound_duration, ends_of, find_starts
+from armcontour.planning.duration_bound import bound_duration
+from armcontour.planning.program_tracing import ends_of, find_starts
 from armcontour.planning.tracing import trace
 from armcontour.program import Contour, Program, contour_called
 from armcontour.robot import Arm, SerialArm
@@ -122,7 +123,7 @@ def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
     Args:
         job: The job.
     """
-    chosen = job.start is None and isinstance(job.arm, SerialArm)
+    chosen = job.seed is None and isinstance(job.arm, SerialArm)
     if not chosen or not _is_looked_at(job):
         return None
     return job.cell.stays_above if job.ignore_collisions else job.cell.fits
@@ -210,7 +211,7 @@ def _other_start(
 
     None if no start gets farther than the joint paths that were tried first, by `_reach`.
     """
-    if job.start is not None or not isinstance(job.arm, SerialArm):
+    if job.seed is not None or not isinstance(job.arm, SerialArm):
         return None
     program, farthest, cell = traced.program, None, job.cell
     first = next(x.path for x in program.moves if isinstance(x, Contour))
@@ -221,7 +222,7 @@ def _other_start(
         for k, q in enumerate(clear):
             progress(Step(("clearance",), k / len(clear)))
             try:
-                found = trace_program(program, job.arm, this.limits, start=q)
+                found = trace_program(program, job.arm, this.limits, seed=q)
             except ArmContourError:
                 continue
             least = sum(bound_duration(x, bounds) for x in found.joint_paths)
@@ -307,7 +308,7 @@ def _retract(arm: SerialArm, this: Run, q: FloatArray, height: float) -> FloatAr
     point, rotation = (x[0] for x in arm.pose(q[None]))
     line = Path.polyline([point, point - height * rotation[:, 2]])
     try:
-        way = trace(line.oriented(rotation), arm, limits=this.limits, start=q)
+        way = trace(line.oriented(rotation), arm, limits=this.limits, seed=q)
     except ArmContourError:
         return None
     return way(np.linspace(0.0, way.length, PLACES))

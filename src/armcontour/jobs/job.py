@@ -328,7 +328,7 @@ class Job(Checked):
         path: The objective path, or a program of several contours.
         process: Leads, overlaps and events that are added to the contours.
         configuration: Branch of the inverse kinematics of a planar arm; by default the fastest.
-        start: For an arm in space: joint positions near the start configuration [rad], (dof,); None
+        seed: For an arm in space: joint positions near the start configuration [rad], (dof,); None
             takes the configuration that is fastest along the path.
         servo: The servo's nominal model, which compensation uses.
         plant_servo: The simulated servo; by default the nominal one.
@@ -342,7 +342,7 @@ class Job(Checked):
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
-            a start for another number of joints, gains too large for a cycle, a speed
+            a seed for another number of joints, gains too large for a cycle, a speed
             so low that the motion is endless, an analog output that needs a speed, axes of a
             placement that the arm has not, or a process that the program cannot have.
     """
@@ -355,7 +355,7 @@ class Job(Checked):
     plant_servo: ServoModel = None  # type: ignore[assignment]
     runs: tuple[Run, ...]
     configuration: str | None = None
-    start: FloatArray | None = None
+    seed: FloatArray | None = None
     process: Process = field(default_factory=Process)
     certificate: CertificateGoal | None = None
     placement: PlaceSearch | None = None
@@ -389,9 +389,9 @@ class Job(Checked):
         if self.placement is not None:
             with error_context("placement"):
                 self.placement.check(self.arm.dimension)
-        if self.start is not None:
-            start = checks.per_joint("start", self.start, self.arm.dof, "rad")
-            object.__setattr__(self, "start", checks.frozen_array(start))
+        if self.seed is not None:
+            seed = checks.per_joint("seed", self.seed, self.arm.dof, "rad")
+            object.__setattr__(self, "seed", checks.frozen_array(seed))
 
     def __str__(self) -> str:
         """What is followed by what, and the runs."""

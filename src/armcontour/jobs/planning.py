@@ -105,7 +105,7 @@ def trace_one(
         reuse: As in `plan_one`.
         progress: As in `plan_one`.
         objective: As in `plan_one`.
-        clear: Whether the plan must be clear; if not, joint paths with a given start stay the same
+        clear: Whether the plan must be clear; if not, joint paths with a given seed stay the same
             for all limits but joint ranges.
         first_only: As in `plan_one`.
 
@@ -116,7 +116,7 @@ def trace_one(
     try:
         prepared, path = prepare_and_round(job, this, reuse, progress, objective)
         limits = comparable(this.limits)
-        if job.start is not None and not clear:
+        if job.seed is not None and not clear:
             limits = comparable(this.limits.joint_range(job.arm.dof))
         made_of = path, _arm_inputs(job), limits
         return prepared, reuse.get("tracing", made_of, lambda: trace_run(job, this, path, tell))
@@ -189,7 +189,7 @@ def explain_plan(job: Job, trajectory: Trajectory, reuse: Reuse) -> Explanation 
 
 def _arm_inputs(job: Job) -> tuple[Any, ...]:
     """All of the arm and its cell that joint paths depend on, comparable."""
-    return job.arm, job.configuration, comparable(job.start), job.scene, job.ignore_collisions
+    return job.arm, job.configuration, comparable(job.seed), job.scene, job.ignore_collisions
 
 
 def _prepare(job: Job, this: Run) -> Program:
@@ -224,7 +224,7 @@ def round_program(
                 rounding.options,
                 reserve=this.timing.reserve,
                 configuration=job.configuration,
-                start=job.start,
+                seed=job.seed,
                 intervals=this.timing.intervals or intervals_of(program),
             )
             return shape(program, job.arm, this.limits, options, progress=progress)
@@ -263,8 +263,8 @@ def trace_run(job: Job, this: Run, program: Program, progress: Progress) -> Trac
         job.arm,
         this.limits,
         configuration=job.configuration,
-        start=job.start,
-        fits=first_contour_clear(job),
+        seed=job.seed,
+        accept=first_contour_clear(job),
         progress=progress,
     )
 

@@ -14,7 +14,7 @@ from armcontour.core.text import capitalise
 from armcontour.geometry import Path
 from armcontour.jobs.job import Job
 from armcontour.planning import turn_along
-from armcontour.planning.tracing.poses import OUT_OF_REACH, task_dimension, what_helps
+from armcontour.planning.tracing.knots import OUT_OF_REACH, task_dimension, what_helps
 from armcontour.program import Contour, Program, Rapid, contour_called, prepare
 from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 from armcontour.robot.arm import FAR_OUT, hint_at_unit

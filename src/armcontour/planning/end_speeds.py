@@ -27,7 +27,7 @@ HALVINGS = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Ends:
+class EndSpeeds:
     """Speeds at the ends of a path.
 
     Args:
@@ -58,9 +58,9 @@ class Ends:
         allowed = self._allowed(blamed, at_rest=True)
         if allowed is None:
             return error
-        asked = self.end if blamed == START else self.start
-        when = f" and rest at the other end, where {asked:.6g} m/s is too high as well"
-        return self._refusal(blamed, allowed, error, when)
+        requested = self.end if blamed == START else self.start
+        condition = f" and rest at the other end, where {requested:.6g} m/s is too high as well"
+        return self._refusal(blamed, allowed, error, condition)
 
     def _allowed(self, name: str, *, at_rest: bool) -> float | None:
         """A speed near the largest at one end, or None if there is none below the given one.
@@ -69,8 +69,8 @@ class Ends:
             name: START or END.
             at_rest: Whether the other speed is zero, not as asked for.
         """
-        given = self.start if name == START else self.end
-        speed = given
+        requested = self.start if name == START else self.end
+        speed = requested
         for _ in range(MOST_ESTIMATES):
             failed = self._failure(name, speed, at_rest)
             if failed is None:
@@ -78,9 +78,9 @@ class Ends:
             if failed.limit != name or failed.allowed is None:
                 break
             speed = _round_down(min(float(failed.allowed), speed * (1 - LOWER)))
-        if given == 0 or self._failure(name, 0.0, at_rest) is not None:
+        if requested == 0 or self._failure(name, 0.0, at_rest) is not None:
             return None
-        low, high = 0.0, given
+        low, high = 0.0, requested
         for _ in range(HALVINGS):
             middle = _round_down((low + high) / 2)
             low, high = (
@@ -98,16 +98,18 @@ class Ends:
             return error
         return None
 
-    def _refusal(self, name: str, allowed: float, error: NotRealizable, when: str) -> NotRealizable:
-        given = self.start if name == START else self.end
+    def _refusal(
+        self, name: str, allowed: float, error: NotRealizable, condition: str
+    ) -> NotRealizable:
+        requested = self.start if name == START else self.end
         s = error.s if error.limit == name else None
-        place = "" if s is None else f"at {s:.6g} m along the path "
+        position = "" if s is None else f"at {s:.6g} m along the path "
         return NotRealizable(
-            f"The {name} of {given:.6g} m/s is too high: {place}the limits allow "
-            f"{allowed:.{DIGITS}g} m/s{when}.",
+            f"The {name} of {requested:.6g} m/s is too high: {position}the limits allow "
+            f"{allowed:.{DIGITS}g} m/s{condition}.",
             s=s,
             limit=name,
-            needed=given,
+            needed=requested,
             allowed=allowed,
         )
 
@@ -134,5 +136,5 @@ def _round_down(speed: float) -> float:
         return 0.0
     speed *= 1 + ROUNDING
     digit = 10.0 ** (np.floor(np.log10(speed)) - DIGITS + 1)
-    found = float(f"{np.floor(speed / digit) * digit:.{DIGITS}g}")
-    return found if found <= speed else float(f"{found - digit:.{DIGITS}g}")
+    rounded = float(f"{np.floor(speed / digit) * digit:.{DIGITS}g}")
+    return rounded if rounded <= speed else float(f"{rounded - digit:.{DIGITS}g}")

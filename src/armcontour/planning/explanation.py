@@ -16,10 +16,10 @@ from armcontour.core.fields import checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
-from armcontour.planning.common import with_reserve
 from armcontour.planning.constraints import Constraint, IntervalEnds
-from armcontour.planning.grid import Grid
+from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.optimal import assigned_speeds
+from armcontour.planning.path_grid import Grid
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.limits import JOINT_LIMITS
 
@@ -215,10 +215,10 @@ class Explanation(Result):
     @property
     def kinds(self) -> dict[str, float]:
         """Share of the duration by the kinds of `shares`, of all joints together."""
-        found: defaultdict[str, float] = defaultdict(float)
-        for x in self.shares:
-            found[x.kind] += x.of_time
-        return dict(sorted(found.items(), key=lambda x: -x[1]))
+        shares: defaultdict[str, float] = defaultdict(float)
+        for share in self.shares:
+            shares[share.kind] += share.of_time
+        return dict(sorted(shares.items(), key=lambda x: -x[1]))
 
     @property
     def longest(self) -> tuple[str, float] | None:
@@ -229,27 +229,29 @@ class Explanation(Result):
     def shares(self) -> tuple[LimitShare, ...]:
         """What takes the time of the motion, the longest time first; all times add up to it."""
         sums: dict[tuple[str, str], FloatArray] = {}
-        for x in self.bindings:
-            key = (BETWEEN, BETWEEN) if x.limit == "nothing" else (x.limit, x.name)
-            part = np.array([x.s[1] - x.s[0], x.t[1] - x.t[0], 1.0])
+        for binding in self.bindings:
+            key = (
+                (BETWEEN, BETWEEN) if binding.limit == "nothing" else (binding.limit, binding.name)
+            )
+            part = np.array([binding.s[1] - binding.s[0], binding.t[1] - binding.t[0], 1.0])
             sums[key] = sums.get(key, np.zeros(3)) + part
         length, time, _ = np.sum([np.zeros(3), *sums.values()], axis=0).tolist()
         time += sum(map(sum, self.idle.values()))
         rows = [(*key, *x.tolist()) for key, x in sums.items()]
         rows += [(key, key, None, sum(x), len(x)) for key, x in self.idle.items()]
-        found = (
+        limit_shares = (
             LimitShare(
                 kind=kind,
                 name=name,
-                length=its,
+                length=part_length,
                 time=t,
-                of_length=None if its is None else its / (length or 1.0),
+                of_length=None if part_length is None else part_length / (length or 1.0),
                 of_time=t / (time or 1.0),
                 count=int(count),
             )
-            for kind, name, its, t, count in rows
+            for kind, name, part_length, t, count in rows
         )
-        return tuple(sorted(found, key=lambda x: -x.time))
+        return tuple(sorted(limit_shares, key=lambda x: -x.time))
 
 
 @checked
@@ -290,12 +292,12 @@ def explain(
         laws.append((x.t[0], x.s[0], law))
         if bounds.jerk_limits:
             stops += (x.s[0] + find_jerk_stops(law.joint_path, x.trajectory)).tolist()
-    found = _join([_explain_law(law, arm, bounds, constraints, (t, s)) for t, s, law in laws])
+    explanation = _join([_explain_law(law, arm, bounds, constraints, (t, s)) for t, s, law in laws])
     idle: defaultdict[str, tuple[float, ...]] = defaultdict(tuple)
     for span in trajectory.spans:
         if span.kind in IDLE:
             idle[IDLE[span.kind]] += (span.t[1] - span.t[0],)
-    return replace(found, jerk_stops=tuple(stops), idle=idle)
+    return replace(explanation, jerk_stops=tuple(stops), idle=idle)
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,30 +359,30 @@ def _explain_law(
         used.append(constraint.usage(ends))
         names += constraint.names
     shares = np.concatenate(used, axis=1)
-    which = _find_binding(shares, BINDS_WITH_JERK if bounds.jerk_limits else BINDS)
-    shortfalls = _shortfalls(law, assigned, reached, which, names)
+    limit_index = _find_binding(shares, BINDS_WITH_JERK if bounds.jerk_limits else BINDS)
+    shortfalls = _shortfalls(law, assigned, reached, limit_index, names)
     return _LawExplanation(
-        _bindings(law, shares.max(axis=1), which, names, offsets),
+        _bindings(law, shares.max(axis=1), limit_index, names, offsets),
         tuple(replace(x, s=offsets[1] + x.s) for x in shortfalls),
         _extent(law, np.isfinite(assigned)),
         _extent(law, reached),
     )
 
 
-def _find_binding(shares: FloatArray, least: float) -> IntArray:
+def _find_binding(shares: FloatArray, threshold: float) -> IntArray:
     """The column of the limit that binds on each interval, or -1, (n,).
 
     Args:
         shares: Used shares of all limits, (n, limits).
-        least: From which share on a limit binds whatever its neighbours do.
+        threshold: From which share on a limit binds whatever its neighbours do.
     """
     share, most_used = shares.max(axis=1), shares.argmax(axis=1)
-    certain = share >= least
-    near = np.where(share >= min(least, BINDS_BESIDE), most_used, -1)
-    starts, count = _runs(near)
+    certain = share >= threshold
+    candidates = np.where(share >= min(threshold, BINDS_BESIDE), most_used, -1)
+    starts, count = _runs(candidates)
     binds = np.repeat(np.maximum.reduceat(certain, starts), count)
-    starts, count = _runs(2 * near + certain)
-    return np.where(certain | (binds & (np.repeat(count, count) > PASSES)), near, -1)
+    starts, count = _runs(2 * candidates + certain)
+    return np.where(certain | (binds & (np.repeat(count, count) > PASSES)), candidates, -1)
 
 
 def _runs(values: IntArray) -> tuple[IntArray, IntArray]:
@@ -399,14 +401,14 @@ def find_jerk_stops(joint_path: JointPath, trajectory: Trajectory) -> FloatArray
     Returns:
         Arc lengths of breaks of the joint path [m].
     """
-    places = np.setdiff1d(joint_path.breaks[1:-1], joint_path.stops)
-    return np.asarray(places[trajectory.speed_at(places) == 0])
+    breaks = np.setdiff1d(joint_path.breaks[1:-1], joint_path.stops)
+    return np.asarray(breaks[trajectory.speed_at(breaks) == 0])
 
 
 def _bindings(
     law: PathLaw,
     share: FloatArray,
-    which: IntArray,
+    limit_index: IntArray,
     names: list[tuple[str, int | None]],
     offsets: tuple[float, float],
 ) -> tuple[Binding, ...]:
@@ -415,33 +417,33 @@ def _bindings(
     Args:
         law: The law.
         share: Largest used share of any limit on each interval, (n,).
-        which: Index in `names` of the limit that binds on each interval, or -1, (n,).
+        limit_index: Index in `names` of the limit that binds on each interval, or -1, (n,).
         names: Name and joint number of each limit.
         offsets: Start time [s] and start arc length [m] of the law in the motion.
     """
     t_start, s_start = offsets
-    edges = np.flatnonzero(np.diff(which)) + 1
-    starts, ends = np.append(0, edges), np.append(edges, len(which))
+    edges = np.flatnonzero(np.diff(limit_index)) + 1
+    starts, ends = np.append(0, edges), np.append(edges, len(limit_index))
     largest = np.maximum.reduceat(share, starts)
-    found = []
-    for i, k, most in zip(starts, ends, largest, strict=True):
-        limit, joint = ("nothing", None) if which[i] < 0 else names[which[i]]
+    bindings = []
+    for i, k, largest_share in zip(starts, ends, largest, strict=True):
+        limit, joint = ("nothing", None) if limit_index[i] < 0 else names[limit_index[i]]
         t = (t_start + float(law.breaks[i]), t_start + float(law.breaks[k]))
         s = (s_start + float(law.s[i]), s_start + float(law.s[k]))
-        found.append(Binding(limit=limit, joint=joint, t=t, s=s, share=float(most)))
-    return tuple(found)
+        bindings.append(Binding(limit=limit, joint=joint, t=t, s=s, share=float(largest_share)))
+    return tuple(bindings)
 
 
-def _extent(law: PathLaw, where: BoolArray) -> tuple[float, float]:
-    """Length [m] and time [s] of the intervals for which `where` is true."""
-    return float(np.diff(law.s)[where].sum()), float(np.diff(law.breaks)[where].sum())
+def _extent(law: PathLaw, mask: BoolArray) -> tuple[float, float]:
+    """Length [m] and time [s] of the intervals for which `mask` is true."""
+    return float(np.diff(law.s)[mask].sum()), float(np.diff(law.breaks)[mask].sum())
 
 
 def _shortfalls(
     law: PathLaw,
     assigned: FloatArray,
     reached: BoolArray,
-    which: IntArray,
+    limit_index: IntArray,
     names: list[tuple[str, int | None]],
 ) -> tuple[Shortfall, ...]:
     """Extremes of the speed wherever it is below the assigned velocity, except for stops.
@@ -450,7 +452,7 @@ def _shortfalls(
         law: The law.
         assigned: Assigned velocity on each interval [m/s], infinite for none, (n,).
         reached: Whether each interval reaches the assigned velocity, (n,).
-        which: Index in `names` of the limit that binds on each interval, or -1, (n,).
+        limit_index: Index in `names` of the limit that binds on each interval, or -1, (n,).
         names: Name and joint number of each limit.
     """
     speed = law.speeds
@@ -465,11 +467,11 @@ def _shortfalls(
             if speed[i] == 0:
                 continue
             # The limit that binds on most intervals at the extreme and next to it.
-            near = which[max(i - 2, 0) : k + 2]
-            near = near[near >= 0]
+            neighbours = limit_index[max(i - 2, 0) : k + 2]
+            neighbours = neighbours[neighbours >= 0]
             reason = "the transition between two limits"
-            if len(near):
-                limit, joint = names[int(np.bincount(near).argmax())]
+            if len(neighbours):
+                limit, joint = names[int(np.bincount(neighbours).argmax())]
                 reason = limit if joint is None else f"joint {joint + 1} {limit}"
             middle = (i + k) // 2
             result.append(
@@ -499,7 +501,7 @@ def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tu
     Returns:
         First and last index of every extreme, and its kind: "fastest" or "slowest".
     """
-    found: list[tuple[int, int, str]] = []
+    extremes: list[tuple[int, int, str]] = []
     rising: bool | None = None
     extreme = first
     for i in points:
@@ -510,10 +512,12 @@ def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tu
         if (speed[i] > speed[extreme]) == rising:
             extreme = i
         elif abs(speed[i] - speed[extreme]) > FLAT * max(speed[i], speed[extreme]):
-            off = np.abs(speed[first : i + 1] - speed[extreme]) > FLAT * speed[extreme]
-            before, after = off[: extreme - first][::-1], off[extreme - first + 1 :]
-            left = int(np.argmax(before)) if before.any() else len(before)
-            right = int(np.argmax(after)) if after.any() else len(after)
-            found.append((extreme - left, extreme + right, "fastest" if rising else "slowest"))
+            outside = np.abs(speed[first : i + 1] - speed[extreme]) > FLAT * speed[extreme]
+            before, after = outside[: extreme - first][::-1], outside[extreme - first + 1 :]
+            first_index = int(np.argmax(before)) if before.any() else len(before)
+            last_index = int(np.argmax(after)) if after.any() else len(after)
+            extremes.append(
+                (extreme - first_index, extreme + last_index, "fastest" if rising else "slowest")
+            )
             rising, extreme = not rising, i
-    return found
+    return extremes

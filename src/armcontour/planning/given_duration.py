@@ -23,7 +23,7 @@ from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
 from armcontour.planning.program_timing import JoinedMoves, Timing
 from armcontour.planning.program_tracing import Tracing
-from armcontour.planning.topp.limits import Ceiling, Form
+from armcontour.planning.topp.limit_forms import Ceiling, Form
 
 # A duration shorter than the fastest one by this share differs from it by rounding.
 SAME_DURATION = 1e-9
@@ -54,14 +54,14 @@ def slow_down(
         return _slow_down(fastest, factor, timing)
     contours = sum(x.t[1] - x.t[0] for x in fastest.contour_spans)
     factor = _factor(duration, contours, fastest.duration - contours)
-    done = (x.trajectory for x in fastest.spans if x.trajectory is not None)
+    move_trajectories = (x.trajectory for x in fastest.spans if x.trajectory is not None)
     joined = JoinedMoves(traced, timing.arm)
     for step in traced.steps:
-        found = None if step.joint_path is None else next(done)
-        if found is not None and traced.is_contour(step):
+        trajectory = None if step.joint_path is None else next(move_trajectories)
+        if trajectory is not None and traced.is_contour(step):
             with step.named():
-                found = _slow_down(found, factor, timing)
-        joined.add(step, found)
+                trajectory = _slow_down(trajectory, factor, timing)
+        joined.add(step, trajectory)
     return joined.trajectory()
 
 
@@ -125,17 +125,17 @@ def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajecto
     share = (fastest.duration / target) ** 2
     for _ in range(MOST_PLANS):
         slower = (*options.constraints, _Slower(fastest, share))
-        found = plan_optimal(
+        trajectory = plan_optimal(
             joint_path, timing.arm, timing.limits, replace(options, constraints=slower)
         )
-        if target * (1 - LONGEST_WAIT) <= found.duration < target:
-            return found
-        share *= (found.duration / (target * (1 - LONGEST_WAIT / 2))) ** 2
+        if target * (1 - LONGEST_WAIT) <= trajectory.duration < target:
+            return trajectory
+        share *= (trajectory.duration / (target * (1 - LONGEST_WAIT / 2))) ** 2
     raise NotRealizable(
         f"No motion that takes {target:.9g} s was found: the limits of torque and viscous friction "
-        f"leave none near it; the last one took {found.duration:.9g} s.",
+        f"leave none near it; the last one took {trajectory.duration:.9g} s.",
         limit="duration",
-        needed=found.duration,
+        needed=trajectory.duration,
         allowed=target,
     )
 
@@ -153,7 +153,7 @@ class _Slower(Constraint):
     def __init__(self, fastest: Trajectory, share: float) -> None:
         self.fastest, self.share = fastest, share
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The share at grid points; between them nothing depends on it."""
         x: FloatArray = self.share * self.fastest.speed_at(path.grid.s) ** 2
         return (Ceiling(np.stack([x[:-1], x[1:]], axis=1)),)

@@ -32,21 +32,21 @@ from armcontour.planning.constraints import (
     ToolSpeed,
     limits_on,
 )
-from armcontour.planning.end_speeds import END, START, Ends, raise_too_fast
-from armcontour.planning.grid import (
+from armcontour.planning.end_speeds import END, START, EndSpeeds, raise_too_fast
+from armcontour.planning.options import FASTEST, JerkLimits, Optimal, Task
+from armcontour.planning.path_grid import (
     DEFAULT_INTERVALS,
     Grid,
     cut_pieces,
+    distribute_intervals,
     grid_through,
-    share_out,
     split,
 )
-from armcontour.planning.options import FASTEST, JerkLimits, Optimal, Task
-from armcontour.planning.topp import _kernel
-from armcontour.planning.topp._kernel import Plan, Rules, plan_on_grid
-from armcontour.planning.topp._losses import estimate_losses
-from armcontour.planning.topp.limits import Limits as LimitsOnGrid
-from armcontour.planning.vanishing import reparametrize, stands_at
+from armcontour.planning.topp import kernels
+from armcontour.planning.topp.kernels import GridPlan, Rules, plan_on_grid
+from armcontour.planning.topp.limit_forms import GridLimits
+from armcontour.planning.topp.losses import estimate_losses
+from armcontour.planning.vanishing import reparametrize, rests_at_breaks
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import TOOL_LIMITS
 
@@ -88,23 +88,27 @@ def plan_optimal(
     points, intervals, constraints = options.grid, options.intervals, options.constraints
     if points is not None:
         points = checks.kernel_array(points)
-    suited, places = reparametrize(joint_path)
+    reparametrized, new_breaks = reparametrize(joint_path)
     at_rest = joint_path.breaks[:0]
     if constraints or limits.path_jerk is not None:
         # Both count in s.
-        at_rest = at_rest if suited is joint_path else joint_path.breaks[stands_at(joint_path)]
-    elif suited is not joint_path:
+        at_rest = (
+            at_rest
+            if reparametrized is joint_path
+            else joint_path.breaks[rests_at_breaks(joint_path)]
+        )
+    elif reparametrized is not joint_path:
         if points is not None:
             grid_through(joint_path, points)
-            points = np.interp(points, joint_path.breaks, places)
-        joint_path = suited
+            points = np.interp(points, joint_path.breaks, new_breaks)
+        joint_path = reparametrized
     if points is None:
-        count = share_out(joint_path, intervals)
+        count = distribute_intervals(joint_path, intervals)
         loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
     else:
         placed = grid_through(joint_path, points)
     active = [*constraints_of(joint_path, arm, limits), *constraints]
-    jerk = JerkLimits.of(limits, joint_path.dof)
+    jerk = JerkLimits.from_limits(limits, joint_path.dof)
 
     def solve(start: float, end: float) -> PathLaw:
         if points is None:
@@ -114,7 +118,7 @@ def plan_optimal(
         if jerk is None:
             return law
         # Most plans have no limits of jerk.
-        from armcontour.planning.jerk.limiting import limit_jerk
+        from armcontour.planning.jerk.limiter import limit_jerk
 
         task = Task(arm, tuple(active), jerk, start, end, intervals, options.iterations)
         return limit_jerk(law, task)
@@ -126,7 +130,7 @@ def plan_optimal(
             if len(at_rest):
                 _refuse_standing(float(at_rest[0]))
             raise
-        raise Ends(solve, options.start_speed, options.end_speed).refuse(error) from None
+        raise EndSpeeds(solve, options.start_speed, options.end_speed).refuse(error) from None
     return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
 
 
@@ -151,7 +155,7 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
         return active
     assigned = bool(np.isfinite(speed).any())
     if assigned or limits.centripetal_acceleration is not None:
-        metric = ToolMetric.of(joint_path, arm)
+        metric = ToolMetric.measure(joint_path, arm)
         if assigned:
             active.append(ToolSpeed(speed, metric))
         if limits.centripetal_acceleration is not None:
@@ -210,24 +214,24 @@ def time_optimal(
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
     # Where dq_ds vanishes, the joints rest at any ds.
-    stands = stands_at(grid.joint_path)
+    stands = rests_at_breaks(grid.joint_path)
     start = np.inf if start_speed == 0 and stands[0] else start_speed**2
     end = np.inf if end_speed == 0 and stands[-1] else end_speed**2
-    most = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
-    rules, s = Rules(float(start), float(end), most), 0.0
-    best: tuple[Grid, Plan] | None = None
-    shortest, room = math.inf, max(MOST_REFINED, 2 * len(grid))
+    max_margin = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
+    rules, s = Rules(float(start), float(end), max_margin), 0.0
+    best: tuple[Grid, GridPlan] | None = None
+    shortest, max_intervals = math.inf, max(MOST_REFINED, 2 * len(grid))
     for k in range(MOST_REFINEMENTS):
         path = OnGrid(grid)
         limits = _with_stops(limits_on(path, active), grid)
-        found = plan_on_grid(path.intervals, limits, rules)
-        if found.outcome == _kernel.FOUND:
+        grid_plan = plan_on_grid(path.intervals, limits, rules)
+        if grid_plan.outcome == kernels.FOUND:
             if math.isinf(largest_loss):
-                return _law(grid, found)
-            duration, loss, points = estimate_losses(path.intervals, limits, found)
+                return _law(grid, grid_plan)
+            duration, loss, points = estimate_losses(path.intervals, limits, grid_plan)
             gained = shortest - duration
             if duration < shortest:
-                best, shortest = (grid, found), duration
+                best, shortest = (grid, grid_plan), duration
             if loss.sum() <= largest_loss * duration or gained < largest_loss / 4 * duration:
                 break
             parts = _parts_by_loss(loss, largest_loss * duration)
@@ -235,18 +239,18 @@ def time_optimal(
                 break
             grid = split(grid, parts, points)
             continue
-        s = float(grid.s[found.place])
-        if found.outcome != _kernel.FINER:
+        s = float(grid.s[grid_plan.interval])
+        if grid_plan.outcome != kernels.FINER:
             if best is not None:
                 break
-            _refuse(grid, found, arm, rules)
-        parts = _whole(np.sqrt(found.lost / LARGEST_MARGIN), room)
+            _refuse(grid, grid_plan, arm, rules)
+        parts = _whole(np.sqrt(grid_plan.lost / LARGEST_MARGIN), max_intervals)
         crowded = parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MOST_REFINED / 2
-        if crowded and most == LARGEST_MARGIN_EVER:
+        if crowded and max_margin == LARGEST_MARGIN_EVER:
             break
         grid = split(grid, parts)
-        most = min(MORE_EACH_TIME ** (k + 1) * LARGEST_MARGIN, LARGEST_MARGIN_EVER)
-        rules = rules._replace(most=most, steady=0.0)
+        max_margin = min(MORE_EACH_TIME ** (k + 1) * LARGEST_MARGIN, LARGEST_MARGIN_EVER)
+        rules = rules._replace(max_margin=max_margin, steady=0.0)
     if best is not None:
         return _law(*best)
     raise NotRealizable(
@@ -256,53 +260,53 @@ def time_optimal(
     )
 
 
-def _parts_by_loss(loss: FloatArray, most: float) -> FloatArray:
+def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
     """Into how many parts to split intervals with such losses, to lose at most so much on all."""
-    parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / most, MOST_PARTS_AT_ONCE**2))
+    parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / max_loss, MOST_PARTS_AT_ONCE**2))
     return _whole(parts, max(MOST_REFINED, len(loss)))
 
 
-def _whole(parts: FloatArray, most: int) -> FloatArray:
+def _whole(parts: FloatArray, max_parts: int) -> FloatArray:
     """Numbers of parts rounded up, after halving until there are at most so many in all."""
     while True:
         counts = np.maximum(np.ceil(parts), 1.0)
-        if counts.sum() <= most:
+        if counts.sum() <= max_parts:
             return np.asarray(counts)
         parts = parts / 2
 
 
-def _with_stops(limits: LimitsOnGrid, grid: Grid) -> LimitsOnGrid:
+def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
     """Limits with x = 0 at the stops of the joint path."""
     stops = grid.joint_path.stops
     if not len(stops):
         return limits
-    at, ceiling = np.searchsorted(grid.s, stops), limits.ceiling.copy()
-    ceiling[at, 0] = ceiling[at - 1, 1] = 0.0
+    indices, ceiling = np.searchsorted(grid.s, stops), limits.ceiling.copy()
+    ceiling[indices, 0] = ceiling[indices - 1, 1] = 0.0
     return limits._replace(ceiling=ceiling)
 
 
-def _law(grid: Grid, found: Plan) -> PathLaw:
+def _law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
     """Make the continuous time law: the path acceleration is linear in s on every interval.
 
     Raises:
         NotRealizable: Two neighbouring points are at rest.
     """
     try:
-        return PathLaw.of_squares(grid.joint_path, grid.s, found.x, found.k)
+        return PathLaw.of_squares(grid.joint_path, grid.s, grid_plan.x, grid_plan.k)
     except InvalidInput as error:
         if error.index is None:
             raise
         _refuse_stuck(grid, error.index)
 
 
-def _refuse(grid: Grid, found: Plan, arm: Arm, rules: Rules) -> NoReturn:
+def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn:
     """Raise the error of a plan that was not found, as in `time_optimal`."""
-    i = found.place
-    if found.outcome == _kernel.START:
-        raise_too_fast("start", rules.start, found.allowed, float(grid.s[0]))
-    if found.outcome == _kernel.END:
-        raise_too_fast("end", rules.end, found.allowed, float(grid.s[-1]))
-    if found.outcome == _kernel.STUCK:
+    i = grid_plan.interval
+    if grid_plan.outcome == kernels.START:
+        raise_too_fast("start", rules.start, grid_plan.allowed, float(grid.s[0]))
+    if grid_plan.outcome == kernels.END:
+        raise_too_fast("end", rules.end, grid_plan.allowed, float(grid.s[-1]))
+    if grid_plan.outcome == kernels.STUCK:
         _refuse_stuck(grid, i)
     if not OnGrid(grid).derivatives[0][0, i].any():
         raise InvalidInput(

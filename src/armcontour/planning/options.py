@@ -26,7 +26,7 @@ from armcontour.core.quantities import (
 from armcontour.core.render import number
 from armcontour.motion import DEFAULT_CYCLE, JointPath, Method, check_cycle
 from armcontour.planning.constraints import Constraint
-from armcontour.planning.grid import FEWEST_PER_PIECE, MOST_INTERVALS
+from armcontour.planning.path_grid import FEWEST_PER_PIECE, MOST_INTERVALS
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
@@ -56,11 +56,11 @@ class PlanOptions(Options):
             servo. With a reserve of 0, a servo that lags cannot catch up.
         configuration: For an arm in the plane: the branch of its inverse kinematics; by default the
             one that is fastest along the path.
-        start: For an arm in space: joint positions near the required start [rad], (dof,); by
+        seed: For an arm in space: joint positions near the required start [rad], (dof,); by
             default the configuration that is fastest along the path.
-        fits: Whether the arm may follow a joint path, such as `Cell(arm, scene).fits`: the fastest
-            configuration that fits is taken, and the fastest of all if none does. By default no
-            collisions are considered; `check_clearance` finds those of a plan.
+        accept: Returns whether the arm may follow a joint path, such as `Cell(arm, scene).fits`.
+            The fastest accepted configuration is used, and the fastest of all if none is accepted.
+            By default collisions are ignored; `check_clearance` finds those of a plan.
 
     Raises:
         InvalidInput: A value of the wrong type or out of range.
@@ -69,8 +69,8 @@ class PlanOptions(Options):
     method: ClassVar[Method]
     reserve: Annotated[Reserve, About(usual=(0.0, 0.9))] = 0.0
     configuration: str | None = None
-    start: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
-    fits: Callable[[JointPath], bool] | None = None
+    seed: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
+    accept: Callable[[JointPath], bool] | None = None
 
 
 @checks.explain_calls
@@ -147,9 +147,9 @@ class Shaped(PlanOptions):
 
     def _check_together(self) -> None:
         if (self.line_tolerance is None) != (self.zone is None):
-            given, missing = ("line_tolerance", "zone")[:: 1 if self.zone is None else -1]
+            specified, missing = ("line_tolerance", "zone")[:: 1 if self.zone is None else -1]
             raise InvalidInput(
-                f"{given} is given without {missing}: line_tolerance holds farther from the "
+                f"{specified} is given without {missing}: line_tolerance holds farther from the "
                 "vertices than zone, so give both or neither."
             )
         if self.line_tolerance is None or self.zone is None:
@@ -222,7 +222,7 @@ class JerkLimits:
     tool: float
 
     @classmethod
-    def of(cls, limits: Limits, dof: int) -> JerkLimits | None:
+    def from_limits(cls, limits: Limits, dof: int) -> JerkLimits | None:
         """The limits of jerk among limits; None if there are none."""
         if limits.joint_jerk is None and limits.path_jerk is None and limits.tool_jerk is None:
             return None

@@ -21,7 +21,7 @@ from armcontour.motion import (
     Method,
     Trajectory,
 )
-from armcontour.planning.common import (
+from armcontour.planning.law_checks import (
     check_kept,
     law_peaks,
     path_law,
@@ -30,7 +30,7 @@ from armcontour.planning.common import (
     tool_path_of,
 )
 from armcontour.planning.options import FEWEST_LAPS, MOST_LAPS, Paper
-from armcontour.planning.paper_line import Line, Part, parts_by_rule
+from armcontour.planning.paper_line import PaperLine, RulePart, parts_by_rule
 from armcontour.robot import Arm, Limits
 
 # Next to a rest the speed grows by a large factor per knot: one lap there would be a coarse step.
@@ -94,7 +94,7 @@ def _make_lines(
     assigned: FloatArray,
     junctions: list[Junction],
     options: Paper,
-) -> list[Line]:
+) -> list[PaperLine]:
     """Place the knots on the lines of a path; arguments as in `plan_paper`.
 
     Raises:
@@ -106,14 +106,14 @@ def _make_lines(
         count = options.knots
         if count is None:
             count = _usual_knots(path.lengths[i], assigned[i], options.cycle, number)
-        rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
+        at_rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
         lines.append(
-            Line(
+            PaperLine(
                 name=f"line {number + 1}",
                 joint_path=joint_path,
                 arm=arm,
                 limit=limits.acceleration_bounds(arm.dof)[1],
-                s=_knots(path.breaks[i], path.breaks[i + 1], count, rest),
+                s=_knots(path.breaks[i], path.breaks[i + 1], count, at_rest),
                 assigned=float(assigned[i]),
             )
         )
@@ -142,28 +142,30 @@ def _refuse_limits(limits: Limits) -> None:
         )
 
 
-def _usual_knots(length: float, speed: float, interval: float, number: int) -> int:
+def _usual_knots(length: float, speed: float, cycle: float, number: int) -> int:
     """Number of laps of a line that take one cycle each at the assigned velocity.
 
     Args:
         length: Length of the line [m].
         speed: Assigned velocity [m/s].
-        interval: Cycle [s].
+        cycle: Cycle [s].
         number: Number of the line from 0, for the error message.
 
     Raises:
         InvalidInput: There would be too many laps.
     """
-    wanted = length / (speed * interval)
-    if not wanted <= MOST_LAPS:
+    count = length / (speed * cycle)
+    if not count <= MOST_LAPS:
         raise InvalidInput(
-            f"Line {number + 1} would have {wanted:.3g} knots at {speed:g} m/s and a "
-            f"cycle of {interval:g} s: give knots."
+            f"Line {number + 1} would have {count:.3g} knots at {speed:g} m/s and a "
+            f"cycle of {cycle:g} s: give knots."
         )
-    return max(FEWEST_LAPS, int(np.ceil(wanted)))
+    return max(FEWEST_LAPS, int(np.ceil(count)))
 
 
-def _join(lines: list[Line], junctions: list[Junction], arm: Arm, limits: Limits) -> Trajectory:
+def _join(
+    lines: list[PaperLine], junctions: list[Junction], arm: Arm, limits: Limits
+) -> Trajectory:
     """Plan all lines and corners, one after the other, and join them.
 
     Raises:
@@ -182,8 +184,8 @@ def _join(lines: list[Line], junctions: list[Junction], arm: Arm, limits: Limits
             parts.append(_corner(f"corner {corner}", joint_path, i, junctions[number + 1].speed))
             laws += parts[-1].laws
         for part in parts:
-            now = stretches[-1].t[1] if stretches else 0.0
-            stretches.append(_stretch(part, now, arm, limits))
+            start = stretches[-1].t[1] if stretches else 0.0
+            stretches.append(_stretch(part, start, arm, limits))
     return Trajectory(
         laws=tuple(laws),
         method=Method.PAPER,
@@ -217,10 +219,10 @@ def _junctions(
     result = []
     for number, (before, after) in enumerate(zip(ends[:-1], ends[1:], strict=True)):
         arcs = range(int(before) + 1, int(after))
-        rest = number in (0, len(lines)) or any(
+        at_rest = number in (0, len(lines)) or any(
             vertex in stop_vertices for vertex in range(int(before) + 1, int(after) + 1)
         )
-        if rest and len(arcs):
+        if at_rest and len(arcs):
             s = float(path.breaks[arcs[0]])
             raise NotRealizable(
                 f"At {s:.4g} m along the path the tool is at rest next to an arc: the method paper "
@@ -234,11 +236,11 @@ def _junctions(
             speeds += [
                 float(np.sqrt(limits.centripetal_acceleration / path.curvatures[i])) for i in arcs
             ]
-        result.append(Junction(arcs, 0.0 if rest else float(min(speeds))))
+        result.append(Junction(arcs, 0.0 if at_rest else float(min(speeds))))
     return result
 
 
-def _knots(start: float, end: float, count: int, rest: tuple[bool, bool]) -> FloatArray:
+def _knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> FloatArray:
     """Knots of a line with laps of equal length.
 
     The first or last lap is divided so that its parts take equal times from rest.
@@ -247,20 +249,20 @@ def _knots(start: float, end: float, count: int, rest: tuple[bool, bool]) -> Flo
         start: Arc length of the start of the line [m].
         end: Arc length of the end of the line [m].
         count: Number of laps.
-        rest: Whether the tool is at rest at the start and at the end.
+        at_rest: Whether the tool is at rest at the start and at the end.
     """
     shares = np.arange(count + 1) / count
     parts = (np.arange(1, LAPS_AT_REST) / LAPS_AT_REST) ** 2 / count
-    if rest[0]:
+    if at_rest[0]:
         shares = np.concatenate([shares[:1], parts, shares[1:]])
-    if rest[1]:
+    if at_rest[1]:
         shares = np.concatenate([shares[:-1], 1 - parts[::-1], shares[-1:]])
     s = start + (end - start) * shares
     s[-1] = end
     return s
 
 
-def _match_speeds(lines: list[Line], junctions: list[Junction]) -> None:
+def _match_speeds(lines: list[PaperLine], junctions: list[Junction]) -> None:
     """Lower the speeds of junctions to what the lines can reach, forwards and then backwards."""
     for number, line in enumerate(lines):
         run = line.forward(junctions[number].speed)
@@ -274,16 +276,16 @@ def _match_speeds(lines: list[Line], junctions: list[Junction]) -> None:
             before.speed = min(before.speed, float(run.speed[-1]))
 
 
-def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> Part:
+def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> RulePart:
     """Plan an arc at one speed, (17)."""
     path = tool_path_of(joint_path, "paper")
     law = path_law(joint_path, path.breaks[arc : arc + 2], np.array([speed]), np.array([speed]))
     ends = (float(path.breaks[arc]), float(path.breaks[arc + 1]))
-    return Part(name, "corner", float(law.breaks[-1]), ends, [law])
+    return RulePart(name, "corner", float(law.breaks[-1]), ends, [law])
 
 
-def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> LawPhase:
-    """Check a part that starts at the time `now` [s], and find its peaks.
+def _stretch(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase:
+    """Check a part that starts at the time `start` [s], and find its peaks.
 
     MAC itself does not check the middle path, the corners, joint velocities, torques or the angular
     motion of the tool, so they are checked here.
@@ -296,16 +298,49 @@ def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> LawPhase:
         arm,
         limits,
         CHECKED,
-        where=f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m along "
-        "the path",
-        t=now,
-        mends="the method paper does not plan for this limit there; a lower assigned velocity or "
+        location=f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m "
+        "along the path",
+        t=start,
+        remedy="the method paper does not plan for this limit there; a lower assigned velocity or "
         "centripetal acceleration, or the method optimal, helps",
     )
     return LawPhase(
         name=part.name,
         kind=part.kind,
-        t=(now, now + part.duration),
+        t=(start, start + part.duration),
         s=part.s,
         **law_peaks(part.laws, arm),
     )
+
+
+def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+    """Plan uniform tool speed from the first instant to the last, whatever the joint limits.
+
+    Velocities jump at corners and at both ends. Limits of joint velocity and acceleration are not
+    checked, as in Sec. IV of the paper. Limits of torque and of angular motion are checked between
+    the jumps.
+
+    Raises:
+        InvalidInput: The limits have no assigned velocity.
+        NotRealizable: A torque or the angular motion of the tool would break its limit.
+    """
+    path = tool_path_of(joint_path, "conventional")
+    speeds = segment_speeds(path, require_speed(limits, "conventional"))
+    law = path_law(joint_path, path.breaks, speeds, speeds)
+    check_kept(
+        [law],
+        arm,
+        limits,
+        ("joint_torque", "angular_speed", "angular_acceleration"),
+        location="At uniform speed along the path",
+        t=0.0,
+        remedy="a lower assigned velocity or the method optimal helps",
+    )
+    stretch = LawPhase(
+        name="whole path",
+        kind="uniform",
+        t=(0.0, float(law.breaks[-1])),
+        s=(0.0, path.length),
+        **law_peaks([law], arm),
+    )
+    return Trajectory(laws=(law,), method=Method.CONVENTIONAL, path=path, stretches=(stretch,))

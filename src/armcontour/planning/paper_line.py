@@ -8,16 +8,91 @@ lap of uniform tool acceleration joins them; the paper has no rule for this case
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
+from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath, LawAlongPath, LineLaw
-from armcontour.planning._laps import laps
-from armcontour.planning.common import law_states, path_law, tool_path_of
+from armcontour.planning.law_checks import law_states, path_law, tool_path_of
 from armcontour.robot import Arm
+
+# The tool speed is not computed from a joint that moves less than this share of the fastest one.
+HARDLY_MOVING = 0.01
+
+
+@compiled()
+def run_laps(
+    q: FloatArray, dq_ds: FloatArray, speed: float, limit: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, int, float]:
+    """Run from the first knot towards the last, as fast as (18)-(20) allow.
+
+    The paper does not say with which velocity a lap starts. Plain `dq + ddq h` is not damped: a
+    velocity error of a joint that does not set the lap's time alternates from lap to lap, and the
+    acceleration it causes grows as 1 / h. So the joint that sets the lap's time keeps its velocity,
+    and the other joints take theirs from the path, (28); the step in their velocity is of second
+    order in h.
+
+    Args:
+        q: Joint positions at the knots [rad], (n + 1, dof).
+        dq_ds: Their derivatives along the path, of the same shape.
+        speed: Tool speed at the first knot [m/s].
+        limit: Largest joint accelerations [rad/s²], (dof,).
+
+    Returns:
+        Lap times (n,); tool speed at the knots (n + 1,), NaN where the pass does not come; joint
+        velocities at the start of the laps and joint accelerations in them, (n, dof); the number of
+        laps that keep the limit; and for the first that does not, the joint (from 0) and the
+        acceleration it would need. If all keep it, the joint is -1.
+    """
+    n = len(q) - 1
+    dof = q.shape[1]
+    h = np.empty(n)
+    speeds = np.full(n + 1, np.nan)
+    velocity = np.empty((n, dof))
+    acceleration = np.empty((n, dof))
+    speeds[0] = speed
+    for k in range(n):
+        longest = 0.0
+        slowest = -1
+        for j in range(dof):
+            step = q[k + 1, j] - q[k, j]
+            w = dq_ds[k, j] * speeds[k]
+            velocity[k, j] = w
+            if step == 0.0:
+                time = 2.0 * abs(w) / limit[j]
+            else:
+                if step < 0.0:
+                    w = -w
+                root = math.sqrt(w * w + 2.0 * limit[j] * abs(step))
+                # (18); where its printed form would cancel, as 2 d / (w + root).
+                time = 2.0 * abs(step) / (w + root) if w > 0.0 else (root - w) / limit[j]
+            if time > longest:
+                longest = time
+                slowest = j
+        h[k] = longest
+        fastest = 0.0
+        for j in range(dof):
+            step = q[k + 1, j] - q[k, j]
+            needed = 2.0 * (step - velocity[k, j] * longest) / (longest * longest)
+            rounding = 8e-16 * (abs(q[k, j]) + 1e-3) / (longest * longest)
+            if j != slowest and abs(needed) > limit[j] * (1 + 1e-9) + rounding:
+                return h, speeds, velocity, acceleration, k, j, abs(needed)
+            if abs(needed) > limit[j]:
+                needed = math.copysign(limit[j], needed)
+            acceleration[k, j] = needed
+            fastest = max(fastest, abs(dq_ds[k + 1, j]))
+        lead = slowest
+        if abs(dq_ds[k + 1, lead]) < HARDLY_MOVING * fastest:
+            for j in range(dof):
+                if abs(dq_ds[k + 1, j]) == fastest:
+                    lead = j
+        handed = velocity[k, lead] + acceleration[k, lead] * longest
+        speeds[k + 1] = max(handed / dq_ds[k + 1, lead], 0.0)
+    return h, speeds, velocity, acceleration, n, -1, 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +142,7 @@ class LinePhase:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class RulePart:
     """The part of a line or a corner that one rule made.
 
     Args:
@@ -85,23 +160,23 @@ class Part:
     laws: list[LawAlongPath]
 
 
-def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[Part]:
+def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[RulePart]:
     """Group the pieces of a line by rule; a meeting lap is MAC before its switch and MDC after."""
     parts = []
     for piece in pieces:
         time = float(piece.law.breaks[-1])
         if piece.kind != "meeting":
-            parts.append(Part(name, piece.kind, time, piece.s, [piece.law]))
+            parts.append(RulePart(name, piece.kind, time, piece.s, [piece.law]))
             continue
         before, length = piece.switch
         middle = piece.s[0] + length
-        parts.append(Part(name, "MAC", before, (piece.s[0], middle), [piece.law]))
-        parts.append(Part(name, "MDC", time - before, (middle, piece.s[1]), [piece.law]))
-    joined: list[Part] = []
+        parts.append(RulePart(name, "MAC", before, (piece.s[0], middle), [piece.law]))
+        parts.append(RulePart(name, "MDC", time - before, (middle, piece.s[1]), [piece.law]))
+    joined: list[RulePart] = []
     for part in parts:
         if joined and joined[-1].kind == part.kind:
             last = joined.pop()
-            part = Part(
+            part = RulePart(
                 name,
                 part.kind,
                 last.duration + part.duration,
@@ -112,7 +187,7 @@ def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[Part]:
     return joined
 
 
-class Line:
+class PaperLine:
     """A straight segment of a traced path, with its knots.
 
     Args:
@@ -145,11 +220,11 @@ class Line:
 
     def forward(self, speed: float) -> Pass:
         """Run the pass from the start of the line, with the tool speed `speed` [m/s] there."""
-        return Pass(*laps(self.q, self.dq_ds, speed, self.limit))
+        return Pass(*run_laps(self.q, self.dq_ds, speed, self.limit))
 
     def reverse(self, speed: float) -> Pass:
         """Run the pass backwards in time from the end of the line, with the tool speed `speed`."""
-        return Pass(*laps(self.q[::-1].copy(), -self.dq_ds[::-1], speed, self.limit))
+        return Pass(*run_laps(self.q[::-1].copy(), -self.dq_ds[::-1], speed, self.limit))
 
     def plan(self, start: float, end: float) -> list[LinePhase]:
         """Plan the line from the tool speed `start` to the tool speed `end` [m/s].
@@ -219,7 +294,7 @@ class Line:
         """Knots around the point where the passes meet, between which the limit is kept.
 
         One lap is usual. Where the passes meet next to an end of the lap, uniform acceleration of
-        the tool would need slightly more joint acceleration than the limit: then two laps.
+        the tool would need slightly more joint acceleration than the limit: then two run_laps.
 
         Args:
             low: Knot before the meeting point.
@@ -242,14 +317,14 @@ class Line:
         s = self.s[[low, high]]
         start, end = forward[low], backward[high]
         law = path_law(self.joint_path, s, np.array([start]), np.array([end]))
-        places = (float(s[0]), float(s[1]))
+        ends = (float(s[0]), float(s[1]))
         if not meeting or np.isnan([forward[high], backward[low]]).any():
-            return LinePhase(law, "AVC", places)
+            return LinePhase(law, "AVC", ends)
         ahead, after = backward[low] ** 2 - start**2, forward[high] ** 2 - end**2
         length = float(s[1] - s[0]) * (ahead / (ahead + after) if ahead + after > 0 else 0.5)
         acceleration = law.rates.dds[0]
         time = 2 * length / (start + np.sqrt(max(start**2 + 2 * acceleration * length, 0.0)))
-        return LinePhase(law, "meeting", places, (float(time), length))
+        return LinePhase(law, "meeting", ends, (float(time), length))
 
     def _refuse_broken(self, forward: Pass, last: int, reverse: Pass, count: int) -> None:
         """Refuse a line on which a pass ended at a joint limit, not at the assigned velocity.

@@ -18,9 +18,9 @@ from armcontour.core.text import capitalise, count_noun
 from armcontour.geometry import Path
 from armcontour.geometry.shaped import doubt_search
 from armcontour.motion import JointPath, Trajectory
-from armcontour.planning.common import with_reserve
-from armcontour.planning.grid import DEFAULT_INTERVALS
+from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.options import FASTEST, LONGEST_MOTION, Optimal, PlanOptions, Shaped
+from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.planning.program_timing import (
     Timing,
     check_jerk_support,
@@ -79,9 +79,9 @@ def plan(
     bounds = resolve_limits("plan", arm, limits)
     if not isinstance(arm, Arm):
         arm = _JointSpace(arm.dof, arm.limits)
-    if not isinstance(path, Tracing) and (above := compare_limits(bounds, arm)):
+    if not isinstance(path, Tracing) and (warning := compare_limits(bounds, arm)):
         # Jobs plan tracings, and have warnings of their own.
-        warnings.warn(capitalise(above), stacklevel=3)
+        warnings.warn(capitalise(warning), stacklevel=3)
     check_jerk_support(options.method, bounds)
     traced: Tracing | JointPath
     if isinstance(path, JointPath | Tracing):
@@ -101,26 +101,28 @@ def plan(
             arm,
             bounds,
             configuration=options.configuration,
-            start=options.start,
-            fits=options.fits,
+            seed=options.seed,
+            accept=options.accept,
         )
-    kept = with_reserve(bounds, options.reserve)
+    reduced = with_reserve(bounds, options.reserve)
     if isinstance(traced, JointPath):
-        timing = Timing(arm, kept, options)
-        found = time_contour(traced, timing)
+        timing = Timing(arm, reduced, options)
+        trajectory = time_contour(traced, timing)
     else:
-        timing = Timing(arm, kept, _fit_options(traced.program, options))
-        found = time_program(traced, timing, progress)
+        timing = Timing(arm, reduced, _fit_options(traced.program, options))
+        trajectory = time_program(traced, timing, progress)
     if isinstance(options, Optimal) and options.duration is not None:
         from armcontour.planning.given_duration import slow_down
 
-        found = slow_down(found, options.duration, traced, timing)
-    _refuse_endless_motion(found)
-    found = found.limited(bounds, options.reserve, None if isinstance(arm, _JointSpace) else arm)
+        trajectory = slow_down(trajectory, options.duration, traced, timing)
+    _refuse_endless_motion(trajectory)
+    trajectory = trajectory.limited(
+        bounds, options.reserve, None if isinstance(arm, _JointSpace) else arm
+    )
 
     if not isinstance(path, Tracing) and bounds.jerk_limits:
-        _warn_of_stops(traced, found)
-    return found
+        _warn_of_stops(traced, trajectory)
+    return trajectory
 
 
 def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
@@ -129,10 +131,10 @@ def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
 
     paths = {} if isinstance(traced, JointPath) else {x.move: x.joint_path for x in traced.steps}
     stops: list[float] = []
-    for x in trajectory.contour_spans:
-        joint_path = traced if isinstance(traced, JointPath) else paths[x.move]
-        if joint_path is not None and x.trajectory is not None:
-            stops += (x.s[0] + find_jerk_stops(joint_path, x.trajectory)).tolist()
+    for span in trajectory.contour_spans:
+        joint_path = traced if isinstance(traced, JointPath) else paths[span.move]
+        if joint_path is not None and span.trajectory is not None:
+            stops += (span.s[0] + find_jerk_stops(joint_path, span.trajectory)).tolist()
     if stops:
         warnings.warn(
             f"Limits of jerk add {count_noun(len(stops), 'full stop')}, the first at s = "
@@ -272,20 +274,20 @@ def _refuse_foreign(
             "The method shaped changes the tool path, but this path is traced already: give it "
             "the Path or Program."
         )
-    if not (options.configuration is None and options.start is None):
-        given = "start" if options.configuration is None else "configuration"
-        raise InvalidInput(f"A joint path is traced already: give {given} to trace instead.")
+    if not (options.configuration is None and options.seed is None):
+        specified = "seed" if options.configuration is None else "configuration"
+        raise InvalidInput(f"A joint path is traced already: give {specified} to trace instead.")
     steps = (TracedMove(move=None, joint_path=path),) if isinstance(path, JointPath) else path.steps
-    for x in steps:
-        if x.joint_path is None:
+    for step in steps:
+        if step.joint_path is None:
             continue
-        if x.joint_path.dof != arm.dof:
+        if step.joint_path.dof != arm.dof:
             raise InvalidInput(
-                f"The joint path has {x.joint_path.dof} joints, but the arm {arm.name} has "
+                f"The joint path has {step.joint_path.dof} joints, but the arm {arm.name} has "
                 f"{arm.dof}."
             )
-        with x.named():
-            check_joint_range(x.joint_path, limits)
+        with step.named():
+            check_joint_range(step.joint_path, limits)
     if isinstance(path, JointPath) and path.tool_path is not None:
         return Tracing.along(path, path.tool_path)
     return path

@@ -78,11 +78,11 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
         timed = (time_move(x) for x in moves)
     with closing(timed) as plans:
         for step in traced.steps:
-            found = None
+            trajectory = None
             if step.joint_path is not None:
                 with step.named():
-                    found = _along(next(plans), step.joint_path)
-            joined.add(step, found)
+                    trajectory = _along(next(plans), step.joint_path)
+            joined.add(step, trajectory)
             if traced.is_contour(step) and progress is not None:
                 number += 1
                 progress(Step(("timing",), number / count))
@@ -101,19 +101,21 @@ def _time_move(
 
 def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
     """Plan the motion along a contour."""
-    how, options = (joint_path, timing.arm, timing.limits), timing.options
+    problem, options = (joint_path, timing.arm, timing.limits), timing.options
     if isinstance(options, Conventional):
-        from armcontour.planning.conventional import plan_conventional
+        from armcontour.planning.paper import plan_conventional
 
-        return plan_conventional(*how)
+        return plan_conventional(*problem)
     if isinstance(options, Paper):
         from armcontour.planning.paper import plan_paper
 
-        return plan_paper(*how, options)
+        return plan_paper(*problem, options)
     if isinstance(options, Optimal):
-        return plan_optimal(*how, options)
+        return plan_optimal(*problem, options)
     assert isinstance(options, Shaped)
-    return replace(plan_optimal(*how, Optimal(intervals=options.intervals)), method=Method.SHAPED)
+    return replace(
+        plan_optimal(*problem, Optimal(intervals=options.intervals)), method=Method.SHAPED
+    )
 
 
 def time_rapid(
@@ -129,21 +131,21 @@ def time_rapid(
         limits: Limits of the arm, one value per joint.
         speed: Largest tool speed along a joint path without a tool path [m/s].
     """
-    more: tuple[RapidSpeed, ...] = ()
+    constraints: tuple[RapidSpeed, ...] = ()
     if speed is not None and joint_path.tool_path is None:
-        more = (RapidSpeed(speed, arm),)
-    options = Optimal(intervals=RAPID_INTERVALS, constraints=more)
+        constraints = (RapidSpeed(speed, arm),)
+    options = Optimal(intervals=RAPID_INTERVALS, constraints=constraints)
     return plan_optimal(joint_path, arm, limits.of_joints, options)
 
 
-def _along(found: Trajectory, joint_path: JointPath) -> Trajectory:
+def _along(trajectory: Trajectory, joint_path: JointPath) -> Trajectory:
     """The plan of a move along its own joint path, of which another process has a copy."""
-    if found.path is joint_path.tool_path:
-        return found
-    (law,) = found.laws
+    if trajectory.path is joint_path.tool_path:
+        return trajectory
+    (law,) = trajectory.laws
     if isinstance(law, PathLaw) and np.array_equal(law.joint_path.breaks, joint_path.breaks):
         law = replace(law, joint_path=joint_path)
-    return replace(found, laws=(law,), path=joint_path.tool_path)
+    return replace(trajectory, laws=(law,), path=joint_path.tool_path)
 
 
 @dataclass(slots=True)
@@ -185,23 +187,23 @@ class JoinedMoves:
             return
         assert trajectory is not None and step.joint_path is not None
         t, s = (self.t, self.t + trajectory.duration), self.length
-        own: dict[str, Any] = {"kind": "rapid"}
+        fields: dict[str, Any] = {"kind": "rapid"}
         if isinstance(move, Contour):
             work = t
             if move.work is not None and move.work != (0.0, move.path.length):
-                on, off = (t[0] + trajectory.time_at(move.work)).tolist()
-                work = (on, off)
-            own = {"kind": "contour", "name": move.name, "work": work}
-            for x in move.events:
-                early = _early_place(x, move.path.length, step.called)
-                places = np.clip([x.s, early], 0.0, move.path.length)
-                due, at = (t[0] + trajectory.time_at(places)).tolist()
-                point = tuple(move.path(places[0]).tolist())
-                self._add_event(x, at - x.lead_time, due, s + x.s, point)
+                work_start, work_end = (t[0] + trajectory.time_at(move.work)).tolist()
+                work = (work_start, work_end)
+            fields = {"kind": "contour", "name": move.name, "work": work}
+            for event in move.events:
+                early = _early_place(event, move.path.length, step.called)
+                s_event = np.clip([event.s, early], 0.0, move.path.length)
+                due, switch_time = (t[0] + trajectory.time_at(s_event)).tolist()
+                point = tuple(move.path(s_event[0]).tolist())
+                self._add_event(event, switch_time - event.lead_time, due, s + event.s, point)
             self.last, self.length = trajectory, s + move.path.length
         self.laws += trajectory.laws
         self.spans.append(
-            Span(move=step.move, t=t, s=(s, self.length), trajectory=trajectory, **own)
+            Span(move=step.move, t=t, s=(s, self.length), trajectory=trajectory, **fields)
         )
         self.t, self.done = t[1], step.joint_path
 
@@ -223,12 +225,12 @@ class JoinedMoves:
         Raises:
             InvalidInput: An event would come before the motion starts, or out of order.
         """
-        early = next((x for x in self.events if x.t < 0), None)
-        if early is not None:
+        first = next((x for x in self.events if x.t < 0), None)
+        if first is not None:
             raise InvalidInput(
-                f"The event {early.name} is to come {-early.t:.6g} s before the motion begins: "
+                f"The event {first.name} is to come {-first.t:.6g} s before the motion begins: "
                 "start with a longer lead-in or a dwell, or give the event less advance.",
-                t=early.t,
+                t=first.t,
                 allowed=0.0,
             )
         self._refuse_disorder()
@@ -247,19 +249,24 @@ class JoinedMoves:
     def _refuse_disorder(self) -> None:
         """Refuse advances that change the order in which one output is switched."""
         last: dict[str, TimedEvent] = {}
-        for x in self.events:
-            before = last.get(x.name)
-            if before is not None and x.t < before.t - SAME_TIME and x.value != before.value:
+        for event in self.events:
+            before = last.get(event.name)
+            if (
+                before is not None
+                and event.t < before.t - SAME_TIME
+                and event.value != before.value
+            ):
                 raise InvalidInput(
-                    f"The event {x.name} to {x.value} at {x.s:.6g} m would come at {x.t:.6g} s, "
+                    f"The event {event.name} to {event.value} at {event.s:.6g} m would come at "
+                    f"{event.t:.6g} s, "
                     f"with its advance, before the one to {before.value} at {before.s:.6g} m, "
                     f"which comes at {before.t:.6g} s: give it less advance, or more distance or "
                     "time between them.",
-                    s=x.s,
-                    t=x.t,
+                    s=event.s,
+                    t=event.t,
                     allowed=before.t,
                 )
-            last[x.name] = x
+            last[event.name] = event
 
     @property
     def _q(self) -> FloatArray:
@@ -269,28 +276,30 @@ class JoinedMoves:
         return ends_of(self.done)[1]
 
     def _add_event(
-        self, x: Event, t: float, due: float, s: float, point: tuple[float, ...]
+        self, event: Event, t: float, due: float, s: float, point: tuple[float, ...]
     ) -> None:
         """Append an event that is due at a time [s], and switched at the time `t` [s]."""
-        self.events.append(TimedEvent(name=x.name, value=x.value, t=t, due=due, s=s, point=point))
+        self.events.append(
+            TimedEvent(name=event.name, value=event.value, t=t, due=due, s=s, point=point)
+        )
 
 
-def _early_place(x: Event, length: float, called: str) -> float:
+def _early_place(event: Event, length: float, called: str) -> float:
     """Arc length at which an event of a contour is switched [m], by its lead along the contour.
 
     Raises:
         InvalidInput: The event would be switched off the contour.
     """
-    early = x.s - x.lead_distance
+    early = event.s - event.lead_distance
     if not -REPEATED_POINT <= early <= length + REPEATED_POINT:
-        leads = x.lead_distance > 0
+        leads = event.lead_distance > 0
         raise InvalidInput(
-            f"{called}: the event {x.name} at {x.s:g} m {'leads' if leads else 'lags'} by "
-            f"{abs(x.lead_distance):g} m, which is off the contour of {length:g} m: "
+            f"{called}: the event {event.name} at {event.s:g} m {'leads' if leads else 'lags'} by "
+            f"{abs(event.lead_distance):g} m, which is off the contour of {length:g} m: "
             f"give it a lead-{'in' if leads else 'out'} that long.",
-            s=x.s,
-            needed=abs(x.lead_distance),
-            allowed=x.s if leads else length - x.s,
+            s=event.s,
+            needed=abs(event.lead_distance),
+            allowed=event.s if leads else length - event.s,
         )
     return early
 
@@ -305,23 +314,23 @@ def check_jerk_support(method: Method, limits: Limits) -> None:
     Raises:
         NotRealizable: There are limits of jerk, and the method keeps none.
     """
-    given = limits.jerk_limits
-    if not given or method == Method.OPTIMAL:
+    limited = limits.jerk_limits
+    if not limited or method == Method.OPTIMAL:
         return
-    names = " and ".join(given)
+    names = " and ".join(limited)
     lift = (
-        f"lift {names} with limits.replace({', '.join(f'{x}=math.inf' for x in given)}) (in a "
-        f"job, limits: {{{', '.join(f'{x}: inf' for x in given)}}})"
+        f"lift {names} with limits.replace({', '.join(f'{x}=math.inf' for x in limited)}) (in a "
+        f"job, limits: {{{', '.join(f'{x}: inf' for x in limited)}}})"
     )
     if method == Method.SHAPED:
         raise NotRealizable(
             f"Along a shaped path accelerations jump, at places where {names} would stop the tool: "
             'round corners with continuity="curvature" and plan by the method optimal (in a job, '
             f"corners: {{shape: arc}}, which has it where jerk is limited), or {lift}.",
-            limit=given[0],
+            limit=limited[0],
         )
     raise NotRealizable(
         f"The method {method} keeps no limits of jerk, but there is {names}: plan by the method "
         f"optimal (in a job, timing: {{method: optimal}}), or {lift}.",
-        limit=given[0],
+        limit=limited[0],
     )

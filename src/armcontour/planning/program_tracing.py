@@ -19,6 +19,7 @@ from armcontour.geometry import Path, ShapedPath
 from armcontour.geometry.cutting import cut_path
 from armcontour.geometry.orientation import Orientation
 from armcontour.motion import JointPath
+from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
 from armcontour.planning.tracing import sketch_all, trace, trace_all
@@ -104,8 +105,8 @@ def trace_program(
     limits: Limits | None = None,
     *,
     configuration: str | None = None,
-    start: npt.ArrayLike | None = None,
-    fits: Callable[[JointPath], bool] | None = None,
+    seed: npt.ArrayLike | None = None,
+    accept: Callable[[JointPath], bool] | None = None,
     progress: Progress | None = None,
 ) -> Tracing:
     """Trace all moves of a program.
@@ -122,8 +123,8 @@ def trace_program(
         limits: Limits with the joint ranges; they also decide which configuration is the fastest.
             By default the arm's own.
         configuration: As in `plan`.
-        start: As in `plan`; by default where the contours were shaped, if they were.
-        fits: Whether a contour may be followed along a joint path, asked where a configuration is
+        seed: As in `plan`; by default where the contours were shaped, if they were.
+        accept: Whether a contour may be followed along a joint path, asked where a configuration is
             chosen: one that does not fit is only taken if none does.
         progress: Called after every contour with the step "tracing" and the share that is done.
 
@@ -131,9 +132,9 @@ def trace_program(
         ArmContourError: A move cannot be traced; the message starts with the name of the contour.
     """
     bounds = resolve_limits("trace_program", arm, limits)
-    if start is None:
+    if seed is None:
         shaped = [x.path for x in program.contours if isinstance(x.path, ShapedPath)]
-        start = shaped[0].outcome.joints if shaped else None
+        seed = shaped[0].outcome.joints if shaped else None
     tracer = _Tracer(
         program.single_path,
         program.moves,
@@ -142,8 +143,8 @@ def trace_program(
         arm.with_limits(bounds),
         bounds,
         configuration,
-        start,
-        fits,
+        seed,
+        accept,
     )
     for i, move in enumerate(program.moves):
         tracer.follow(i, move)
@@ -165,8 +166,8 @@ class _Tracer:
     limited: Arm
     limits: Limits
     configuration: str | None
-    start: npt.ArrayLike | None
-    fits: Callable[[JointPath], bool] | None
+    seed: npt.ArrayLike | None
+    accept: Callable[[JointPath], bool] | None
     steps: list[TracedMove] = field(default_factory=list)
     last: JointPath | None = None
     done: int = 0
@@ -197,9 +198,9 @@ class _Tracer:
             called = f"rapid away from {contour_called(before[0], self.done - 1)}"
         turned = turn_along(path, before, after)
         with error_context(called):
-            first = self.last is None and self.start is None
-            found = self._trace_to(after[0], turned, i) if first else self._trace(turned, i)
-            self._append(i, found, called)
+            first = self.last is None and self.seed is None
+            joint_path = self._trace_to(after[0], turned, i) if first else self._trace(turned, i)
+            self._append(i, joint_path, called)
 
     def _append(self, i: int, joint_path: JointPath, called: str) -> None:
         """Append a joint path, with a straight line in joint space to its start if needed."""
@@ -213,7 +214,7 @@ class _Tracer:
     def _trace(self, path: Path, i: int) -> JointPath:
         """Trace the path of a move from the present configuration, else from the fastest one."""
         if self.last is None:
-            return self._fastest(path, i, configuration=self.configuration, start=self.start)
+            return self._fastest(path, i, configuration=self.configuration, seed=self.seed)
         try:
             return trace(path, self.limited, **configuration_of(self.arm, ends_of(self.last)[1]))
         except Unreachable:
@@ -223,8 +224,8 @@ class _Tracer:
         """Trace a rapid to the first contour, in the configuration that is fastest for it."""
         arm, limited = self.arm, self.limited
         try:
-            at = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
-            fastest = self._fastest(contour.path, at, configuration=self.configuration)
+            index = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
+            fastest = self._fastest(contour.path, index, configuration=self.configuration)
             back = trace(path.reversed(), limited, **configuration_of(arm, fastest(0.0)))
             return trace(path, limited, **configuration_of(arm, back(back.length)))
         except ArmContourError:
@@ -236,7 +237,7 @@ class _Tracer:
         path: Path,
         i: int,
         configuration: str | None = None,
-        start: npt.ArrayLike | None = None,
+        seed: npt.ArrayLike | None = None,
     ) -> JointPath:
         """Trace the path of a move in its fastest configuration; of equals that for what follows.
 
@@ -244,18 +245,16 @@ class _Tracer:
             path: The path.
             i: Index of the move.
             configuration: As in `trace_fastest`.
-            start: As in `trace_fastest`.
+            seed: As in `trace_fastest`.
         """
-        fits = self.fits if self.looks_ahead else None
+        accept = self.accept if self.looks_ahead else None
         first: JointPath | None = None
-        for group in trace_by_duration(
-            path, self.limited, configuration=configuration, start=start
-        ):
-            for x in self._in_order(group, i):
-                if fits is None or np.all(fits(x)):
+        for group in trace_by_duration(path, self.limited, configuration=configuration, seed=seed):
+            for joint_path in self._in_order(group, i):
+                if accept is None or np.all(accept(joint_path)):
                     self.faster_rejected |= first is not None
-                    return x
-                first = x if first is None else first
+                    return joint_path
+                first = joint_path if first is None else first
         assert first is not None
         return first
 
@@ -288,8 +287,8 @@ class _Tracer:
                 trial.follow(k, move)
             except ArmContourError:
                 return np.inf
-        ways = [x.joint_path for x in trial.steps if x.joint_path is not None]
-        return sum(bound_duration(x, self.limits) for x in ways)
+        joint_paths = [x.joint_path for x in trial.steps if x.joint_path is not None]
+        return sum(bound_duration(x, self.limits) for x in joint_paths)
 
 
 def _line(begin: FloatArray, end: FloatArray) -> JointPath:
@@ -314,7 +313,7 @@ def configuration_of(arm: Arm, q: FloatArray) -> dict[str, Any]:
     return (
         {"configuration": arm.configuration_of(q)}
         if isinstance(arm, PlanarTwoLink)
-        else {"start": q}
+        else {"seed": q}
     )
 
 
@@ -333,11 +332,11 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
         return path
     ends = [(x.path.orientation, x.path.length) for x in before]
     ends += [(x.path.orientation, 0.0) for x in after]
-    given = [(x, s) for x, s in ends if x is not None]
-    if not given:
+    orientations = [(x, s) for x, s in ends if x is not None]
+    if not orientations:
         return path
-    free = all(x.axis_only for x, _ in given)
-    first, last = given[0][0](given[0][1]), given[-1][0](given[-1][1])
+    free = all(x.axis_only for x, _ in orientations)
+    first, last = orientations[0][0](orientations[0][1]), orientations[-1][0](orientations[-1][1])
     # If only tool axes are given, the tool does not turn about its axis. For opposite orientations
     # either direction of rotation will do.
     turn = shortest(first[:, 2], last[:, 2]) if free else log((last @ first.T)[None])[0]
@@ -354,7 +353,7 @@ def trace_fastest(
     limits: Limits | None = None,
     *,
     configuration: str | None = None,
-    start: npt.ArrayLike | None = None,
+    seed: npt.ArrayLike | None = None,
 ) -> JointPath:
     """Trace a path in the configuration whose optimal plan takes the least time.
 
@@ -365,13 +364,13 @@ def trace_fastest(
         arm: The arm.
         limits: Limits, including the joint ranges, without those of jerk; by default the arm's own.
         configuration: For an arm in the plane: the branch, as in `trace`, which leaves no choice.
-        start: For an arm in space: joint positions near the required start [rad], (dof,).
+        seed: For an arm in space: joint positions near the required start [rad], (dof,).
 
     Raises:
         Unreachable: No configuration completes the path.
         InvalidInput: The path does not fit the arm.
     """
-    return next(trace_by_duration(path, arm, limits, configuration=configuration, start=start))[0]
+    return next(trace_by_duration(path, arm, limits, configuration=configuration, seed=seed))[0]
 
 
 def trace_by_duration(
@@ -380,7 +379,7 @@ def trace_by_duration(
     limits: Limits | None = None,
     *,
     configuration: str | None = None,
-    start: npt.ArrayLike | None = None,
+    seed: npt.ArrayLike | None = None,
 ) -> Iterator[list[JointPath]]:
     """Trace a path in all configurations, those with the fastest optimal plans first.
 
@@ -389,7 +388,7 @@ def trace_by_duration(
         arm: See above.
         limits: See above.
         configuration: See above.
-        start: See above.
+        seed: See above.
 
     Yields:
         Joint paths that are as fast, the shortest one first. Of a long path there is only the
@@ -403,23 +402,27 @@ def trace_by_duration(
     # Limits of jerk cost much time here, and favour no configuration.
     rough = bounds.without_jerk
     if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):
-        long = _trace_long(path, arm, bounds) if configuration is None and start is None else None
-        if long is not None:
-            yield [long]
+        joint_path = (
+            _trace_long(path, arm, bounds) if configuration is None and seed is None else None
+        )
+        if joint_path is not None:
+            yield [joint_path]
             return
-    found = trace_all(path, arm, limits=bounds, configuration=configuration, start=start)
-    if len(found) == 1:
-        yield found
+    joint_paths = trace_all(path, arm, limits=bounds, configuration=configuration, seed=seed)
+    if len(joint_paths) == 1:
+        yield joint_paths
     else:
-        yield from _by_duration(found, arm, rough)
+        yield from _by_duration(joint_paths, arm, rough)
 
 
-def _by_duration(found: list[JointPath], arm: Arm, rough: Limits) -> Iterator[list[JointPath]]:
+def _by_duration(
+    joint_paths: list[JointPath], arm: Arm, rough: Limits
+) -> Iterator[list[JointPath]]:
     """Joint paths of one tool path, those with the fastest plans under rough limits first."""
-    at_least = [bound_duration(x, rough) for x in found]
+    at_least = [bound_duration(x, rough) for x in joint_paths]
     order = np.argsort(at_least, kind="stable").tolist()
-    if isinstance(arm, PlanarTwoLink) and len(found[0].breaks) > MOST_PLANNED:
-        yield from ([found[i]] for i in order)
+    if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MOST_PLANNED:
+        yield from ([joint_paths[i]] for i in order)
         return
     # Of those that are planned and did not come yet.
     durations: dict[int, float] = {}
@@ -430,10 +433,10 @@ def _by_duration(found: list[JointPath], arm: Arm, rough: Limits) -> Iterator[li
             durations[i] = np.inf
             # If no configuration can be planned, the plan of the first one raises the reason.
             with suppress(ArmContourError):
-                durations[i] = plan_optimal(found[i], arm, rough, ROUGHLY).duration
-        least = min(durations.values())
-        as_fast = sorted(i for i, x in durations.items() if x <= least * (1 + AS_FAST))
-        yield [found[i] for i in as_fast]
+                durations[i] = plan_optimal(joint_paths[i], arm, rough, ROUGHLY).duration
+        shortest = min(durations.values())
+        as_fast = sorted(i for i, x in durations.items() if x <= shortest * (1 + AS_FAST))
+        yield [joint_paths[i] for i in as_fast]
         for i in as_fast:
             del durations[i]
 
@@ -482,25 +485,25 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
         # Tracing says why.
         return None
     bounds, durations = _compare(path, arm, limits, s, solutions)
-    near = durations <= (1 + SLOWER) * durations.min()
+    fast = durations <= (1 + SLOWER) * durations.min()
     with np.errstate(divide="ignore", invalid="ignore"):
-        above = durations / bounds
-    slow = np.flatnonzero(~near)
-    best, least, done = None, np.inf, list[float]()
+        ratio = durations / bounds
+    slow = np.flatnonzero(~fast)
+    best, shortest, done = None, np.inf, list[float]()
     # The shortest joint paths come first; slow ones are traced only if no other can be.
-    for k in [*np.flatnonzero(near), *slow[np.argsort(durations[slow], kind="stable")]]:
-        if done and not near[k]:
+    for k in [*np.flatnonzero(fast), *slow[np.argsort(durations[slow], kind="stable")]]:
+        if done and not fast[k]:
             break
         if any((1 - ALIKE) * x < durations[k] < (1 + ALIKE) * x for x in done):
             continue
         try:
-            found = trace(path, arm, limits=limits, start=solutions[k][0])
+            joint_path = trace(path, arm, limits=limits, seed=solutions[k][0])
         except ArmContourError:
             continue
         done.append(float(durations[k]))
-        duration = bound_duration(found, rough) * above[k]
-        if best is None or duration < least:
-            best, least = found, duration
+        duration = bound_duration(joint_path, rough) * ratio[k]
+        if best is None or duration < shortest:
+            best, shortest = joint_path, duration
     return best
 
 
@@ -528,50 +531,21 @@ def _compare(
     bounds, traced = np.full(len(solutions), np.inf), list[list[JointPath]]()
     for k, q in enumerate(solutions):
         try:
-            found = [
-                trace(part, arm, limits=limits, start=q[i])
+            joint_paths = [
+                trace(part, arm, limits=limits, seed=q[i])
                 for part, i in zip(cuts, first, strict=True)
             ]
-            bounds[k] = sum(bound_duration(x, rough) for x in found)
+            bounds[k] = sum(bound_duration(x, rough) for x in joint_paths)
         except ArmContourError:
-            found = []
-        traced.append(found)
-    durations, least = bounds.copy(), np.inf
+            joint_paths = []
+        traced.append(joint_paths)
+    durations, shortest = bounds.copy(), np.inf
     for k in np.argsort(bounds, kind="stable"):
-        if SURE * bounds[k] > (1 + SLOWER) * least:
+        if SURE * bounds[k] > (1 + SLOWER) * shortest:
             break
         try:
             durations[k] = sum(plan_optimal(x, arm, rough, ROUGHLY).duration for x in traced[k])
         except ArmContourError:
             durations[k] = np.inf
-        least = min(least, float(durations[k]))
+        shortest = min(shortest, float(durations[k]))
     return bounds, durations
-
-
-def bound_duration(joint_path: JointPath, limits: Limits) -> float:
-    """A duration that no motion from rest to rest along a joint path falls below [s].
-
-    It takes account of the joints' velocities and accelerations, the tool's speed and, on arcs, its
-    centripetal acceleration; torques and all other limits are left out.
-
-    Args:
-        joint_path: A traced path.
-        limits: The limits.
-    """
-    breaks, dof = joint_path.breaks, joint_path.dof
-    rests = np.isin(breaks, joint_path.stops)
-    rests[[0, -1]] = True
-    ceilings = np.full(len(breaks) - 1, np.inf)
-    path = joint_path.tool_path
-    if path is not None:
-        segment = path.locate((breaks[:-1] + breaks[1:]) / 2)
-        speed = np.inf if limits.speed is None else limits.speed
-        across = [limits.centripetal_acceleration, limits.tool_acceleration]
-        most = min((x for x in across if x is not None), default=np.inf)
-        bend = np.where(path.segments.bent, 0.0, path.curvatures)
-        with np.errstate(divide="ignore"):
-            ceilings = np.minimum(np.fmin(path.speeds, speed) ** 2, most / bend)[segment]
-    bounds = np.stack([*limits.velocity_bounds(dof), *limits.acceleration_bounds(dof)])
-    from armcontour.planning._least_duration import least_duration
-
-    return float(least_duration(breaks, joint_path.coefficients, rests, ceilings, bounds))

@@ -13,6 +13,7 @@ ds has no bound although the joints are slow, so nothing can be planned in s. In
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import comb
@@ -21,8 +22,94 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
+from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath, quintic
-from armcontour.planning._vanishing import moves_on, standing_breaks
+
+# A piece that leaves its line by more than this [rad], and than this share, is surely bent.
+BENT = 1e-6
+# Coefficients of dq/dx, of the powers 0 to 4 of x, to those of Bernstein: their least and largest
+# values enclose dq/dx on the piece.
+BERNSTEIN = np.array([[comb(i, k) / comb(4, k) for k in range(5)] for i in range(5)])
+
+
+@compiled()
+def moves_one_way(
+    coefficients: FloatArray, vanished: float, small: float, moving: BoolArray
+) -> bool:
+    """Whether some joint moves one way on every piece, so that dq_ds cannot vanish.
+
+    Args:
+        coefficients: Of the joint path, (n, 6, dof).
+        vanished: As in `resting_breaks`, for pieces that are surely bent.
+        small: A larger share of the same kind, for all others.
+        moving: Written: whether a joint moves so on each piece, (n,).
+    """
+    n, dof = coefficients.shape[0], coefficients.shape[2]
+    everywhere = True
+    for i in range(n):
+        sizes, longest, k0 = 0.0, 0.0, 1
+        for k in range(1, 6):
+            square = 0.0
+            for j in range(dof):
+                square += coefficients[i, k, j] ** 2
+            sizes += k * math.sqrt(square)
+            if square > longest:
+                longest, k0 = square, k
+        deviation = 0.0
+        for k in range(1, 6):
+            along = 0.0
+            for j in range(dof):
+                along += coefficients[i, k, j] * coefficients[i, k0, j]
+            for j in range(dof):
+                difference = coefficients[i, k, j] * longest - along * coefficients[i, k0, j]
+                deviation = max(deviation, abs(difference))
+        is_bent = deviation > BENT * longest * (1.0 + math.sqrt(longest))
+        threshold = (vanished if is_bent else small) * sizes
+        moving[i] = False
+        for j in range(dof):
+            low, high = math.inf, -math.inf
+            for row in range(5):
+                value = 0.0
+                for k in range(row + 1):
+                    value += BERNSTEIN[row, k] * (k + 1) * coefficients[i, k + 1, j]
+                low, high = min(low, value), max(high, value)
+            if max(low, -high) > threshold:
+                moving[i] = True
+                break
+        everywhere &= moving[i]
+    return everywhere
+
+
+@compiled()
+def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
+    """Whether dq_ds of all joints vanishes at each break of a joint path, on both sides, (n + 1,).
+
+    Args:
+        coefficients: Of the joint path, (n, 6, dof).
+        vanished: A dq_ds counts as zero below this share of the sum of its terms.
+    """
+    n, dof = coefficients.shape[0], coefficients.shape[2]
+    resting = np.empty(n + 1, np.bool_)
+    for i in range(n + 1):
+        resting[i] = True
+    for i in range(n):
+        sizes = 0.0
+        for k in range(1, 6):
+            square = 0.0
+            for j in range(dof):
+                square += (k * coefficients[i, k, j]) ** 2
+            sizes += math.sqrt(square)
+        start = end = 0.0
+        for j in range(dof):
+            slope = 0.0
+            for k in range(1, 6):
+                slope += k * coefficients[i, k, j]
+            start += coefficients[i, 1, j] ** 2
+            end += slope**2
+        resting[i] &= math.sqrt(start) <= vanished * sizes
+        resting[i + 1] &= math.sqrt(end) <= vanished * sizes
+    return resting
+
 
 # dq_ds counts as zero below this share of the sum of its terms: a double root is known to 1e-8.
 VANISHED = 1e-9
@@ -41,9 +128,9 @@ REVERSED = np.array([[comb(k, m) * (-1.0) ** m for k in range(6)] for m in range
 Polynomials = tuple[FloatArray, FloatArray]  # lengths, (n,), and coefficients, (n, 6, dof)
 
 
-def stands_at(joint_path: JointPath) -> BoolArray:
+def rests_at_breaks(joint_path: JointPath) -> BoolArray:
     """Whether dq_ds of all joints vanishes at each break, (n + 1,): joints rest there at any ds."""
-    return standing_breaks(joint_path.coefficients, VANISHED)
+    return resting_breaks(joint_path.coefficients, VANISHED)
 
 
 def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
@@ -63,7 +150,7 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
         return same
     coefficients = joint_path.coefficients
     moving = np.empty(len(coefficients), np.bool_)
-    if moves_on(coefficients, VANISHED, SMALL, moving):
+    if moves_one_way(coefficients, VANISHED, SMALL, moving):
         return same
     if not coefficients[:, 1:].any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
@@ -73,11 +160,11 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
     both = np.stack([np.linalg.norm(_terms(x), axis=2) for x in (c, REVERSED @ c)])
     slow = (both[..., :2] <= VANISHED * both.sum(axis=2, keepdims=True)).all(axis=2).any(axis=0)
     suspect = doubtful[slow | _straight(c)[0]]
-    found = {int(i): _Piece.of(joint_path, int(i)) for i in suspect}
-    unsuited = {i for i, x in found.items() if x.is_unsuited()}
+    suspects = {int(i): _Piece.from_path(joint_path, int(i)) for i in suspect}
+    unsuited = {i for i, x in suspects.items() if x.is_unsuited()}
     if not unsuited:
         return same
-    pieces = {i: _Piece.of(joint_path, i) for i in range(len(coefficients))}
+    pieces = {i: _Piece.from_path(joint_path, i) for i in range(len(coefficients))}
     return _with(joint_path, {i: x for i, x in pieces.items() if x.is_straight or i in unsuited})
 
 
@@ -96,9 +183,11 @@ def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> tuple[JointPath,
     count = 0
     for i in range(len(width)):
         starts.append(count)
-        own = (width[i : i + 1], joint_path.coefficients[i : i + 1])
+        unchanged = (width[i : i + 1], joint_path.coefficients[i : i + 1])
         free = [k in changed and changed[k].is_straight for k in (i - 1, i + 1)]
-        for length, polynomial in changed[i].replaced(slope, free) if i in changed else (own,):
+        for length, polynomial in (
+            changed[i].replaced(slope, free) if i in changed else (unchanged,)
+        ):
             lengths.append(length)
             coefficients.append(polynomial)
             count += len(length)
@@ -136,7 +225,7 @@ class _Piece:
     degrees: tuple[int, int]
 
     @classmethod
-    def of(cls, joint_path: JointPath, i: int) -> _Piece:
+    def from_path(cls, joint_path: JointPath, i: int) -> _Piece:
         """Examine one piece."""
         c = joint_path.coefficients[i]
         (straight,), (line,) = _straight(c[None])
@@ -172,7 +261,7 @@ class _Piece:
 
         At ends that are not free dq_dp is dq_ds, so that p goes on as s does, unless it vanishes.
         """
-        x, at = _turns(self.along, self.inner)
+        x, values = _turns(self.along, self.inner)
         q = x[:, None] ** np.arange(6) @ self.coefficients
         slopes = np.full((len(x), 2), slope)
         if self.degrees[0] == 1 and not free[0]:
@@ -180,12 +269,15 @@ class _Piece:
         if self.degrees[1] == 1 and not free[1]:
             slopes[-1] = abs(float(np.arange(6) @ self.along)) / self.width
         for k in range(len(x) - 1):
-            rise, (begin, end) = abs(at[k + 1] - at[k]), (slopes[k, 1], slopes[k + 1, 0])
+            rise, (begin, end) = abs(values[k + 1] - values[k]), (slopes[k, 1], slopes[k + 1, 0])
             if rise == 0:
                 continue
-            c, way = np.zeros((1, 6, len(self.line))), q[k + 1] - q[k]
+            c, step = np.zeros((1, 6, len(self.line))), q[k + 1] - q[k]
             c[0, 0] = q[k]
-            c[0, 1], c[0, 2] = way * 2 * begin / (begin + end), way * (end - begin) / (begin + end)
+            c[0, 1], c[0, 2] = (
+                step * 2 * begin / (begin + end),
+                step * (end - begin) / (begin + end),
+            )
             yield np.array([2 * rise / (begin + end)]), c
 
     def _eased(self) -> Iterator[Polynomials]:
@@ -215,11 +307,11 @@ def _ease(c: FloatArray, degree: int, width: float) -> Polynomials:
     ddx = (power - 1) * dx / p[1:]
     powers = [np.polynomial.polynomial.polyvander(inner, 5 - k) for k in range(3)]
     slopes = _derived(c)
-    q, slope, bend = powers[0] @ c, powers[1] @ slopes, powers[2] @ _derived(slopes)
+    q, slope, curvature = powers[0] @ c, powers[1] @ slopes, powers[2] @ _derived(slopes)
     begins = 2 * c[degree] * (LAST / whole**power) ** degree
     q = np.vstack([c[0], q])
     first = np.vstack([np.zeros_like(c[0]), slope * dx[:, None]])
-    second = np.vstack([begins, bend * dx[:, None] ** 2 + slope * ddx[:, None]])
+    second = np.vstack([begins, curvature * dx[:, None] ** 2 + slope * ddx[:, None]])
     begin, end = (q[:-1], first[:-1], second[:-1]), (q[1:], first[1:], second[1:])
     return np.diff(p) * width, quintic(np.diff(p), begin, end)
 
@@ -231,12 +323,12 @@ def _straight(c: FloatArray) -> tuple[BoolArray, FloatArray]:
         c: Coefficients of the pieces, (n, 6, dof).
     """
     size = np.linalg.norm(c[:, 1:], axis=2)
-    most = size.max(axis=1)
+    largest_size = size.max(axis=1)
     largest = c[np.arange(len(c)), 1 + size.argmax(axis=1)]
-    line = largest / np.where(most > 0, most, 1.0)[:, None]
+    line = largest / np.where(largest_size > 0, largest_size, 1.0)[:, None]
     along = np.einsum("nkj,nj->nk", c[:, 1:], line)
-    off = np.abs(c[:, 1:] - along[..., None] * line[:, None]).max(axis=(1, 2))
-    return off <= ROUNDING * (1 + np.abs(c[:, 0]).max(axis=1)) + STRAIGHT * most, line
+    deviation = np.abs(c[:, 1:] - along[..., None] * line[:, None]).max(axis=(1, 2))
+    return deviation <= ROUNDING * (1 + np.abs(c[:, 0]).max(axis=1)) + STRAIGHT * largest_size, line
 
 
 def _terms(coefficients: FloatArray) -> FloatArray:
@@ -256,12 +348,12 @@ def _reversed(c: FloatArray) -> FloatArray:
 
 def _cut(c: FloatArray, first: float, last: float) -> FloatArray:
     """Coefficients on the part from x = first to last, as a function from 0 to 1, (1, 6, dof)."""
-    found = np.zeros_like(c)
+    coefficients = np.zeros_like(c)
     for row in c[::-1]:
         # Horner's rule for polynomials: times `first + (last - first) x`, plus the next one.
-        found[1:] = found[1:] * first + found[:-1] * (last - first)
-        found[0] = found[0] * first + row
-    return found[None]
+        coefficients[1:] = coefficients[1:] * first + coefficients[:-1] * (last - first)
+        coefficients[0] = coefficients[0] * first + row
+    return coefficients[None]
 
 
 def _degree(c: FloatArray) -> int:
@@ -283,8 +375,8 @@ def _is_slow(along: FloatArray) -> bool:
     """Whether the derivative of a polynomial nearly vanishes at an end or where it is extreme."""
     derivative = _derived(along)
     x = np.concatenate([[0.0], _inner_roots(_derived(derivative)), [1.0]])
-    least = np.abs(np.polynomial.polynomial.polyval(x, derivative)).min()
-    return bool(least <= SMALL * np.abs(derivative).sum())
+    smallest = np.abs(np.polynomial.polynomial.polyval(x, derivative)).min()
+    return bool(smallest <= SMALL * np.abs(derivative).sum())
 
 
 def _inner_roots(c: FloatArray) -> FloatArray:
@@ -300,13 +392,13 @@ def _turns(along: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray
     x = np.concatenate([[0.0], inner, [1.0]])
     value = np.polynomial.polynomial.polyval(x, along)
     small = STRAIGHT * float(np.abs(along).sum())
-    kept = [0]
+    indices = [0]
     for k in range(1, len(x)):
-        step = value[k] - value[kept[-1]]
-        if len(kept) > 1 and step * (value[kept[-1]] - value[kept[-2]]) >= 0:
-            kept[-1] = k  # it goes on in the same direction
+        step = value[k] - value[indices[-1]]
+        if len(indices) > 1 and step * (value[indices[-1]] - value[indices[-2]]) >= 0:
+            indices[-1] = k  # it goes on in the same direction
         elif abs(step) > small:
-            kept.append(k)
-    if kept[-1] != len(x) - 1:
-        kept[-1 if len(kept) > 1 else 0] = len(x) - 1
-    return x[kept], value[kept]
+            indices.append(k)
+    if indices[-1] != len(x) - 1:
+        indices[-1 if len(indices) > 1 else 0] = len(x) - 1
+    return x[indices], value[indices]

@@ -544,7 +544,7 @@ class Planner:
             sentence = (
                 "The arm is in another configuration now, in which the motion is faster: joint "
                 f"{joint + 1} starts at {after:z.1f} deg, and started at {before:z.1f} deg before. "
-                "`start` in the job file fixes one."
+                "`seed` in the job file fixes one."
             )
             self._deliver(Frame("notice", {"sentence": sentence}), state)
         self.previewer.keep_start(planned.job, start)

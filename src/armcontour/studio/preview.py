@@ -140,12 +140,12 @@ class CoarsePlanner:
     def may_be_exact(self, planned: Preview) -> bool:
         """Whether a plan differs from that of a full run, which can be had in about a second.
 
-        An arm in space without a start searches all its configurations in a full run, and many
+        An arm in space without a seed searches all its configurations in a full run, and many
         set-points take long.
         """
         job = planned.job
         (own,) = job.runs
-        searches = isinstance(job.arm, SerialArm) and job.start is None
+        searches = isinstance(job.arm, SerialArm) and job.seed is None
         few = planned.trajectory.duration <= MOST_SET_POINTS * own.cycle
         return bool(planned.differs) and not searches and few and self.may_execute(planned)
 
@@ -315,9 +315,9 @@ class CoarsePlanner:
         Returns:
             The plan, and a sentence if it is in the configuration of the last plan.
         """
-        searches = tier != Tier.EXACT and job.start is None
+        searches = tier != Tier.EXACT and job.seed is None
         if searches and isinstance(job.arm, SerialArm) and self._arm is job.arm:
-            here = dataclasses.replace(job, start=self._start)
+            here = dataclasses.replace(job, seed=self._start)
             try:
                 found = plan_one(here, this, self._reuse, progress, clear=False, first_only=True)
                 return found, (CONFIGURATION,)

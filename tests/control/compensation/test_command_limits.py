@@ -79,7 +79,7 @@ def planned(arm, reserve):
     path = ac.Path.polyline(arm.tool_position(q[None])[0] + 0.1 * corners).pointing((0, 0, -1))
     path = ac.round_corners(path, tolerance=5e-4, continuity="curvature")
     limits = arm.limits.replace(speed=0.25, joint_jerk=4500.0)
-    return path, ac.plan(path, arm, limits, ac.Optimal(start=q, reserve=reserve))
+    return path, ac.plan(path, arm, limits, ac.Optimal(seed=q, reserve=reserve))
 
 
 @pytest.fixture(scope="module")

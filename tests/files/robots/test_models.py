@@ -48,7 +48,7 @@ def test_an_arm_of_a_model_moves_as_the_model():
     model.gravity.linear = np.zeros(3)
     arm = ac.load_arm(model, ac.ArmOptions(tip="effector_body"))
     line = ac.Path.polyline(arm.tool_position([q, q + 0.05])).oriented(arm.forward(q)[:3, :3])
-    assert ac.plan(line, arm, arm.limits.replace(speed=0.1), ac.Optimal(start=q)).duration > 0
+    assert ac.plan(line, arm, arm.limits.replace(speed=0.1), ac.Optimal(seed=q)).duration > 0
 
 
 def test_joints_that_are_locked_carry_what_hangs_on_them():

@@ -6,9 +6,9 @@ from numpy.polynomial import Polynomial
 from scipy.special import comb
 
 import armcontour as ac
-from armcontour.planning.jerk._polynomials import basis, motion_rows, raised, to_bernstein
-from armcontour.planning.jerk.mesh import End, Mesh, place_mesh
-from armcontour.planning.jerk.rows import control_points
+from armcontour.planning.jerk.mesh import End, JerkMesh, place_mesh
+from armcontour.planning.jerk.mesh_rows import control_points
+from armcontour.planning.jerk.polynomials import basis, motion_rows, raised, to_bernstein
 
 LIMITS = ac.Limits.only(joint_velocity=[1.0] * 2, joint_acceleration=[4.0] * 2)
 # Breaks of the path lie close together around 1.2.
@@ -74,7 +74,7 @@ def test_new_cells_that_nearly_end_at_a_break_end_there():
     brk = float(np.nextafter(0.5, 1.0))
     path = ac.JointPath.spline(POINTS[[0, 1, 4]], [0.0, brk, 2.0])
     nodes = np.array([0.0, 0.25, 0.75, 1.5, 2.0])
-    whole = Mesh.through(path, nodes, np.array([0, 4]), np.array([[True, True]]))
+    whole = JerkMesh.through(path, nodes, np.array([0, 4]), np.array([[True, True]]))
     found = whole.split(np.full(len(whole.grid), 2.0))
     # A part of 1e-16 m would have no second differences but rounding errors.
     assert found.grid.width.min() > 0.2 and brk in found.nodes and 0.5 not in found.nodes

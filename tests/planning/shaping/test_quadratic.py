@@ -7,7 +7,7 @@ import pytest
 from scipy import sparse
 from scipy.optimize import linprog
 
-from armcontour.planning.shaping._quadratic import solve_program
+from armcontour.planning.shaping.quadratic_program import solve_program
 
 
 def test_nearly_linear_programs():

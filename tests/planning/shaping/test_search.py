@@ -9,8 +9,8 @@ import armcontour as ac
 from armcontour.geometry import Tube
 from armcontour.planning.shaping.curves import draw
 from armcontour.planning.shaping.nodes import place_nodes
-from armcontour.planning.shaping.rows import Spline, assemble, span_rows
 from armcontour.planning.shaping.search import make_searches, why_not
+from armcontour.planning.shaping.spline_rows import JointSpline, assemble, span_rows
 from armcontour.planning.shaping.starts import (
     ARCS,
     PARABOLAS,
@@ -146,8 +146,8 @@ def case(request):
 @pytest.fixture(scope="module")
 def drawn(case):
     arm, objective, _, nodes = case
-    spline = Spline(q=nodes.q, h=np.diff(nodes.times), rest=nodes.rest)
-    return draw(spline, arm, objective, nodes.place, nodes.tolerance), spline
+    spline = JointSpline(q=nodes.q, h=np.diff(nodes.times), rest=nodes.rest)
+    return draw(spline, arm, objective, nodes.s_objective, nodes.tolerance), spline
 
 
 def test_arcs_are_tangent_and_near_the_curve_between_samples(drawn):
@@ -205,7 +205,7 @@ def test_nodes_are_dense_at_corners_and_fixed_where_the_arm_rests(case):
     gaps = np.linalg.norm(np.diff(nodes.points, axis=0), axis=1)
     for k, corner in enumerate(objective.vertices[tube.vertex]):
         at = int(np.argmin(np.linalg.norm(nodes.points - corner, axis=1)))
-        assert abs(nodes.place[at] - objective.breaks[tube.vertex[k]]) < TOLERANCE
+        assert abs(nodes.s_objective[at] - objective.breaks[tube.vertex[k]]) < TOLERANCE
         assert (nodes.vertex[at - 1 : at + 2] == k).all()
         assert gaps[at] < 0.2 * TOLERANCE < gaps.max()
 
@@ -214,7 +214,7 @@ def test_bounds_of_offsets_keep_control_points_in_the_tube(case):
     _, _, tube, nodes = case
     limits = nodes.bounds(tube, np.full(len(nodes), 1e-3))
     assert not limits[nodes.fixed].any() and (limits[~nodes.fixed].max(axis=1) > 0).all()
-    windows = tube.windows(nodes.place, nodes.reach)
+    windows = tube.windows(nodes.s_objective, nodes.reach)
     near = nodes.vertex >= 0
     corners = tube.objective.vertices[np.append(tube.vertex, 0)[nodes.vertex]]
     for side, most in zip(nodes.sides, limits.T, strict=True):
@@ -224,7 +224,7 @@ def test_bounds_of_offsets_keep_control_points_in_the_tube(case):
             assert (tube.margin(points, windows) >= 0).all()
             assert (np.linalg.norm(points - corners, axis=1)[near] <= TOLERANCE).all()
     # No limit is much less than it has to be: next to the lines it is a circle's.
-    middle = limits[np.argmax(np.diff(nodes.place))]
+    middle = limits[np.argmax(np.diff(nodes.s_objective))]
     assert middle.min() > 0.9 * TOLERANCE
 
 
@@ -244,7 +244,7 @@ def moving(request):
     q = np.array(middle) + 0.02 * np.cumsum(random.normal(size=(N, arm.dof)), axis=0)
     rest = np.isin(np.arange(N + 1), (0, 5, N))
     q[5] = q[4]
-    return arm, Spline(q=q, h=random.uniform(0.02, 0.05, N), rest=rest)
+    return arm, JointSpline(q=q, h=random.uniform(0.02, 0.05, N), rest=rest)
 
 
 def slope(arm, spline, limits, speeds=NO_SPEEDS, **change):
@@ -387,7 +387,7 @@ def test_the_program_has_the_derivatives_by_offsets_and_span_times(moving):
 
     def value(x):
         q = spline.q + np.einsum("njk,nk->nj", steps, x[:, :k] * unit[:, None])
-        changed = Spline(q=q, h=spline.h * (1 + x[:, k]), rest=spline.rest)
+        changed = JointSpline(q=q, h=spline.h * (1 + x[:, k]), rest=spline.rest)
         return span_rows(changed, arm, limits, NO_SPEEDS).value / rows.scale
 
     near = 1e-6 * max(np.abs(found).max(), 1.0)

@@ -38,11 +38,11 @@ def test_a_corner_is_faster_and_the_tool_keeps_its_orientation(name):
     objective = ac.Path.polyline(POINTS).oriented(DOWN)
     # Torques take most of the time; one arm is enough for them.
     limits = arm.limits if name == "ur5e" else arm.limits.replace(joint_torque=np.inf)
-    start = ac.trace(objective, arm)(0.0)
-    found = shaped(objective, arm, limits, start=start)
+    seed = ac.trace(objective, arm)(0.0)
+    found = shaped(objective, arm, limits, seed=seed)
     check_outcome(found)
     assert found.outcome.gain > 0.005 and found.outcome.note is None
-    planned = ac.plan(found, arm, limits, ac.Optimal(start=start))
+    planned = ac.plan(found, arm, limits, ac.Optimal(seed=seed))
     assert planned.duration == pytest.approx(found.outcome.durations["shaped"], rel=1e-9)
     points, rotations = arm.pose(planned(np.linspace(0, planned.duration, 200)))
     np.testing.assert_allclose(rotations, np.broadcast_to(DOWN, rotations.shape), atol=1e-6)
@@ -52,15 +52,15 @@ def test_a_corner_is_faster_and_the_tool_keeps_its_orientation(name):
 def test_a_turning_tool_has_the_orientation_of_the_place(ur5e):
     objective = ac.Path.polyline(POINTS).oriented([DOWN, TILTED, DOWN])
     limits = ur5e.limits.replace(angular_speed=1.0, angular_acceleration=8.0, joint_torque=np.inf)
-    start = ac.trace(objective, ur5e)(0.0)
-    found = shaped(objective, ur5e, limits, angular_tolerance=0.02, start=start)
+    seed = ac.trace(objective, ur5e)(0.0)
+    found = shaped(objective, ur5e, limits, angular_tolerance=0.02, seed=seed)
     check_outcome(found)
     assert found.outcome.note is None
     s = np.linspace(0, found.length, 301)
     place = np.interp(s, found.places[:, 1], found.places[:, 0])
     axes = found.orientation(s)[:, :, 2], objective.orientation(place)[:, :, 2]
     assert angle_between(*axes).max() <= 0.02
-    report = ac.check(ac.plan(found, ur5e, limits, ac.Optimal(start=start)), ur5e, limits, found)
+    report = ac.check(ac.plan(found, ur5e, limits, ac.Optimal(seed=seed)), ur5e, limits, found)
     assert report.verdict == "kept"
 
 

@@ -7,9 +7,9 @@ from scipy.optimize import linprog
 import armcontour as ac
 from armcontour.planning import optimal
 from armcontour.planning.constraints import Constraint, JointTorque, OnGrid, limits_on
-from armcontour.planning.grid import place_grid
-from armcontour.planning.topp._kernel import Bounds, Rules, plan_on_grid, rows_with_friction
-from armcontour.planning.topp.limits import (
+from armcontour.planning.path_grid import place_grid
+from armcontour.planning.topp.kernels import MotionBounds, Rules, plan_on_grid, rows_with_friction
+from armcontour.planning.topp.limit_forms import (
     ALONE,
     BY_SLOPE,
     BY_U,
@@ -20,8 +20,8 @@ from armcontour.planning.topp.limits import (
     B,
     Ceiling,
     Friction,
+    LinearRows,
     Rounds,
-    Rows,
     Squares,
 )
 
@@ -105,7 +105,7 @@ def test_sampled_coefficients_and_friction_rise_no_more_than_their_forms_say():
         bound = np.einsum("nrk,nk->nr", limits.rows.rise, bounds)
         value = by_u * u + by_x * x + alone
         assert (rise_of(value) <= bound + 1e-9).mean() > 0.999  # samples in middles prove nothing
-        near = Bounds(
+        near = MotionBounds(
             x.max(axis=(0, 2)), x.min(axis=(0, 2)), bounds[:, 0].copy(), bounds[:, 2].copy()
         )
         rows = rows_with_friction(path.grid.width, limits, near, True)
@@ -165,13 +165,13 @@ class Own(Constraint):
     def __init__(self, form):
         self.form = form
 
-    def on(self, path):
+    def discretize(self, path):
         return (self.form,)
 
 
 RIGHT = {
-    Rows: {"ends": (5, 2, 3, 4), "rise": (5, 3, 4)},
-    Squares: {"ends": (5, 2, 3), "most": (5, 3), "rise": (5, 3, 4)},
+    LinearRows: {"ends": (5, 2, 3, 4), "rise": (5, 3, 4)},
+    Squares: {"ends": (5, 2, 3), "largest": (5, 3), "rise": (5, 3, 4)},
     Rounds: {"ends": (5, 2, 3, 2, 3), "radius": (5, 3), "rise": (5, 3, 4)},
     Friction: {"viscous": (5, 2, 3), "within": (5, 3, 3)},
     Ceiling: {"x": (5, 2)},

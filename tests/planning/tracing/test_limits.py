@@ -37,7 +37,7 @@ def test_ranges_that_limits_narrow_or_widen_are_used(ur5e):
     for q in ways:
         np.testing.assert_allclose(ur5e.tool_position(q), LINE(S), atol=1e-9)
     for start in (None, found[0](0.0) + 0.01):
-        planned = ac.plan(LINE, ur5e, limits, ac.Optimal(start=start))
+        planned = ac.plan(LINE, ur5e, limits, ac.Optimal(seed=start))
         ways.append(planned(np.linspace(0, planned.duration, 200)))
     assert all(((q[:, 3] > 3.2) & (q[:, 3] < 6.28)).all() for q in ways)
     tight = ur5e.with_limits(ranges(ur5e, 1, 0.5, 0.6))

@@ -10,8 +10,7 @@ import armcontour as ac
 from armcontour.core.frames import Frame, exp, log
 from armcontour.planning.tracing import trace_all
 from armcontour.planning.tracing.configurations import follow_branches
-from armcontour.planning.tracing.knots import first_knots
-from armcontour.planning.tracing.poses import row_of_poses
+from armcontour.planning.tracing.knots import first_knots, row_of_poses
 from armcontour.planning.tracing.redundancy import smooth
 from armcontour.robot import Chain, SerialArm
 from armcontour.robot.inverse import configurations
@@ -170,11 +169,11 @@ def test_a_start_says_which_configuration_and_which_turn(ur5e):
     assert len(found) == 8
     for traced in found:
         start = traced(0.0) + 0.02
-        np.testing.assert_allclose(ac.trace(path, ur5e, start=start)(0.0), traced(0.0), atol=1e-9)
+        np.testing.assert_allclose(ac.trace(path, ur5e, seed=start)(0.0), traced(0.0), atol=1e-9)
     # Six of the joints turn by two turns, so that the start may be another turn away.
     start = found[0](0.0)
     start[5] += -2 * np.pi if start[5] > 0 else 2 * np.pi
-    again = ac.trace(path, ur5e, start=start)
+    again = ac.trace(path, ur5e, seed=start)
     np.testing.assert_allclose(again(0.0), start, atol=1e-9)
     np.testing.assert_allclose(again(path.length)[:5], found[0](path.length)[:5], atol=1e-9)
 
@@ -189,7 +188,7 @@ def test_with_joints_to_spare_a_start_that_holds_the_tool_is_kept(panda):
         assert len(starts) == 3
         for start in starts:
             try:
-                traced = ac.trace(path, panda, start=start)
+                traced = ac.trace(path, panda, seed=start)
             except ac.Unreachable:  # it does not come to the end from everywhere
                 continue
             np.testing.assert_allclose(traced(0.0), start, atol=1e-7)
@@ -203,16 +202,16 @@ def test_a_start_that_leads_nowhere_is_told_of_one_that_does(ur5e, refuses):
     random = np.random.default_rng(0)
     starts = (random.uniform(-np.pi, np.pi, 6) for _ in range(500))
     start = next(q for q in starts if len(configurations(ur5e, pose, 6, q)) == 0)
-    with pytest.raises(ac.Unreachable, match="From the given start") as caught:
-        ac.trace(path, ur5e, start=start)
+    with pytest.raises(ac.Unreachable, match="From the given seed") as caught:
+        ac.trace(path, ur5e, seed=start)
     error = caught.value
-    assert error.limit == "start" and error.s == 0 and error.needed > 0.1
+    assert error.limit == "seed" and error.s == 0 and error.needed > 0.1
     np.testing.assert_allclose(error.point, (0.8, 0, 0.3))
     better = [float(x) for x in str(error).split("such as (")[1].split(")")[0].split(",")]
-    np.testing.assert_allclose(ac.trace(path, ur5e, start=better)(0.0), better, atol=1e-4)
-    refuses(lambda: ac.trace(path, ur5e, start=[0.0] * 5), ac.InvalidInput)
+    np.testing.assert_allclose(ac.trace(path, ur5e, seed=better)(0.0), better, atol=1e-4)
+    refuses(lambda: ac.trace(path, ur5e, seed=[0.0] * 5), ac.InvalidInput)
     degrees = (0, -90, 90, -90, -90, 0)
-    refuses(lambda: ac.trace(path, ur5e, start=degrees), ac.InvalidInput, joint=1)
+    refuses(lambda: ac.trace(path, ur5e, seed=degrees), ac.InvalidInput, joint=1)
 
 
 def test_a_waypoint_a_millimetre_out_of_reach(ur5e):
@@ -312,7 +311,7 @@ def test_near_the_wrists_singularity_it_turns_fast_and_through_it_is_refused(ur5
     through = ac.Path.polyline(points).oriented(turns)
     assert len(trace_all(through, ur5e)) == 4
     with pytest.raises(ac.Unreachable, match="singular") as caught:
-        ac.trace(through, ur5e, start=start)
+        ac.trace(through, ur5e, seed=start)
     error = caught.value
     assert error.limit == "singularity"
     assert error.s == pytest.approx(through.length / 2, abs=0.003)

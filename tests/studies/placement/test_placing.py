@@ -55,7 +55,7 @@ def moved(job, frame):
 def plan(job):
     (run,) = job.runs
     path = ac.round_corners(job.path, tolerance=run.rounding.tolerance)
-    return ac.plan(path, job.arm, run.limits, replace(run.timing, start=job.start))
+    return ac.plan(path, job.arm, run.limits, replace(run.timing, seed=job.seed))
 
 
 def durations(found, job, anchor):

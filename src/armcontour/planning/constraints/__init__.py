@@ -1,9 +1,13 @@
 """Constraints of the optimal planner: one subclass of `Constraint` for each kind of limit."""
 
-from armcontour.planning.constraints.base import Constraint, IntervalEnds, limits_on
-from armcontour.planning.constraints.joints import JointMotion, JointTorque
-from armcontour.planning.constraints.second_order import SecondOrder
-from armcontour.planning.constraints.tool import (
+from armcontour.planning.constraints.constraint import (
+    Constraint,
+    IntervalEnds,
+    SecondOrder,
+    limits_on,
+)
+from armcontour.planning.constraints.joint_limits import JointMotion, JointTorque
+from armcontour.planning.constraints.tool_limits import (
     AngularAcceleration,
     AngularSpeed,
     CentripetalAcceleration,

@@ -9,7 +9,10 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 from armcontour.motion import JointPath, PathLaw
-from armcontour.planning.grid import Grid
+from armcontour.planning.constraints import JointMotion, OnGrid, limits_on
+from armcontour.planning.options import Task
+from armcontour.planning.path_grid import Grid
+from armcontour.planning.topp.limit_forms import collect, largest_u
 
 # Cells are spread over time, over arc length, and as the grid of the plan without jerk, which is
 # finer where the joints turn, in these shares.
@@ -61,19 +64,19 @@ class End:
         longest = max(shortest, longest)
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
             if not self.rest:
-                way = self.square / self.acceleration
+                distance = self.square / self.acceleration
             else:
                 time = min(
                     self.acceleration / self.jerk,
                     np.sqrt(self.speed / self.jerk),
                     np.cbrt(length / 2 / self.jerk),
                 )
-                way = FIRST_CELL * self.jerk * time**3 / 6 if np.isfinite(self.jerk) else 0.0
-        return float(np.clip(np.nan_to_num(way, nan=longest), shortest, longest))
+                distance = FIRST_CELL * self.jerk * time**3 / 6 if np.isfinite(self.jerk) else 0.0
+        return float(np.clip(np.nan_to_num(distance, nan=longest), shortest, longest))
 
 
 @dataclass(frozen=True, slots=True)
-class Mesh:
+class JerkMesh:
     """Cells of a path, in sections between rests or other ends, and their parts.
 
     ds² is one parabola on each cell, and the joint path one polynomial on each part.
@@ -101,34 +104,34 @@ class Mesh:
     @property
     def ramps(self) -> IntArray:
         """1 for cells of uniform jerk from a rest, -1 for those to a rest, else 0, (n,)."""
-        found = np.zeros(len(self.nodes) - 1, dtype=np.intp)
-        found[self.sections[:-1][self.at_rest[:, 0]]] = 1
-        found[self.sections[1:][self.at_rest[:, 1]] - 1] = -1
-        return found
+        signs = np.zeros(len(self.nodes) - 1, dtype=np.intp)
+        signs[self.sections[:-1][self.at_rest[:, 0]]] = 1
+        signs[self.sections[1:][self.at_rest[:, 1]] - 1] = -1
+        return signs
 
     @classmethod
     def through(
         cls, joint_path: JointPath, nodes: FloatArray, sections: IntArray, at_rest: BoolArray
-    ) -> Mesh:
+    ) -> JerkMesh:
         """The mesh of given cells, with the breaks of the joint path as further ends of parts."""
         s = np.union1d(nodes, joint_path.breaks)
         middle = (s[:-1] + s[1:]) / 2
         grid = Grid(joint_path, s, joint_path.locate(middle))
         return cls(grid, nodes, np.searchsorted(nodes, middle) - 1, sections, at_rest)
 
-    def split(self, parts: FloatArray) -> Mesh:
+    def split(self, parts: FloatArray) -> JerkMesh:
         """Split cells, but those of uniform jerk, into the largest number of their parts, (m,)."""
-        most = np.ones(len(self.nodes) - 1)
-        np.maximum.at(most, self.cell, parts)
-        count = np.where(self.ramps != 0, 1, np.ceil(most)).astype(np.intp)
-        of, number = number_parts(count)
+        largest = np.ones(len(self.nodes) - 1)
+        np.maximum.at(largest, self.cell, parts)
+        count = np.where(self.ramps != 0, 1, np.ceil(largest)).astype(np.intp)
+        cells, number = number_parts(count)
         before = np.concatenate([[0], np.cumsum(count)])
-        share = number / count[of]
-        nodes = np.append(self.nodes[of] + self.width[of] * share, self.nodes[-1])
+        share = number / count[cells]
+        nodes = np.append(self.nodes[cells] + self.width[cells] * share, self.nodes[-1])
         # A new node that misses a break by a rounding error would leave a part without a size.
         snapped, new = _snap(nodes, self.grid.joint_path.breaks), np.append(number > 0, False)
         nodes = np.where(new, snapped, nodes)
-        return Mesh.through(self.grid.joint_path, nodes, before[self.sections], self.at_rest)
+        return JerkMesh.through(self.grid.joint_path, nodes, before[self.sections], self.at_rest)
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,74 +161,76 @@ def place_mesh(
     law: PathLaw,
     turns: FloatArray,
     cells: int,
-    places: FloatArray,
+    section_ends: FloatArray,
     ends: list[tuple[End, End]],
-) -> Mesh:
+) -> JerkMesh:
     """Make cells for a plan near another one.
 
     Args:
         law: The other plan.
         turns: Arc lengths that are denser where the joints turn [m], from start to end.
         cells: About so many cells, without those next to rests.
-        places: Arc lengths of the ends of the sections [m], (sections + 1,).
+        section_ends: Arc lengths of the ends of the sections [m], (sections + 1,).
         ends: How the motion starts and stops in each section.
     """
-    found, first, share = [], [0], _Share(law, turns)
+    node_rows, first, share = [], [0], _Share(law, turns)
     per_ramp = float(np.clip(cells / 50, 8, 20))
-    for begin, end, both in zip(places[:-1], places[1:], ends, strict=True):
+    for begin, end, both in zip(section_ends[:-1], section_ends[1:], ends, strict=True):
         nodes = _nodes(share, cells, (float(begin), float(end)), both, per_ramp)
-        found.append(nodes[:-1])
+        node_rows.append(nodes[:-1])
         first.append(first[-1] + len(nodes) - 1)
-    nodes = np.concatenate([*found, places[-1:]])
+    nodes = np.concatenate([*node_rows, section_ends[-1:]])
     at_rest = np.array([[x.rest, y.rest] for x, y in ends])
-    return Mesh.through(law.joint_path, nodes, np.array(first), at_rest)
+    return JerkMesh.through(law.joint_path, nodes, np.array(first), at_rest)
 
 
 def _nodes(
     share: _Share,
     cells: int,
-    places: tuple[float, float],
+    limits: tuple[float, float],
     ends: tuple[End, End],
     per_ramp: float,
 ) -> FloatArray:
     """Ends of the cells of one section [m]."""
-    begin, end = places
+    begin, end = limits
     length = end - begin
     firsts = [x.first_cell(length) for x in ends]
     inner = np.concatenate([x[(x > begin) & (x < end)] for x in (share.law.s, share.turns)])
     knots = share.law.joint_path.breaks
     knots = knots[(knots > begin) & (knots < end)]
-    at = np.unique(np.concatenate([[begin, end], inner, knots, _near_ends(places, firsts)]))
-    mass = cells * share.before(at)
-    for first, away, sign, x in zip(firsts, (at - begin, end - at), (1, -1), ends, strict=True):
-        mass += sign * _mass_near(first, away, per_ramp if x.rest else 0.0)
+    s = np.unique(np.concatenate([[begin, end], inner, knots, _near_ends(limits, firsts)]))
+    mass = cells * share.before(s)
+    for first, away, sign, section_end in zip(
+        firsts, (s - begin, end - s), (1, -1), ends, strict=True
+    ):
+        mass += sign * _mass_near(first, away, per_ramp if section_end.rest else 0.0)
     start, stop = (begin + firsts[0] * ends[0].rest, end - firsts[1] * ends[1].rest)
-    low, high = np.interp([start, stop], at, mass)
-    kept, last = [low], low
-    of_knots = np.interp(knots, at, mass)
-    while (k := int(np.searchsorted(of_knots, last + NEAR_KNOT))) < len(knots):
-        if of_knots[k] > high - NEAR_KNOT:
+    low, high = np.interp([start, stop], s, mass)
+    targets, last = [low], low
+    knot_mass = np.interp(knots, s, mass)
+    while (k := int(np.searchsorted(knot_mass, last + NEAR_KNOT))) < len(knots):
+        if knot_mass[k] > high - NEAR_KNOT:
             break
-        kept.append(of_knots[k])
-        last = of_knots[k]
-    needed = np.array([*kept, high])
+        targets.append(knot_mass[k])
+        last = knot_mass[k]
+    needed = np.array([*targets, high])
     count = np.maximum(1, np.ceil(np.diff(needed))).astype(np.intp)
-    of, number = number_parts(count)
-    wanted = needed[of] + np.diff(needed)[of] * number / count[of]
-    nodes = np.append(np.interp(wanted, mass, at), stop)
+    intervals, number = number_parts(count)
+    positions = needed[intervals] + np.diff(needed)[intervals] * number / count[intervals]
+    nodes = np.append(np.interp(positions, mass, s), stop)
     nodes[0] = start
     nodes = _snap(_apart(nodes, SHORTEST * length), knots)
     before, after = [begin] * ends[0].rest, [end] * ends[1].rest
     return np.concatenate([before, nodes, after])
 
 
-def _apart(nodes: FloatArray, least: float) -> FloatArray:
+def _apart(nodes: FloatArray, spacing: float) -> FloatArray:
     """Leave out inner nodes until all are at least so far apart [m]."""
-    steps = np.floor((nodes - nodes[0]) / least)
-    kept = np.append(True, np.diff(steps) > 1)
-    kept[-1] = True
-    kept[1:-1] &= nodes[-1] - nodes[1:-1] > least
-    return np.asarray(nodes[kept])
+    steps = np.floor((nodes - nodes[0]) / spacing)
+    mask = np.append(True, np.diff(steps) > 1)
+    mask[-1] = True
+    mask[1:-1] &= nodes[-1] - nodes[1:-1] > spacing
+    return np.asarray(nodes[mask])
 
 
 def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:
@@ -237,16 +242,16 @@ def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:
     inner = nodes[1:-1]
     nearest = np.where(inner - left < right - inner, left, right)
     room = np.minimum(np.diff(nodes)[:-1], np.diff(nodes)[1:])
-    found = nodes.copy()
-    found[1:-1] = np.where(np.abs(nearest - inner) < SNAP * room, nearest, inner)
-    return found
+    snapped = nodes.copy()
+    snapped[1:-1] = np.where(np.abs(nearest - inner) < SNAP * room, nearest, inner)
+    return snapped
 
 
-def _near_ends(places: tuple[float, float], firsts: list[float]) -> FloatArray:
+def _near_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray:
     """Arc lengths at which the mass of cells next to ends of a section is computed [m]."""
-    length = places[1] - places[0]
+    length = limits[1] - limits[0]
     first, last = (np.geomspace(x, length, PLACES)[:-1] for x in firsts)
-    return np.concatenate([places[0] + first, places[1] - last])
+    return np.concatenate([limits[0] + first, limits[1] - last])
 
 
 def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
@@ -264,3 +269,102 @@ def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     width = 3 / per_ramp * np.cbrt(first) * np.cbrt(last) ** 2
     beyond = np.log1p(GROWTH * np.maximum(away - last, 0) / width) / GROWTH
     return np.asarray(near + beyond)
+
+
+# A jump of d2q_ds2, or of what it means for the tool, counts if it is this share of its size, and
+# if at the plan's speed the jerk needs longer than this share of the duration for it.
+KINK, TOO_SHORT = 1e-6, 1e-8
+# In a long plan it counts if the jerk needs longer than this for it [s]: half of what `check` lets
+# pass as a rounding error.
+AT_ONCE = 5e-6
+# The path hardly bends over a length that turns it by less than about this [rad].
+EVEN_BEND = 5e-4
+# dq_ds vanishes at an end if it is below this share of that near it; the first cell is then at most
+# this share of the section.
+STANDING, SHARE_AT_STANDING = 0.1, 5e-4
+# The rates at a rest are those at this share of its section.
+NEAR_REST = 5e-3
+
+
+def find_sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
+    """Ends of the sections of a path [m], and whether the motion rests there."""
+    path, inner = law.joint_path, law.s[1:-1]
+    stops = np.union1d(path.stops, _bends(law, task))
+    stops = stops[(stops > law.s[0]) & (stops < law.s[-1])]
+    if len(inner):
+        stops = np.union1d(stops, inner[law.rates.ds[1:] == 0])
+    ends = np.concatenate([law.s[:1], stops, law.s[-1:]])
+    at_rest = np.ones((len(ends) - 1, 2), dtype=bool)
+    at_rest[0, 0], at_rest[-1, 1] = task.start_speed == 0, task.end_speed == 0
+    return ends, at_rest
+
+
+def _bends(law: PathLaw, task: Task) -> FloatArray:
+    """Breaks of the joint path at which limited accelerations jump at the speed of a plan [m]."""
+    path, jerk, inner = law.joint_path, task.jerk, np.arange(1, len(law.joint_path.breaks) - 1)
+    breaks = path.breaks[inner]
+    before, after = (path.on_interval(inner - side, breaks, 2) for side in (1, 0))
+    jump, size, limit = np.abs(after - before), np.abs(before) + np.abs(after), jerk.joint
+    if np.isfinite(jerk.tool):
+        q = path.on_interval(inner, breaks, 0)
+        velocities = [task.arm.tool_velocity(q, x) for x in (after - before, before, after)]
+        turn, one, other = (np.linalg.norm(x, axis=1, keepdims=True) for x in velocities)
+        jump, size = np.hstack([jump, turn]), np.hstack([size, one + other])
+        limit = np.append(limit, jerk.tool)
+    square = square_at(law, np.clip(breaks, law.s[0], law.s[-1]))[:, None]
+    soon = min(TOO_SHORT * law.breaks[-1], AT_ONCE) * limit
+    return np.asarray(breaks[((jump > KINK * size) & (jump * square > soon)).any(axis=1)])
+
+
+def find_ends(
+    law: PathLaw, task: Task, section_ends: FloatArray, at_rest: BoolArray
+) -> list[tuple[End, End]]:
+    """How the motion may start and stop in each section, near a plan."""
+    grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
+    path = OnGrid(grid)
+    (first, second), (third, _) = path.derivatives
+    acceleration = largest_u(limits_on(path, task.active))
+    for constraint in task.active:
+        if isinstance(constraint, JointMotion) and len(constraint.low):
+            acceleration = np.minimum(
+                acceleration, largest_u(collect([constraint.rows(path)], len(path)))
+            )
+    with np.errstate(divide="ignore"):
+        jerk = (task.jerk.joint / np.abs(first).max(axis=1)).min(axis=1)
+    jerk = np.minimum(jerk, min(task.jerk.path, task.jerk.tool))
+    speed = np.maximum.reduceat(
+        np.append(law.speeds, 0.0), np.searchsorted(law.s, section_ends, side="right")
+    )[:-1]
+    inset = NEAR_REST * np.diff(section_ends)
+    size = np.linalg.norm(first, axis=2).max(axis=1)
+    curvature = np.linalg.norm(second, axis=2).max(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        even = np.fmin(EVEN_BEND * size / curvature, np.sqrt(EVEN_BEND * size / third.max(axis=1)))
+    squares = np.square([task.start_speed, task.end_speed])
+
+    def ends_on_side(side: int, s: FloatArray) -> list[End]:
+        i = np.clip(np.searchsorted(law.s, s, side="right") - 1, 0, len(grid) - 1)
+        edge = section_ends[side : len(section_ends) - 1 + side]
+        j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
+        straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
+        # Where the joints start with dq_ds = 0, the direction of motion is that farther inside.
+        standing = size[j] < STANDING * size[i]
+        straight = np.where(standing, SHARE_AT_STANDING * np.diff(section_ends), straight)
+        rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)
+        return [
+            End(bool(rest), float(squares[side]), float(x), float(y), float(v), float(e))
+            for rest, x, y, v, e in rows
+        ]
+
+    return list(
+        zip(
+            ends_on_side(0, section_ends[:-1] + inset),
+            ends_on_side(1, section_ends[1:] - inset),
+            strict=True,
+        )
+    )
+
+
+def square_at(law: PathLaw, s: FloatArray) -> FloatArray:
+    """ds² of a plan at arc lengths [m²/s²], (n,)."""
+    return np.asarray(law.path_position(*law.reach(s), 1) ** 2)

@@ -13,7 +13,7 @@ from armcontour.core.quintics import quintic
 from armcontour.core.sampling import number_parts
 from armcontour.geometry import Path, Segments, SmoothCurve
 from armcontour.geometry.biarcs import biarcs
-from armcontour.planning.shaping.rows import Spline
+from armcontour.planning.shaping.spline_rows import JointSpline
 from armcontour.robot import Arm
 
 # A span is cut into parts in which the joint velocity changes by this share of itself.
@@ -34,7 +34,7 @@ Ends: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drawn:
+class DrawnPath:
     """A tool path that was drawn by a spline.
 
     Args:
@@ -51,33 +51,33 @@ class Drawn:
 
 
 def draw(
-    spline: Spline, arm: Arm, objective: Path, place: FloatArray, tolerance: FloatArray
-) -> Drawn:
+    spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, tolerance: FloatArray
+) -> DrawnPath:
     """The tool path of a spline.
 
     Args:
         spline: The spline.
         arm: The arm.
         objective: The objective path.
-        place: Arc lengths on the objective at the control points [m], (n,).
+        s_objective: Arc lengths on the objective at the control points [m], (n,).
         tolerance: Tolerance at the control points [m], (n,); the arcs are a small part of this from
             the curve.
     """
     count = _count_parts(spline)
-    drawn = _draw(spline, arm, objective, place, count)
-    more = _lack(drawn.segments, drawn.curve.spreads, count, tolerance)
-    if not (more > 1).any():
+    drawn = _draw(spline, arm, objective, s_objective, count)
+    factor = _lack(drawn.segments, drawn.curve.spreads, count, tolerance)
+    if not (factor > 1).any():
         return drawn
-    rough = np.arange(len(count))
-    for left in reversed(range(MOST_ROUNDS - 1)):
-        rough, more = rough[more > 1], more[more > 1]
-        count[rough] *= np.clip(np.ceil(more), 2, MOST_PARTS).astype(np.intp)
-        if not (left and len(rough)):
+    spans = np.arange(len(count))
+    for rounds_left in reversed(range(MOST_ROUNDS - 1)):
+        spans, factor = spans[factor > 1], factor[factor > 1]
+        count[spans] *= np.clip(np.ceil(factor), 2, MOST_PARTS).astype(np.intp)
+        if not (rounds_left and len(spans)):
             break
-        span, share = _parts(rough, count[rough])
+        span, share = _parts(spans, count[spans])
         arcs, breaks, quintics = _fit(*(_points(spline, arm, span, x) for x in share.T))
-        more = _lack(arcs, _spreads(arcs, breaks, quintics), count[rough], tolerance[rough])
-    return _draw(spline, arm, objective, place, count)
+        factor = _lack(arcs, _spreads(arcs, breaks, quintics), count[spans], tolerance[spans])
+    return _draw(spline, arm, objective, s_objective, count)
 
 
 def _lack(
@@ -92,18 +92,18 @@ def _lack(
         tolerance: Tolerance at each span [m], (m,).
     """
     first = np.cumsum(count) - count
-    far = np.maximum.reduceat(spreads, first) / np.maximum(NEAR * tolerance, NEAREST)
+    deviation = np.maximum.reduceat(spreads, first) / np.maximum(NEAR * tolerance, NEAREST)
     turns = (arcs.curvatures * arcs.lengths).reshape(-1, 2).sum(axis=1)
     # Where the tool nearly stops it may turn within a small part of a span.
     turn = np.maximum.reduceat(turns, first) / SHARPEST
     # The distance falls with the cube of the length.
-    return np.asarray(np.maximum(np.cbrt(far), turn))
+    return np.asarray(np.maximum(np.cbrt(deviation), turn))
 
 
 def _parts(spans: IntArray, count: IntArray) -> tuple[IntArray, FloatArray]:
     """The span of each part, and the shares of its span at which it begins and ends, (p, 2)."""
-    of, number = number_parts(count)
-    return spans[of], np.stack([number, number + 1], axis=1) / count[of][:, None]
+    span, number = number_parts(count)
+    return spans[span], np.stack([number, number + 1], axis=1) / count[span][:, None]
 
 
 def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
@@ -121,7 +121,9 @@ def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
     return arcs, breaks, quintic(np.diff(breaks), begin, end)
 
 
-def _draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray, count: IntArray) -> Drawn:
+def _draw(
+    spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, count: IntArray
+) -> DrawnPath:
     """The tool path of a spline whose spans are drawn in several parts each, (n,)."""
     span, share = _parts(np.arange(len(count)), count)
     begin = _points(spline, arm, span, share[:, 0])
@@ -132,20 +134,20 @@ def _draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray, count: I
     into = np.concatenate([begin[1][1:], end[1][-1:]])
     into[rests] = end[1][rests]
     arcs, breaks, coefficients = _fit(begin, (points[1:], into, end[2]))
-    ends = spline.at_knots(place[:, None])[:, 0]
-    at = ends[span][:, None] + share * (ends[span + 1] - ends[span])[:, None]
-    segments = _with_columns(arcs, objective, at)
+    ends = spline.at_knots(s_objective[:, None])[:, 0]
+    s_parts = ends[span][:, None] + share * (ends[span + 1] - ends[span])[:, None]
+    segments = _with_columns(arcs, objective, s_parts)
     curve = SmoothCurve(
         breaks=breaks, coefficients=coefficients, spreads=_spreads(segments, breaks, coefficients)
     )
-    places = np.stack([np.append(at[:, 0], at[-1, 1]), breaks], axis=1)
-    places[[0, -1], 0] = 0.0, objective.length
-    places[:, 0] = np.maximum.accumulate(places[:, 0])
+    matches = np.stack([np.append(s_parts[:, 0], s_parts[-1, 1]), breaks], axis=1)
+    matches[[0, -1], 0] = 0.0, objective.length
+    matches[:, 0] = np.maximum.accumulate(matches[:, 0])
     knots = np.append(breaks[np.searchsorted(span, np.arange(len(spline.q)))], breaks[-1])
-    return Drawn(segments=segments, curve=curve, places=places, knots=knots)
+    return DrawnPath(segments=segments, curve=curve, places=matches, knots=knots)
 
 
-def _count_parts(spline: Spline) -> IntArray:
+def _count_parts(spline: JointSpline) -> IntArray:
     """How many parts to draw each span in, so that speeds change little along a part, (n,)."""
     e = np.linalg.norm(spline.velocities, axis=1)
     change = np.linalg.norm(np.diff(spline.velocities, axis=0), axis=1)
@@ -156,7 +158,7 @@ def _count_parts(spline: Spline) -> IntArray:
     return np.asarray(count)
 
 
-def _points(spline: Spline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
+def _points(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
     """Points, tangents and their derivatives along the arc length, (m, dimension) each.
 
     Args:
@@ -180,20 +182,20 @@ def _points(spline: Spline, arm: Arm, span: IntArray, share: FloatArray) -> Ends
     return arm.tool_position(q), tangent, (acceleration - along * tangent) / speed**2
 
 
-def _with_columns(arcs: Segments, objective: Path, places: FloatArray) -> Segments:
+def _with_columns(arcs: Segments, objective: Path, s_parts: FloatArray) -> Segments:
     """The arcs with assigned velocities, tolerances and tags of their parts of the objective."""
     last = len(objective) - 1
-    first = np.clip(np.searchsorted(objective.breaks, places[:, 0], side="right") - 1, 0, last)
-    end = np.clip(np.searchsorted(objective.breaks, places[:, 1], side="left") - 1, first, last)
+    first = np.clip(np.searchsorted(objective.breaks, s_parts[:, 0], side="right") - 1, 0, last)
+    end = np.clip(np.searchsorted(objective.breaks, s_parts[:, 1], side="left") - 1, first, last)
     columns: dict[str, npt.NDArray[Any]] = {}
     for name in ("speeds", "tolerances"):
         values = getattr(objective, name)
-        found = values[first]
+        column = values[first]
         if not np.isnan(values).all():
             # A part that lies along several segments takes the least of their values.
             for k in range(1, int((end - first).max(initial=0)) + 1):
-                found = np.fmin(found, values[np.minimum(first + k, end)])
-        columns[name] = np.repeat(found, 2)
+                column = np.fmin(column, values[np.minimum(first + k, end)])
+        columns[name] = np.repeat(column, 2)
     columns["tags"] = np.repeat(objective.segments.tags[first], 2)
     return arcs.replace(checked=False, **columns)
 
@@ -207,6 +209,6 @@ def _spreads(segments: Segments, breaks: FloatArray, coefficients: FloatArray) -
     half = segments.lengths[::2][:, None]
     second = u > half
     row = 2 * np.arange(len(width))[:, None] + second
-    on = segments.at(row.ravel(), np.where(second, u - half, u).ravel())
-    off = np.linalg.norm(on.reshape(points.shape) - points, axis=2)
-    return np.asarray(SURE * off.max(axis=1))
+    arc_points = segments.at(row.ravel(), np.where(second, u - half, u).ravel())
+    deviation = np.linalg.norm(arc_points.reshape(points.shape) - points, axis=2)
+    return np.asarray(SURE * deviation.max(axis=1))

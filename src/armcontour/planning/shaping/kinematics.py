@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import Unreachable
 from armcontour.geometry import Path
-from armcontour.planning.tracing.poses import task_dimension
+from armcontour.planning.tracing.knots import task_dimension
 from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 
 
@@ -86,11 +86,11 @@ class NearPath:
         poses = np.array(self.poses)
         poses[:, :, 3] = points
         q = np.array(guess, order="C")
-        found = newton.newton(
+        solved = newton.newton(
             self.arm.link_table, self.task, q, poses, self.free[:, None], self.q[:, None]
         )
-        if not found.all():
-            i = int(np.argmin(found))
+        if not solved.all():
+            i = int(np.argmin(solved))
             raise Unreachable("A control point is out of reach.", point=points[i].tolist())
         return q
 

@@ -57,13 +57,13 @@ class Nodes:
     """The n nodes along a start.
 
     Args:
-        place: Arc lengths on the objective [m], (n,).
+        s_objective: Arc lengths on the objective [m], (n,).
         points: Points on the start [m], (n, dimension).
         frames: Directions of the offsets as columns, (n, dimension, k).
         sides: Directions in the coordinates of the offsets in which they are bounded, (m, k).
         sag: How far the curve may lie from the polygon of the control points [m], (n,).
         tolerance: Tolerance at each node [m], (n,).
-        least: The least tolerance at each node and its neighbours, whose control points shape the
+        smallest: Least tolerance of each node and its neighbours, whose control points shape the
             curve together [m], (n,).
         reach: Reach of the own part of each node along the objective [m], (n,).
         fixed: Whether the control point stays on the start, (n,).
@@ -75,13 +75,13 @@ class Nodes:
         q: Joint positions at the nodes [rad], (n, dof).
     """
 
-    place: FloatArray
+    s_objective: FloatArray
     points: FloatArray
     frames: FloatArray
     sides: FloatArray
     sag: FloatArray
     tolerance: FloatArray
-    least: FloatArray
+    smallest: FloatArray
     reach: FloatArray
     fixed: BoolArray
     rest: BoolArray
@@ -93,7 +93,7 @@ class Nodes:
 
     def __len__(self) -> int:
         """Number of nodes."""
-        return len(self.place)
+        return len(self.s_objective)
 
     def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
         """Largest offsets along every side, (n, m), in metres.
@@ -103,25 +103,27 @@ class Nodes:
             inside: Share of the tolerance that offsets stay inside by, (n,).
         """
         windows = self._windows(tube)
-        spare = inside * self.least + np.minimum(self.sag, 0.3 * self.least)
-        kept = spare + self.tolerance - self.least
-        near = self.vertex >= 0
+        spare = inside * self.smallest + np.minimum(self.sag, 0.3 * self.smallest)
+        margin = spare + self.tolerance - self.smallest
+        at_corner = self.vertex >= 0
         corners = tube.objective.vertices[np.append(tube.vertex, 0)[self.vertex]]
-        allowed = np.where(near, np.append(tube.vertex_tolerance, 0.0)[self.vertex] - spare, np.inf)
+        allowed = np.where(
+            at_corner, np.append(tube.vertex_tolerance, 0.0)[self.vertex] - spare, np.inf
+        )
 
-        def fits(offset: FloatArray, direction: FloatArray) -> BoolArray:
+        def is_inside(offset: FloatArray, direction: FloatArray) -> BoolArray:
             points = self.points + offset[:, None] * direction
-            off = np.linalg.norm(points - corners, axis=1)
-            return np.asarray((tube.margin(points, windows) >= kept) & (off <= allowed))
+            deviation = np.linalg.norm(points - corners, axis=1)
+            return np.asarray((tube.margin(points, windows) >= margin) & (deviation <= allowed))
 
-        found = np.zeros((len(self), len(self.sides)))
+        offsets = np.zeros((len(self), len(self.sides)))
         # An inscribed polygon: between its sides' directions the tube is not looked at.
         share = np.cos(np.pi / len(self.sides)) if self.sides.shape[1] > 1 else 1.0
         for j, side in enumerate(self.sides):
             direction = self.frames @ side
-            found[:, j] = share * _farthest(fits, direction, self.tolerance)
-        found[self.fixed] = 0.0
-        return found
+            offsets[:, j] = share * _farthest(is_inside, direction, self.tolerance)
+        offsets[self.fixed] = 0.0
+        return offsets
 
     def _windows(self, tube: Tube) -> IntArray:
         """First and last piece that each node may be near, (n, 2): of its stretch of the objective.
@@ -130,29 +132,29 @@ class Nodes:
         """
         ends = tube.objective.breaks[tube.vertex]
         corners = np.concatenate([[-np.inf], ends, [np.inf]])
-        low = corners[np.searchsorted(ends, self.place - SAME, side="right")]
-        high = corners[np.searchsorted(ends, self.place + SAME, side="left") + 1]
-        low = np.maximum(self.place - self.reach, low + SAME)
-        high = np.minimum(self.place + self.reach, high - SAME)
+        low = corners[np.searchsorted(ends, self.s_objective - SAME, side="right")]
+        high = corners[np.searchsorted(ends, self.s_objective + SAME, side="left") + 1]
+        low = np.maximum(self.s_objective - self.reach, low + SAME)
+        high = np.minimum(self.s_objective + self.reach, high - SAME)
         return tube.windows_between(low, high)
 
 
 def _farthest(
-    fits: Callable[[FloatArray, FloatArray], BoolArray],
+    is_inside: Callable[[FloatArray, FloatArray], BoolArray],
     direction: FloatArray,
     tolerance: FloatArray,
 ) -> FloatArray:
     """Largest offsets along directions up to which all smaller ones fit [m], (n,)."""
-    low, alive = np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=bool)
+    low, inside = np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=bool)
     for share in np.arange(MARCH, FARTHEST, MARCH):
-        alive &= fits(share * tolerance, direction)
-        if not alive.any():
+        inside &= is_inside(share * tolerance, direction)
+        if not inside.any():
             break
-        low = np.where(alive, share * tolerance, low)
+        low = np.where(inside, share * tolerance, low)
     high = low + MARCH * tolerance
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        good = fits(middle, direction)
+        good = is_inside(middle, direction)
         low, high = np.where(good, middle, low), np.where(good, high, middle)
     return low
 
@@ -166,8 +168,8 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
         arm: The arm.
         configuration: For an arm in the plane, the branch of its inverse kinematics.
     """
-    path, places, joint_path = start.path, start.places, start.joint_path
-    marks = _Marks.of(path, places, tube)
+    path, matches, joint_path = start.path, start.places, start.joint_path
+    marks = _Marks.from_path(path, matches, tube)
     spread = _spread(start, arm, tube, marks)
     if spread is None:
         return None
@@ -177,15 +179,15 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
     doubled = np.concatenate([[False], row[1:] == row[:-1], [False]])
     s, mark = s[row], np.where(doubled[1:], -1, index[row])
     corner = np.where(mark >= 0, marks.corner[mark], -1)
-    place = np.interp(s, places[:, 1], places[:, 0])
-    place[corner >= 0] = tube.objective.breaks[tube.vertex[corner[corner >= 0]]]
-    tolerance = _tolerance_at(tube, place)
+    s_objective = np.interp(s, matches[:, 1], matches[:, 0])
+    s_objective[corner >= 0] = tube.objective.breaks[tube.vertex[corner[corner >= 0]]]
+    tolerance = _tolerance_at(tube, s_objective)
     resting = np.isin(index[row], np.flatnonzero(marks.rest))
     gap = np.diff(s)
     wide = np.maximum(np.append(0.0, gap), np.append(gap, 0.0))
     tangents = path(s, 1)
     return Nodes(
-        place=place,
+        s_objective=s_objective,
         points=path(s),
         frames=_frames(tangents),
         sides=_sides(tangents.shape[1] - 1),
@@ -193,12 +195,12 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
         # the joints bends.
         sag=wide**2 * _bend(joint_path, arm, s) / 8,
         tolerance=tolerance,
-        least=_least_nearby(tolerance),
+        smallest=_least_nearby(tolerance),
         reach=REACH * tolerance + 2 * wide,
         fixed=resting | (tolerance == 0),
         rest=doubled | np.isin(np.arange(len(s) + 1), [0, len(s)]),
         vertex=np.where(resting, -1, _beside_corners(corner)),
-        group=np.searchsorted((marks.at[1:] + marks.at[:-1]) / 2, s),
+        group=np.searchsorted((marks.s[1:] + marks.s[:-1]) / 2, s),
         times=start.trajectory.time_at(np.concatenate([s[:1], (s[1:] + s[:-1]) / 2, s[-1:]])),
         near=NearPath.along(joint_path(s), arm, configuration, path, s),
         q=joint_path(s),
@@ -210,53 +212,53 @@ class _Marks:
     """Rests and corners of a start, m of them.
 
     Args:
-        at: Arc lengths on the start, ascending [m], (m,).
+        s: Arc lengths on the start, ascending [m], (m,).
         rest: Whether the tool rests there, (m,).
         corner: Index of the corner in the tube; -1 for rests, (m,).
         first: Distance to the next nodes [m], (m,); of no meaning for rests.
     """
 
-    at: FloatArray
+    s: FloatArray
     rest: BoolArray
     corner: IntArray
     first: FloatArray
 
     @classmethod
-    def of(cls, path: Path, places: FloatArray, tube: Tube) -> _Marks:
+    def from_path(cls, path: Path, matches: FloatArray, tube: Tube) -> _Marks:
         """The marks of a path with places in a tube."""
-        at = np.interp(tube.objective.breaks[tube.vertex], places[:, 0], places[:, 1])
+        s_corners = np.interp(tube.objective.breaks[tube.vertex], matches[:, 0], matches[:, 1])
         stops = np.concatenate([[0.0], path.stops, [path.length]])
         turns = path_turns(tube)
-        gaps = np.diff(np.concatenate([[0.0], at, [path.length]]))
-        own = _tolerance_at(tube, tube.objective.breaks[tube.vertex])
-        dense = (turns < SHALLOW) & (np.minimum(gaps[1:], gaps[:-1]) < DENSE * own)
-        corner = np.flatnonzero(~_near(at, stops) & ~dense)
-        marks = np.concatenate([stops, at[corner]])
+        gaps = np.diff(np.concatenate([[0.0], s_corners, [path.length]]))
+        tolerances = _tolerance_at(tube, tube.objective.breaks[tube.vertex])
+        dense = (turns < SHALLOW) & (np.minimum(gaps[1:], gaps[:-1]) < DENSE * tolerances)
+        corner = np.flatnonzero(~_near(s_corners, stops) & ~dense)
+        marks = np.concatenate([stops, s_corners[corner]])
         order = np.argsort(marks, kind="stable")
-        which = np.concatenate([np.full(len(stops), -1), corner])[order]
+        corner_index = np.concatenate([np.full(len(stops), -1), corner])[order]
         # The last entry is for rests, whose index is -1.
-        half = np.append(turns, 0.0)[which] / 2
-        own = _tolerance_at(tube, np.interp(marks[order], places[:, 1], places[:, 0]))
-        first = AT_CORNER * own / np.maximum(np.sin(half), 1e-6)
-        return cls(marks[order], order < len(stops), which, first)
+        half = np.append(turns, 0.0)[corner_index] / 2
+        tolerances = _tolerance_at(tube, np.interp(marks[order], matches[:, 1], matches[:, 0]))
+        first = AT_CORNER * tolerances / np.maximum(np.sin(half), 1e-6)
+        return cls(marks[order], order < len(stops), corner_index, first)
 
 
 def _beside_corners(corner: IntArray) -> IntArray:
     """The corner that each node is at or next to; -1 for none, (n,)."""
-    found = corner.copy()
-    at = np.flatnonzero(corner >= 0)
-    for side in (np.maximum(at - 1, 0), np.minimum(at + 1, len(corner) - 1)):
-        free = found[side] < 0
-        found[side[free]] = corner[at[free]]
-    return found
+    nearest = corner.copy()
+    indices = np.flatnonzero(corner >= 0)
+    for side in (np.maximum(indices - 1, 0), np.minimum(indices + 1, len(corner) - 1)):
+        free = nearest[side] < 0
+        nearest[side[free]] = corner[indices[free]]
+    return nearest
 
 
 def _least_nearby(values: FloatArray) -> FloatArray:
     """The least of each value and its neighbours, (n,)."""
-    least = values.copy()
-    least[1:] = np.minimum(least[1:], values[:-1])
-    least[:-1] = np.minimum(least[:-1], values[1:])
-    return least
+    smallest = values.copy()
+    smallest[1:] = np.minimum(smallest[1:], values[:-1])
+    smallest[:-1] = np.minimum(smallest[:-1], values[1:])
+    return smallest
 
 
 def path_turns(tube: Tube) -> FloatArray:
@@ -264,17 +266,17 @@ def path_turns(tube: Tube) -> FloatArray:
     return np.asarray(tube.objective.turns[tube.vertex - 1])
 
 
-def _near(at: FloatArray, others: FloatArray) -> BoolArray:
+def _near(s: FloatArray, others: FloatArray) -> BoolArray:
     """Whether each of several arc lengths is one of others."""
-    i = np.clip(np.searchsorted(others, at), 1, len(others) - 1)
-    return np.asarray(np.minimum(np.abs(at - others[i - 1]), np.abs(at - others[i])) < 1e-9)
+    i = np.clip(np.searchsorted(others, s), 1, len(others) - 1)
+    return np.asarray(np.minimum(np.abs(s - others[i - 1]), np.abs(s - others[i])) < 1e-9)
 
 
-def _tolerance_at(tube: Tube, place: FloatArray) -> FloatArray:
+def _tolerance_at(tube: Tube, s_objective: FloatArray) -> FloatArray:
     """Tolerance at places on the objective; the smaller one where it changes [m], (n,)."""
     last = len(tube) - 1
-    before = np.clip(np.searchsorted(tube.breaks, place, side="left") - 1, 0, last)
-    after = np.clip(np.searchsorted(tube.breaks, place, side="right") - 1, 0, last)
+    before = np.clip(np.searchsorted(tube.breaks, s_objective, side="left") - 1, 0, last)
+    after = np.clip(np.searchsorted(tube.breaks, s_objective, side="right") - 1, 0, last)
     return np.asarray(np.minimum(tube.tolerance[before], tube.tolerance[after]))
 
 
@@ -292,36 +294,42 @@ def _spread(
 
     The distance between nodes grows from that at a mark by GROWTH from node to node.
     """
-    path, places, joint_path = start.path, start.places, start.joint_path
-    rests = marks.at[marks.rest]
-    at, _ = _divide(marks.at, marks.at, np.full(len(marks.at) - 1, SAMPLES))
-    typical = max(float(np.median(_bend(joint_path, arm, at))), 1e-3)
+    path, matches, joint_path = start.path, start.places, start.joint_path
+    rests = marks.s[marks.rest]
+    samples, _ = _divide(marks.s, marks.s, np.full(len(marks.s) - 1, SAMPLES))
+    median = max(float(np.median(_bend(joint_path, arm, samples))), 1e-3)
     for parts in (SAMPLES, PER_NODE, PER_NODE, 0):
-        own = np.maximum(_tolerance_at(tube, np.interp(at, places[:, 1], places[:, 0])), 1e-9)
-        bend = _bend(joint_path, arm, at)
-        curved = bend + np.linalg.norm(path(at, 2), axis=1)
-        step = np.minimum(np.sqrt(8 * SAG * own / np.maximum(curved, 1e-6)), LONGEST / typical)
-        i = np.clip(np.searchsorted(rests, at, side="right") - 1, 0, len(rests) - 2)
+        tolerances = np.maximum(
+            _tolerance_at(tube, np.interp(samples, matches[:, 1], matches[:, 0])), 1e-9
+        )
+        curvature = _bend(joint_path, arm, samples)
+        curved = curvature + np.linalg.norm(path(samples, 2), axis=1)
+        step = np.minimum(
+            np.sqrt(8 * SAG * tolerances / np.maximum(curved, 1e-6)), LONGEST / median
+        )
+        i = np.clip(np.searchsorted(rests, samples, side="right") - 1, 0, len(rests) - 2)
         step = np.minimum(step, np.diff(rests)[i] / FEWEST)
-        k = np.searchsorted(at, marks.at)
+        k = np.searchsorted(samples, marks.s)
         step[k] = np.where(marks.rest, AT_REST * step[k], np.minimum(marks.first, step[k]))
         # Neighbouring distances differ by no more than the growth.
-        step = GROWTH * at + np.minimum.accumulate(step - GROWTH * at)
-        step = np.minimum.accumulate((step + GROWTH * at)[::-1])[::-1] - GROWTH * at
+        step = GROWTH * samples + np.minimum.accumulate(step - GROWTH * samples)
+        step = np.minimum.accumulate((step + GROWTH * samples)[::-1])[::-1] - GROWTH * samples
         # The number of nodes over a distance along which the step grows evenly.
         growth = np.diff(step) / step[:-1]
         safe = np.where(np.abs(growth) > EVEN, growth, 1.0)
         mean = np.where(np.abs(growth) > EVEN, np.log1p(safe) / safe, 1 - growth / 2)
-        total = np.append(0.0, np.cumsum(mean / step[:-1] * np.diff(at)))
-        least = np.where(marks.rest[:-1] | marks.rest[1:], 3, 1)
-        count = np.maximum(np.ceil(np.diff(total[k])), least).astype(np.intp)
+        total = np.append(0.0, np.cumsum(mean / step[:-1] * np.diff(samples)))
+        min_count = np.where(marks.rest[:-1] | marks.rest[1:], 3, 1)
+        count = np.maximum(np.ceil(np.diff(total[k])), min_count).astype(np.intp)
         if count.sum() > MOST_NODES * len(count):
             return None
         if not parts:
             break
         # Samples are denser where nodes will be.
-        at, _ = _divide(total[k], marks.at, np.maximum(count * PER_NODE, parts), (total, at))
-    s, mark = _divide(total[k], marks.at, count, (total, at))
+        samples, _ = _divide(
+            total[k], marks.s, np.maximum(count * PER_NODE, parts), (total, samples)
+        )
+    s, mark = _divide(total[k], marks.s, count, (total, samples))
     return s, mark
 
 

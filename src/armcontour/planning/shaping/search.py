@@ -17,11 +17,11 @@ from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.shaped import ARCS, PARABOLAS, SHAPED
 from armcontour.planning.options import Shaped
-from armcontour.planning.shaping._quadratic import solve_program
-from armcontour.planning.shaping.curves import Drawn, draw
+from armcontour.planning.shaping.curves import DrawnPath, draw
 from armcontour.planning.shaping.kinematics import NearPath
 from armcontour.planning.shaping.nodes import INSIDE, Nodes, place_nodes
-from armcontour.planning.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
+from armcontour.planning.shaping.quadratic_program import solve_program
+from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, assemble, span_rows
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, match, prove
 
 # Paths of more corners and rests than this are long.
@@ -81,12 +81,12 @@ def solve_in_chunks(
     def solve(begin: int, end: int) -> FloatArray:
         """The unknowns of a chunk, whose first and last node stay."""
         part = slice(begin, end)
-        own_cost, own = cost[part].copy(), rows[part].copy()
+        chunk_cost, chunk_rows = cost[part].copy(), rows[part].copy()
         if begin > 0:
-            own_cost[0], own[0, :, : 2 * k], own[1, :, :k] = 0.0, 0.0, 0.0
+            chunk_cost[0], chunk_rows[0, :, : 2 * k], chunk_rows[1, :, :k] = 0.0, 0.0, 0.0
         if end < n:
-            own_cost[-1], own[-1, :, k:], own[-2, :, 2 * k :] = 0.0, 0.0, 0.0
-        x, _ = solve_program(own_cost, own, bounds[part], weight[part])
+            chunk_cost[-1], chunk_rows[-1, :, k:], chunk_rows[-2, :, 2 * k :] = 0.0, 0.0, 0.0
+        x, _ = solve_program(chunk_cost, chunk_rows, bounds[part], weight[part])
         # A chunk without a solution stays as it is.
         return x if np.isfinite(x).all() else np.zeros_like(x)
 
@@ -140,7 +140,7 @@ class _State:
 
 
 @dataclass(slots=True)
-class Search:
+class ShapeSearch:
     """A search along the nodes of one start; each step gives the best candidate so far.
 
     Args:
@@ -180,10 +180,10 @@ class Search:
         idle = tightened = 0
         while idle < IDLE and tightened < MOST_TIGHTENED:
             before = self.state.best.duration
-            kept = self._iterate()
+            accepted = self._iterate()
             gained = before - self.state.best.duration
-            tightened = 0 if kept else tightened + 1
-            idle = 0 if gained > LEAST_GAIN * before else idle + kept
+            tightened = 0 if accepted else tightened + 1
+            idle = 0 if gained > LEAST_GAIN * before else idle + accepted
             yield self.state.best
 
     def _iterate(self) -> bool:
@@ -204,15 +204,15 @@ class Search:
         if judged is None:
             state.trust *= SHRINK
             return True
-        found, times, slower = judged
+        candidate, times, slower = judged
         # The first spline only has to be: it may be slower than the start that it is drawn from.
-        better = state.best is self.start or found.duration < state.best.duration
+        better = state.best is self.start or candidate.duration < state.best.duration
         if not better and self._keep_faster_parts(offsets, h, slower):
             state.refused = 0
             factor = np.where(slower, SHRINK, 1.0)
         elif better:
-            state.best, state.offsets, state.h = found, offsets, times
-            self._keep_near(found, drawn.knots)
+            state.best, state.offsets, state.h = candidate, offsets, times
+            self._keep_near(candidate, drawn.knots)
             state.refused = 0
             factor = np.where(slower, EASE, GROW)
         else:
@@ -223,41 +223,41 @@ class Search:
         state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MOST_TRUST)
         return True
 
-    def _keep_near(self, found: Candidate, knots: FloatArray) -> None:
+    def _keep_near(self, candidate: Candidate, knots: FloatArray) -> None:
         """Let control points have the tool orientations, and redundant joints, of a candidate.
 
         Args:
-            found: The candidate.
+            candidate: The candidate.
             knots: Arc lengths of the knots on its path [m], (n + 1,).
         """
         if self.nodes.near.poses is None:
             return
         # Where control points of the arc length itself lie: at a rest they lie at the rest.
-        at = np.clip(knots, 0.0, found.path.length)
-        speed = found.trajectory.speed_at(at)
+        s_knots = np.clip(knots, 0.0, candidate.path.length)
+        speed = candidate.trajectory.speed_at(s_knots)
         speed[self.nodes.rest] = 0.0
         both = np.maximum(speed[:-1] + speed[1:], np.finfo(float).tiny)
-        s = at[:-1] + speed[:-1] / both * np.diff(at)
-        q = found.trajectory(found.trajectory.time_at(s))
-        near = NearPath.along(q, self.timer.arm, self.timer.configuration, found.path, s)
+        s = s_knots[:-1] + speed[:-1] / both * np.diff(s_knots)
+        q = candidate.trajectory(candidate.trajectory.time_at(s))
+        near = NearPath.along(q, self.timer.arm, self.timer.configuration, candidate.path, s)
         self.nodes = replace(self.nodes, near=near, q=q)
 
-    def _judge(self, drawn: Drawn) -> tuple[Candidate, FloatArray, BoolArray] | None:
+    def _judge(self, drawn: DrawnPath) -> tuple[Candidate, FloatArray, BoolArray] | None:
         """The drawn path timed, its span times [s], and which corners are slower than before.
 
         None if the arm cannot follow the path.
         """
         path = self._path(drawn)
-        found = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
-        if path is None or found is None:
+        candidate = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
+        if path is None or candidate is None:
             return None
-        times = np.diff(found.trajectory.time_at(np.clip(drawn.knots, 0.0, path.length)))
-        now, then = (np.bincount(self.nodes.group, x) for x in (self.state.h, times))
-        return found, times, then > now
+        times = np.diff(candidate.trajectory.time_at(np.clip(drawn.knots, 0.0, path.length)))
+        before, after = (np.bincount(self.nodes.group, x) for x in (self.state.h, times))
+        return candidate, times, after > before
 
     def _draw_most(
         self, offsets: FloatArray, h: FloatArray
-    ) -> tuple[FloatArray, FloatArray, Drawn | None]:
+    ) -> tuple[FloatArray, FloatArray, DrawnPath | None]:
         """Draw a proposal; on a long path, corners that leave the tube go back to the best shape.
 
         Returns:
@@ -268,8 +268,8 @@ class Search:
             drawn = self._draw(offsets, h)
             if drawn is not None:
                 return offsets, h, drawn
-            left = np.bincount(self.nodes.group, self.state.inside > before) > 0
-            offsets, h = self._back(offsets, h, left)
+            outside = np.bincount(self.nodes.group, self.state.inside > before) > 0
+            offsets, h = self._back(offsets, h, outside)
         return offsets, h, None
 
     def _keep_faster_parts(self, offsets: FloatArray, h: FloatArray, slower: BoolArray) -> bool:
@@ -311,11 +311,11 @@ class Search:
             state.h + share * (h - state.h),
         )
 
-    def _spline(self, offsets: FloatArray, h: FloatArray) -> Spline:
+    def _spline(self, offsets: FloatArray, h: FloatArray) -> JointSpline:
         """The spline of the joints for offsets [m] and span times [s]."""
         nodes = self.nodes
         points = nodes.points + np.einsum("ndk,nk->nd", nodes.frames, offsets)
-        return Spline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
+        return JointSpline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
 
     def _propose(self) -> tuple[FloatArray, FloatArray]:
         """Offsets and span times of the quadratic program around the best shape."""
@@ -323,26 +323,26 @@ class Search:
         n, k = state.offsets.shape
         unit = np.where(nodes.fixed, 0.0, np.maximum(nodes.tolerance, 1e-12))
         rows, bounds = self._limit_rows(state.offsets, state.h, unit)
-        own, own_bounds = self._own_rows(unit)
+        node_rows, node_bounds = self._own_rows(unit)
         cost = np.zeros((n, k + 1))
         cost[:, k] = state.h / state.h.mean()
         # Offsets that gain nothing go back.
         cost[:, :k] = WEIGHT[0] * state.offsets / np.where(unit > 0, unit, 1.0)[:, None]
-        x = solve_in_chunks(
+        unknowns = solve_in_chunks(
             cost,
-            np.concatenate([rows, own], axis=1),
-            np.concatenate([bounds, own_bounds], axis=1),
+            np.concatenate([rows, node_rows], axis=1),
+            np.concatenate([bounds, node_bounds], axis=1),
             np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
             # The start is no spline: nodes that stay on it may leave no solution.
             place_cuts(nodes.group, state.proposals, whole=state.best is self.start),
         )
         state.proposals += 1
-        if not np.isfinite(x).all():
+        if not np.isfinite(unknowns).all():
             raise np.linalg.LinAlgError("The quadratic program has no solution.")
         # The trust region bounds offsets only; after refusals all changes are less.
-        x *= LESS**state.refused
-        offsets = state.offsets + x[:, :k] * unit[:, None]
-        return self._clip(offsets), state.h * (1 + np.maximum(x[:, k], -LEAST_SPAN))
+        unknowns *= LESS**state.refused
+        offsets = state.offsets + unknowns[:, :k] * unit[:, None]
+        return self._clip(offsets), state.h * (1 + np.maximum(unknowns[:, k], -LEAST_SPAN))
 
     def _limit_rows(
         self, offsets: FloatArray, h: FloatArray, unit: FloatArray
@@ -351,7 +351,7 @@ class Search:
         nodes, limits = self.nodes, self.timer.limits
         spline = self._spline(offsets, h)
         steps = nodes.near.steps(spline.q, nodes.frames)
-        speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.place)]
+        speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.s_objective)]
         # The end of a span may lie on the segment of either node.
         speeds[:-1] = np.fmin(speeds[:-1], speeds[1:])
         assigned = np.fmin(speeds, np.inf if limits.speed is None else limits.speed)
@@ -384,11 +384,13 @@ class Search:
             share = np.where(along > self.state.limits, self.state.limits / along, 1.0)
         return np.asarray(offsets * np.clip(share.min(axis=1), 0.0, 1.0)[:, None])
 
-    def _draw(self, offsets: FloatArray, h: FloatArray) -> Drawn | None:
+    def _draw(self, offsets: FloatArray, h: FloatArray) -> DrawnPath | None:
         """The path of offsets and times; None if it leaves the tube, whose limits are then less."""
         nodes = self.nodes
         spline = self._spline(offsets, h)
-        drawn = draw(spline, self.timer.arm, self.tube.objective, nodes.place, nodes.tolerance)
+        drawn = draw(
+            spline, self.timer.arm, self.tube.objective, nodes.s_objective, nodes.tolerance
+        )
         if self._nearly_stops(drawn):
             return None
         knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
@@ -397,44 +399,49 @@ class Search:
         drawn = replace(drawn, places=match(self.tube, plain, drawn.places, reach))
         proof = prove(self.tube, plain, drawn.places)
         # The tool follows the curve, which is a little beside the arcs.
-        beside = np.repeat(drawn.curve.spreads, 2)
+        deviation = np.repeat(drawn.curve.spreads, 2)
         vertices = proof.vertices + drawn.curve.spreads.max()
-        excess = max(float((proof.segments + beside).max()), float(vertices.max(initial=-np.inf)))
+        excess = max(
+            float((proof.segments + deviation).max()), float(vertices.max(initial=-np.inf))
+        )
         if excess <= proof.slack:
             return drawn
         middle = (plain.breaks[:-1] + plain.breaks[1:]) / 2
         span = np.clip(np.searchsorted(drawn.knots, middle) - 1, 0, len(nodes) - 1)
         lacking = np.zeros(len(nodes))
-        np.maximum.at(lacking, span, proof.segments + beside)
+        np.maximum.at(lacking, span, proof.segments + deviation)
         self._tighten(lacking, np.where(vertices > proof.slack, vertices, 0.0))
         return None
 
-    def _tighten(self, lacking: FloatArray, missed: FloatArray) -> None:
+    def _tighten(self, lacking: FloatArray, excess: FloatArray) -> None:
         """Limit the offsets of nodes more where the tube is left.
 
         Args:
             lacking: How far the path leaves the tube in the span of each node [m], (n,).
-            missed: How much farther than allowed each corner is from the path [m], (k,).
+            excess: How much farther than allowed each corner is from the path [m], (k,).
         """
         nodes, state = self.nodes, self.state
         lacking = lacking.copy()
-        at = self.tube.objective.breaks[self.tube.vertex]
-        for k in np.flatnonzero(missed):
+        s_corners = self.tube.objective.breaks[self.tube.vertex]
+        for k in np.flatnonzero(excess):
             near = nodes.vertex == k
             if not near.any():
-                near = np.abs(nodes.place - at[k]) == np.abs(nodes.place - at[k]).min()
-            lacking[near] = np.maximum(lacking[near], missed[k])
+                near = (
+                    np.abs(nodes.s_objective - s_corners[k])
+                    == np.abs(nodes.s_objective - s_corners[k]).min()
+                )
+            lacking[near] = np.maximum(lacking[near], excess[k])
         # Control points shape their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
         lacking = np.maximum(lacking, wide)
-        less = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.least, 1e-12)
+        reduction = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.smallest, 1e-12)
         # At least twice as much as before, so that a few times are enough.
-        more = np.maximum(2 * state.inside, state.inside + less)
-        state.inside = np.where(lacking > 0, np.minimum(more, 1.0), state.inside)
+        increased = np.maximum(2 * state.inside, state.inside + reduction)
+        state.inside = np.where(lacking > 0, np.minimum(increased, 1.0), state.inside)
         state.limits = nodes.bounds(self.tube, state.inside)
         state.offsets = self._clip(state.offsets)
 
-    def _nearly_stops(self, drawn: Drawn) -> bool:
+    def _nearly_stops(self, drawn: DrawnPath) -> bool:
         """Whether the tool turns on the spot somewhere; the offsets there then change less."""
         nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
         tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
@@ -445,7 +452,7 @@ class Search:
         self.state.trust[there] = np.maximum(SHRINK * self.state.trust[there], LEAST_TRUST)
         return True
 
-    def _path(self, drawn: Drawn) -> ShapedPath | None:
+    def _path(self, drawn: DrawnPath) -> ShapedPath | None:
         """The drawn path, whose outcome is not known yet; None if its tool turns too far off."""
         options, objective = self.options, self.tube.objective
         path = ShapedPath(
@@ -461,8 +468,8 @@ class Search:
         if objective.orientation is not None:
             # As at the place, also where that follows the tangent.
             plain = replace(objective, orientation=replace(objective.orientation, follows=False))
-            path, off = orient_shaped(path, plain, drawn.places, options.angular_tolerance)
-            if off > (np.inf if options.angular_tolerance is None else options.angular_tolerance):
+            path, angle = orient_shaped(path, plain, drawn.places, options.angular_tolerance)
+            if angle > (np.inf if options.angular_tolerance is None else options.angular_tolerance):
                 return None
         return path
 
@@ -484,7 +491,7 @@ def why_not(objective: Path, tube: Tube) -> str | None:
 
 def make_searches(
     objective: Path, tube: Tube, timer: Timer, options: Shaped
-) -> Iterator[Search | None]:
+) -> Iterator[ShapeSearch | None]:
     """Searches from parabolas and from arcs that the arm can follow, the faster ones first.
 
     None stands for a search that would need too many nodes.
@@ -496,13 +503,13 @@ def make_searches(
         options: Options of the shaped path.
     """
     starts = make_starts(objective, tube, options, SHARE)
-    found = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
-    for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
+    candidates = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
+    for start in sorted((x for x in candidates if x is not None), key=lambda x: x.duration):
         nodes = place_nodes(start, tube, timer.arm, timer.configuration)
         if nodes is None:
             yield None
         elif not nodes.fixed.all():
-            yield Search(nodes, start, tube, timer, options)
+            yield ShapeSearch(nodes, start, tube, timer, options)
 
 
 def _turns_at_corners(objective: Path) -> bool:
@@ -510,5 +517,9 @@ def _turns_at_corners(objective: Path) -> bool:
 
     Where it follows a smooth tangent, shapes have the orientation of their places.
     """
-    own = objective.orientation
-    return own is not None and own.follows and bool((own.jumps > SAME_ORIENTATION).any())
+    orientation = objective.orientation
+    return (
+        orientation is not None
+        and orientation.follows
+        and bool((orientation.jumps > SAME_ORIENTATION).any())
+    )

@@ -21,7 +21,7 @@ from armcontour.core.text import capitalise
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
 from armcontour.geometry.shaped import ARCS, SHAPED, STOPS, doubt_search
 from armcontour.motion import JointPath, Method, Trajectory
-from armcontour.planning.common import with_reserve
+from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.options import Optimal, Shaped
 from armcontour.planning.program_timing import Timing, check_jerk_support, time_program
 from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
@@ -91,13 +91,12 @@ def shape(
     bounds = resolve_limits("shape", arm, limits)
     check_jerk_support(Method.SHAPED, bounds)
     program = Program.of(path, "shape needs a Path or a Program")
-    found = Shaping(arm, bounds, options).shape(program, progress, named=program is path)
+    shaped = Shaping(arm, bounds, options).shape(program, progress, named=program is path)
     if program is path:
-        return found
-    for doubt in doubt_search([found.path]):
+        return shaped
+    for doubt in doubt_search([shaped.path]):
         warnings.warn(capitalise(doubt), stacklevel=3)
-    # Whoever gives a path gets a path.
-    return found.path
+    return shaped.path
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,21 +126,21 @@ class Shaping:
         """
         drawn = [self._draw(x) if isinstance(x, Contour) else x for x in program.moves]
         program = dataclasses.replace(program, moves=tuple(drawn))
-        start = self.options.start
+        seed = self.options.seed
         arcs, traced = self._trace(program)
         moves = list(program.moves)
         tasks: list[tuple[int, Contour, _Task]] = []
         for step in traced.steps:
             move = None if step.move is None else moves[step.move]
             if isinstance(move, Contour) and step.move is not None and step.joint_path is not None:
-                task = _Task(move.path, self._timer(step.joint_path, start), self.options)
+                task = _Task(move.path, self._timer(step.joint_path, seed), self.options)
                 tasks.append((step.move, move, task))
-        found = _shape_all([x[2] for x in tasks], progress)
+        shaped_path = _shape_all([x[2] for x in tasks], progress)
         for done, (i, move, _) in enumerate(tasks):
             with _named(move, done, named):
-                moves[i] = put_on_path(move, found(done))
+                moves[i] = put_on_path(move, shaped_path(done))
         shaped = dataclasses.replace(program, moves=tuple(moves))
-        if arcs is None or start is not None or self.arm.dimension == 2:
+        if arcs is None or seed is not None or self.arm.dimension == 2:
             return shaped
         return self._faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
 
@@ -164,19 +163,19 @@ class Shaping:
             shaped: The shaped program.
             first: Joint positions at the start of the program in which it was shaped [rad], (dof,).
         """
-        start = tuple(first.tolist())
-        ways: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
+        seed = tuple(first.tolist())
+        plans: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
         with suppress(ArmContourError):
-            ways.append((arcs.program, None, self._time(arcs)))
-        along_arcs = ways[0][2].contour_spans if ways else None
-        for near in (None, start):
+            plans.append((arcs.program, None, self._time(arcs)))
+        along_arcs = plans[0][2].contour_spans if plans else None
+        for start in (None, seed):
             with suppress(ArmContourError):
-                ways.append((shaped, near, self._time(self._follow(shaped, near))))
-        if not ways:
+                plans.append((shaped, start, self._time(self._follow(shaped, start))))
+        if not plans:
             # Planning says why.
             return shaped
-        taken, joints, planned = min(ways, key=lambda x: x[2].duration)
-        moves = list(taken.moves)
+        fastest, joints, planned = min(plans, key=lambda x: x[2].duration)
+        moves = list(fastest.moves)
         for i, span in enumerate(planned.contour_spans):
             assert span.move is not None and span.trajectory is not None
             outcome = _path_of(shaped.moves[span.move]).outcome
@@ -189,13 +188,13 @@ class Shaping:
                 # Of equal starts the plainest one, whatever rounding makes of their durations.
                 start=min(starts, key=lambda name: round(starts[name], 9)),
                 durations=durations,
-                note=outcome.note or (None if taken is shaped else ARCS_ARE_FASTER),
+                note=outcome.note or (None if fastest is shaped else ARCS_ARE_FASTER),
                 joints=joints,
             )
             move = moves[span.move]
             path = dataclasses.replace(_path_of(move), outcome=outcome)
             moves[span.move] = dataclasses.replace(cast(Contour, move), path=path)
-        return dataclasses.replace(taken, moves=tuple(moves))
+        return dataclasses.replace(fastest, moves=tuple(moves))
 
     def _time(self, traced: Tracing) -> Trajectory:
         """The plan of a traced program."""
@@ -203,12 +202,10 @@ class Shaping:
         timing = Timing(self.arm, limits, Optimal(intervals=self.options.intervals))
         return time_program(traced, timing)
 
-    def _follow(self, program: Program, start: npt.ArrayLike | None) -> Tracing:
+    def _follow(self, program: Program, seed: npt.ArrayLike | None) -> Tracing:
         """The joint paths of a program."""
         configuration = self.options.configuration
-        return trace_program(
-            program, self.arm, self.limits, configuration=configuration, start=start
-        )
+        return trace_program(program, self.arm, self.limits, configuration=configuration, seed=seed)
 
     def _trace(self, program: Program) -> tuple[Tracing | None, Tracing]:
         """Trace the program with arcs at its corners, and where that is faster with sharp corners.
@@ -217,12 +214,12 @@ class Shaping:
             The program with arcs and its joint paths, None if the arm cannot follow it; and the
             tracing whose configurations of the arm all starts and shapes then have.
         """
-        start = self.options.start
+        seed = self.options.seed
         try:
-            arcs = self._follow(self._with_arcs(program), start)
+            arcs = self._follow(self._with_arcs(program), seed)
         except ArmContourError:
-            return None, self._follow(program, start)
-        if start is not None or program.single_path is None or self.arm.dimension == 2:
+            return None, self._follow(program, seed)
+        if seed is not None or program.single_path is None or self.arm.dimension == 2:
             return arcs, arcs
         try:
             sharp = self._follow(program, None)
@@ -234,8 +231,8 @@ class Shaping:
 
         def least_duration(traced: Tracing) -> float:
             tube, timer = tube_of(program.path, self.options), self._timer(traced.joint_paths[0])
-            known = _time_starts(program.path, tube, timer, self.options)
-            return min((x.duration for x in known), default=np.inf)
+            candidates = _time_starts(program.path, tube, timer, self.options)
+            return min((x.duration for x in candidates), default=np.inf)
 
         return arcs, min(arcs, sharp, key=least_duration)
 
@@ -246,14 +243,14 @@ class Shaping:
             if isinstance(move, Contour):
                 starts = make_starts(move.path, tube_of(move.path, self.options), self.options)
                 name = ARCS if ARCS in starts else STOPS
-                path, places = starts[name]
+                path, matches = starts[name]
                 outcome = Outcome(start=name, durations={})
                 moves[i] = put_on_path(
-                    move, _shaped_path(move.path, path, places, self.options, outcome)
+                    move, _shaped_path(move.path, path, matches, self.options, outcome)
                 )
         return dataclasses.replace(program, moves=tuple(moves))
 
-    def _timer(self, joint_path: JointPath, given: FloatArray | None = None) -> Timer:
+    def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
         """What times paths in the configuration of a joint path, from a given start if it is that.
 
         The knots of an arm with more joints than the task needs depend on rounding of the start.
@@ -262,8 +259,8 @@ class Shaping:
         limits = with_reserve(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):
             return Timer(self.arm, limits, self.arm.configuration_of(start), None, intervals)
-        if given is not None and np.abs(given - start).max() <= SAME_POSITION:
-            start = given
+        if seed is not None and np.abs(seed - start).max() <= SAME_POSITION:
+            start = seed
         return Timer(self.arm, limits, None, start, intervals)
 
 
@@ -277,8 +274,10 @@ def _cap(path: Path, tolerance: float) -> Path:
     half = np.repeat(np.diff(path.breaks[ends]) / 2, np.diff(ends))
     if (half >= tolerance).all():
         return path
-    own = np.where(half < tolerance, np.fmin(path.tolerances, half), path.tolerances)
-    return dataclasses.replace(path, segments=path.segments.replace(tolerances=own, checked=True))
+    tolerances = np.where(half < tolerance, np.fmin(path.tolerances, half), path.tolerances)
+    return dataclasses.replace(
+        path, segments=path.segments.replace(tolerances=tolerances, checked=True)
+    )
 
 
 def _path_of(move: Move) -> ShapedPath:
@@ -287,9 +286,9 @@ def _path_of(move: Move) -> ShapedPath:
     return move.path
 
 
-def _named(contour: Contour, number: int, wanted: bool) -> AbstractContextManager[None]:
+def _named(contour: Contour, number: int, enabled: bool) -> AbstractContextManager[None]:
     """A context in which error messages start with the name of a contour, if wanted."""
-    return error_context(contour_called(contour, number)) if wanted else nullcontext()
+    return error_context(contour_called(contour, number)) if enabled else nullcontext()
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,24 +313,24 @@ def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int],
     """
     count = len(tasks)
 
-    def tell(done: float) -> None:
+    def report(done: float) -> None:
         if progress is not None:
             progress(Step(("shaping",), done / count))
 
     if count < MANY:
-        return lambda i: _shape(tasks[i], lambda share: tell(i + share))
+        return lambda i: _shape(tasks[i], lambda share: report(i + share))
     from armcontour.core.pool import map_in_processes
 
-    found = map_in_processes(_shape_or_error, tasks, done=tell)
-    tell(count)
+    shaped_paths = map_in_processes(_shape_or_error, tasks, done=report)
+    report(count)
 
-    def take(i: int) -> ShapedPath:
-        shaped = found[i]
+    def shaped_path(i: int) -> ShapedPath:
+        shaped = shaped_paths[i]
         if isinstance(shaped, ArmContourError):
             raise shaped
         return shaped
 
-    return take
+    return shaped_path
 
 
 def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
@@ -342,16 +341,16 @@ def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
         return error
 
 
-def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
-    """The shaped path of one contour; `tell` is called with the share that is done."""
+def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
+    """The shaped path of one contour; `report` is called with the share that is done."""
     objective, timer, options = task.objective, task.timer, task.options
     tube = tube_of(objective, options)
-    known = _time_starts(objective, tube, timer, options)
-    if not known:
+    candidates = _time_starts(objective, tube, timer, options)
+    if not candidates:
         # Raises what is wrong with the objective.
         timer.time(timer.trace(objective))
-    durations = {x.name: x.duration for x in known}
-    first = min(known, key=lambda x: x.duration)
+    durations = {x.name: x.duration for x in candidates}
+    first = min(candidates, key=lambda x: x.duration)
     best, history = first, [first.duration]
     note = why_not(objective, tube)
     searches = make_searches(objective, tube, timer, options) if note is None else iter(())
@@ -360,15 +359,15 @@ def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
         if search is None:
             unfinished = True
             continue
-        left = options.iterations - len(history) + 1
-        most = min(left, int(work / search.size))
+        remaining = options.iterations - len(history) + 1
+        allowed = min(remaining, int(work / search.size))
         before = len(history)
-        for found in islice(search.run(), most):
-            best = min(best, found, key=lambda x: x.duration)
+        for candidate in islice(search.run(), allowed):
+            best = min(best, candidate, key=lambda x: x.duration)
             history.append(best.duration)
-            tell((len(history) - 1) / options.iterations)
+            report((len(history) - 1) / options.iterations)
         work -= (len(history) - before) * search.size
-        unfinished |= len(history) - before == most < left
+        unfinished |= len(history) - before == allowed < remaining
         # Another start mostly leads to the same shape.
         if best.duration < (1 - ENOUGH) * first.duration:
             break
@@ -380,21 +379,21 @@ def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
         note=note,
         unfinished=unfinished,
     )
-    tell(1.0)
+    report(1.0)
     return _shaped_path(objective, best.path, best.places, options, outcome)
 
 
 def _time_starts(objective: Path, tube: Tube, timer: Timer, options: Shaped) -> list[Candidate]:
     """The starts with their timings, without those that the arm cannot follow."""
-    found = [
+    candidates = [
         timer.candidate(name, path, places)
         for name, (path, places) in make_starts(objective, tube, options).items()
     ]
-    return [x for x in found if x is not None]
+    return [x for x in candidates if x is not None]
 
 
 def _shaped_path(
-    objective: Path, path: Path, places: FloatArray, options: Shaped, outcome: Outcome
+    objective: Path, path: Path, matches: FloatArray, options: Shaped, outcome: Outcome
 ) -> ShapedPath:
     """A path that has these places on its objective as a shaped path."""
     return ShapedPath(
@@ -402,7 +401,7 @@ def _shaped_path(
         merged=path.merged,
         orientation=path.orientation,
         objective=objective,
-        places=places,
+        places=matches,
         tolerance=options.tolerance,
         line_tolerance=options.line_tolerance,
         zone=options.zone,

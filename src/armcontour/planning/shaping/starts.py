@@ -24,7 +24,7 @@ TURN = 0.05
 BESIDE = 0.05
 
 
-def match(tube: Tube, path: Path, places: FloatArray, reach: FloatArray | float) -> FloatArray:
+def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
     """Places at which points of a path are nearest to the objective, in order, (m, 2).
 
     The point of the path that is nearest to a corner passes it: points before it belong to the
@@ -33,13 +33,13 @@ def match(tube: Tube, path: Path, places: FloatArray, reach: FloatArray | float)
     Args:
         tube: The tube around the objective.
         path: The path.
-        places: Arc lengths on the objective and on the path that nearly belong together [m],
+        matches: Arc lengths on the objective and on the path that nearly belong together [m],
             increasing, (n, 2).
         reach: How far the nearest point may be from the given place along the objective [m], one
             number or one per given place, (n,).
     """
-    reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64), len(places))
-    _, passed = tube.nearest_to_corners(path, places, reaches)
+    reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64), len(matches))
+    _, passed = tube.nearest_to_corners(path, matches, reaches)
     passed = np.maximum.accumulate(passed)
     count = np.maximum(np.ceil(path.curvatures * path.lengths / TURN).astype(np.intp), 1)
     segment, number = number_parts(count)
@@ -51,26 +51,26 @@ def match(tube: Tube, path: Path, places: FloatArray, reach: FloatArray | float)
     stretch = np.concatenate([stretch, corner, corner + 1])
     order = np.lexsort((stretch, s))
     s, stretch = s[order], stretch[order]
-    guess, around = (np.interp(s, places[:, 1], x) for x in (places[:, 0], reaches))
+    guess, around = (np.interp(s, matches[:, 1], x) for x in (matches[:, 0], reaches))
     corners = np.concatenate([[0.0], tube.objective.breaks[tube.vertex], [tube.breaks[-1]]])
     low = np.clip(guess - around, corners[stretch], corners[stretch + 1])
     high = np.clip(guess + around, corners[stretch], corners[stretch + 1])
-    at = np.maximum.accumulate(tube.nearest(path(s), low, high))
-    at[0], at[-1] = 0.0, tube.objective.length
-    return np.stack([at, s], axis=1)
+    s_objective = np.maximum.accumulate(tube.nearest(path(s), low, high))
+    s_objective[0], s_objective[-1] = 0.0, tube.objective.length
+    return np.stack([s_objective, s], axis=1)
 
 
-def prove(tube: Tube, path: Path, places: FloatArray) -> Proof:
+def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
     """Proof that every point of a path is within the tolerance of its place.
 
     Args:
         tube: The tube around the objective.
         path: The path.
-        places: Its places, as from `match`, (m, 2).
+        matches: Its places, as from `match`, (m, 2).
     """
     last = len(tube) - 1
-    piece = np.clip(np.searchsorted(tube.breaks, places[:, 0], side="right") - 1, 0, last)
-    return tube.prove(path, places, BESIDE * tube.tolerance[piece])
+    piece = np.clip(np.searchsorted(tube.breaks, matches[:, 0], side="right") - 1, 0, last)
+    return tube.prove(path, matches, BESIDE * tube.tolerance[piece])
 
 
 # Corners that leave their zones are rounded less, by so many halvings; where neighbours still make
@@ -115,27 +115,27 @@ class Timer:
         arm: The arm.
         limits: The limits that the motion keeps, one value per joint.
         configuration: For an arm in the plane, the branch of its inverse kinematics.
-        start: For an arm in space, joint positions at the start [rad], (dof,).
+        seed: For an arm in space, joint positions at the start [rad], (dof,).
         intervals: Approximate number of grid intervals of a plan; None for the default.
     """
 
     arm: Arm
     limits: Limits
     configuration: str | None
-    start: FloatArray | None
+    seed: FloatArray | None
     intervals: int | None = None
 
     def trace(self, path: Path) -> JointPath:
         """The joint path along a path."""
         return trace_fastest(
-            path, self.arm, self.limits, configuration=self.configuration, start=self.start
+            path, self.arm, self.limits, configuration=self.configuration, seed=self.seed
         )
 
     def time(self, joint_path: JointPath) -> Trajectory:
         """The fastest motion along a joint path."""
         return plan_optimal(joint_path, self.arm, self.limits, Optimal(intervals=self.intervals))
 
-    def candidate(self, name: str, path: Path, places: FloatArray) -> Candidate | None:
+    def candidate(self, name: str, path: Path, matches: FloatArray) -> Candidate | None:
         """A path with its fastest timing; None where the arm cannot follow the path."""
         try:
             joint_path = self.trace(path)
@@ -143,7 +143,7 @@ class Timer:
         except ArmContourError:
             return None
         return Candidate(
-            name=name, path=path, places=places, joint_path=joint_path, trajectory=trajectory
+            name=name, path=path, places=matches, joint_path=joint_path, trajectory=trajectory
         )
 
 
@@ -165,13 +165,13 @@ def make_starts(
         options: Options of the shaped path.
         share: Share of the tolerance that corners are rounded to.
     """
-    whole = np.array([[0.0, 0.0], [objective.length, objective.length]])
-    found: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, whole)}
+    matches = np.array([[0.0, 0.0], [objective.length, objective.length]])
+    starts: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, matches)}
     for name, round_ in ((ARCS, round_corners), (PARABOLAS, round_with_parabolas)):
         rounded = _round_within(objective, tube, options, round_, share)
         if rounded is not None:
-            found[name] = rounded
-    return found
+            starts[name] = rounded
+    return starts
 
 
 def _round_within(
@@ -185,52 +185,71 @@ def _round_within(
 
     A corner whose curve would leave its zone is rounded less.
     """
-    wanted = np.full(len(objective) - 1, share * options.tolerance)
-    wanted[tube.vertex - 1] = share * tube.vertex_tolerance
+    requested = np.full(len(objective) - 1, share * options.tolerance)
+    requested[tube.vertex - 1] = share * tube.vertex_tolerance
 
     def outside(tolerance: FloatArray) -> tuple[RoundedPath, FloatArray, IntArray]:
         path = round_(objective, tolerance=tolerance, angular_tolerance=options.angular_tolerance)
-        places = match(tube, path, _places(path), REACH * options.tolerance)
-        return path, places, _corners_outside(tube, path, places)
+        matches = match(tube, path, _places(path), REACH * options.tolerance)
+        return path, matches, _corners_outside(tube, path, matches)
 
-    path, places, bad = outside(wanted)
-    if not len(bad):
-        return path, places
-    low, high = np.where(np.isin(np.arange(len(wanted)), bad), 0.0, wanted), wanted.copy()
+    path, matches, outside_corners = outside(requested)
+    if not len(outside_corners):
+        return path, matches
+    low, high = (
+        np.where(np.isin(np.arange(len(requested)), outside_corners), 0.0, requested),
+        requested.copy(),
+    )
     for _ in range(HALVINGS):
         middle = np.where(low < high, (low + high) / 2, low)
-        bad = outside(middle)[2]
-        low[bad] = np.where(middle[bad] > low[bad], low[bad], LESS * low[bad])
-        high[bad] = middle[bad]
-        good = np.setdiff1d(np.flatnonzero(low < high), bad)
+        outside_corners = outside(middle)[2]
+        low[outside_corners] = np.where(
+            middle[outside_corners] > low[outside_corners],
+            low[outside_corners],
+            LESS * low[outside_corners],
+        )
+        high[outside_corners] = middle[outside_corners]
+        good = np.setdiff1d(np.flatnonzero(low < high), outside_corners)
         low[good] = middle[good]
     for _ in range(HALVINGS):
         low[low < FINEST] = 0.0
-        path, places, bad = outside(low)
-        if not len(bad):
-            return path, places
-        low[bad] *= LESS
+        path, matches, outside_corners = outside(low)
+        if not len(outside_corners):
+            return path, matches
+        low[outside_corners] *= LESS
     return None
 
 
-def _corners_outside(tube: Tube, path: RoundedPath, places: FloatArray) -> IntArray:
+def _corners_outside(tube: Tube, path: RoundedPath, matches: FloatArray) -> IntArray:
     """Vertices between segments at which a rounded path leaves the tube or turns on the spot."""
-    proof = prove(tube, path, places)
+    proof = prove(tube, path, matches)
     middle = (path.breaks[:-1] + path.breaks[1:]) / 2
-    place = np.interp(middle[proof.segments > proof.slack], places[:, 1], places[:, 0])
-    at = tube.objective.breaks[tube.vertex]
-    nearest = np.abs(place[:, None] - at).argmin(axis=1) if len(at) else np.zeros(0, dtype=np.intp)
+    s_objective = np.interp(middle[proof.segments > proof.slack], matches[:, 1], matches[:, 0])
+    s_corners = tube.objective.breaks[tube.vertex]
+    nearest = (
+        np.abs(s_objective[:, None] - s_corners).argmin(axis=1)
+        if len(s_corners)
+        else np.zeros(0, dtype=np.intp)
+    )
     corners = path.corners
     tiny = corners.vertex[(corners.radius > 0) & (corners.radius < SHARPEST)]
-    far = tube.vertex[proof.vertices > proof.slack]
-    return np.unique(np.concatenate([tube.vertex[nearest], far, tiny])) - 1
+    missed = tube.vertex[proof.vertices > proof.slack]
+    return np.unique(np.concatenate([tube.vertex[nearest], missed, tiny])) - 1
 
 
 def _places(rounded: RoundedPath) -> FloatArray:
     """Arc lengths on the objective and on its rounded path that belong together [m], (n, 2)."""
     c = rounded.corners
-    at = rounded.objective.breaks[c.vertex]
+    s_corners = rounded.objective.breaks[c.vertex]
     s = np.unique(
-        np.concatenate([[0.0], at - c.tangent, at, at + c.tangent, [rounded.objective.length]])
+        np.concatenate(
+            [
+                [0.0],
+                s_corners - c.tangent,
+                s_corners,
+                s_corners + c.tangent,
+                [rounded.objective.length],
+            ]
+        )
     )
     return np.stack([s, np.maximum.accumulate(rounded.place(s))], axis=1)

@@ -8,21 +8,126 @@ from functools import cached_property
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.kernels import FUSED, compiled
 from armcontour.core.simd import LANES
-from armcontour.planning.grid import Grid
-from armcontour.planning.topp._forms import ROUNDING, derivatives, write_sampled
-from armcontour.planning.topp.limits import (
+from armcontour.planning.path_grid import Grid
+from armcontour.planning.topp.limit_forms import (
+    ALONE,
     BY_SLOPE,
     BY_U,
     BY_X,
+    HIGH,
     KEPT,
+    LOW,
     A,
     B,
     Intervals,
+    LinearRows,
     Rounds,
-    Rows,
     Squares,
 )
+
+ROUNDING = 2e-15  # of x, in differences of x
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _slopes(c: FloatArray, k: int, j: int, x: float, scale: float) -> tuple[float, float]:
+    """dq_ds and d2q_ds2 of joint j at a place x of piece k."""
+    c1, c2, c3, c4, c5 = c[k, 1, j], c[k, 2, j], c[k, 3, j], c[k, 4, j], c[k, 5, j]
+    first = c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
+    second = 2 * c2 + x * (6 * c3 + x * (12 * c4 + x * 20 * c5))
+    return scale * first, scale * scale * second
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _derivative_bounds(
+    c: FloatArray, k: int, j: int, x: float, y: float, scale: float
+) -> tuple[float, float]:
+    """Bounds of |d3q_ds3| and |d4q_ds4| of joint j from place x to y of piece k."""
+    c3, c4, c5 = c[k, 3, j], c[k, 4, j], c[k, 5, j]
+    # By Taylor about the middle: the fifth derivative is constant.
+    middle, half, cube = (x + y) / 2, (y - x) / 2, scale * scale * scale
+    q5 = abs(120 * c5)
+    q4 = abs(24 * c4 + middle * 120 * c5) + half * q5
+    q3 = abs(6 * c3 + middle * (24 * c4 + middle * 60 * c5))
+    return (q3 + half * (q4 - half * q5 / 2)) * cube, q4 * cube * scale
+
+
+@compiled(fastmath=FUSED)
+def derivatives(
+    breaks: FloatArray,
+    coefficients: FloatArray,
+    grid: Intervals,
+    ends: FloatArray,
+    bounds: FloatArray,
+) -> None:
+    """Derivatives of a joint path on a grid.
+
+    Args:
+        breaks: Of the joint path [m], (pieces + 1,).
+        coefficients: Of the joint path, (pieces, 6, dof).
+        grid: The intervals.
+        ends: Takes dq_ds and d2q_ds2 at the starts and ends of the intervals, (2, n, 2, dof).
+        bounds: Takes bounds of |d3q_ds3| and |d4q_ds4| on the intervals, (2, n, dof).
+    """
+    for i in range(len(grid.piece)):
+        k = grid.piece[i]
+        scale = 1.0 / (breaks[k + 1] - breaks[k])
+        x, y = (grid.s[i] - breaks[k]) * scale, (grid.s[i + 1] - breaks[k]) * scale
+        for j in range(coefficients.shape[2]):
+            ends[0, i, 0, j], ends[1, i, 0, j] = _slopes(coefficients, k, j, x, scale)
+            ends[0, i, 1, j], ends[1, i, 1, j] = _slopes(coefficients, k, j, y, scale)
+            bounds[0, i, j], bounds[1, i, j] = _derivative_bounds(coefficients, k, j, x, y, scale)
+
+
+@compiled(fastmath=FUSED)
+def write_sampled(
+    grid: Intervals,
+    after: IntArray,
+    terms: tuple[FloatArray, ...],
+    bounds: tuple[FloatArray, ...],
+    rows: LinearRows,
+) -> None:
+    """Write rows `low <= a u + b x + c <= high` whose coefficients are sampled.
+
+    Args:
+        grid: The intervals.
+        after: Of `OnGrid`.
+        terms: a, b and c at the places of `OnGrid`, (places, rows) each.
+        bounds: low and high, (rows,) each.
+        rows: Output.
+    """
+    a, b, c = terms
+    low, high = bounds
+    n, count = len(grid.piece), a.shape[1]
+    second = np.empty((n, 3, count))
+    for i in range(n):
+        w, last = grid.s[i + 1] - grid.s[i], after[i]
+        # Twice what the middle is off the chord, over w².
+        inverse = 2 / (w * w)
+        for r in range(count):
+            second[i, 0, r] = inverse * abs(a[n + i, r] - (a[i, r] + a[last, r]) / 2)
+            second[i, 1, r] = inverse * abs(b[n + i, r] - (b[i, r] + b[last, r]) / 2)
+            second[i, 2, r] = inverse * abs(c[n + i, r] - (c[i, r] + c[last, r]) / 2)
+    for i in range(n):
+        w, last = grid.s[i + 1] - grid.s[i], after[i]
+        before = i - 1 if i > 0 and grid.piece[i - 1] == grid.piece[i] else i
+        behind = i + 1 if i < n - 1 and grid.piece[i + 1] == grid.piece[i] else i
+        for r in range(count):
+            for end in range(2):
+                row = last if end else i
+                rows.ends[i, end, r, A], rows.ends[i, end, r, B] = a[row, r], b[row, r]
+                rows.ends[i, end, r, LOW] = low[r] - c[row, r]
+                rows.ends[i, end, r, HIGH] = high[r] - c[row, r]
+            a0, a1, b0, b1 = a[i, r], a[last, r], b[i, r], b[last, r]
+            by_u = w * w * max(second[before, 0, r], second[i, 0, r], second[behind, 0, r])
+            by_x = w * w * max(second[before, 1, r], second[i, 1, r], second[behind, 1, r])
+            alone = w * w * max(second[before, 2, r], second[i, 2, r], second[behind, 2, r])
+            rows.rise[i, r, BY_U] = by_u + abs(b1 - b0) * w / 2
+            rows.rise[i, r, BY_X] = by_x + ROUNDING * max(abs(a0), abs(a1)) / w
+            rows.rise[i, r, BY_SLOPE] = w / 4 * (abs(a1 - a0) + w * max(abs(b0), abs(b1)))
+            rows.rise[i, r, ALONE] = alone
+
 
 Terms = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -49,8 +154,8 @@ class OnGrid:
         path = self.grid.joint_path
         flat, dof = path.coefficients.ravel(), path.dof
         last = np.zeros(6 * dof * KEPT + LANES)
-        kept = flat[-6 * dof * KEPT :]
-        last[6 * dof * KEPT - len(kept) : -LANES] = kept
+        tail = flat[-6 * dof * KEPT :]
+        last[6 * dof * KEPT - len(tail) : -LANES] = tail
         return Intervals(self.grid.s, self.grid.piece, path.breaks, flat, last, dof)
 
     @cached_property
@@ -60,9 +165,9 @@ class OnGrid:
         And bounds of |d3q_ds3| and |d4q_ds4| on the intervals, (2, n, dof).
         """
         path, n = self.grid.joint_path, len(self)
-        ends, most = np.empty((2, n, 2, path.dof)), np.empty((2, n, path.dof))
-        derivatives(path.breaks, path.coefficients, self.intervals, ends, most)
-        return ends, most
+        ends, bounds = np.empty((2, n, 2, path.dof)), np.empty((2, n, path.dof))
+        derivatives(path.breaks, path.coefficients, self.intervals, ends, bounds)
+        return ends, bounds
 
     @cached_property
     def after(self) -> IntArray:
@@ -91,7 +196,7 @@ class OnGrid:
         """q, dq_ds and d2q_ds2 at all places, (places, dof) each."""
         return self.grid.joint_path.motion(*self.places)
 
-    def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> Rows:
+    def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> LinearRows:
         """Rows `low <= a u + b x + c <= high` whose coefficients are known at all places.
 
         How far a coefficient is off its chord is measured in the middle of an interval. Near an
@@ -104,7 +209,7 @@ class OnGrid:
             high: Upper bounds, (rows,).
         """
         n, count = len(self), terms[0].shape[1]
-        rows = Rows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
+        rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
         write_sampled(self.intervals, self.after, terms, (low, high), rows)
         return rows
 
@@ -131,21 +236,21 @@ class OnGrid:
     def square(self, b: FloatArray) -> Squares:
         """`b x <= 1` for one b that is not below zero and is known at all places, (places,)."""
         w, ends = self.grid.width, self.at_ends(b)
-        bend, rise = self._bend(b[:, None]), np.zeros((len(self), 1, 4))
+        deviation, rise = self._bend(b[:, None]), np.zeros((len(self), 1, 4))
         rise[:, 0, BY_U] = np.abs(ends[:, 1] - ends[:, 0]) * w / 2
-        rise[:, 0, BY_X] = bend
+        rise[:, 0, BY_X] = deviation
         rise[:, 0, BY_SLOPE] = w * w / 4 * ends.max(axis=1)
-        return Squares(ends[..., None], (ends.max(axis=1) + bend)[:, None], rise)
+        return Squares(ends[..., None], (ends.max(axis=1) + deviation)[:, None], rise)
 
     def _bend(self, values: FloatArray) -> FloatArray:
         """Bound of the distances of vectors at all places, (places, m), from their chords, (n,)."""
         n, square, piece = len(self), self.grid.width**2, self.grid.piece
         middle = values[n : 2 * n] - self.at_ends(values).mean(axis=1)
-        bend = 2 * _length(middle) / square
-        most, alike = bend.copy(), piece[1:] == piece[:-1]
-        most[1:] = np.where(alike, np.maximum(most[1:], bend[:-1]), most[1:])
-        most[:-1] = np.where(alike, np.maximum(most[:-1], bend[1:]), most[:-1])
-        return np.asarray(most * square)
+        second = 2 * _length(middle) / square
+        largest, alike = second.copy(), piece[1:] == piece[:-1]
+        largest[1:] = np.where(alike, np.maximum(largest[1:], second[:-1]), largest[1:])
+        largest[:-1] = np.where(alike, np.maximum(largest[:-1], second[1:]), largest[:-1])
+        return np.asarray(largest * square)
 
 
 def _length(vectors: FloatArray) -> FloatArray:

@@ -14,8 +14,13 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.pool import map_in_threads, split_evenly
 from armcontour.geometry import Path
-from armcontour.planning.tracing.knots import Knots
-from armcontour.planning.tracing.poses import OUT_OF_REACH, poses_at, row_of_poses, what_helps
+from armcontour.planning.tracing.knots import (
+    OUT_OF_REACH,
+    Knots,
+    poses_at,
+    row_of_poses,
+    what_helps,
+)
 from armcontour.planning.tracing.ranges import out_of_range
 from armcontour.planning.tracing.redundancy import null_space, smooth
 from armcontour.robot import SerialArm, newton
@@ -106,7 +111,7 @@ def find_solutions(
     knots: Knots,
     knot_poses: FloatArray,
     task: int,
-    start: FloatArray | None,
+    seed: FloatArray | None,
 ) -> list[Solution]:
     """All solutions that complete the path inside the joint ranges, the shortest first.
 
@@ -116,40 +121,42 @@ def find_solutions(
         knots: Knot intervals of the path.
         knot_poses: Poses of the tool at their starts and at the end of the last, (n + 1, 3, 4).
         task: Task dimension.
-        start: Joint positions near those at the start of the path [rad], (dof,); None for all
+        seed: Joint positions near those at the start of the path [rad], (dof,); None for all
             configurations.
 
     Raises:
         Unreachable: There is no solution; gives the reason for the one that comes farthest.
     """
-    fine, at = subdivide(path, knots, knot_poses)
+    fine, knot_index = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
-    starts = configurations(arm, poses[0], task, start)
+    starts = configurations(arm, poses[0], task, seed)
     if len(starts) == 0:
-        _refuse_start(path, arm, poses, task, start)
-    enough = EXACTLY if start is None else NEARLY
-    followed, failures = _follow(arm, poses, task, starts[:MOST_STARTS], enough)
-    followed = [q[at] for q in followed]
-    s = np.append(fine.s0, path.length)[at]
+        _refuse_start(path, arm, poses, task, seed)
+    max_correction = EXACTLY if seed is None else NEARLY
+    followed, failures = _follow(arm, poses, task, starts[:MOST_STARTS], max_correction)
+    followed = [q[knot_index] for q in followed]
+    s = np.append(fine.s0, path.length)[knot_index]
     redundant = task < arm.dof
     if redundant:
-        followed = _rank(arm, s, knot_poses, task, followed, start)
-    found: list[Solution] = []
+        followed = _rank(arm, s, knot_poses, task, followed, seed)
+    solutions: list[Solution] = []
     different = _Different(arm, knot_poses, task)
-    candidates = _with_costs(arm, s, knot_poses, task, followed, start)
+    candidates = _with_costs(arm, s, knot_poses, task, followed, seed)
     for count, (q, cost) in enumerate(candidates, start=1):
-        in_range = _turn_into_range(arm, q, start)
+        in_range = _turn_into_range(arm, q, seed)
         if isinstance(in_range, _Failure):
-            failures.append(dataclasses.replace(in_range, reached=int(at[in_range.reached])))
+            failures.append(
+                dataclasses.replace(in_range, reached=int(knot_index[in_range.reached]))
+            )
         elif different.add(in_range):
-            found.append(Solution(q=in_range, cost=cost))
-        if redundant and found and count >= MOST_SMOOTHED:
+            solutions.append(Solution(q=in_range, cost=cost))
+        if redundant and solutions and count >= MOST_SMOOTHED:
             break
-    if not found:
+    if not solutions:
         _refuse(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
     # Elbow up and down often cost the same: the one whose joints start nearer to 0 comes first.
-    found.sort(key=lambda x: (float(f"{x.cost:.9e}"), float(np.abs(x.q[0]).sum())))
-    return found[:MOST_SOLUTIONS] if redundant else found
+    solutions.sort(key=lambda x: (float(f"{x.cost:.9e}"), float(np.abs(x.q[0]).sum())))
+    return solutions[:MOST_SOLUTIONS] if redundant else solutions
 
 
 def _with_costs(
@@ -157,8 +164,8 @@ def _with_costs(
     s: FloatArray,
     poses: FloatArray,
     task: int,
-    ways: list[FloatArray],
-    start: FloatArray | None,
+    joint_paths: list[FloatArray],
+    seed: FloatArray | None,
 ) -> Iterator[tuple[FloatArray, float]]:
     """Joint paths with their costs; those of a redundant arm are smoothed when they are taken.
 
@@ -167,18 +174,18 @@ def _with_costs(
         s: The knots [m], (n,).
         poses: Poses of the tool at the knots, (n, 3, 4).
         task: Task dimension.
-        ways: The joint paths [rad], (n, dof) each.
-        start: Joint positions at the start that stay, or None.
+        joint_paths: The joint paths [rad], (n, dof) each.
+        seed: Joint positions at the start that stay, or None.
     """
     if task == arm.dof:
-        yield from ((q, _joint_distance(arm, q)) for q in ways)
+        yield from ((q, _joint_distance(arm, q)) for q in joint_paths)
         return
-    for some in (ways[:MOST_SMOOTHED], *([q] for q in ways[MOST_SMOOTHED:])):
-        yield from _smooth(arm, s, poses, task, some, start_stays=start is not None)
+    for group in (joint_paths[:MOST_SMOOTHED], *([q] for q in joint_paths[MOST_SMOOTHED:])):
+        yield from _smooth(arm, s, poses, task, group, start_stays=seed is not None)
 
 
 def _follow(
-    arm: SerialArm, poses: FloatArray, task: int, starts: FloatArray, enough: float
+    arm: SerialArm, poses: FloatArray, task: int, starts: FloatArray, max_correction: float
 ) -> tuple[list[FloatArray], list[_Failure]]:
     """Follow all poses from each start: joint positions that reach the end, and the failures.
 
@@ -187,9 +194,9 @@ def _follow(
         poses: Rotations and positions of the tool, (n, 3, 4).
         task: Task dimension.
         starts: Joint positions at the first pose [rad], (starts, dof).
-        enough: As in `follow_branches` [rad].
+        max_correction: As in `follow_branches` [rad].
     """
-    q, reached = follow_branches(arm, poses, task, starts, enough)
+    q, reached = follow_branches(arm, poses, task, starts, max_correction)
     whole = reached == len(poses)
     failures = [
         _Failure(reached=int(k), q=way[k - 1])
@@ -203,7 +210,7 @@ def follow_branches(
     poses: FloatArray,
     task: int,
     starts: FloatArray,
-    enough: float = EXACTLY,
+    max_correction: float = EXACTLY,
 ) -> tuple[FloatArray, IntArray]:
     """Follow poses from each start, several ways at the same time.
 
@@ -212,7 +219,7 @@ def follow_branches(
         poses: Rotations and positions of the tool, (n, 3, 4).
         task: Task dimension.
         starts: Joint positions at the first pose [rad], (starts, dof).
-        enough: A pose is reached with a correction of every joint below this [rad].
+        max_correction: A pose is reached with a correction of every joint below this [rad].
 
     Returns:
         Joint positions [rad], (starts, n, dof), as far as poses are reached; and how many are, the
@@ -221,8 +228,8 @@ def follow_branches(
     q, reached = np.empty((len(starts), len(poses), arm.dof)), np.empty(len(starts), np.intp)
     q[:, 0] = starts
 
-    def follow(ways: slice) -> None:
-        newton.follow(arm.link_table, task, poses, q[ways], reached[ways], enough)
+    def follow(branches: slice) -> None:
+        newton.follow(arm.link_table, task, poses, q[branches], reached[branches], max_correction)
 
     _in_threads(follow, split_evenly(len(starts), PARTS), len(starts) * len(poses))
     return q, reached
@@ -239,7 +246,7 @@ def _rank(
     poses: FloatArray,
     task: int,
     followed: list[FloatArray],
-    start: FloatArray | None,
+    seed: FloatArray | None,
 ) -> list[FloatArray]:
     """The solutions, sorted by their cost after a few iterations of smoothing on some knots.
 
@@ -250,17 +257,17 @@ def _rank(
     few = np.unique(np.linspace(0, len(s) - 1, min(len(s), ROUGH_KNOTS)).astype(np.intp))
 
     shifted = [shift_by_turns(arm, q)[0] for q in followed]
-    options = {"start_stays": start is not None, "rounds": ROUGH_ROUNDS}
+    options = {"start_stays": seed is not None, "rounds": ROUGH_ROUNDS}
     rough = _smooth(arm, s[few], poses[few], task, [q[few] for q in shifted], **options)
     both = zip(shifted, rough, strict=True)
     ranked = [(cost, q if len(few) < len(s) else short) for q, (short, cost) in both]
     ranked.sort(key=lambda x: x[0])
-    first: list[FloatArray] = []
-    again: list[FloatArray] = []
+    distinct: list[FloatArray] = []
+    repeated: list[FloatArray] = []
     different = _Different(arm, poses, task)
     for _, q in ranked:
-        (first if different.add(q) else again).append(q)
-    return first + again
+        (distinct if different.add(q) else repeated).append(q)
+    return distinct + repeated
 
 
 def _smooth(
@@ -268,18 +275,18 @@ def _smooth(
     s: FloatArray,
     poses: FloatArray,
     task: int,
-    ways: list[FloatArray],
+    joint_paths: list[FloatArray],
     **options: Any,
 ) -> list[tuple[FloatArray, float]]:
     """Smoothed joint paths, (n, dof) each, with their costs; in threads if it takes long."""
-    if not ways:
+    if not joint_paths:
         return []
 
     def work(part: slice) -> tuple[FloatArray, FloatArray]:
-        return smooth(arm, s, poses, task, np.array(ways[part]), **options)
+        return smooth(arm, s, poses, task, np.array(joint_paths[part]), **options)
 
-    parts = split_evenly(len(ways), SMOOTHED_PARTS)
-    done = _in_threads(work, parts, len(ways) * len(s))
+    parts = split_evenly(len(joint_paths), SMOOTHED_PARTS)
+    done = _in_threads(work, parts, len(joint_paths) * len(s))
     return [(q, float(cost)) for part in done for q, cost in zip(*part, strict=True)]
 
 
@@ -326,8 +333,8 @@ class _Different:
         """Whether joint positions are those of a known solution but for null-space motion."""
         if k not in self._spaces:
             self._spaces[k] = null_space(self.arm, self.poses, self.task, self._known[k])
-        rest, size = _outside(self._spaces[k], q - self._known[k])
-        return bool(rest < SAME_SOLUTION * max(1.0, float(size)))
+        deviation, size = _outside(self._spaces[k], q - self._known[k])
+        return bool(deviation < SAME_SOLUTION * max(1.0, float(size)))
 
 
 def _outside(w: FloatArray, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -337,9 +344,9 @@ def _outside(w: FloatArray, difference: FloatArray) -> tuple[FloatArray, FloatAr
         w: Bases of the null spaces, (..., n, free, dof).
         difference: The differences, up to whole turns [rad], (..., n, dof).
     """
-    near = np.pi - np.mod(np.pi - difference, 2 * np.pi)
-    rest = near - (np.swapaxes(w, -1, -2) @ (w @ near[..., None]))[..., 0]
-    return np.abs(rest).max(axis=(-1, -2)), np.abs(near).max(axis=(-1, -2))
+    wrapped = np.pi - np.mod(np.pi - difference, 2 * np.pi)
+    outside = wrapped - (np.swapaxes(w, -1, -2) @ (w @ wrapped[..., None]))[..., 0]
+    return np.abs(outside).max(axis=(-1, -2)), np.abs(wrapped).max(axis=(-1, -2))
 
 
 def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntArray]:
@@ -373,53 +380,53 @@ def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
 
 
 def _turn_into_range(
-    arm: SerialArm, q: FloatArray, start: FloatArray | None
+    arm: SerialArm, q: FloatArray, seed: FloatArray | None
 ) -> FloatArray | _Failure:
     """The positions, shifted by whole turns into the joint ranges; or where they leave a range.
 
-    If a start is given, the shifts nearest to the start are preferred.
+    If a seed is given, the shifts nearest to it are preferred.
     """
-    wanted, inside = shift_by_turns(arm, q, start)
+    shifted, inside = shift_by_turns(arm, q, seed)
     if inside:
-        return wanted
+        return shifted
     lower, upper = arm.limits.joint_range(arm.dof)
-    below, above = wanted < lower, wanted > upper
+    below, above = shifted < lower, shifted > upper
     # For each joint: the shift that stays in range farthest along the path, and among equal ones
     # that with the least excess at the knot that leaves the range.
     for joint in np.flatnonzero((below | above).any(axis=0)):
         turns = 2 * np.pi * np.arange(-MOST_TURNS, MOST_TURNS + 1)
-        tried = wanted[:, joint, None] + turns
+        tried = shifted[:, joint, None] + turns
         beyond = np.maximum(lower[joint] - tried, tried - upper[joint])
-        left = np.argmax(beyond > 0, axis=0)
-        best = np.lexsort((beyond[left, np.arange(len(turns))], -left))[0]
-        wanted[:, joint] = tried[:, best]
-    row = int(np.argmax(((wanted < lower) | (wanted > upper)).any(axis=1)))
-    below, above = wanted < lower, wanted > upper
+        first_outside = np.argmax(beyond > 0, axis=0)
+        best = np.lexsort((beyond[first_outside, np.arange(len(turns))], -first_outside))[0]
+        shifted[:, joint] = tried[:, best]
+    row = int(np.argmax(((shifted < lower) | (shifted > upper)).any(axis=1)))
+    below, above = shifted < lower, shifted > upper
     worst = int(np.argmax((below | above)[row]))
     limit = float(lower[worst] if below[row, worst] else upper[worst])
-    value = float(wanted[row, worst])
-    return _Failure(reached=row, q=wanted[row], joint=worst, value=value, limit=limit)
+    value = float(shifted[row, worst])
+    return _Failure(reached=row, q=shifted[row], joint=worst, value=value, limit=limit)
 
 
 def _refuse_start(
-    path: Path, arm: SerialArm, poses: FloatArray, task: int, start: FloatArray | None
+    path: Path, arm: SerialArm, poses: FloatArray, task: int, seed: FloatArray | None
 ) -> None:
     """Raise Unreachable with the reason why the first pose of the path has no solution."""
-    if start is not None:
-        _refuse_given_start(arm, poses[0], task, start)
+    if seed is not None:
+        _refuse_seed(arm, poses[0], task, seed)
     point = poses[0, :, 3]
     gap = _reach_gap(arm, poses[0], task, seeds(arm)[:REACH_SEEDS])
-    some = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), SOME_POSES)).astype(np.intp))
-    gaps = out_of_reach(arm, poses[some], task, seeds(arm)[:REACH_SEEDS])
-    worst = int(some[np.argmax(gaps)])
-    more = ""
+    indices = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), SOME_POSES)).astype(np.intp))
+    gaps = out_of_reach(arm, poses[indices], task, seeds(arm)[:REACH_SEEDS])
+    worst = int(indices[np.argmax(gaps)])
+    farthest = ""
     if worst > 0 and gaps.max() > gap:
         worst_point = tuple(np.round(poses[worst, :, 3], 6).tolist())
-        more = f" (at most {gaps.max():.3g} m on the path, at {worst_point} m)"
+        farthest = f" (at most {gaps.max():.3g} m on the path, at {worst_point} m)"
     raise Unreachable(
         f"At 0 m along the path the arm {arm.name} cannot reach the position "
         f"{tuple(np.round(point, 6).tolist())} m with the required tool orientation: the tool "
-        f"stays {gap:.3g} m away{more}; {what_helps(path)}{hint_at_unit(gap)}.",
+        f"stays {gap:.3g} m away{farthest}; {what_helps(path)}{hint_at_unit(gap)}.",
         point=point.tolist(),
         s=0.0,
         limit="reach",
@@ -428,27 +435,27 @@ def _refuse_start(
     )
 
 
-def _refuse_given_start(arm: SerialArm, pose: FloatArray, task: int, start: FloatArray) -> None:
-    """Refuse a start from which the first pose is not reached, though the pose has solutions.
+def _refuse_seed(arm: SerialArm, pose: FloatArray, task: int, seed: FloatArray) -> None:
+    """Refuse a seed from which the first pose is not reached, though the pose has solutions.
 
     Raises:
         Unreachable: The pose has solutions; names the nearest one.
     """
-    known = configurations(arm, pose, task)
-    if len(known) == 0:
+    solutions = configurations(arm, pose, task)
+    if len(solutions) == 0:
         return
-    difference = start - known
+    difference = seed - solutions
     turns = np.round(difference / (2 * np.pi))
     difference = np.abs(difference - 2 * np.pi * turns).max(axis=1)
-    nearest = known[np.argmin(difference)]
+    nearest = solutions[np.argmin(difference)]
     point = pose[:, 3]
     raise Unreachable(
-        f"From the given start the arm {arm.name} does not reach the pose of the tool at the start "
-        f"of the path, {tuple(np.round(point, 6).tolist())} m; give a start nearer to joint "
+        f"From the given seed the arm {arm.name} does not reach the pose of the tool at the start "
+        f"of the path, {tuple(np.round(point, 6).tolist())} m; give a seed nearer to joint "
         f"positions that reach it, such as {tuple(np.round(nearest, 4).tolist())} rad.",
         point=point.tolist(),
         s=0.0,
-        limit="start",
+        limit="seed",
         needed=float(difference.min()),
     )
 
@@ -465,14 +472,16 @@ def _largest_reach_gap(
 
     Both are 0 if all poses are in reach.
     """
-    some = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MANY_POSES)).astype(np.intp))
-    gaps = out_of_reach(arm, poses[some], task, q)
+    indices = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MANY_POSES)).astype(np.intp))
+    gaps = out_of_reach(arm, poses[indices], task, q)
     more_seeds = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])
     for i in np.argsort(-gaps)[:SOME_POSES]:
         # Another configuration may come nearer.
-        gap = 0.0 if gaps[i] <= OUT_OF_REACH else _reach_gap(arm, poses[some[i]], task, more_seeds)
+        gap = (
+            0.0 if gaps[i] <= OUT_OF_REACH else _reach_gap(arm, poses[indices[i]], task, more_seeds)
+        )
         if gap > OUT_OF_REACH:
-            return gap, int(some[i])
+            return gap, int(indices[i])
     return 0.0, 0
 
 
@@ -540,4 +549,4 @@ def _find_end_of_reach(
             high = middle
         else:
             low = middle
-    return float(one.at(np.array([high]))[0])
+    return float(one.arc_lengths(np.array([high]))[0])

@@ -10,7 +10,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.planning.tracing.poses import what_helps
+from armcontour.planning.tracing.knots import what_helps
 from armcontour.robot import Limits
 
 # Joint positions have smaller rounding errors than this, and no robot resolves it [rad].
@@ -48,15 +48,15 @@ def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
     # A polynomial lies within the hull of its Bernstein coefficients, so most pieces need no roots.
     hull = np.matmul(BERNSTEIN, joint_path.coefficients)
     suspect = (hull.min(axis=1) < lower - ROUNDING) | (hull.max(axis=1) > upper + ROUNDING)
-    worst, found = ROUNDING, None
+    worst, largest = ROUNDING, None
     for piece, joint in np.argwhere(suspect):
         for x in _extremum_candidates(joint_path.coefficients[piece, :, joint]):
             q = float(np.polynomial.polynomial.polyval(x, joint_path.coefficients[piece, :, joint]))
             beyond = max(lower[joint] - q, q - upper[joint])
             if beyond > worst:
-                worst, found = float(beyond), (piece, joint, x, q)
-    if found is not None:
-        piece, joint, x, q = found
+                worst, largest = float(beyond), (piece, joint, x, q)
+    if largest is not None:
+        piece, joint, x, q = largest
         s = float(joint_path.breaks[piece] + x * np.diff(joint_path.breaks)[piece])
         edge = float(upper[joint] if q > upper[joint] else lower[joint])
         raise out_of_range(joint_path.tool_path, s, int(joint), q, edge)
@@ -95,9 +95,9 @@ def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
         return joint_path
     lower, upper = limits.joint_range(joint_path.dof)
     q = joint_path(joint_path.breaks)
-    least = np.ceil((lower - ROUNDING - q.min(axis=0)) / (2 * np.pi))
-    most = np.floor((upper + ROUNDING - q.max(axis=0)) / (2 * np.pi))
-    turns = np.where(least <= most, np.clip(0.0, least, most), 0.0)
+    min_turns = np.ceil((lower - ROUNDING - q.min(axis=0)) / (2 * np.pi))
+    max_turns = np.floor((upper + ROUNDING - q.max(axis=0)) / (2 * np.pi))
+    turns = np.where(min_turns <= max_turns, np.clip(0.0, min_turns, max_turns), 0.0)
     if not turns.any():
         return joint_path
     coefficients = joint_path.coefficients.copy()

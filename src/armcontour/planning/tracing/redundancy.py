@@ -78,7 +78,7 @@ class Guide:
         ]
         return cls(s=s, coefficients=np.concatenate(parts), dof=dof)
 
-    def at(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
         """W and g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof).
 
         Args:
@@ -86,11 +86,11 @@ class Guide:
             middle: Arc lengths inside the intervals that `s` belong to [m], (n,); at a knot they
                 tell the interval before from the interval after.
         """
-        at, k = np.searchsorted(self.s, middle) - 1, np.arange(6)
-        x = (s - self.s[at])[:, None]
+        interval, k = np.searchsorted(self.s, middle) - 1, np.arange(6)
+        x = (s - self.s[interval])[:, None]
         one, two = k * x ** np.maximum(k - 1, 0), k * (k - 1) * x ** np.maximum(k - 2, 0)
-        found = np.stack([x**k, one, two], axis=1) @ self.coefficients[at]
-        g, w = (np.ascontiguousarray(x) for x in np.split(found, [self.dof], axis=2))
+        values = np.stack([x**k, one, two], axis=1) @ self.coefficients[interval]
+        g, w = (np.ascontiguousarray(x) for x in np.split(values, [self.dof], axis=2))
         return w.reshape(len(s), 3, -1, self.dof), g
 
 
@@ -116,17 +116,19 @@ def _spline(s: FloatArray, values: FloatArray) -> FloatArray:
     """
     width, steps = np.diff(s)[:, None], np.diff(values, axis=0)
     slopes, chord = _slopes(s, values), steps / width
-    bend = (slopes[:-1] + slopes[1:] - 2 * chord) / width
+    curvature = (slopes[:-1] + slopes[1:] - 2 * chord) / width
     c = np.zeros((len(steps), 6, values.shape[1]))
-    c[:, 0], c[:, 1], c[:, 3] = values[:-1], slopes[:-1], bend / width
-    c[:, 2] = (chord - slopes[:-1]) / width - bend
+    c[:, 0], c[:, 1], c[:, 3] = values[:-1], slopes[:-1], curvature / width
+    c[:, 2] = (chord - slopes[:-1]) / width - curvature
     if len(steps) == 1:
         return c
     largest = np.pad(np.abs(steps).max(axis=1), 1)
     largest = np.maximum(np.maximum(largest[:-2], largest[2:]), largest[1:-1])
     u = QUARTERS * width
-    off = np.abs(u * (c[:, 1] + u * (c[:, 2] + u * c[:, 3])) - QUARTERS * steps).max(axis=(0, 2))
-    return _without_swing(s, values) if (off > SWING * largest + SWING_FLOOR).any() else c
+    deviation = np.abs(u * (c[:, 1] + u * (c[:, 2] + u * c[:, 3])) - QUARTERS * steps).max(
+        axis=(0, 2)
+    )
+    return _without_swing(s, values) if (deviation > SWING * largest + SWING_FLOOR).any() else c
 
 
 def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
@@ -141,8 +143,10 @@ def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
         return np.repeat(chord, 2, axis=0)
     first, last = h[0] + h[1], h[-1] + h[-2]
     if len(s) == 3:
-        bend = (chord[1] - chord[0]) / first
-        return np.stack([chord[0] - bend * h[0], chord[0] + bend * h[0], chord[1] + bend * h[1]])
+        curvature = (chord[1] - chord[0]) / first
+        return np.stack(
+            [chord[0] - curvature * h[0], chord[0] + curvature * h[0], chord[1] + curvature * h[1]]
+        )
     # Rows are scaled so that the matrix is symmetric.
     bands, right = np.zeros((len(s), 2)), np.empty_like(values)
     bands[1:-1, 0] = 2 / h[:-1, 0] + 2 / h[1:, 0]
@@ -206,32 +210,32 @@ def smooth(
         The joint positions, (ways, n, dof), and their costs, (ways,).
     """
     cost, n, free = _Cost(arm, s, q), len(s), arm.dof - task
-    found, values, going = q.copy(), cost.values(q), np.arange(len(q))
+    smoothed, values, active = q.copy(), cost.values(q), np.arange(len(q))
     for _ in range(rounds):
-        q, ways = found[going], len(going)
-        targets = np.tile(poses, (ways, 1, 1))
-        w = null_space(arm, targets, task, q.reshape(-1, arm.dof)).reshape(ways, n, free, arm.dof)
+        q, count = smoothed[active], len(active)
+        targets = np.tile(poses, (count, 1, 1))
+        w = null_space(arm, targets, task, q.reshape(-1, arm.dof)).reshape(count, n, free, arm.dof)
         bands, right = cost.equations(q, w)
         if start_stays:
             right[:, :free], bands[:, :free] = 0.0, np.eye(1, 2 * free)
         solve_banded(bands.reshape(-1, 2 * free), right.reshape(-1, 1))
-        change = (right.reshape(ways, n, 1, free) @ w)[:, :, 0]
+        change = (right.reshape(count, n, 1, free) @ w)[:, :, 0]
         size = np.abs(change).max(axis=(1, 2))
         trial = (
             q + np.minimum(1.0, LARGEST_CHANGE / np.maximum(size, 1e-12))[:, None, None] * change
         )
         rows, goals = w.reshape(-1, 1, free, arm.dof), trial.reshape(-1, 1, arm.dof).copy()
         moved = trial.reshape(-1, arm.dof)
-        met = newton.newton(arm.link_table, task, moved, targets, rows, goals).reshape(ways, n)
+        met = newton.newton(arm.link_table, task, moved, targets, rows, goals).reshape(count, n)
         fresh = cost.values(trial)
-        better = met.all(axis=1) & (fresh < values[going])
-        found[going[better]], values[going[better]] = trial[better], fresh[better]
+        better = met.all(axis=1) & (fresh < values[active])
+        smoothed[active[better]], values[active[better]] = trial[better], fresh[better]
         better &= size >= SETTLED
-        going = going[better]
-        if not len(going):
+        active = active[better]
+        if not len(active):
             break
-        cost = cost.some(better)
-    return found, values
+        cost = cost.select(better)
+    return smoothed, values
 
 
 class _Cost:
@@ -261,11 +265,11 @@ class _Cost:
         both = share / 2 + steps / np.where(whole > 0.0, whole, 1.0) / 2
         self.weights = pace / np.sqrt(np.where(whole > 0.0, both, share))[..., None]
 
-    def some(self, which: BoolArray) -> _Cost:
+    def select(self, mask: BoolArray) -> _Cost:
         """The cost of some of the configurations."""
-        found = copy(self)
-        found.weights = self.weights[which]
-        return found
+        cost = copy(self)
+        cost.weights = self.weights[mask]
+        return cost
 
     def values(self, q: FloatArray) -> FloatArray:
         """The costs of joint positions [rad], (ways,)."""
@@ -286,7 +290,7 @@ class _Cost:
             The matrices as `solve_banded` takes them, (ways, n free, 2 free), and half the negative
             gradients, (ways, n free).
         """
-        ways, n, free, _ = w.shape
+        count, n, free, _ = w.shape
         share = (q - self.middle) / self.half
         beyond = np.maximum(np.abs(share) - INNER_RANGE, 0.0)
         slope = np.where(beyond > 0.0, self.outside / self.half, 0.0)
@@ -300,10 +304,10 @@ class _Cost:
         turned = np.swapaxes(w, 2, 3)
         same = (w * weight[:, :, None]) @ turned
         following = (w[:, :-1] * ahead[:, :, None]) @ turned[:, 1:]
-        bands = np.zeros((ways, n, free, 2 * free))
+        bands = np.zeros((count, n, free, 2 * free))
         for a in range(free):
             bands[:, :, a, : free - a] = same[:, :, a, a:]
             bands[:, :-1, a, free - a : 2 * free - a] = -following[:, :, a]
         bands[..., 0] += DAMPING * (1.0 + bands[..., 0].max(axis=(1, 2), keepdims=True))
         right = -(w @ gradient[..., None])
-        return bands.reshape(ways, n * free, 2 * free), right.reshape(ways, n * free)
+        return bands.reshape(count, n * free, 2 * free), right.reshape(count, n * free)

@@ -11,8 +11,10 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, quintic
-from armcontour.planning.tracing.knots import MIDDLE, PLACES, Knots
-from armcontour.planning.tracing.poses import (
+from armcontour.planning.tracing.knots import (
+    MIDDLE,
+    PLACES,
+    Knots,
     turning_too_fast,
     what_helps,
 )
@@ -149,7 +151,7 @@ class Analytic(Solver[PlanarTwoLink]):
             q = self.arm.joint_position(self.path.on_segment(knots.segment, u), self.configuration)
         except Unreachable as error:
             index = error.index or 0
-            s = float(knots.at(u)[index])
+            s = float(knots.arc_lengths(u)[index])
             raise Unreachable(
                 f"At {s:.6g} m along the path: {error}",
                 point=error.point,
@@ -174,8 +176,8 @@ class Analytic(Solver[PlanarTwoLink]):
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
         """Distances of the tool from its position on the path, over the tolerance, (n,)."""
-        off = self.arm.tool_position(q) - self.path.on_segment(knots.segment, u)
-        return np.asarray(np.linalg.norm(off, axis=1) / self.tolerance)
+        difference = self.arm.tool_position(q) - self.path.on_segment(knots.segment, u)
+        return np.asarray(np.linalg.norm(difference, axis=1) / self.tolerance)
 
 
 def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
@@ -193,40 +195,40 @@ def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
     settled = np.zeros(len(knots), dtype=bool)
     while True:
         start, end = solver.continuous(start, end)
-        open_ = np.flatnonzero(~settled)
-        if len(open_) == len(knots):
+        unsettled = np.flatnonzero(~settled)
+        if len(unsettled) == len(knots):
             errors, middle = solver.errors_between(knots, start, end)
         else:
             errors, middle = solver.errors_between(
-                knots.part(open_), _select(start, open_), _select(end, open_)
+                knots.part(unsettled), _select(start, unsettled), _select(end, unsettled)
             )
-        leaves = ~(errors <= 1)
-        missed = np.zeros(len(settled), dtype=bool)
-        missed[open_[leaves]] = True
-        if not missed.any():
+        outside = ~(errors <= 1)
+        too_coarse = np.zeros(len(settled), dtype=bool)
+        too_coarse[unsettled[outside]] = True
+        if not too_coarse.any():
             break
-        coarse = knots.part(missed)
+        coarse = knots.part(too_coarse)
         small = np.flatnonzero(coarse.u1 - coarse.u0 < SMALLEST_INTERVAL)
         if len(small):
-            place = float(coarse.s0[small[0]])
-            raise_singular(solver, place, "is singular or jumps between configurations")
+            s_singular = float(coarse.s0[small[0]])
+            raise_singular(solver, s_singular, "is singular or jumps between configurations")
         u = (coarse.u0 + coarse.u1) / 2
-        halfway = (start[0][missed] + end[0][missed]) / 2
-        between = solver.ends(coarse, u, solver.guess(coarse, u, middle[leaves], halfway))
-        knots, parent, second = knots.halve(missed, u)
+        halfway = (start[0][too_coarse] + end[0][too_coarse]) / 2
+        between = solver.ends(coarse, u, solver.guess(coarse, u, middle[outside], halfway))
+        knots, parent, second = knots.halve(too_coarse, u)
         start, end = _select(start, parent), _select(end, parent)
         for k in range(3):
             start[k][second], end[k][second - 1] = between[k], between[k]
-        settled = (~missed)[parent]
+        settled = (~too_coarse)[parent]
     path = solver.path
     breaks = np.append(knots.s0, path.length)
     return JointPath.hermite(breaks, start, end, stops=stops, tool_path=path)
 
 
-def _select(ends: Ends, which: BoolArray | IntArray) -> Ends:
+def _select(ends: Ends, selection: BoolArray | IntArray) -> Ends:
     """The joint positions and derivatives of the selected intervals."""
     q, dq_ds, d2q_ds2 = ends
-    return q[which], dq_ds[which], d2q_ds2[which]
+    return q[selection], dq_ds[selection], d2q_ds2[selection]
 
 
 def raise_singular(solver: Solver[Any], s: float, state: str) -> NoReturn:

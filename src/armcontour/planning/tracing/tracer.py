@@ -14,8 +14,13 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.planning.tracing.knots import Knots, first_knots
-from armcontour.planning.tracing.poses import FirstPoses, row_of_poses, task_dimension
+from armcontour.planning.tracing.knots import (
+    FirstPoses,
+    Knots,
+    first_knots,
+    row_of_poses,
+    task_dimension,
+)
 from armcontour.planning.tracing.ranges import check_joint_range, turn_into_range
 from armcontour.planning.tracing.solver import Analytic, refine
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm
@@ -37,7 +42,7 @@ def trace(
     *,
     limits: Limits | None = None,
     configuration: str | None = None,
-    start: npt.ArrayLike | None = None,
+    seed: npt.ArrayLike | None = None,
     tolerance: float = 1e-10,
 ) -> JointPath:
     """The joint path along which the arm's tool follows `path`.
@@ -53,7 +58,7 @@ def trace(
             joint paths; by default the arm's own.
         configuration: For an arm in the plane, one of `arm.branches`; by default the first that
             completes the path. `plan` chooses the fastest.
-        start: For an arm in space, joint positions near the start of the joint path [rad], (dof,);
+        seed: For an arm in space, joint positions near the start of the joint path [rad], (dof,);
             by default the configuration with the shortest joint path. `plan` chooses the fastest.
         tolerance: Largest distance between the tool and its position on the path [m].
 
@@ -62,16 +67,16 @@ def trace(
             the arc length.
         InvalidInput: The path does not fit the arm.
     """
-    found = trace_all(
+    joint_paths = trace_all(
         path,
         arm,
         limits=limits,
         configuration=configuration,
-        start=start,
+        seed=seed,
         tolerance=tolerance,
-        most=1,
+        max_count=1,
     )
-    return found[0]
+    return joint_paths[0]
 
 
 def trace_all(
@@ -80,9 +85,9 @@ def trace_all(
     *,
     limits: Limits | None = None,
     configuration: str | None = None,
-    start: npt.ArrayLike | None = None,
+    seed: npt.ArrayLike | None = None,
     tolerance: float = 1e-10,
-    most: int | None = None,
+    max_count: int | None = None,
 ) -> list[JointPath]:
     """Joint paths of all configurations that complete the path, the shortest first.
 
@@ -96,9 +101,9 @@ def trace_all(
         arm: The arm.
         limits: As in `trace`.
         configuration: As in `trace`.
-        start: As in `trace`.
+        seed: As in `trace`.
         tolerance: As in `trace`.
-        most: Largest number of joint paths to return; all by default.
+        max_count: Largest number of joint paths to return; all by default.
 
     Raises:
         Unreachable: As in `trace`.
@@ -114,20 +119,22 @@ def trace_all(
         checks.check_type("trace", limits, Limits)
         arm = arm.with_limits(limits)
     if isinstance(arm, PlanarTwoLink):
-        if start is not None:
-            raise InvalidInput(f"The arm {arm.name} takes a branch to start in, not a start.")
+        if seed is not None:
+            raise InvalidInput(f"The arm {arm.name} takes a branch to start in, not a seed.")
         branches = arm.branches if configuration is None else (configuration,)
-        return _complete((partial(_trace_planar, path, arm, x, tolerance) for x in branches), most)
+        return _complete(
+            (partial(_trace_planar, path, arm, x, tolerance) for x in branches), max_count
+        )
     if not isinstance(arm, SerialArm):
         raise InvalidInput(f"There is no inverse kinematics for {type(arm).__name__}.")
     if configuration is not None:
         raise InvalidInput(
-            f"The arm {arm.name} has no named branches: give start, joint positions near those at "
+            f"The arm {arm.name} has no named branches: give seed, joint positions near those at "
             "the start of the path."
         )
     _refuse_flat(arm)
-    near = None if start is None else _check_start(arm, start)
-    return _trace_serial(path, arm, near, tolerance, most)
+    near = None if seed is None else _check_seed(arm, seed)
+    return _trace_serial(path, arm, near, tolerance, max_count)
 
 
 def _refuse_flat(arm: SerialArm) -> None:
@@ -170,8 +177,8 @@ def sketch_all(
     task = task_dimension(path, arm)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
-    found = find_solutions(path, arm, few, row_of_poses(path, few), task, None)
-    return np.append(few.s0, path.length), [x.q for x in found]
+    solutions = find_solutions(path, arm, few, row_of_poses(path, few), task, None)
+    return np.append(few.s0, path.length), [x.q for x in solutions]
 
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
@@ -209,20 +216,20 @@ def _trace_planar(
 
 
 def _trace_serial(
-    path: Path, arm: SerialArm, start: FloatArray | None, tolerance: float, most: int | None
+    path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
 ) -> list[JointPath]:
-    """Joint paths of a serial arm in all its configurations, at most `most`, the shortest first.
+    """Joint paths of a serial arm in its configurations, the shortest first.
 
     Raises:
         Unreachable: As in `trace`.
         InvalidInput: As in `trace`.
     """
     from armcontour.planning.tracing.configurations import find_solutions
-    from armcontour.planning.tracing.numeric import Numeric
+    from armcontour.planning.tracing.serial_solver import Numeric
 
     task = task_dimension(path, arm)
     knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)
-    first = FirstPoses.of(path, knots)
+    first = FirstPoses.at_knots(path, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
         numeric = Numeric(path, arm, task, first, solution, tolerance)
@@ -230,12 +237,12 @@ def _trace_serial(
         check_joint_range(joint_path, arm.limits)
         return joint_path
 
-    solutions = find_solutions(path, arm, knots, first.row, task, start)
-    return _complete((partial(refine_solution, x) for x in solutions), most)
+    solutions = find_solutions(path, arm, knots, first.row, task, seed)
+    return _complete((partial(refine_solution, x) for x in solutions), max_count)
 
 
-def _complete(tries: Iterable[Callable[[], JointPath]], most: int | None) -> list[JointPath]:
-    """Joint paths of the configurations that complete a path, at most `most`.
+def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -> list[JointPath]:
+    """Joint paths of the configurations that complete a path, at most `max_count`.
 
     Raises:
         Unreachable: None does; the reason of the first one.
@@ -243,7 +250,7 @@ def _complete(tries: Iterable[Callable[[], JointPath]], most: int | None) -> lis
     joint_paths: list[JointPath] = []
     refusals: list[Unreachable] = []
     for attempt in tries:
-        if most is not None and len(joint_paths) == most:
+        if max_count is not None and len(joint_paths) == max_count:
             break
         # A configuration that is singular or leaves a joint range between two knots is no reason
         # to refuse the others.
@@ -256,22 +263,22 @@ def _complete(tries: Iterable[Callable[[], JointPath]], most: int | None) -> lis
     return joint_paths
 
 
-def _check_start(arm: SerialArm, start: npt.ArrayLike) -> FloatArray:
-    """The given start as joint positions inside the joint ranges [rad], (dof,).
+def _check_seed(arm: SerialArm, seed: npt.ArrayLike) -> FloatArray:
+    """The seed as joint positions inside the joint ranges [rad], (dof,).
 
     Raises:
-        InvalidInput: The start has a wrong number of joints, or a joint is out of its range.
+        InvalidInput: The seed has a wrong number of joints, or a joint is out of its range.
     """
-    near = checks.per_joint("start", start, arm.dof, "rad")
+    positions = checks.per_joint("seed", seed, arm.dof, "rad")
     lower, upper = arm.limits.joint_range(arm.dof)
-    outside = (near < lower) | (near > upper)
+    outside = (positions < lower) | (positions > upper)
     if outside.any():
         j = int(np.argmax(outside))
         raise InvalidInput(
-            f"start has joint {j + 1} at {near[j]:.6g} rad, outside its range from {lower[j]:.6g} "
-            f"to {upper[j]:.6g} rad: give angles in rad, or with their unit.",
+            f"seed has joint {j + 1} at {positions[j]:.6g} rad, outside its range from "
+            f"{lower[j]:.6g} to {upper[j]:.6g} rad: give angles in rad, or with their unit.",
             joint=j,
-            needed=float(near[j]),
-            allowed=float(lower[j] if near[j] < lower[j] else upper[j]),
+            needed=float(positions[j]),
+            allowed=float(lower[j] if positions[j] < lower[j] else upper[j]),
         )
-    return near
+    return positions

@@ -17,10 +17,10 @@ from armcontour.planning.constraints import (
     JointMotion,
     OnGrid,
 )
-from armcontour.planning.grid import Grid, place_grid
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
-from armcontour.planning.topp.limits import Ceiling, Form
+from armcontour.planning.path_grid import Grid, place_grid
+from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.planning.tracing import check_joint_range
 from armcontour.robot import Arm, Limits
 
@@ -122,7 +122,7 @@ class DeratedAcceleration(JointMotion):
         share = self.derating.share[self.derating.cell_of(grid)]
         return self.low * share, self.high * share
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The accelerations with their own bounds on every interval."""
         return (self.rows(path),)
 
@@ -139,7 +139,7 @@ class Cap(Constraint):
     def __init__(self, derating: Derating) -> None:
         self.derating = derating
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The cap at both ends of every interval."""
         cap = self.derating.cap[self.derating.cell_of(path.grid)]
         return (Ceiling(np.stack([cap, cap], axis=1)),)

@@ -20,8 +20,9 @@ from armcontour.jobs.quantities import torques_at
 from armcontour.jobs.reuse import Reuse
 from armcontour.motion import Trajectory
 from armcontour.planning import Optimal, Tracing, with_reserve
-from armcontour.planning.program_tracing import SURE, bound_duration
-from armcontour.planning.tracing.poses import task_dimension
+from armcontour.planning.duration_bound import bound_duration
+from armcontour.planning.program_tracing import SURE
+from armcontour.planning.tracing.knots import task_dimension
 from armcontour.program import Contour, Dwell
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.limit_use import use_of
@@ -181,7 +182,7 @@ class Judge:
             return None
         limits = with_reserve(self.run.limits, self.run.timing.reserve)
         of_all = self.objective == MANIPULABILITY
-        return Screen(program, arm, limits, self.job.start, of_all=of_all)
+        return Screen(program, arm, limits, self.job.seed, of_all=of_all)
 
     @cached_property
     def _limited(self) -> Arm:

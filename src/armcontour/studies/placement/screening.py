@@ -12,18 +12,19 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.quintics import quintic
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.planning.program_tracing import bound_duration
+from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.tracing.configurations import MOST_STARTS, follow_branches, subdivide
-from armcontour.planning.tracing.knots import PLACES, first_knots
-from armcontour.planning.tracing.numeric import SINGULAR
-from armcontour.planning.tracing.poses import (
+from armcontour.planning.tracing.knots import (
     OUT_OF_REACH,
+    PLACES,
     FirstPoses,
+    first_knots,
     row_of_poses,
     task_dimension,
     tool_errors,
 )
 from armcontour.planning.tracing.ranges import ROUNDING
+from armcontour.planning.tracing.serial_solver import SINGULAR
 from armcontour.planning.tracing.solver import Ends
 from armcontour.program import Contour, Dwell, Program
 from armcontour.robot import Limits, SerialArm, newton
@@ -67,7 +68,7 @@ class Screen:
         program: The program that the tool follows, with rounded corners.
         arm: The arm, which may stand anywhere.
         limits: The limits.
-        start: Joint positions near the start [rad], (dof,); None for any.
+        seed: Joint positions near the start [rad], (dof,); None for any.
         of_all: Whether the least singular values of all configurations are asked for.
     """
 
@@ -76,14 +77,14 @@ class Screen:
         program: Program,
         arm: SerialArm,
         limits: Limits,
-        start: npt.ArrayLike | None,
+        seed: npt.ArrayLike | None,
         *,
         of_all: bool = False,
     ) -> None:
         self.limits, self.of_all, self._arm = limits.without_jerk, of_all, arm
-        given = start is not None and isinstance(program.moves[0], Contour)
+        given = seed is not None and isinstance(program.moves[0], Contour)
         self.contours = [
-            _Poses(x.path, arm, np.asarray(start, dtype=float) if given and k == 0 else None)
+            _Poses(x.path, arm, np.asarray(seed, dtype=float) if given and k == 0 else None)
             for k, x in enumerate(program.contours)
         ]
         self.dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
@@ -129,14 +130,14 @@ class _Poses:
     Args:
         path: The path.
         arm: The arm.
-        start: As of the screen.
+        seed: As of the screen.
     """
 
-    def __init__(self, path: Path, arm: SerialArm, start: FloatArray | None) -> None:
-        self.path, self.start = path, start
+    def __init__(self, path: Path, arm: SerialArm, seed: FloatArray | None) -> None:
+        self.path, self.seed = path, seed
         self.task = task_dimension(path, arm)
         knots = first_knots(path, arm.span)
-        self.first = FirstPoses.of(path, knots)
+        self.first = FirstPoses.at_knots(path, knots)
         fine, self.at = subdivide(path, knots, self.first.row)
         self.fine = self.first.row if len(fine) == len(knots) else row_of_poses(path, fine)
         self.breaks = np.append(knots.s0, path.length)
@@ -151,7 +152,7 @@ class _Poses:
 
     def look(self, arm: SerialArm, limits: Limits, of_all: bool) -> Screened:
         """What is known of the path on an arm."""
-        starts = configurations(arm, self.fine[0], self.task, self.start)[:MOST_STARTS]
+        starts = configurations(arm, self.fine[0], self.task, self.seed)[:MOST_STARTS]
         if len(starts) == 0:
             return Screened(refusal=REACH)
         ways, reached = follow_branches(arm, self.fine, self.task, starts)

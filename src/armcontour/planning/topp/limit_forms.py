@@ -17,10 +17,10 @@ from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput
 from armcontour.core.simd import LANES
 
-# Columns of `Rows.ends`, of the vectors of `Rounds.ends`, and of all rises.
+# Columns of `LinearRows.ends`, of the vectors of `Rounds.ends`, and of all rises.
 A, B, LOW, HIGH = range(4)
 BY_U, BY_X, BY_SLOPE, ALONE = range(4)
-# Rows of `Joints`, each of LANES joints: bounds of accelerations, inverse squares of those of
+# Rows of `JointBounds`, each of LANES joints: bounds of accelerations, inverse squares of those of
 # velocities, and twice the number of the lane; and the length of all.
 LOWEST, HIGHEST, BACK, FORTH, LANE, ROWS = range(0, 6 * LANES, LANES)
 # Vectors of one joint reach beyond the next piece.
@@ -50,7 +50,7 @@ class Intervals(NamedTuple):
     dof: int
 
 
-class Joints(NamedTuple):
+class JointBounds(NamedTuple):
     """Bounds of velocities and accelerations of joints, of which the planner itself makes rows.
 
     Args:
@@ -61,7 +61,7 @@ class Joints(NamedTuple):
     bounds: FloatArray
 
     @classmethod
-    def of(cls, dof: int, *limits: FloatArray) -> Joints:
+    def from_limits(cls, dof: int, *limits: FloatArray) -> JointBounds:
         """Make the table from bounds of accelerations and inverse squares of velocities, if any."""
         groups = -(-dof // LANES)
         table = np.zeros((ROWS // LANES, groups * LANES))
@@ -71,7 +71,7 @@ class Joints(NamedTuple):
         return cls(table.reshape(-1, groups, LANES).swapaxes(0, 1).ravel())
 
 
-class Rows(NamedTuple):
+class LinearRows(NamedTuple):
     """`low <= a u + b x <= high`.
 
     Args:
@@ -89,12 +89,12 @@ class Squares(NamedTuple):
 
     Args:
         ends: b at the starts and ends of the intervals, (n, 2, rows).
-        most: The largest b on the whole interval, (n, rows).
+        largest: The largest b on the whole interval, (n, rows).
         rise: Of each row, (n, rows, 4).
     """
 
     ends: FloatArray
-    most: FloatArray
+    largest: FloatArray
     rise: FloatArray
 
 
@@ -142,13 +142,13 @@ class Ceiling(NamedTuple):
     x: FloatArray
 
 
-class Limits(NamedTuple):
+class GridLimits(NamedTuple):
     """All limits on a grid; each field as in its class, `ceiling` the lowest one, (n, 2).
 
-    `joints` are the bounds of all `Joints`.
+    `joints` are the bounds of all `JointBounds`.
     """
 
-    rows: Rows
+    rows: LinearRows
     squares: Squares
     rounds: Rounds
     friction: Friction
@@ -156,20 +156,20 @@ class Limits(NamedTuple):
     joints: FloatArray
 
 
-Form = Joints | Rows | Squares | Rounds | Friction | Ceiling
+Form = JointBounds | LinearRows | Squares | Rounds | Friction | Ceiling
 
 
 # Arrays of a form have n intervals, and these other axes; None is the number of rows.
 SHAPES: dict[type, dict[str, tuple[int | None, ...]]] = {
-    Rows: {"ends": (2, None, 4), "rise": (None, 4)},
-    Squares: {"ends": (2, None), "most": (None,), "rise": (None, 4)},
+    LinearRows: {"ends": (2, None, 4), "rise": (None, 4)},
+    Squares: {"ends": (2, None), "largest": (None,), "rise": (None, 4)},
     Rounds: {"ends": (2, None, 2, 3), "radius": (None,), "rise": (None, 4)},
     Friction: {"viscous": (2, None), "within": (None, 3)},
     Ceiling: {"x": (2,)},
 }
 
 
-def checked(form: Form, n: int, name: str) -> Form:
+def check_form(form: Form, n: int, name: str) -> Form:
     """A form with arrays that kernels take.
 
     Args:
@@ -180,7 +180,7 @@ def checked(form: Form, n: int, name: str) -> Form:
     Raises:
         InvalidInput: An array has another shape than it should.
     """
-    if isinstance(form, Joints):
+    if isinstance(form, JointBounds):
         return form
     rows = form[-1].shape[1] if form[-1].ndim > 1 else 0
     for field, values in zip(form._fields, form, strict=True):
@@ -193,23 +193,23 @@ def checked(form: Form, n: int, name: str) -> Form:
     return type(form)(*(kernel_array(x) for x in form))
 
 
-def collect(forms: Iterable[Form], n: int) -> Limits:
+def collect(forms: Iterable[Form], n: int) -> GridLimits:
     """Put the forms of all constraints on a grid of n intervals together."""
-    found: dict[type, list[tuple[FloatArray, ...]]] = {}
-    for x in forms:
-        found.setdefault(type(x), []).append(x)
-    ceiling = found.get(Ceiling)
+    tables: dict[type, list[tuple[FloatArray, ...]]] = {}
+    for form in forms:
+        tables.setdefault(type(form), []).append(form)
+    ceiling = tables.get(Ceiling)
     if ceiling is None:
         lowest = np.full((n, 2), np.inf)
     else:
         lowest = ceiling[0][0] if len(ceiling) == 1 else np.min([x[0] for x in ceiling], axis=0)
-    return Limits(
-        Rows(*_joined(found.get(Rows), (n, 2, 0, 4), (n, 0, 4))),
-        Squares(*_joined(found.get(Squares), (n, 2, 0), (n, 0), (n, 0, 4))),
-        Rounds(*_joined(found.get(Rounds), (n, 2, 0, 2, 3), (n, 0), (n, 0, 4))),
-        Friction(*_joined(found.get(Friction), (n, 2, 0), (n, 0, 3))),
+    return GridLimits(
+        LinearRows(*_joined(tables.get(LinearRows), (n, 2, 0, 4), (n, 0, 4))),
+        Squares(*_joined(tables.get(Squares), (n, 2, 0), (n, 0), (n, 0, 4))),
+        Rounds(*_joined(tables.get(Rounds), (n, 2, 0, 2, 3), (n, 0), (n, 0, 4))),
+        Friction(*_joined(tables.get(Friction), (n, 2, 0), (n, 0, 3))),
         lowest,
-        np.concatenate([*(x[0] for x in found.get(Joints, [])), np.empty(0)]),
+        np.concatenate([*(x[0] for x in tables.get(JointBounds, [])), np.empty(0)]),
     )
 
 
@@ -227,8 +227,8 @@ def _joined(
     ]
 
 
-def largest_u(limits: Limits) -> FloatArray:
-    """Largest |u| at rest on every interval, without friction and `Joints`, (n,)."""
+def largest_u(limits: GridLimits) -> FloatArray:
+    """Largest |u| at rest on every interval, without friction and `JointBounds`, (n,)."""
     ends, rounds = limits.rows.ends, limits.rounds
     with np.errstate(divide="ignore"):
         rows = np.maximum(ends[..., HIGH], -ends[..., LOW]) / np.abs(ends[..., A])

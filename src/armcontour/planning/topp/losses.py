@@ -10,8 +10,8 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
 from armcontour.core.simd import choose, highest, load
 from armcontour.motion._intervals import interval_time
-from armcontour.planning.topp._kernel import Plan, next_joint, range_of, slopes_of
-from armcontour.planning.topp.limits import BACK, FORTH, ROWS, Intervals, Limits
+from armcontour.planning.topp.kernels import GridPlan, acceleration_range, next_joint, path_slopes
+from armcontour.planning.topp.limit_forms import BACK, FORTH, ROWS, GridLimits, Intervals
 
 BINDS = 0.02  # nearer to its bound than this share of its range, u is at the bound
 # Share of what an interval leaves of the range of u that its time is longer, as measured against
@@ -25,22 +25,22 @@ INSIDE = 0.02  # a point that is nearer to an end of an interval than this share
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _ceiling(grid: Intervals, limits: Limits, i: int, end: int) -> float:
+def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
     """The largest x at one end of an interval."""
     steepest, joint = 0.0, 0
     for group in range(len(limits.joints) // ROWS):
-        a, _ = slopes_of(grid, i, joint, end)
+        a, _ = path_slopes(grid, i, joint, end)
         joint = next_joint(grid, joint)
-        at = ROWS * group
-        back, forth = load(limits.joints, at + BACK), load(limits.joints, at + FORTH)
+        offset = ROWS * group
+        back, forth = load(limits.joints, offset + BACK), load(limits.joints, offset + FORTH)
         steepest = max(steepest, highest(a * a * choose(a, 0.0, back, forth)))
-    for r in range(limits.squares.most.shape[1]):
+    for r in range(limits.squares.largest.shape[1]):
         steepest = max(steepest, limits.squares.ends[i, end, r])
     return float(min(limits.ceiling[i, end], 1.0 / steepest))
 
 
 @compiled(inner=True)
-def _detour(
+def _shortest_time(
     w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
 ) -> tuple[float, float]:
     """The shortest time from x to x with given rates of u up and down, and where u changes [share].
@@ -54,23 +54,23 @@ def _detour(
     up, down = 2 * rates[0], 2 * rates[1]
     first = min(max((x[1] - x[0] + down * w) / (up + down), 0.0), w)
     top = x[0] + up * first
-    last = first
+    last_switch = first
     if top > ceiling:
         top = max(ceiling, x[0], x[1])
-        first, last = min((top - x[0]) / up, w), w - min((top - x[1]) / down, w)
+        first, last_switch = min((top - x[0]) / up, w), w - min((top - x[1]) / down, w)
     speeds = math.sqrt(x[0]), math.sqrt(top), math.sqrt(x[1])
     time = interval_time(first, speeds[0], speeds[1], 0.0) if first > 0.0 else 0.0
-    if last < w:
-        time += interval_time(w - last, speeds[1], speeds[2], 0.0)
-    if last > first:
-        time += (last - first) / speeds[1]
-    share = first / w if first > INSIDE * w else last / w
+    if last_switch < w:
+        time += interval_time(w - last_switch, speeds[1], speeds[2], 0.0)
+    if last_switch > first:
+        time += (last_switch - first) / speeds[1]
+    share = first / w if first > INSIDE * w else last_switch / w
     return time, share
 
 
 @compiled(fastmath=FUSED)
 def estimate_losses(
-    grid: Intervals, limits: Limits, plan: Plan
+    grid: Intervals, limits: GridLimits, plan: GridPlan
 ) -> tuple[float, FloatArray, FloatArray]:
     """Estimate the time that a plan loses by its grid and its slopes.
 
@@ -97,8 +97,8 @@ def estimate_losses(
             loss[i] = time * max(1 - use, 0.0)
             continue
         mean, turn = (x1 - x0) / (2 * w), k[i] * w / 2
-        low0, high0, wide0, below0, above0 = range_of(grid, limits, i, 0, x0)
-        low1, high1, wide1, below1, above1 = range_of(grid, limits, i, 1, x1)
+        low0, high0, wide0, below0, above0 = acceleration_range(grid, limits, i, 0, x0)
+        low1, high1, wide1, below1, above1 = acceleration_range(grid, limits, i, 1, x1)
         if not (wide0 < math.inf or wide1 < math.inf):
             continue
         # What is left to the bounds, as a share; an end that does not limit u counts as the other.
@@ -114,8 +114,8 @@ def estimate_losses(
             gap = min(up, down)
             if gap > CROSSED and above0 != below1 and below0 != above1:
                 rate = max(max(abs(low0), abs(high0)), max(abs(low1), abs(high1)))
-                low0, high0, _, _, _ = range_of(grid, limits, i, 0, MORE * x0)
-                low1, high1, _, _, _ = range_of(grid, limits, i, 1, MORE * x1)
+                low0, high0, _, _, _ = acceleration_range(grid, limits, i, 0, MORE * x0)
+                low1, high1, _, _, _ = acceleration_range(grid, limits, i, 1, MORE * x1)
                 if low0 < high0 and low1 < high1:
                     wrong = by_gap * gap * math.sqrt(x0) / min(high0 - low0, high1 - low1)
                     reach = max(AROUND * min(x0, x1) / rate, w)
@@ -131,7 +131,7 @@ def estimate_losses(
         else:
             rates = (high0 + high1) / 2, -(low0 + low1) / 2
             if rates[0] > mean and -rates[1] < mean:
-                shortest, share = _detour(w, (x0, x1), rates, max(top0, top1))
+                shortest, share = _shortest_time(w, (x0, x1), rates, max(top0, top1))
                 loss[i] += max(time - shortest, 0.0)
                 if INSIDE < share < 1 - INSIDE:
                     point[i] += share * w

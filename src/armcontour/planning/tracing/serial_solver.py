@@ -7,9 +7,10 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.geometry import Path
 from armcontour.planning.tracing.configurations import Solution
-from armcontour.planning.tracing.knots import MIDDLE, Knots
-from armcontour.planning.tracing.poses import (
+from armcontour.planning.tracing.knots import (
+    MIDDLE,
     FirstPoses,
+    Knots,
     motion_at,
     poses_at,
     tool_errors,
@@ -65,9 +66,9 @@ class Numeric(Solver[SerialArm]):
         first, q = self._first, self._solution.q
         alone = first.ends >= len(knots)
         guess = np.concatenate([q[:-1], q[1:][alone]])
-        found = self._solve(first.places, first.u, guess, first.poses, first.rates)
-        q, dq_ds, d2q_ds2 = (x[: len(knots)] for x in found)
-        end_q, end_dq_ds, end_d2q_ds2 = (x[first.ends] for x in found)
+        columns = self._solve(first.places, first.u, guess, first.poses, first.rates)
+        q, dq_ds, d2q_ds2 = (x[: len(knots)] for x in columns)
+        end_q, end_dq_ds, end_d2q_ds2 = (x[first.ends] for x in columns)
         return (q, dq_ds, d2q_ds2), (end_q, end_dq_ds, end_d2q_ds2)
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
@@ -85,13 +86,13 @@ class Numeric(Solver[SerialArm]):
         """What `ends` gives, for tool poses and their derivatives; q are guesses, overwritten."""
         w, g = self._rows(knots, u)
         links = self.arm.link_table
-        found = newton.newton(links, self.task, q, poses, w, g)
+        solved = newton.newton(links, self.task, q, poses, w, g)
         dq_ds, d2q_ds2, pivot_ratio = newton.path_derivatives(
             links, self.task, q, poses, rates, w, g
         )
-        bad = ~(found & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
+        bad = ~(solved & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
-            raise_singular(self, float(knots.at(u)[np.argmax(bad)]), "is singular")
+            raise_singular(self, float(knots.arc_lengths(u)[np.argmax(bad)]), "is singular")
         return q, dq_ds, d2q_ds2
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
@@ -118,4 +119,6 @@ class Numeric(Solver[SerialArm]):
         n, dof = len(u), self.arm.dof
         if self._guide is None:
             return np.zeros((n, 3, 0, dof)), np.zeros((n, 3, dof))
-        return self._guide.at(knots.at(u), knots.at((knots.u0 + knots.u1) / 2))
+        return self._guide.evaluate(
+            knots.arc_lengths(u), knots.arc_lengths((knots.u0 + knots.u1) / 2)
+        )

@@ -27,7 +27,7 @@ from armcontour.core.simd import (
     store,
 )
 from armcontour.motion._intervals import interval_time
-from armcontour.planning.topp.limits import (
+from armcontour.planning.topp.limit_forms import (
     ALONE,
     BACK,
     BY_SLOPE,
@@ -47,10 +47,10 @@ from armcontour.planning.topp.limits import (
     A,
     B,
     Friction,
+    GridLimits,
     Intervals,
-    Limits,
+    LinearRows,
     Rounds,
-    Rows,
 )
 
 Vector = Any  # of LANES numbers
@@ -80,7 +80,7 @@ class Rules(NamedTuple):
     Args:
         start: ds² at the start; infinite for the largest.
         end: ds² at the end; infinite for the largest.
-        most: Largest share of a limit that margins may take.
+        max_margin: Largest share of a limit that margins may take.
         steady: Where margins take more than this, slopes are left out first.
         headroom: Bounds of x and u are those of the plan before times this.
         close: The same of bounds around a proven plan.
@@ -96,7 +96,7 @@ class Rules(NamedTuple):
 
     start: float = 0.0
     end: float = 0.0
-    most: float = 1e-2
+    max_margin: float = 1e-2
     steady: float = 0.999
     headroom: float = 1.05
     close: float = 1.02
@@ -109,16 +109,16 @@ class Rules(NamedTuple):
     gain: float = 1e-6
 
 
-class Bounds(NamedTuple):
-    """For a plan with slopes k margins hold while |u| <= u and least <= x <= x, (n,) each."""
+class MotionBounds(NamedTuple):
+    """For a plan with slopes k margins hold while |u| <= u and x_min <= x <= x, (n,) each."""
 
     x: FloatArray
-    least: FloatArray
+    x_min: FloatArray
     u: FloatArray
     k: FloatArray
 
 
-class Plan(NamedTuple):
+class GridPlan(NamedTuple):
     """A plan, or why there is none.
 
     Args:
@@ -126,7 +126,7 @@ class Plan(NamedTuple):
         k: Slopes of dds over s, (n,).
         lost: Share of limits that margins take, (n,).
         outcome: FOUND, or FINER, STUCK, START, END, UNLIMITED.
-        place: Where there is none: an interval.
+        interval: Where there is none: an interval.
         allowed: With START and END: the largest ds² there.
     """
 
@@ -134,15 +134,15 @@ class Plan(NamedTuple):
     k: FloatArray
     lost: FloatArray
     outcome: int
-    place: int
+    interval: int
     allowed: float
 
 
-class Lines(NamedTuple):
+class LimitLines(NamedTuple):
     """The limits of one try, in the plane of x at the start and the mean u of each interval.
 
     Args:
-        of: `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the drawn intervals, flat.
+        table: `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the drawn intervals, flat.
             Each has LANES for the starts and LANES for the ends of every LANES joints or rows.
         width: Number of lines of an interval.
         drawn: The intervals that are drawn, (BLOCK,) or for fewer all.
@@ -153,7 +153,7 @@ class Lines(NamedTuple):
         scratch: Takes rows, side by side.
     """
 
-    of: FloatArray
+    table: FloatArray
     width: int
     drawn: IntArray
     conics: FloatArray
@@ -163,15 +163,15 @@ class Lines(NamedTuple):
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _margin(rise: FloatArray, i: int, r: int, bounds: Bounds) -> float:
+def _margin(rise: FloatArray, i: int, r: int, bounds: MotionBounds) -> float:
     by = rise[i, r, BY_U] * bounds.u[i] + rise[i, r, BY_X] * bounds.x[i]
     return float(by + rise[i, r, BY_SLOPE] * abs(bounds.k[i]) + rise[i, r, ALONE])
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _draw_end(
-    lines: Lines,
-    place: tuple[int, int, int],
+def _half_plane(
+    lines: LimitLines,
+    location: tuple[int, int, int],
     motion: tuple[float, float],
     row: tuple[Vector, Vector, Vector, Vector],
 ) -> None:
@@ -181,35 +181,35 @@ def _draw_end(
 
     Args:
         lines: Output.
-        place: The interval, the end, and the first line.
+        location: The interval, the end, and the first line.
         motion: Length of the interval, and half of the change of u.
         row: a, b, low and high.
     """
-    (i, end, line), (w, turn), (a, b, low, high) = place, motion, row
+    (i, end, line), (w, turn), (a, b, low, high) = location, motion, row
     shift = turn - 2 * turn * end
     low, high = low + shift * a, high + shift * a
     by_mean, bends = a + (2 * w * end) * b, 2 * w * size(b)
-    some, least = size(by_mean), TINY * (size(a) + bends)
+    magnitude, threshold = size(by_mean), TINY * (size(a) + bends)
     alone = size(a) - TINY * bends
-    if lowest(lower(some - least, alone)) <= 0.0:
-        most = choose(NOTHING, size(b), higher(low / b, high / b), math.inf)
-        ceiling = higher(choose(least, some, math.inf, most), 0.0)
+    if lowest(lower(magnitude - threshold, alone)) <= 0.0:
+        largest = choose(NOTHING, size(b), higher(low / b, high / b), math.inf)
+        ceiling = higher(choose(threshold, magnitude, math.inf, largest), 0.0)
         lines.cap[i, 0] = min(lines.cap[i, 0], lowest(ceiling))
-        ceiling = higher(choose(0.0, alone, math.inf, most), 0.0)
+        ceiling = higher(choose(0.0, alone, math.inf, largest), 0.0)
         lines.cap[i, end] = min(lines.cap[i, end], lowest(ceiling))
-        some = choose(least, some, choose(0.0, alone, some, 0.0), 0.0)
-    inverse = 1.0 / choose(NOTHING, some, by_mean, 1.0)
+        magnitude = choose(threshold, magnitude, choose(0.0, alone, magnitude, 0.0), 0.0)
+    inverse = 1.0 / choose(NOTHING, magnitude, by_mean, 1.0)
     low, high = low * inverse, high * inverse
     first = 3 * lines.width * (i & (len(lines.drawn) - 1)) + line
     last = first + 2 * lines.width
-    store(lines.of, first, choose(NOTHING, some, b * inverse, 0.0))
-    store(lines.of, first + lines.width, choose(NOTHING, some, lower(low, high), -math.inf))
-    store(lines.of, last, choose(NOTHING, some, higher(low, high), math.inf))
+    store(lines.table, first, choose(NOTHING, magnitude, b * inverse, 0.0))
+    store(lines.table, first + lines.width, choose(NOTHING, magnitude, lower(low, high), -math.inf))
+    store(lines.table, last, choose(NOTHING, magnitude, higher(low, high), math.inf))
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _draw_both(
-    lines: Lines,
+def _half_planes(
+    lines: LimitLines,
     i: int,
     line: int,
     motion: tuple[float, float],
@@ -220,27 +220,27 @@ def _draw_both(
     """Draw LANES rows at both ends of interval i, less margins, and count what these take."""
     (a0, b0, low0, high0), (a1, b1, low1, high1) = rows
     if margins:
-        rest = lower(lower(high0, 0.0 - low0), lower(high1, 0.0 - low1))
+        remaining = lower(lower(high0, 0.0 - low0), lower(high1, 0.0 - low1))
         used = room + abs(motion[1]) * higher(size(a0), size(a1))
         # All is lost where rest may not be allowed.
-        share = choose(0.0, room, choose(rest, used, 1.0, room / rest), 0.0)
+        share = choose(0.0, room, choose(remaining, used, 1.0, room / remaining), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(share))
-    _draw_end(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
-    _draw_end(lines, (i, 1, line + LANES), motion, (a1, b1, low1 + room, high1 - room))
+    _half_plane(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
+    _half_plane(lines, (i, 1, line + LANES), motion, (a1, b1, low1 + room, high1 - room))
 
 
 class Bracket(NamedTuple):
     """A range of x on an interval: the smallest x, and the roots of the smallest and largest."""
 
-    least: float
+    smallest: float
     low: float
     high: float
 
 
 @compiled(inner=True)
-def bracket(least: float, most: float) -> Bracket:
+def bracket(smallest: float, largest: float) -> Bracket:
     """The bracket from one x to another."""
-    return Bracket(least, math.sqrt(least), math.sqrt(max(most, LEAST)))
+    return Bracket(smallest, math.sqrt(smallest), math.sqrt(max(largest, LEAST)))
 
 
 @compiled(inner=True)
@@ -278,7 +278,7 @@ def friction_row(
         offset = max(SHARE_AT_REST * room / largest, LEAST)
     if offset >= within.low / 2:
         return 0.0, offset, 1 / (4 * offset)
-    return 0.0, offset, (within.low - offset) / within.least
+    return 0.0, offset, (within.low - offset) / within.smallest
 
 
 @compiled(inner=True)
@@ -297,9 +297,13 @@ def friction_rise(
         slope: Of the line.
         w: Length of the interval.
     """
-    v0, v1, off = friction.viscous[i, 0, j], friction.viscous[i, 1, j], friction.within[i, j, OFF]
+    v0, v1, deviation = (
+        friction.viscous[i, 0, j],
+        friction.viscous[i, 1, j],
+        friction.within[i, j, OFF],
+    )
     by_slope = slope * max(abs(v0), abs(v1)) * w * w / 4
-    return slope * abs(v1 - v0) * w / 2, slope * off, by_slope, offset * off
+    return slope * abs(v1 - v0) * w / 2, slope * deviation, by_slope, offset * deviation
 
 
 @compiled(inner=True)
@@ -313,8 +317,8 @@ def _products(ends: FloatArray, i: int, end: int, r: int) -> tuple[float, float,
 
 
 @compiled(inner=True)
-def _draw_conic(
-    lines: Lines,
+def _conic(
+    lines: LimitLines,
     i: int,
     r: int,
     ends: FloatArray,
@@ -338,8 +342,8 @@ def _draw_conic(
         # x alone, at the start.
         out[2] = math.inf
         if bb > 0.0:
-            most = math.sqrt(square / bb) - 2 * w * abs(turn)
-            lines.cap[i, 0] = min(lines.cap[i, 0], max(most, 0.0))
+            largest = math.sqrt(square / bb) - 2 * w * abs(turn)
+            lines.cap[i, 0] = min(lines.cap[i, 0], max(largest, 0.0))
         return
     # As a x b, with the same rounding as the vector.
     c0, c1, c2 = e1 * b2 - e2 * b1, e2 * b0 - e0 * b2, e0 * b1 - e1 * b0
@@ -358,8 +362,8 @@ def _draw_conic(
 
 
 @compiled(inner=True)
-def _row(
-    limits: Limits, i: int, r: int, w: float, within: Bracket, margins: bool
+def _linear_row(
+    limits: GridLimits, i: int, r: int, w: float, within: Bracket, margins: bool
 ) -> tuple[float, ...]:
     """Row r of interval i: a, b, low and high at its start and at its end, and the rise.
 
@@ -392,9 +396,13 @@ def _row(
     by_u, by_x = rise[i, j, BY_U], rise[i, j, BY_X]
     by_slope, alone = rise[i, j, BY_SLOPE], rise[i, j, ALONE]
     if side < 2:
-        towards, rest = (1.0, min(high0, high1)) if side == 0 else (-1.0, min(-low0, -low1))
-        most, offset, slope = friction_row(friction, i, j, towards, rest, within)
-        v0, v1, alike = friction.viscous[i, 0, j], friction.viscous[i, 1, j], most * margins
+        towards, remaining = (1.0, min(high0, high1)) if side == 0 else (-1.0, min(-low0, -low1))
+        friction_bound, offset, slope = friction_row(friction, i, j, towards, remaining, within)
+        v0, v1, alike = (
+            friction.viscous[i, 0, j],
+            friction.viscous[i, 1, j],
+            friction_bound * margins,
+        )
         b0, b1, off0, off1 = b0 + v0 * slope, b1 + v1 * slope, v0 * offset, v1 * offset
         if side == 0:
             low0, low1 = -math.inf, -math.inf
@@ -402,14 +410,16 @@ def _row(
         else:
             low0, low1 = low0 - (off0 + alike), low1 - (off1 + alike)
             high0, high1 = math.inf, math.inf
-        more = friction_rise(friction, i, j, offset, slope, w)
-        by_u, by_x = by_u + more[BY_U], by_x + more[BY_X]
-        by_slope, alone = by_slope + more[BY_SLOPE], alone + more[ALONE]
+        rise_by_line = friction_rise(friction, i, j, offset, slope, w)
+        by_u, by_x = by_u + rise_by_line[BY_U], by_x + rise_by_line[BY_X]
+        by_slope, alone = by_slope + rise_by_line[BY_SLOPE], alone + rise_by_line[ALONE]
     return a0, b0, low0, high0, a1, b1, low1, high1, by_u, by_x, by_slope, alone
 
 
 @compiled()
-def rows_with_friction(width: FloatArray, limits: Limits, bounds: Bounds, margins: bool) -> Rows:
+def rows_with_friction(
+    width: FloatArray, limits: GridLimits, bounds: MotionBounds, margins: bool
+) -> LinearRows:
     """The rows with lines for friction: upper limits, then lower ones, then those without friction.
 
     Args:
@@ -419,42 +429,42 @@ def rows_with_friction(width: FloatArray, limits: Limits, bounds: Bounds, margin
         margins: Whether friction counts where a joint may turn round.
     """
     n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]
-    found = Rows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
+    rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
     for i in range(n):
-        within = bracket(bounds.least[i], bounds.x[i])
+        within = bracket(bounds.x_min[i], bounds.x[i])
         for r in range(count):
-            row = _row(limits, i, r, width[i], within, margins)
+            row = _linear_row(limits, i, r, width[i], within, margins)
             for k in range(4):
-                found.ends[i, 0, r, k], found.ends[i, 1, r, k] = row[k], row[4 + k]
-                found.rise[i, r, k] = row[8 + k]
-    return found
+                rows.ends[i, 0, r, k], rows.ends[i, 1, r, k] = row[k], row[4 + k]
+                rows.rise[i, r, k] = row[8 + k]
+    return rows
 
 
 @compiled(inner=True)
-def _lose(lines: Lines, i: int, room: float, turn: float, rest: float) -> None:
+def _count_margin(lines: LimitLines, i: int, room: float, turn: float, remaining: float) -> None:
     """Count the share `room` of what a limit leaves at rest; all where rest may not be allowed."""
-    if room + turn > rest:
+    if room + turn > remaining:
         lines.lost[i] = max(lines.lost[i], 1.0)
-    elif room > lines.lost[i] * rest:
-        lines.lost[i] = room / rest
+    elif room > lines.lost[i] * remaining:
+        lines.lost[i] = room / remaining
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _draw_caps(
-    lines: Lines, limits: Limits, bounds: Bounds, i: int, w: float, margins: bool
+def _ceilings(
+    lines: LimitLines, limits: GridLimits, bounds: MotionBounds, i: int, w: float, margins: bool
 ) -> None:
-    """Write the ceilings of x on interval i; arguments as in `_draw`."""
+    """Write the ceilings of x on interval i; arguments as in `_interval_limits`."""
     squares, cap0, cap1 = limits.squares, limits.ceiling[i, 0], limits.ceiling[i, 1]
     lowest, steepest = min(cap0, cap1), 0.0
-    for r in range(squares.most.shape[1]):
-        b0, b1, most = squares.ends[i, 0, r], squares.ends[i, 1, r], squares.most[i, r]
+    for r in range(squares.largest.shape[1]):
+        b0, b1, largest = squares.ends[i, 0, r], squares.ends[i, 1, r], squares.largest[i, r]
         room, steepest = 1.0, max(steepest, b0, b1)
         if margins:
             room -= _margin(squares.rise, i, r, bounds)
-        if most == 0.0 or room >= most * max(cap0, cap1):
+        if largest == 0.0 or room >= largest * max(cap0, cap1):
             continue
         # Both ends with the margin, or both slow enough for the largest b of the interval.
-        tight = 1.0 / most
+        tight = 1.0 / largest
         at0, at1 = (room / b0, room / b1) if room > 0.0 else (0.0, 0.0)
         if margins and at0 + at1 < 2 * tight:
             at0 = at1 = tight
@@ -478,7 +488,7 @@ def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def slopes_of(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Vector]:
+def path_slopes(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Vector]:
     """dq_ds and d2q_ds2 of LANES joints, from one on, at an end of an interval."""
     k = grid.piece[i]
     scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
@@ -492,7 +502,7 @@ def slopes_of(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Ve
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _largest(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vector]:
+def _derivative_bounds(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vector]:
     """Bounds of |d3q_ds3| and |d4q_ds4| on an interval, by Taylor about its middle."""
     k = grid.piece[i]
     scale, begin = 1.0 / (grid.breaks[k + 1] - grid.breaks[k]), grid.breaks[k]
@@ -513,30 +523,30 @@ def next_joint(grid: Intervals, joint: int) -> int:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _draw_joints(
-    lines: Lines,
+def _joint_half_planes(
+    lines: LimitLines,
     grid: Intervals,
-    limits: Limits,
-    bounds: Bounds,
+    limits: GridLimits,
+    bounds: MotionBounds,
     i: int,
-    place: tuple[int, int],
+    location: tuple[int, int],
     margins: bool,
 ) -> None:
-    """Draw a group of bounds on interval i; `place` has the group and its first joint.
+    """Draw a group of bounds on interval i; `location` has the group and its first joint.
 
     With the derivatives q1 to q4, g = q1 u + q2 x has g'' = 5 q3 u + q4 x + 4 q2 k, and h = q1² x
     has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
     """
-    (group, joint), table = place, limits.joints
-    at = ROWS * group
-    (a0, b0), (a1, b1) = slopes_of(grid, i, joint, 0), slopes_of(grid, i, joint, 1)
-    q3, q4 = _largest(grid, i, joint)
+    (group, joint), table = location, limits.joints
+    offset = ROWS * group
+    (a0, b0), (a1, b1) = path_slopes(grid, i, joint, 0), path_slopes(grid, i, joint, 1)
+    q3, q4 = _derivative_bounds(grid, i, joint)
     w, slope = grid.s[i + 1] - grid.s[i], bounds.k[i]
     share = w * w / 8
     certain = share * q3
     q1 = higher(size(a0), size(a1)) + certain
     # Where a joint may turn round, it keeps both bounds.
-    back, forth = load(table, at + BACK), load(table, at + FORTH)
+    back, forth = load(table, offset + BACK), load(table, offset + FORTH)
     by = choose(higher(a0, a1), 0.0 - certain, back, higher(forth, back))
     by = choose(certain, lower(a0, a1), forth, by)
     room, e0, e1 = 0.0 * q1, a0 * a0 * by, a1 * a1 * by
@@ -546,31 +556,31 @@ def _draw_joints(
         room = (share * 5 * u) * q3 + (share * x) * q4 + (share * 4 * k) * q2
         room = room + (ROUNDING / w * x) * q1
         # What the rounding of s changes.
-        off = ROUNDING * max(abs(grid.s[i]), abs(grid.s[i + 1]))
-        room = room + (off * u) * q2 + (off * x) * q3
-        bend = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
-        rest, most, plain = 1.0 - share * by * bend, q1 * q1 * by, higher(e0, e1)
+        rounding = ROUNDING * max(abs(grid.s[i]), abs(grid.s[i + 1]))
+        room = room + (rounding * u) * q2 + (rounding * x) * q3
+        second = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
+        remaining, largest, plain = 1.0 - share * by * second, q1 * q1 * by, higher(e0, e1)
         # Both ends with the margin, or both slow enough for the largest h / x of the interval.
-        chord = choose(2.0 * e0 * e1, rest * (e0 + e1) * most, 1.0, 0.0)
-        chord = choose(0.0, rest, chord, 0.0)
-        over = choose(0.0, chord, rest, 1.0)
-        e0, e1 = choose(0.0, chord, e0, most) / over, choose(0.0, chord, e1, most) / over
+        chord = choose(2.0 * e0 * e1, remaining * (e0 + e1) * largest, 1.0, 0.0)
+        chord = choose(0.0, remaining, chord, 0.0)
+        over = choose(0.0, chord, remaining, 1.0)
+        e0, e1 = choose(0.0, chord, e0, largest) / over, choose(0.0, chord, e1, largest) / over
         gone = choose(0.0, plain, 1.0 - plain / higher(e0, e1), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(gone))
     # Where u falls, x lies above its chord.
     sag = max(-slope, 0.0) * w * w / 4
     lines.cap[i, 0] = min(lines.cap[i, 0], 1.0 / highest(e0) - sag)
     lines.cap[i, 1] = min(lines.cap[i, 1], 1.0 / highest(e1) - sag)
-    low, high = load(table, at + LOWEST), load(table, at + HIGHEST)
+    low, high = load(table, offset + LOWEST), load(table, offset + HIGHEST)
     rows = (a0, b0, low, high), (a1, b1, low, high)
-    _draw_both(lines, i, 2 * LANES * group, (w, slope * w / 2), rows, room, margins)
+    _half_planes(lines, i, 2 * LANES * group, (w, slope * w / 2), rows, room, margins)
 
 
 @compiled(inner=True)
-def _draw_rows(
-    lines: Lines,
-    limits: Limits,
-    bounds: Bounds,
+def _row_half_planes(
+    lines: LimitLines,
+    limits: GridLimits,
+    bounds: MotionBounds,
     i: int,
     first: int,
     line: int,
@@ -579,10 +589,10 @@ def _draw_rows(
 ) -> None:
     """Draw LANES rows on interval i from one row on."""
     by, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
-    within = bracket(bounds.least[i], bounds.x[i])
+    within = bracket(bounds.x_min[i], bounds.x[i])
     for lane in range(LANES):
         if first + lane < count:
-            row = _row(limits, i, first + lane, w, within, margins)
+            row = _linear_row(limits, i, first + lane, w, within, margins)
             for k in range(8):
                 by[k * LANES + lane] = row[k]
             room = row[8] * bounds.u[i] + row[9] * bounds.x[i] + row[10] * abs(bounds.k[i])
@@ -595,12 +605,17 @@ def _draw_rows(
     start = load(by, 0), load(by, LANES), load(by, 2 * LANES), load(by, 3 * LANES)
     end = load(by, 4 * LANES), load(by, 5 * LANES), load(by, 6 * LANES), load(by, 7 * LANES)
     room = load(by, 8 * LANES)
-    _draw_both(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
+    _half_planes(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _draw(
-    grid: Intervals, limits: Limits, bounds: Bounds, i: int, margins: bool, lines: Lines
+def _interval_limits(
+    grid: Intervals,
+    limits: GridLimits,
+    bounds: MotionBounds,
+    i: int,
+    margins: bool,
+    lines: LimitLines,
 ) -> None:
     """Draw the limits on interval i for a plan within bounds, with or without margins."""
     rounds, groups = limits.rounds, len(limits.joints) // ROWS
@@ -608,80 +623,82 @@ def _draw(
     w = grid.s[i + 1] - grid.s[i]
     turn, line = bounds.k[i] * w / 2, 2 * LANES * groups
     lines.drawn[i & (len(lines.drawn) - 1)] = i
-    _draw_caps(lines, limits, bounds, i, w, margins)
+    _ceilings(lines, limits, bounds, i, w, margins)
     joint = 0
     for group in range(groups):
-        _draw_joints(lines, grid, limits, bounds, i, (group, joint), margins)
+        _joint_half_planes(lines, grid, limits, bounds, i, (group, joint), margins)
         joint = next_joint(grid, joint)
     for r in range(0, count, LANES):
-        _draw_rows(lines, limits, bounds, i, r, line + 2 * r, w, margins)
+        _row_half_planes(lines, limits, bounds, i, r, line + 2 * r, w, margins)
     for r in range(rounds.radius.shape[1]):
         radius, room = rounds.radius[i, r], 0.0
         if margins:
             room = _margin(rounds.rise, i, r, bounds)
             first, _, _ = _products(rounds.ends, i, 0, r)
             last, _, _ = _products(rounds.ends, i, 1, r)
-            _lose(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
+            _count_margin(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
         square = max(radius - room, 0.0) ** 2
         for end in range(2):
-            _draw_conic(lines, i, r, rounds.ends, square, (w, turn), end)
+            _conic(lines, i, r, rounds.ends, square, (w, turn), end)
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _mean_range(lines: Lines, i: int, x: float) -> tuple[float, float]:
+def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
     """Range of the mean u for x."""
-    of, count, at = lines.of, lines.width, i & (len(lines.drawn) - 1)
-    first = 3 * count * at
-    tilted = x * load(of, first)
-    bottom, top = load(of, first + count) - tilted, load(of, first + 2 * count) - tilted
+    table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
+    first = 3 * count * slot
+    tilted = x * load(table, first)
+    bottom, top = load(table, first + count) - tilted, load(table, first + 2 * count) - tilted
     for line in range(first + LANES, first + count, LANES):
-        tilted = x * load(of, line)
-        bottom = higher(bottom, load(of, line + count) - tilted)
-        top = lower(top, load(of, line + 2 * count) - tilted)
+        tilted = x * load(table, line)
+        bottom = higher(bottom, load(table, line + count) - tilted)
+        top = lower(top, load(table, line + 2 * count) - tilted)
     low, high = highest(bottom), lowest(top)
     for k in range(lines.conics.shape[1]):
-        p, q, d0, d1, d2 = lines.conics[at, k]
+        p, q, d0, d1, d2 = lines.conics[slot, k]
         root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), LEAST))
         low, high = max(low, -p * x - q - root), min(high, -p * x - q + root)
     return low, high
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _means(lines: Lines, i: int, x: float) -> tuple[float, float, float, float, int]:
+def _mean_range_slopes(
+    lines: LimitLines, i: int, x: float
+) -> tuple[float, float, float, float, int]:
     """Range of the mean u for x, how fast its bottom and its top fall with x, the line below."""
-    of, count, at = lines.of, lines.width, i & (len(lines.drawn) - 1)
+    table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
     low, high, below, above = -math.inf, math.inf, -1, -1
-    for k in range(3 * count * at, 3 * count * at + count):
-        moved = of[k] * x
-        bottom, top = of[k + count] - moved, of[k + 2 * count] - moved
+    for k in range(3 * count * slot, 3 * count * slot + count):
+        moved = table[k] * x
+        bottom, top = table[k + count] - moved, table[k + 2 * count] - moved
         if top < high:
             high, above = top, k
         if bottom > low:
             low, below = bottom, k
-    low_tilt, high_tilt = of[below] if below >= 0 else 0.0, of[above] if above >= 0 else 0.0
+    low_tilt, high_tilt = table[below] if below >= 0 else 0.0, table[above] if above >= 0 else 0.0
     for k in range(lines.conics.shape[1]):
-        p, q, d0, d1, d2 = lines.conics[at, k]
+        p, q, d0, d1, d2 = lines.conics[slot, k]
         root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), LEAST))
-        bend = (d1 - d2 * x) / root
+        tilt = (d1 - d2 * x) / root
         bottom, top = -p * x - q - root, -p * x - q + root
         if top < high:
-            high, high_tilt = top, p - bend
+            high, high_tilt = top, p - tilt
         if bottom > low:
-            low, low_tilt, below = bottom, p + bend, -1
-    return low, high, low_tilt, high_tilt, below - 3 * count * at
+            low, low_tilt, below = bottom, p + tilt, -1
+    return low, high, low_tilt, high_tilt, below - 3 * count * slot
 
 
 @compiled(inner=True)
-def _start(lines: Lines, w: float, most: FloatArray) -> float:
+def _free_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
     """The ds² at a start at which joints rest at any: the fastest on the first interval.
 
     Next to nothing less than the largest may allow a far larger u, as dq_ds is rounded.
     """
-    best, fastest = most[0], 0.0
+    best, fastest = ceiling[0], 0.0
     for k in range(60, -1, -1):
-        first = most[0] * (1 - 0.5**k) if k < 60 else most[0]
+        first = ceiling[0] * (1 - 0.5**k) if k < 60 else ceiling[0]
         _, high = _mean_range(lines, 0, first)
-        last = min(first + 2 * w * high, most[1])
+        last = min(first + 2 * w * high, ceiling[1])
         speeds = math.sqrt(first) + math.sqrt(max(last, 0.0))
         if speeds > fastest:
             best, fastest = first, speeds
@@ -689,15 +706,15 @@ def _start(lines: Lines, w: float, most: FloatArray) -> float:
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
-def _sweep(
+def _backward_forward_pass(
     grid: Intervals,
-    limits: Limits,
-    bounds: Bounds,
+    limits: GridLimits,
+    bounds: MotionBounds,
     state: tuple[BoolArray, bool],
-    lines: Lines,
+    lines: LimitLines,
     rules: Rules,
     cap: FloatArray,
-    most: FloatArray,
+    reachable: FloatArray,
     x: FloatArray,
 ) -> int:
     """Draw limits, and write the largest x that lead from start to end, backward and forward.
@@ -713,7 +730,7 @@ def _sweep(
         lines: Take the limits.
         rules: The rules.
         cap: Takes the lower cap of both sides of every point, (n + 1,).
-        most: Takes the largest x from which the end is reached, (n + 1,).
+        reachable: Takes the largest x from which the end is reached, (n + 1,).
         x: Takes the plan, (n + 1,).
 
     Returns:
@@ -723,16 +740,16 @@ def _sweep(
     mean, slots = np.empty(n), len(lines.drawn) - 1
     # While the processor waits for an interval, it draws the one before.
     for i in range(n, -1, -1):
-        here = math.inf
+        trial = math.inf
         if i > 0:
             if changed[i - 1] or lines.drawn[(i - 1) & slots] != i - 1:
-                _draw(grid, limits, bounds, i - 1, margins, lines)
-            here = lines.cap[i - 1, 1]
+                _interval_limits(grid, limits, bounds, i - 1, margins, lines)
+            trial = lines.cap[i - 1, 1]
         if i < n:
-            here = min(here, lines.cap[i, 0])
-        cap[i] = here
+            trial = min(trial, lines.cap[i, 0])
+        cap[i] = trial
         if i == n:
-            most[n] = min(rules.end, here, LARGEST_X)
+            reachable[n] = min(rules.end, trial, LARGEST_X)
             continue
         if stuck >= n:
             low, high = _mean_range(lines, i, 0.0)
@@ -741,54 +758,58 @@ def _sweep(
             stuck = n + i
         if stuck >= 0:
             continue
-        steep, y = 0.5 / (grid.s[i + 1] - grid.s[i]), most[i + 1]
-        here = min(here, LARGEST_X)
+        steep, y = 0.5 / (grid.s[i + 1] - grid.s[i]), reachable[i + 1]
+        trial = min(trial, LARGEST_X)
         # The line of y and one that bounds m from below bound x: the one of the interval before.
         if below >= 0:
             line = 3 * lines.width * (i & slots) + below
-            tilt, bottom = lines.of[line], lines.of[line + lines.width]
-            if tilt < steep and y * steep - bottom < (steep - tilt) * here:
-                here = max((y * steep - bottom) / (steep - tilt) * INSIDE, 0.0)
+            tilt, bottom = lines.table[line], lines.table[line + lines.width]
+            if tilt < steep and y * steep - bottom < (steep - tilt) * trial:
+                trial = max((y * steep - bottom) / (steep - tilt) * INSIDE, 0.0)
         for _ in range(100):
-            low, high = _mean_range(lines, i, here)
+            low, high = _mean_range(lines, i, trial)
             if low == -math.inf or high == math.inf:
                 stuck = n + i
                 break
-            high = min(high, (y - here) * steep)
-            if max(low, -here * steep) <= high:
+            high = min(high, (y - trial) * steep)
+            if max(low, -trial * steep) <= high:
                 break
-            low, high, low_tilt, high_tilt, below = _means(lines, i, here)
-            if (y - here) * steep < high:
-                high, high_tilt = (y - here) * steep, steep
-            if -here * steep > low:
-                low, low_tilt = -here * steep, steep
-            there = here - (low - high) / (high_tilt - low_tilt)
+            low, high, low_tilt, high_tilt, below = _mean_range_slopes(lines, i, trial)
+            if (y - trial) * steep < high:
+                high, high_tilt = (y - trial) * steep, steep
+            if -trial * steep > low:
+                low, low_tilt = -trial * steep, steep
+            next_trial = trial - (low - high) / (high_tilt - low_tilt)
             # Next to nothing, a difference of large numbers: a step ends a little above it.
-            here = there * INSIDE if there > FAR * here else max(there, 0.0) + ROUNDED * here
+            trial = (
+                next_trial * INSIDE
+                if next_trial > FAR * trial
+                else max(next_trial, 0.0) + ROUNDED * trial
+            )
         else:
             stuck = i
-        most[i], mean[i] = here, high
+        reachable[i], mean[i] = trial, high
     if stuck >= 0:
         return stuck
-    x[0] = min(rules.start, most[0])
+    x[0] = min(rules.start, reachable[0])
     if rules.start == math.inf:
-        x[0] = _start(lines, grid.s[1] - grid.s[0], most)
+        x[0] = _free_start(lines, grid.s[1] - grid.s[0], reachable)
     for i in range(n):
         w, high = grid.s[i + 1] - grid.s[i], mean[i]
-        if x[i] < most[i]:
+        if x[i] < reachable[i]:
             if lines.drawn[i & slots] != i:
-                _draw(grid, limits, bounds, i, margins, lines)
+                _interval_limits(grid, limits, bounds, i, margins, lines)
             low, high = _mean_range(lines, i, x[i])
             steep = 0.5 / w
-            high = min(high, (most[i + 1] - x[i]) * steep)
-            if low > high + SLACK * (abs(low) + abs(high) + most[i + 1] * steep):
+            high = min(high, (reachable[i + 1] - x[i]) * steep)
+            if low > high + SLACK * (abs(low) + abs(high) + reachable[i + 1] * steep):
                 return i
-        x[i + 1] = min(max(x[i] + 2 * w * high, 0.0), most[i + 1])
+        x[i + 1] = min(max(x[i] + 2 * w * high, 0.0), reachable[i + 1])
     return -1
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _roots(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
+def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
     """The smallest and the largest u that a vector allows."""
     aa = ab = bb = 0.0
     for d in range(3):
@@ -801,31 +822,31 @@ def _roots(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, f
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _joint_range(
-    grid: Intervals, limits: Limits, place: tuple[int, int, int, int], x: float
+def _joint_acceleration_range(
+    grid: Intervals, limits: GridLimits, location: tuple[int, int, int, int], x: float
 ) -> tuple[float, float, float, int, int]:
-    """As `range_of`, of one group of bounds, with its first joint."""
-    i, end, group, joint = place
-    at = ROWS * group
-    a, b = slopes_of(grid, i, joint, end)
-    some = size(a)
-    inverse = 1.0 / choose(NOTHING, some, a, 1.0)
-    least, most = load(limits.joints, at + LOWEST), load(limits.joints, at + HIGHEST)
-    one, other = (least - x * b) * inverse, (most - x * b) * inverse
-    bottom = choose(NOTHING, some, lower(one, other), -math.inf)
-    top = choose(NOTHING, some, higher(one, other), math.inf)
+    """As `acceleration_range`, of one group of bounds, with its first joint."""
+    i, end, group, joint = location
+    offset = ROWS * group
+    a, b = path_slopes(grid, i, joint, end)
+    magnitude = size(a)
+    inverse = 1.0 / choose(NOTHING, magnitude, a, 1.0)
+    smallest, largest = load(limits.joints, offset + LOWEST), load(limits.joints, offset + HIGHEST)
+    one, other = (smallest - x * b) * inverse, (largest - x * b) * inverse
+    bottom = choose(NOTHING, magnitude, lower(one, other), -math.inf)
+    top = choose(NOTHING, magnitude, higher(one, other), math.inf)
     low, high = highest(bottom), lowest(top)
     # Twice the joint, and one more for an upper bound.
-    lane = load(limits.joints, at + LANE)
+    lane = load(limits.joints, offset + LANE)
     below = highest(choose(bottom, low, -1.0, lane + choose(a, 0.0, 1.0, 0.0)))
     above = highest(choose(high, top, -1.0, lane + choose(a, 0.0, 0.0, 1.0)))
-    wide = lowest(choose(NOTHING, some, size((most - least) * inverse), math.inf))
+    wide = lowest(choose(NOTHING, magnitude, size((largest - smallest) * inverse), math.inf))
     return low, high, wide, int(below) + 2 * LANES * group, int(above) + 2 * LANES * group
 
 
 @compiled(inner=True, fastmath=FUSED)
-def range_of(
-    grid: Intervals, limits: Limits, i: int, end: int, x: float
+def acceleration_range(
+    grid: Intervals, limits: GridLimits, i: int, end: int, x: float
 ) -> tuple[float, float, float, int, int]:
     """The smallest and the largest u at one end of an interval, and the bounds that do so.
 
@@ -835,7 +856,9 @@ def range_of(
     low, high, wide, below, above = -math.inf, math.inf, math.inf, -1, -1
     joint = 0
     for group in range(len(limits.joints) // ROWS):
-        first, last, range_, bottom, top = _joint_range(grid, limits, (i, end, group, joint), x)
+        first, last, range_, bottom, top = _joint_acceleration_range(
+            grid, limits, (i, end, group, joint), x
+        )
         joint, wide = next_joint(grid, joint), min(wide, range_)
         if first > low:
             low, below = first, -2 - bottom
@@ -859,7 +882,7 @@ def range_of(
         if last < high:
             high, above = last, top
     for r in range(rounds.radius.shape[1]):
-        first, last = _roots(rounds, i, end, r, x)
+        first, last = _round_range(rounds, i, end, r, x)
         wide = min(wide, last - first)
         if first > low:
             low, below = first, 2 * (rows.shape[2] + r)
@@ -869,7 +892,9 @@ def range_of(
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _steer(grid: Intervals, limits: Limits, cap: FloatArray, x: FloatArray, bounds: Bounds) -> None:
+def _choose_slopes(
+    grid: Intervals, limits: GridLimits, cap: FloatArray, x: FloatArray, bounds: MotionBounds
+) -> None:
     """Write slopes with which u stays at its bound on the whole interval."""
     for i in range(len(grid.piece)):
         w, x0, x1 = grid.s[i + 1] - grid.s[i], x[i], x[i + 1]
@@ -877,8 +902,8 @@ def _steer(grid: Intervals, limits: Limits, cap: FloatArray, x: FloatArray, boun
         if not (0.0 < x0 < cap[i] * BELOW_CEILING and 0.0 < x1 < cap[i + 1] * BELOW_CEILING):
             continue
         mean = (x1 - x0) / (2 * w)
-        low0, high0, wide0, _, _ = range_of(grid, limits, i, 0, x0)
-        low1, high1, wide1, _, _ = range_of(grid, limits, i, 1, x1)
+        low0, high0, wide0, _, _ = acceleration_range(grid, limits, i, 0, x0)
+        low1, high1, wide1, _, _ = acceleration_range(grid, limits, i, 1, x1)
         falling = min((mean - low0) / wide0, (mean - low1) / wide1) < NEAR
         turn = 0.0
         if min((high0 - mean) / wide0, (high1 - mean) / wide1) < NEAR:
@@ -895,7 +920,9 @@ def _steer(grid: Intervals, limits: Limits, cap: FloatArray, x: FloatArray, boun
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _sizes(width: FloatArray, x: FloatArray, k: FloatArray, i: int) -> tuple[float, float, float]:
+def _motion_extent(
+    width: FloatArray, x: FloatArray, k: FloatArray, i: int
+) -> tuple[float, float, float]:
     """The largest and the smallest x, and the largest |u|, on an interval."""
     w, first, last = width[i], x[i], x[i + 1]
     mean, turn = (last - first) / (2 * w), abs(k[i]) * w / 2
@@ -904,47 +931,52 @@ def _sizes(width: FloatArray, x: FloatArray, k: FloatArray, i: int) -> tuple[flo
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
-def _enclose(
-    width: FloatArray, x: FloatArray, rules: Rules, headroom: float, bounds: Bounds
+def _bound_motion(
+    width: FloatArray, x: FloatArray, rules: Rules, headroom: float, bounds: MotionBounds
 ) -> None:
     """Write bounds around a plan; u of its neighbours counts too, as switches move."""
     n, fastest = len(width), 0.0
     rates = np.empty(n)
     for i in range(n):
-        largest, least, rates[i] = _sizes(width, x, bounds.k, i)
-        bounds.x[i], bounds.least[i] = headroom * largest, least / headroom
+        largest, smallest, rates[i] = _motion_extent(width, x, bounds.k, i)
+        bounds.x[i], bounds.x_min[i] = headroom * largest, smallest / headroom
         fastest = max(fastest, rates[i])
     for i in range(n):
-        most = rules.floor * min(fastest, bounds.x[i] / width[i])
+        largest_u = rules.floor * min(fastest, bounds.x[i] / width[i])
         for m in range(max(i - rules.window, 0), min(i + rules.window + 1, n)):
-            most = max(most, headroom * rates[m])
-        bounds.u[i] = most
+            largest_u = max(largest_u, headroom * rates[m])
+        bounds.u[i] = largest_u
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _widen(
-    width: FloatArray, x: FloatArray, rules: Rules, bounds: Bounds, rubs: bool, changed: BoolArray
+def _prove_or_widen(
+    width: FloatArray,
+    x: FloatArray,
+    rules: Rules,
+    bounds: MotionBounds,
+    rubs: bool,
+    changed: BoolArray,
 ) -> bool:
     """The proof: say whether a plan is within its bounds; where it is not, widen them."""
     holds = True
     for i in range(len(width)):
-        largest, least, rate = _sizes(width, x, bounds.k, i)
-        out = largest > bounds.x[i] or rate > bounds.u[i]
-        if rubs and least < bounds.least[i]:
-            out, bounds.least[i] = True, least / (rules.headroom * rules.headroom)
-        if out:
+        largest, smallest, rate = _motion_extent(width, x, bounds.k, i)
+        outside = largest > bounds.x[i] or rate > bounds.u[i]
+        if rubs and smallest < bounds.x_min[i]:
+            outside, bounds.x_min[i] = True, smallest / (rules.headroom * rules.headroom)
+        if outside:
             bounds.x[i] = max(bounds.x[i], rules.headroom * largest)
             bounds.u[i] = max(bounds.u[i], 1.2 * rate)
         speeds = math.sqrt(x[i]) + math.sqrt(x[i + 1])
         if 4 * bounds.k[i] * width[i] ** 2 > speeds**2:  # x would dip deeply
-            bounds.k[i], out = 0.0, True
-        changed[i] = out
-        holds &= not out
+            bounds.k[i], outside = 0.0, True
+        changed[i] = outside
+        holds &= not outside
     return holds
 
 
 @compiled(inner=True)
-def _worst(lost: FloatArray) -> int:
+def _largest_margin(lost: FloatArray) -> int:
     """The interval on which margins take the largest share."""
     worst = 0
     for i in range(len(lost)):
@@ -962,22 +994,24 @@ def _duration(width: FloatArray, x: FloatArray, k: FloatArray) -> float:
 
 
 @compiled(inner=True)
-def _is_near(x: FloatArray, bounds: Bounds, near: float) -> bool:
+def _recentre(x: FloatArray, bounds: MotionBounds, near: float) -> bool:
     """Whether a plan is near that about which friction is linear; makes it that plan."""
-    found = True
+    is_near = True
     for i in range(len(bounds.x)):
         middle = (x[i] + x[i + 1]) / 2
-        found &= abs(middle - bounds.x[i]) <= near * bounds.x[i]
-        bounds.x[i] = bounds.least[i] = middle
-    return found
+        is_near &= abs(middle - bounds.x[i]) <= near * bounds.x[i]
+        bounds.x[i] = bounds.x_min[i] = middle
+    return is_near
 
 
 @compiled(inner=True)
-def _judge_ends(stuck: int, rules: Rules, most: FloatArray, x: FloatArray) -> tuple[int, float]:
+def _pass_outcome(
+    stuck: int, rules: Rules, reachable: FloatArray, x: FloatArray
+) -> tuple[int, float]:
     """The outcome of a sweep, and the largest ds² at the end that is too fast."""
     n = len(x) - 1
-    if rules.start < math.inf and min(rules.start, most[0]) < rules.start * (1 - PLAY):
-        return START, most[0]
+    if rules.start < math.inf and min(rules.start, reachable[0]) < rules.start * (1 - PLAY):
+        return START, reachable[0]
     if stuck >= 0:
         return STUCK, 0.0
     if rules.end < math.inf and x[n] < rules.end * (1 - PLAY):
@@ -986,18 +1020,20 @@ def _judge_ends(stuck: int, rules: Rules, most: FloatArray, x: FloatArray) -> tu
 
 
 @compiled(inner=True)
-def _drop_slopes(bounds: Bounds, lost: FloatArray, most: float, changed: BoolArray) -> bool:
+def _drop_slopes(
+    bounds: MotionBounds, lost: FloatArray, max_margin: float, changed: BoolArray
+) -> bool:
     """Leave out slopes where margins take more than a share, and say whether there were any."""
-    again = False
+    dropped = False
     for i in range(len(lost)):
-        changed[i] = lost[i] > most and bounds.k[i] != 0.0
+        changed[i] = lost[i] > max_margin and bounds.k[i] != 0.0
         if changed[i]:
-            bounds.k[i], again = 0.0, True
-    return again
+            bounds.k[i], dropped = 0.0, True
+    return dropped
 
 
 @compiled()
-def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
+def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     """Plan without margins; then with margins for bounds around that plan, until it is within.
 
     With one try only: the plan without margins, and FINER.
@@ -1008,14 +1044,14 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
         rules: The rules.
     """
     n, rubbing = len(grid.piece), limits.friction.within.shape[1]
-    width, x, most, cap = np.empty(n), np.zeros(n + 1), np.empty(n + 1), np.empty(n + 1)
-    bounds = Bounds(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+    width, x, reachable, cap = np.empty(n), np.zeros(n + 1), np.empty(n + 1), np.empty(n + 1)
+    bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
     changed, slots = np.ones(n, np.bool_), 1
     while slots < min(n, BLOCK):
         slots *= 2
     groups = (limits.rows.rise.shape[1] + rubbing + LANES - 1) // LANES
     count = 2 * LANES * max(1, len(limits.joints) // ROWS + groups)
-    lines = Lines(
+    lines = LimitLines(
         np.empty(3 * count * slots),
         count,
         np.full(slots, -1),
@@ -1024,31 +1060,35 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
         np.zeros(n),
         np.empty(9 * LANES),
     )
-    found, lost, shortest = np.zeros(n + 1), np.zeros(n), math.inf
+    x_best, lost, shortest = np.zeros(n + 1), np.zeros(n), math.inf
     slopes, kind, tangents = np.zeros(n), 0, 0
     # The first plan has no friction.
     none = Friction(np.empty((n, 2, 0)), np.empty((n, 0, 3)))
-    free = Limits(limits.rows, limits.squares, limits.rounds, none, limits.ceiling, limits.joints)
+    free = GridLimits(
+        limits.rows, limits.squares, limits.rounds, none, limits.ceiling, limits.joints
+    )
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
     if rubbing > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
         # Lines that no try draws limit nothing.
         for line in range(3 * count * slots):
-            lines.of[line] = 0.0
+            lines.table[line] = 0.0
         for slot in range(slots):
             for line in range(3 * count * slot + count, 3 * count * slot + 2 * count):
-                lines.of[line], lines.of[line + count] = -math.inf, math.inf
+                lines.table[line], lines.table[line + count] = -math.inf, math.inf
     for _ in range(rules.tries):
         drawn = limits if kind > 0 else free
-        stuck = _sweep(grid, drawn, bounds, (changed, kind == 2), lines, rules, cap, most, x)
+        stuck = _backward_forward_pass(
+            grid, drawn, bounds, (changed, kind == 2), lines, rules, cap, reachable, x
+        )
         if stuck >= n:
-            return Plan(x, bounds.k, lost, UNLIMITED, stuck - n, 0.0)
-        worst = _worst(lines.lost)
-        if kind == 2 and lines.lost[worst] > rules.most:
-            if _drop_slopes(bounds, lines.lost, max(rules.most, rules.steady), changed):
+            return GridPlan(x, bounds.k, lost, UNLIMITED, stuck - n, 0.0)
+        worst = _largest_margin(lines.lost)
+        if kind == 2 and lines.lost[worst] > rules.max_margin:
+            if _drop_slopes(bounds, lines.lost, max(rules.max_margin, rules.steady), changed):
                 continue
             break
-        outcome, allowed = _judge_ends(stuck, rules, most, x)
+        outcome, allowed = _pass_outcome(stuck, rules, reachable, x)
         if outcome != FOUND:
             if shortest < math.inf:
                 break
@@ -1057,36 +1097,36 @@ def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
                 for i in range(n):
                     if stuck < 0 or abs(i - stuck) < AROUND:
                         lines.lost[i] = max(lines.lost[i], NO_WAY)
-                return Plan(x, bounds.k, lines.lost, FINER, max(stuck, 0), 0.0)
-            return Plan(x, bounds.k, lines.lost, outcome, stuck, allowed)
+                return GridPlan(x, bounds.k, lines.lost, FINER, max(stuck, 0), 0.0)
+            return GridPlan(x, bounds.k, lines.lost, outcome, stuck, allowed)
         if kind < 2:
-            near = _is_near(x, bounds, rules.near)
+            near = _recentre(x, bounds, rules.near)
             kind = 1
             if rubbing and not near and tangents < rules.tangents:
                 tangents += 1
                 continue
-            _steer(grid, limits, cap, x, bounds)
-            _enclose(width, x, rules, rules.headroom, bounds)
+            _choose_slopes(grid, limits, cap, x, bounds)
+            _bound_motion(width, x, rules, rules.headroom, bounds)
             changed[:] = True
             kind = 2
-        elif _widen(width, x, rules, bounds, rubbing > 0, changed):
+        elif _prove_or_widen(width, x, rules, bounds, rubbing > 0, changed):
             if not rubbing:
-                return Plan(x, bounds.k, lines.lost, FOUND, -1, 0.0)
+                return GridPlan(x, bounds.k, lines.lost, FOUND, -1, 0.0)
             duration = _duration(width, x, bounds.k)
             better = duration < shortest * (1 - rules.gain)
             if duration < shortest:
                 shortest = duration
-                found, slopes, lost = x.copy(), bounds.k.copy(), lines.lost.copy()
+                x_best, slopes, lost = x.copy(), bounds.k.copy(), lines.lost.copy()
             if not better:
                 break
-            _enclose(width, x, rules, rules.close, bounds)
+            _bound_motion(width, x, rules, rules.close, bounds)
             changed[:] = True
     if shortest < math.inf:
-        return Plan(found, slopes, lost, FOUND, -1, 0.0)
-    worst = _worst(lines.lost)
-    if lines.lost[worst] <= rules.most:
+        return GridPlan(x_best, slopes, lost, FOUND, -1, 0.0)
+    worst = _largest_margin(lines.lost)
+    if lines.lost[worst] <= rules.max_margin:
         for i in range(n):
             if changed[i]:
                 lines.lost[i] = NO_WAY
-        worst = _worst(lines.lost)
-    return Plan(x, bounds.k, lines.lost, FINER, worst, 0.0)
+        worst = _largest_margin(lines.lost)
+    return GridPlan(x, bounds.k, lines.lost, FINER, worst, 0.0)

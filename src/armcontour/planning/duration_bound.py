@@ -8,6 +8,8 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernels import compiled
+from armcontour.motion import JointPath
+from armcontour.robot import Limits
 
 # A joint path is looked at in about this many places, and in more where the joints change their
 # direction, by this angle from place to place [rad].
@@ -20,23 +22,23 @@ def _count_parts(breaks: FloatArray, coefficients: FloatArray) -> IntArray:
     """Number of equal parts of each piece at whose ends limits are kept, (n,)."""
     n, dof = len(coefficients), coefficients.shape[2]
     parts = np.empty(n, dtype=np.intp)
-    before, here = np.empty(dof), np.empty(dof)
+    previous, direction = np.empty(dof), np.empty(dof)
     length = breaks[n] - breaks[0]
     for i in range(n):
         turn = 0.0
-        for place in range(3):
-            share, square, far = 0.5 * place, 0.0, 0.0
+        for sample in range(3):
+            share, square, change = 0.5 * sample, 0.0, 0.0
             for j in range(dof):
-                here[j] = 0.0
+                direction[j] = 0.0
                 for k in range(5, 0, -1):
-                    here[j] = here[j] * share + k * coefficients[i, k, j]
-                square += here[j] ** 2
+                    direction[j] = direction[j] * share + k * coefficients[i, k, j]
+                square += direction[j] ** 2
             size = math.sqrt(square) if square > 0.0 else 1.0
             for j in range(dof):
-                here[j] /= size
-                far += (here[j] - before[j]) ** 2
-                before[j] = here[j]
-            turn += math.sqrt(far) if place else 0.0
+                direction[j] /= size
+                change += (direction[j] - previous[j]) ** 2
+                previous[j] = direction[j]
+            turn += math.sqrt(change) if sample else 0.0
         parts[i] = 1 + int(EVEN_PARTS * (breaks[i + 1] - breaks[i]) / length) + int(turn / TURN)
     return parts
 
@@ -52,12 +54,12 @@ def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatA
         low: Smallest acceleration of each joint, below zero, (dof,).
         high: Largest acceleration of each joint, (dof,).
     """
-    found = math.inf
+    ceiling = math.inf
     for j in range(len(low)):
         p, q = b[i, j], c[i, j]
         if p == 0.0:
             if q != 0.0:
-                found = min(found, (high[j] if q > 0.0 else low[j]) / q)
+                ceiling = min(ceiling, (high[j] if q > 0.0 else low[j]) / q)
             continue
         top = (high[j] if p > 0.0 else low[j]) / p
         for k in range(len(low)):
@@ -66,8 +68,8 @@ def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatA
             if r != 0.0 and k != j:
                 falls = q / p - c[i, k] / r
                 if falls > 0.0:
-                    found = min(found, (top - (low[k] if r > 0.0 else high[k]) / r) / falls)
-    return found
+                    ceiling = min(ceiling, (top - (low[k] if r > 0.0 else high[k]) / r) / falls)
+    return ceiling
 
 
 @compiled(inner=True)
@@ -81,13 +83,13 @@ def _largest_u(
     sign: float,
 ) -> float:
     """The largest u = dds at x = ds² within the joints' accelerations; of `-u` with sign -1."""
-    found = math.inf
+    largest = math.inf
     for j in range(len(low)):
         slope = sign * b[i, j]
         limit = high[j] if slope > 0.0 else low[j]
         if slope != 0.0 and math.isfinite(limit):
-            found = min(found, (limit - c[i, j] * x) / slope)
-    return found
+            largest = min(largest, (limit - c[i, j] * x) / slope)
+    return largest
 
 
 @compiled(inner=True)
@@ -153,17 +155,17 @@ def least_duration(
     # Rows 2 i and 2 i + 1 are the start and the end of part i: the derivatives jump at breaks.
     b, c = np.empty((2 * size, dof)), np.empty((2 * size, dof))
     widths, tops = np.empty(size), np.empty(size)
-    x, at = np.empty(size + 1), 0
+    x, part = np.empty(size + 1), 0
     for i in range(size + 1):
         x[i] = math.inf
     for i in range(n):
         width = breaks[i + 1] - breaks[i]
         if rests[i]:
-            x[at] = 0.0
+            x[part] = 0.0
         for p in range(parts[i]):
-            widths[at], tops[at] = width / parts[i], 0.0
+            widths[part], tops[part] = width / parts[i], 0.0
             for end in range(2):
-                share, row, most = (p + end) / parts[i], 2 * at + end, ceilings[i]
+                share, row, ceiling = (p + end) / parts[i], 2 * part + end, ceilings[i]
                 for j in range(dof):
                     first = second = 0.0
                     for k in range(5, 0, -1):
@@ -172,11 +174,11 @@ def least_duration(
                     b[row, j], c[row, j] = first / width, second / (width * width)
                     if first != 0.0:
                         velocity = fast[j] if first > 0.0 else slow[j]
-                        most = min(most, (velocity / b[row, j]) ** 2)
-                most = min(most, _ceiling(b, c, row, low, high))
-                x[at + end] = min(x[at + end], most)
-                tops[at] = max(tops[at], most)
-            at += 1
+                        ceiling = min(ceiling, (velocity / b[row, j]) ** 2)
+                ceiling = min(ceiling, _ceiling(b, c, row, low, high))
+                x[part + end] = min(x[part + end], ceiling)
+                tops[part] = max(tops[part], ceiling)
+            part += 1
     if rests[n]:
         x[size] = 0.0
     steepest = np.empty((size, 2))
@@ -184,17 +186,46 @@ def least_duration(
         sign = 1.0 - 2.0 * backward
         for step in range(size):
             i = size - 1 - step if backward else step
-            here, there = i + backward, i + 1 - backward
-            near, far = 2 * i + backward, 2 * i + 1 - backward
+            begin, finish = i + backward, i + 1 - backward
+            near_row, far_row = 2 * i + backward, 2 * i + 1 - backward
             u = max(
-                _largest_u(b, c, near, low, high, x[here], sign),
-                _largest_u(b, c, far, low, high, x[here], sign),
+                _largest_u(b, c, near_row, low, high, x[begin], sign),
+                _largest_u(b, c, far_row, low, high, x[begin], sign),
             )
-            reached = max(x[here] + 2.0 * widths[i] * u, 0.0)
-            u = max(u, _largest_u(b, c, far, low, high, reached, sign))
+            reached = max(x[begin] + 2.0 * widths[i] * u, 0.0)
+            u = max(u, _largest_u(b, c, far_row, low, high, reached, sign))
             steepest[i, backward] = u
-            x[there] = min(x[there], max(x[here] + 2.0 * widths[i] * u, 0.0))
+            x[finish] = min(x[finish], max(x[begin] + 2.0 * widths[i] * u, 0.0))
     duration = 0.0
     for i in range(size):
         duration += _time_on(widths[i], x[i], x[i + 1], steepest[i, 0], steepest[i, 1], tops[i])
     return duration if math.isfinite(duration) else 0.0
+
+
+def bound_duration(joint_path: JointPath, limits: Limits) -> float:
+    """A duration that no motion from rest to rest along a joint path falls below [s].
+
+    It takes account of the joints' velocities and accelerations, the tool's speed and, on arcs, its
+    centripetal acceleration; torques and all other limits are left out.
+
+    Args:
+        joint_path: A traced path.
+        limits: The limits.
+    """
+    breaks, dof = joint_path.breaks, joint_path.dof
+    rests = np.isin(breaks, joint_path.stops)
+    rests[[0, -1]] = True
+    ceilings = np.full(len(breaks) - 1, np.inf)
+    path = joint_path.tool_path
+    if path is not None:
+        segment = path.locate((breaks[:-1] + breaks[1:]) / 2)
+        speed = np.inf if limits.speed is None else limits.speed
+        tool_limits = [limits.centripetal_acceleration, limits.tool_acceleration]
+        acceleration = min((x for x in tool_limits if x is not None), default=np.inf)
+        curvature = np.where(path.segments.bent, 0.0, path.curvatures)
+        with np.errstate(divide="ignore"):
+            ceilings = np.minimum(np.fmin(path.speeds, speed) ** 2, acceleration / curvature)[
+                segment
+            ]
+    bounds = np.stack([*limits.velocity_bounds(dof), *limits.acceleration_bounds(dof)])
+    return float(least_duration(breaks, joint_path.coefficients, rests, ceilings, bounds))

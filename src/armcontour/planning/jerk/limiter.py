@@ -12,24 +12,26 @@ from armcontour.motion import PathLaw, Rates, interval_times
 from armcontour.planning.end_speeds import END as END_SPEED
 from armcontour.planning.end_speeds import START as START_SPEED
 from armcontour.planning.end_speeds import raise_too_fast
-from armcontour.planning.jerk._interior_point import (
+from armcontour.planning.jerk.interior_point import (
     DURATION,
     END,
     START,
-    Section,
+    JerkSection,
     improve,
     least_slacks,
     limit_steps,
 )
-from armcontour.planning.jerk.mesh import End, Mesh, place_mesh
-from armcontour.planning.jerk.rows import Rows
-from armcontour.planning.jerk.sections import (
+from armcontour.planning.jerk.mesh import (
+    End,
+    JerkMesh,
     find_ends,
     find_sections,
+    place_mesh,
     square_at,
 )
+from armcontour.planning.jerk.mesh_rows import MeshRows
 from armcontour.planning.options import MOST_ITERATIONS, Task
-from armcontour.planning.topp._kernel import Bounds
+from armcontour.planning.topp.kernels import MotionBounds
 
 # Cells of a plan by default: so many while an acceleration builds up, but at least as many as the
 # fewest, to which each polynomial of the joint path adds.
@@ -81,21 +83,23 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     Raises:
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
-    places, at_rest = find_sections(law, task)
-    ends = find_ends(law, task, places, at_rest)
+    section_ends, at_rest = find_sections(law, task)
+    ends = find_ends(law, task, section_ends, at_rest)
     cells = _default_cells(law, ends) if task.cells is None else task.cells
     # Rows are as many as the polynomials of the joint path, however few the cells.
     coarse = max(cells // COARSER, FEWEST, len(law.joint_path.breaks) // 2)
-    mesh = place_mesh(law, law.s, coarse, places, ends)
-    rough = _rows(task, mesh, law)
-    found = _solve(rough, (law, 1.0), task, ROUGH)
-    mesh = place_mesh(found, law.s, cells, places, find_ends(found, task, places, at_rest))
-    if rough.exact:
-        return _solve(_rows(task, mesh, found), (found, INSIDE), task, EXACT)
-    return _solve_with_margins(mesh, found, task)
+    mesh = place_mesh(law, law.s, coarse, section_ends, ends)
+    coarse_rows = _rows(task, mesh, law)
+    coarse_law = _solve(coarse_rows, (law, 1.0), task, ROUGH)
+    mesh = place_mesh(
+        coarse_law, law.s, cells, section_ends, find_ends(coarse_law, task, section_ends, at_rest)
+    )
+    if coarse_rows.exact:
+        return _solve(_rows(task, mesh, coarse_law), (coarse_law, INSIDE), task, EXACT)
+    return _solve_with_margins(mesh, coarse_law, task)
 
 
-def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
+def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
     """The second pass, where limits need margins between the ends of cells.
 
     Raises:
@@ -113,7 +117,7 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
             continue
         rows = _with_slow_ramps(rows, task, near)
         try:
-            found = _solve(rows, (near, INSIDE), task, EXACT)
+            law = _solve(rows, (near, INSIDE), task, EXACT)
         except NotRealizable as error:
             if error.limit in (START_SPEED, END_SPEED) or not curved:
                 if best is None:
@@ -122,14 +126,14 @@ def _solve_with_margins(mesh: Mesh, near: PathLaw, task: Task) -> PathLaw:
             # Rows that hold for any ds² down to rest always leave room for slow motion.
             curved = False
             continue
-        if best is None or found.breaks[-1] < best.breaks[-1]:
-            best = found
-        if wider >= WIDEST or _gain(rows, bounds, found) < LEAST_GAIN:
+        if best is None or law.breaks[-1] < best.breaks[-1]:
+            best = law
+        if wider >= WIDEST or _gain(rows, bounds, law) < LEAST_GAIN:
             return best
-        near, wider = found, wider * WIDER
+        near, wider = law, wider * WIDER
 
 
-def _with_slow_ramps(rows: Rows, task: Task, near: PathLaw) -> Rows:
+def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
     """The rows, with lower bounds on cells of uniform jerk of which margins take too much.
 
     Such cells are not split; the bounds hold the plan, and margins fall with them.
@@ -145,9 +149,11 @@ def _with_slow_ramps(rows: Rows, task: Task, near: PathLaw) -> Rows:
     return rows
 
 
-def _rows(task: Task, mesh: Mesh, near: PathLaw, bounds: Bounds | None = None) -> Rows:
+def _rows(
+    task: Task, mesh: JerkMesh, near: PathLaw, bounds: MotionBounds | None = None
+) -> MeshRows:
     """The rows of all cells for a plan near another one."""
-    return Rows(mesh, task.active, task.jerk, bounds, _squares(near, mesh), task.arm)
+    return MeshRows(mesh, task.active, task.jerk, bounds, _squares(near, mesh), task.arm)
 
 
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
@@ -157,21 +163,21 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
     largest = np.maximum(np.abs(dds), np.abs(dds + slope * np.diff(law.s)))
     active = float(times[largest > EVEN * acceleration].sum())
     with np.errstate(divide="ignore"):
-        wanted = PER_BUILD_UP * active * np.divide(jerk, acceleration)
+        resolved = PER_BUILD_UP * active * np.divide(jerk, acceleration)
     pieces = len(law.joint_path.breaks) - 1
-    found = max(np.nan_to_num(wanted), FEWEST_CELLS + FEWEST_PER_PIECE * pieces)
-    if found > MOST_CELLS:
+    count = max(np.nan_to_num(resolved), FEWEST_CELLS + FEWEST_PER_PIECE * pieces)
+    if count > MOST_CELLS:
         pieces += PIECES_OF_SECTION * (len(ends) - 1)
-        found = min(MANY_CELLS + MANY_PER_PIECE * pieces, MOST_CELLS)
-    return int(found)
+        count = min(MANY_CELLS + MANY_PER_PIECE * pieces, MOST_CELLS)
+    return int(count)
 
 
-def _squares(law: PathLaw, mesh: Mesh) -> FloatArray:
+def _squares(law: PathLaw, mesh: JerkMesh) -> FloatArray:
     """ds² of a plan in the middles of cells [m²/s²], (n,)."""
     return square_at(law, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
 
 
-def _bounds(mesh: Mesh, near: PathLaw, wider: float, curved: bool) -> Bounds:
+def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> MotionBounds:
     """Bounds of ds², dds and its slope on every cell, around a plan."""
     ds, dds, slope, _ = near.rates
     width = np.diff(near.s)
@@ -182,31 +188,31 @@ def _bounds(mesh: Mesh, near: PathLaw, wider: float, curved: bool) -> Bounds:
     # Even motion has no rates, and a bound of zero would leave no room.
     u = np.maximum(u, LEAST_RATE * u.max())
     change = np.maximum(np.abs(slope), u / width)
-    least = np.minimum(speed[:-1], speed[1:]) ** 2
+    smallest = np.minimum(speed[:-1], speed[1:]) ** 2
     # Cells of the other plan that each cell touches, and their neighbours.
     s = mesh.grid.s
     first = np.searchsorted(near.s, s[:-1], side="right") - 2
     count = np.searchsorted(near.s, s[1:], side="left") + 1
     first, count = np.clip(first, 0, len(width) - 1), np.clip(count, 1, len(width))
-    around = np.stack([first, np.maximum(count, first + 1)], axis=1).ravel()
+    touched = np.stack([first, np.maximum(count, first + 1)], axis=1).ravel()
 
     def largest(values: FloatArray) -> FloatArray:
         padded = np.append(values, -np.inf)
-        return np.asarray(np.maximum.reduceat(padded, around)[::2])
+        return np.asarray(np.maximum.reduceat(padded, touched)[::2])
 
-    most = largest(x)
-    lowest = -largest(-least) * LEAST / wider if curved else np.zeros(len(mesh.grid))
+    largest_square = largest(x)
+    lowest = -largest(-smallest) * LEAST / wider if curved else np.zeros(len(mesh.grid))
     # Cells of uniform jerk are bounded by ds² and dds at their moving end, which are the largest.
     ramps = mesh.ramps[mesh.cell] != 0
-    return Bounds(
-        x=HEADROOM * wider * most,
+    return MotionBounds(
+        x=HEADROOM * wider * largest_square,
         u=HEADROOM_RATE * wider * largest(u),
         k=np.where(ramps, 0.0, HEADROOM_SLOPE * wider * largest(change)),
-        least=np.where(ramps, 0.0, lowest),
+        x_min=np.where(ramps, 0.0, lowest),
     )
 
 
-def _gain(rows: Rows, bounds: Bounds, law: PathLaw) -> float:
+def _gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
     """The share of the duration that wider bounds of a plan may save.
 
     At the end of the search the product of each slack and its multiplier is the same share of the
@@ -216,19 +222,19 @@ def _gain(rows: Rows, bounds: Bounds, law: PathLaw) -> float:
     square, (_, dds, slope, _) = law.speeds**2, law.rates
     low = np.minimum(square[:-1], square[1:])
     with np.errstate(divide="ignore", invalid="ignore"):
-        left = np.stack(
+        distance = np.stack(
             [
                 1 - np.maximum(square[:-1], square[1:]) / bounds.x,
-                np.where(bounds.least > 0, low / bounds.least - 1, 1.0),
+                np.where(bounds.x_min > 0, low / bounds.x_min - 1, 1.0),
                 1 - np.abs(dds) / bounds.u,
                 1 - np.abs(slope) / bounds.k,
             ]
         )[:, inner]
-    near = left[left < TOO_NEAR]
-    return float(0.5 * EXACT / rows.count * (1 / np.maximum(near, TINY)).sum())
+    close = distance[distance < TOO_NEAR]
+    return float(0.5 * EXACT / rows.count * (1 / np.maximum(close, TINY)).sum())
 
 
-def _solve(rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:
+def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:
     """The fastest motion within the rows.
 
     Args:
@@ -240,7 +246,7 @@ def _solve(rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float
     Raises:
         NotRealizable: As `limit_jerk`.
     """
-    mesh, found = rows.mesh, []
+    mesh, solutions = rows.mesh, []
     speeds = np.square([task.start_speed, task.end_speed])
     for k, at_rest in enumerate(mesh.at_rest):
         p = rows.of_section(k)
@@ -248,9 +254,9 @@ def _solve(rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float
         targets = np.where(at_rest, 0.0, speeds)
         d = _start(p, s, at_rest, near, targets, rows.steep(k))
         for goal, end, target in ((START, 0, targets[0]), (END, -1, targets[1])):
-            most = float(p.high[end, 0 if end == 0 else 2])
-            if (1 - CLOSE_TO_LIMIT) * target <= most:
-                target = min(target, (1 - CLOSE_TO_LIMIT) * most)
+            allowed = float(p.high[end, 0 if end == 0 else 2])
+            if (1 - CLOSE_TO_LIMIT) * target <= allowed:
+                target = min(target, (1 - CLOSE_TO_LIMIT) * allowed)
             for weight in WEIGHTS:
                 if d[end] < target:
                     improve(p, d, goal, target, weight, ROUGH, MOST_ITERATIONS)
@@ -258,12 +264,12 @@ def _solve(rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float
                 name = "start" if goal == START else "end"
                 raise_too_fast(name, target, float(d[end]), float(s[end]))
         improve(p, d, DURATION, 0.0, 0.0, tolerance, task.iterations)
-        found.append(d)
-    return _law(rows, found)
+        solutions.append(d)
+    return _law(rows, solutions)
 
 
 def _start(
-    p: Section,
+    p: JerkSection,
     s: FloatArray,
     at_rest: BoolArray,
     near: tuple[PathLaw, float],
@@ -289,24 +295,24 @@ def _start(
     law, share = near
     inner = s[int(at_rest[0]) : len(s) - int(at_rest[1])]
     middle = (inner[:-1] + inner[1:]) / 2
-    way = np.diff(middle)
+    spacing = np.diff(middle)
     d = np.empty(len(middle) + 2)
-    whole = share * square_at(law, middle)
+    profile = share * square_at(law, middle)
     if share == 1:
-        power = whole**0.75
+        power = profile**0.75
         for end in (0, -1):
             away = abs(middle[end] - s[end]) if at_rest[end] else 0.0
-            least = steep[0][end] * away + targets[end] ** 0.75
-            power[end] = min(power[end], least)
-        limit_steps(power, np.minimum(steep[0][1:], steep[0][:-1]) * way)
-        whole = power ** (4 / 3)
-        limit_steps(whole, np.minimum(steep[1][1:], steep[1][:-1]) * way)
-    ratio = ROOM * np.minimum(steep[0] / whole**0.75, steep[1] / whole)
-    steps, doubled = np.minimum(ratio[1:], ratio[:-1]) * way, np.ones(len(way))
+            first_power = steep[0][end] * away + targets[end] ** 0.75
+            power[end] = min(power[end], first_power)
+        limit_steps(power, np.minimum(steep[0][1:], steep[0][:-1]) * spacing)
+        profile = power ** (4 / 3)
+        limit_steps(profile, np.minimum(steep[1][1:], steep[1][:-1]) * spacing)
+    ratio = ROOM * np.minimum(steep[0] / profile**0.75, steep[1] / profile)
+    steps, doubled = np.minimum(ratio[1:], ratio[:-1]) * spacing, np.ones(len(spacing))
     part = np.ones(len(middle))
     for _ in range(MOST_LESS):
         # Where ds² more than doubles from cell to cell, the tangent may be negative at any scale.
-        height = np.log2(whole * part ** (4 / 3))
+        height = np.log2(profile * part ** (4 / 3))
         limit_steps(height, doubled)
         d[1:-1] = 2**height
         d[[0, -1]] = np.where(at_rest, 0.0, np.minimum(d[[1, -2]], targets))
@@ -316,19 +322,20 @@ def _start(
         room[1:-1] = np.minimum(room[1:-1], np.minimum(room[:-2], room[2:]))
         part *= np.where(room > CLEAR, 1.0, np.clip(1 + room, LESS, MORE))
         limit_steps(part, steps)
-    where = float(inner[int(p.cell[int(np.argmin(p.high.min(axis=1)))])])
+    s_blocked = float(inner[int(p.cell[int(np.argmin(p.high.min(axis=1)))])])
     raise NotRealizable(
-        f"At {where:.6g} m along the path the limits allow no motion at all, however slow.", s=where
+        f"At {s_blocked:.6g} m along the path the limits allow no motion at all, however slow.",
+        s=s_blocked,
     )
 
 
-def _law(rows: Rows, found: Sequence[FloatArray]) -> PathLaw:
+def _law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
     """The time law of control points of ds² of all sections, with both ends of each."""
     mesh, begin, end = rows.mesh, rows.section.begin, rows.section.end
     grid, width, ramps = mesh.grid, mesh.width, mesh.ramps
     square = np.zeros((3, len(width)))  # control points of ds² on each cell
     for d, first, last, (start, stop) in zip(
-        found, mesh.sections[:-1], mesh.sections[1:], mesh.at_rest, strict=True
+        solutions, mesh.sections[:-1], mesh.sections[1:], mesh.at_rest, strict=True
     ):
         cells = slice(first + int(start), last - int(stop))
         around = np.stack([d[:-2], d[1:-1], d[2:]], axis=1)
@@ -346,8 +353,8 @@ def _law(rows: Rows, found: Sequence[FloatArray]) -> PathLaw:
     first, last = ((square[1] - square[0]) / width)[i], ((square[2] - square[1]) / width)[i]
     slope = ((square[0] - 2 * square[1] + square[2]) / width**2)[i]
     dds = first + (last - first) * x
-    ds, left = (np.sqrt(_parabola(square[:, i], z)) for z in (x, y))
-    times, jerk = interval_times(grid.width, ds, left, slope), np.zeros(n)
+    ds, end_speed = (np.sqrt(_parabola(square[:, i], z)) for z in (x, y))
+    times, jerk = interval_times(grid.width, ds, end_speed, slope), np.zeros(n)
     for sign, moving in ((1, 2), (-1, 0)):
         parts = np.flatnonzero(ramps[i] == sign)
         h = width[i[parts]]

@@ -7,11 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from armcontour.core.checks import FloatArray, kernel_array
-from armcontour.planning.constraints.base import Constraint
-from armcontour.planning.constraints.second_order import check_rest
-from armcontour.planning.grid import Grid
-from armcontour.planning.topp._forms import ROUNDING
-from armcontour.planning.topp.limits import (
+from armcontour.planning.constraints.constraint import Constraint, check_rest
+from armcontour.planning.path_grid import Grid
+from armcontour.planning.topp.limit_forms import (
     BY_SLOPE,
     BY_U,
     BY_X,
@@ -21,10 +19,10 @@ from armcontour.planning.topp.limits import (
     B,
     Form,
     Friction,
-    Joints,
-    Rows,
+    JointBounds,
+    LinearRows,
 )
-from armcontour.planning.topp.on_grid import OnGrid
+from armcontour.planning.topp.on_grid import ROUNDING, OnGrid
 from armcontour.robot import Arm
 
 
@@ -60,13 +58,17 @@ class JointMotion(Constraint):
         back = np.where(slopes.max(axis=1) < -certain, low, np.minimum(low, high))
         return np.asarray(np.where(slopes.min(axis=1) > certain, high, back))
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The bounds, of which the planner makes rows."""
         none = np.full(0, np.inf), np.full(0, np.inf)
         accelerations = (self.low, self.high) if len(self.low) else none
-        return (Joints.of(path.grid.joint_path.dof, *accelerations, *(1 / self.velocity**2)),)
+        return (
+            JointBounds.from_limits(
+                path.grid.joint_path.dof, *accelerations, *(1 / self.velocity**2)
+            ),
+        )
 
-    def rows(self, path: OnGrid) -> Rows:
+    def rows(self, path: OnGrid) -> LinearRows:
         """The accelerations as rows: g = q' u + q'' x has g'' = 5 q''' u + q'''' x + 4 q'' k."""
         (first, second), (third, fourth) = path.derivatives
         w, n = path.grid.width[:, None], len(path)
@@ -78,7 +80,7 @@ class JointMotion(Constraint):
         rise[..., BY_U] = w**2 / 8 * 5 * third
         rise[..., BY_X] = w**2 / 8 * fourth + ROUNDING / w * q1
         rise[..., BY_SLOPE] = w**2 / 8 * 4 * q2
-        return Rows(ends, rise)
+        return LinearRows(ends, rise)
 
 
 class JointTorque(Constraint):
@@ -104,7 +106,7 @@ class JointTorque(Constraint):
         self.viscous, self.coulomb = np.array(chain.viscous), np.array(chain.coulomb)
         self.curved = bool(self.viscous.any())
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The torques, less dry friction, and viscous friction.
 
         Raises:
@@ -117,10 +119,10 @@ class JointTorque(Constraint):
         if not (self.curved or self.coulomb.any()):
             return (rows,)
         (first, _), (third, _) = path.derivatives
-        off = path.grid.width[:, None] ** 2 / 8 * third
+        bulge = path.grid.width[:, None] ** 2 / 8 * third
         size = np.abs(first)
-        largest = size.max(axis=1) + off
-        one_way = (first[:, 0] * first[:, 1] > 0) & (size.min(axis=1) > off)
+        largest = size.max(axis=1) + bulge
+        one_way = (first[:, 0] * first[:, 1] > 0) & (size.min(axis=1) > bulge)
         sign = np.where(one_way, np.sign(first[:, 0]), 0.0)
         dry = np.where(largest > 0, self.coulomb, 0.0)
         # Where a joint may turn round, dry friction counts against both limits.
@@ -132,5 +134,5 @@ class JointTorque(Constraint):
         rows.ends[..., HIGH] -= above[:, None]
         if not self.curved:
             return (rows,)
-        within = np.stack([self.viscous * largest, self.viscous * off, sign], axis=2)
+        within = np.stack([self.viscous * largest, self.viscous * bulge, sign], axis=2)
         return rows, Friction(self.viscous * first, within)

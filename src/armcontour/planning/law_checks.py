@@ -35,12 +35,12 @@ def with_reserve(limits: Limits, reserve: float) -> Limits:
     """
     if not reserve:
         return limits
-    left = {
+    reduced = {
         name: (1 - reserve) * value
         for name in RESERVED
         if (value := getattr(limits, name)) is not None
     }
-    return limits.replace(**left) if left else limits
+    return limits.replace(**reduced) if reduced else limits
 
 
 def tool_path_of(joint_path: JointPath, method: str) -> Path:
@@ -128,9 +128,9 @@ def check_kept(
     limits: Limits,
     names: Sequence[str],
     *,
-    where: str,
+    location: str,
     t: float,
-    mends: str,
+    remedy: str,
 ) -> None:
     """Refuse laws that break one of the named limits at a sample.
 
@@ -139,21 +139,21 @@ def check_kept(
         arm: The arm.
         limits: The limits. A named limit that is None is not checked.
         names: Fields of `Limits` to check.
-        where: First words of the error message; the arc length follows.
+        location: First words of the error message; the arc length follows.
         t: Start time of the first law [s].
-        mends: Last words of the error message: what would help.
+        remedy: Last words of the error message: what would help.
 
     Raises:
         NotRealizable: With position and time, the joint, the value it would need, and the limit.
         InvalidInput: A torque limit for an arm without masses, or a limit of angular motion for a
             tool without orientation.
     """
-    given = [name for name in names if getattr(limits, name) is not None]
+    limited = [name for name in names if getattr(limits, name) is not None]
     start = t
-    for law in laws if given else ():
+    for law in laws if limited else ():
         states = law_states(law, arm)
-        for name in given:
-            _refuse_in_law(law, states, limits, name, where, start, mends)
+        for name in limited:
+            _refuse_in_law(law, states, limits, name, location, start, remedy)
         start += float(law.breaks[-1])
 
 
@@ -162,30 +162,31 @@ def _refuse_in_law(
     states: States,
     limits: Limits,
     name: str,
-    where: str,
+    location: str,
     start: float,
-    mends: str,
+    remedy: str,
 ) -> None:
     """Refuse a law that starts at the time `start` [s] and breaks one limit.
 
     Raises:
         NotRealizable: With position and time, the joint, the value it would need, and the limit.
     """
-    found = states.use(name, limits)
-    ratio = found.ratio
+    use = states.use(name, limits)
+    ratio = use.ratio
     if ratio.max() <= 1 + ROUNDING:
         return
-    at = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    joint = int(at[1]) if len(at) == 2 else None
-    needed, limit = found.value[at], np.broadcast_to(found.limit, ratio.shape)[at]
-    who = "the tool" if joint is None else f"joint {joint + 1}"
+    index = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+    joint = int(index[1]) if len(index) == 2 else None
+    needed, limit = use.value[index], np.broadcast_to(use.limit, ratio.shape)[index]
+    subject = "the tool" if joint is None else f"joint {joint + 1}"
     intervals, times = sample_times(law)
-    s = float(law.path_position(intervals[at[0]], times[at[0]]))
+    s = float(law.path_position(intervals[index[0]], times[index[0]]))
     raise NotRealizable(
-        f"{where}, at {s:.4g} m, {who} would need {needed:.4g} {UNITS[name]}{OF.get(name, '')}, "
-        f"but its limit is {limit:.4g} {UNITS[name]}: {mends}.",
+        f"{location}, at {s:.4g} m, {subject} would need {needed:.4g} {UNITS[name]}"
+        f"{OF.get(name, '')}, "
+        f"but its limit is {limit:.4g} {UNITS[name]}: {remedy}.",
         s=s,
-        t=start + float(times[at[0]]),
+        t=start + float(times[index[0]]),
         joint=joint,
         limit=name,
         needed=float(needed),

@@ -8,27 +8,30 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.planning.constraints import Constraint, JointMotion, OnGrid, limits_on
-from armcontour.planning.jerk._interior_point import Section
-from armcontour.planning.jerk._polynomials import (
+from armcontour.planning.jerk.interior_point import JerkSection
+from armcontour.planning.jerk.mesh import JerkMesh
+from armcontour.planning.jerk.polynomials import (
+    DEGREE,
     Basis,
+    ToolMotion,
+    arc_length_bounds,
     basis,
     elevated,
+    largest_at_ramps,
     motion_rows,
     raised,
     to_bernstein,
 )
-from armcontour.planning.jerk.mesh import Mesh
-from armcontour.planning.jerk.tool import DEGREE, ToolMotion, arc_length_bounds, largest_at_ramps
 from armcontour.planning.options import JerkLimits
-from armcontour.planning.topp._kernel import Bounds, rows_with_friction
-from armcontour.planning.topp.limits import HIGH, LOW, A, B, Limits, margins_of
+from armcontour.planning.topp.kernels import MotionBounds, rows_with_friction
+from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, margins_of
 from armcontour.robot import Arm
 
 # A tangent of the bound of ds² is used unless it falls below this share of its middle at an end.
 LEAST_SHARE = 0.25
 
 
-class Rows:
+class MeshRows:
     """All rows of a mesh, from which the sections take theirs.
 
     Args:
@@ -44,10 +47,10 @@ class Rows:
 
     def __init__(
         self,
-        mesh: Mesh,
+        mesh: JerkMesh,
         active: Sequence[Constraint],
         jerk: JerkLimits,
-        bounds: Bounds | None,
+        bounds: MotionBounds | None,
         about: FloatArray,
         arm: Arm,
     ) -> None:
@@ -61,25 +64,25 @@ class Rows:
         self.tool: ToolMotion | None = None
         if np.isfinite(jerk.tool):
             # The tangents have as many control points as the jerk of the tool.
-            self.tool, self.degree = ToolMotion.on(grid, arm), DEGREE + 1
+            self.tool, self.degree = ToolMotion.measure(grid, arm), DEGREE + 1
         self.length: FloatArray | None = None
         if np.isfinite(jerk.path) and grid.joint_path.tool_path is not None:
             self.length = arc_length_bounds(grid, arm)
         self.lost = np.zeros(len(grid))  # largest share of any limit that margins take
         self.bounded = np.full((2, len(grid), grid.joint_path.dof), np.inf)
         self.speeds = np.full((len(grid), grid.joint_path.dof), np.inf)
-        others = []
-        for x in active:
-            if isinstance(x, JointMotion):
+        sampled = []
+        for constraint in active:
+            if isinstance(constraint, JointMotion):
                 # Their rows are polynomials, and need no margins.
-                if x.velocity.size:
-                    self.speeds = np.minimum(self.speeds, x.fastest(self.path))
-                if len(x.low):
-                    low, high = x.bounds(grid)
+                if constraint.velocity.size:
+                    self.speeds = np.minimum(self.speeds, constraint.fastest(self.path))
+                if len(constraint.low):
+                    low, high = constraint.bounds(grid)
                     self.bounded = np.minimum(self.bounded, [-low, high])
             else:
-                others.append(x)
-        self.limits = self._with_margins(limits_on(self.path, others), about)
+                sampled.append(constraint)
+        self.limits = self._with_margins(limits_on(self.path, sampled), about)
         # Joints whose accelerations, and whose jerks are limited.
         self.joints = (
             np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))),
@@ -87,14 +90,14 @@ class Rows:
         )
         self.section = self._whole()
 
-    def _with_margins(self, limits: Limits, about: FloatArray) -> Limits:
+    def _with_margins(self, limits: GridLimits, about: FloatArray) -> GridLimits:
         """Limits less their margins, which `lost` counts, and with lines for friction."""
         none, bounds = np.zeros(len(about)), self.bounds
-        near = Bounds(about, about, none, none) if bounds is None else bounds
+        linearized = MotionBounds(about, about, none, none) if bounds is None else bounds
         if limits.friction.viscous.shape[2]:
-            near = Bounds(*(kernel_array(x) for x in near))
+            linearized = MotionBounds(*(kernel_array(x) for x in linearized))
             width, margins = self.mesh.grid.width, bounds is not None
-            limits = limits._replace(rows=rows_with_friction(width, limits, near, margins))
+            limits = limits._replace(rows=rows_with_friction(width, limits, linearized, margins))
         if bounds is None:
             return limits
         ends, radius = limits.rows.ends.copy(), limits.rounds.radius
@@ -105,9 +108,9 @@ class Rows:
         self._lose(rounds, radius)
         ends[..., LOW] += rows[:, None]
         ends[..., HIGH] -= rows[:, None]
-        left = np.maximum(1 - squares, 0.0)[:, None]
+        remaining = np.maximum(1 - squares, 0.0)[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            tight = np.where(left > 0, limits.squares.ends / left, np.inf)
+            tight = np.where(remaining > 0, limits.squares.ends / remaining, np.inf)
         return limits._replace(
             rows=limits.rows._replace(ends=ends),
             squares=limits.squares._replace(ends=tight),
@@ -134,7 +137,7 @@ class Rows:
         finite = sum(int(np.isfinite(x).sum()) for x in (p.low, p.high, p.radius))
         return finite + 2 * len(p.curved) * int(p.curved.shape[1])
 
-    def of_section(self, k: int) -> Section:
+    def of_section(self, k: int) -> JerkSection:
         """The rows of one section, without its cells of uniform jerk."""
         mesh, p = self.mesh, self.section
         first, last = mesh.sections[k : k + 2]
@@ -168,7 +171,7 @@ class Rows:
 
         Of the cells of a section but those of uniform jerk, (n,) each.
         """
-        mesh, found = self.mesh, []
+        mesh, slopes_by_cell = self.mesh, []
         first = int(mesh.sections[k]) + int(mesh.at_rest[k, 0])
         last = int(mesh.sections[k + 1]) - int(mesh.at_rest[k, 1])
         start, end = np.searchsorted(mesh.cell, [first, last])
@@ -180,12 +183,12 @@ class Rows:
         if self.tool is not None:
             jerk = np.minimum(jerk, self.jerk.tool / self.tool.largest[0, start:end])
         for x in (np.sqrt(4.5 * jerk) / 2, rate):
-            found.append(np.minimum.reduceat(x, begins))
-        return found[0], found[1]
+            slopes_by_cell.append(np.minimum.reduceat(x, begins))
+        return slopes_by_cell[0], slopes_by_cell[1]
 
-    def _whole(self) -> Section:
+    def _whole(self) -> JerkSection:
         """The rows of all cells."""
-        of, on = self.mesh.cell, self.basis
+        cell, basis = self.mesh.cell, self.basis
         begin, end = control_points(self.mesh)
         acceleration, jerk = self._motion()
         plain, low, high = self._plain(acceleration)
@@ -196,31 +199,31 @@ class Rows:
         rows = np.concatenate(curved, axis=1)
         vectors, radius, margin, points = self._round()
 
-        def local(x: FloatArray) -> FloatArray:
+        def local(points: FloatArray) -> FloatArray:
             """Rows of control points of ds² on each cell as rows of the unknowns."""
-            around = (of,) + (None,) * (x.ndim - 2)
-            found = x[..., :1] * begin[around] + x[..., 2:] * end[around]
-            found[..., 1] += x[..., 1]
-            return np.asarray(found)
+            index = (cell,) + (None,) * (points.ndim - 2)
+            rows = points[..., :1] * begin[index] + points[..., 2:] * end[index]
+            rows[..., 1] += points[..., 1]
+            return np.asarray(rows)
 
-        return Section(
+        return JerkSection(
             width=self.mesh.width,
             begin=begin,
             end=end,
             ramps=np.zeros(2),
-            cell=of,
+            cell=cell,
             plain=local(plain),
             low=low,
             high=high,
             curved=local(rows),
             jerk=np.concatenate(limits),
-            of=np.tile(np.arange(self.degree), rows.shape[1] // self.degree),
-            raised=local(raised(on, self.degree - 1)),
-            about=np.zeros(len(of)),
+            curved_points=np.tile(np.arange(self.degree), rows.shape[1] // self.degree),
+            raised=local(raised(basis, self.degree - 1)),
+            about=np.zeros(len(cell)),
             round=local(vectors),
             radius=radius,
             margin=margin,
-            round_of=points,
+            round_points=points,
         )
 
     def _path_jerk(self) -> list[FloatArray]:
@@ -229,45 +232,45 @@ class Rows:
         It is `m slope + 3 m' dds + m'' ds²` with the derivative m of the arc length over s. All
         signs of m' and m'' are allowed for.
         """
-        on, last = self.basis, self.degree - 1
-        slope = np.repeat(on.slope[:, None], self.degree, axis=1)
+        basis, last = self.basis, self.degree - 1
+        slope = np.repeat(basis.slope[:, None], self.degree, axis=1)
         if self.length is None:
             return [slope]
         first, second, third = self.length[..., None, None]
-        rate = 3 * second * elevated(on.rate, last)
-        square = third * raised(on, last)
+        rate = 3 * second * elevated(basis.rate, last)
+        square = third * raised(basis, last)
         return [first * slope + x + y for x in (-rate, rate) for y in (-square, square)]
 
     def _motion(self) -> tuple[FloatArray, FloatArray]:
         """Rows of the accelerations and jerks of the limited joints, joint after joint."""
         grid, degree = self.mesh.grid, self.degree
         n, joints = len(grid), self.joints
-        found = (
+        rows = (
             np.empty((n, len(joints[0]) * (degree + 1), 3)),
             np.empty((n, len(joints[1]) * degree, 3)),
         )
         powers = to_bernstein(degree), to_bernstein(degree - 1)
-        path, on = grid.joint_path, self.basis
+        path, basis = grid.joint_path, self.basis
         motion_rows(
-            path.coefficients, path.breaks, grid.piece, grid.s, on, degree, powers, joints, found
+            path.coefficients, path.breaks, grid.piece, grid.s, basis, degree, powers, joints, rows
         )
-        return found
+        return rows
 
     def _plain(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows with fixed bounds: ds², accelerations, and the rows of other constraints."""
-        n, bounds, on = len(self.mesh.grid), self.bounds, self.basis
+        n, bounds, basis = len(self.mesh.grid), self.bounds, self.basis
         none = np.full((n, 3), np.inf)
         top = np.minimum(self._speed_ceiling(), self._ceiling())
-        ends = [on.at_end(e) for e in range(2)]
-        rows, low, high = [on.points], [-none], [top]
+        ends = [basis.at_end(e) for e in range(2)]
+        rows, low, high = [basis.points], [-none], [top]
         if bounds is not None:
-            least = np.where(bounds.least > 0, bounds.least, -np.inf)
-            low = [np.broadcast_to(least[:, None], (n, 3))]
+            smallest = np.where(bounds.x_min > 0, bounds.x_min, -np.inf)
+            low = [np.broadcast_to(smallest[:, None], (n, 3))]
             high = [np.minimum(top, bounds.x[:, None])]
-            most = np.stack([bounds.u, bounds.u, np.abs(bounds.k)], axis=1)
-            rows.append(np.stack([ends[0][1], ends[1][1], on.slope], axis=1))
-            low.append(-most)
-            high.append(most)
+            rate_bounds = np.stack([bounds.u, bounds.u, np.abs(bounds.k)], axis=1)
+            rows.append(np.stack([ends[0][1], ends[1][1], basis.slope], axis=1))
+            low.append(-rate_bounds)
+            high.append(rate_bounds)
         rows.append(acceleration)
         for sign, out in ((-1, low), (1, high)):
             bound = self.bounded[(sign + 1) // 2][:, self.joints[0]]
@@ -301,7 +304,7 @@ class Rows:
                 both[:, :, 1] = (np.sqrt(np.maximum(bb - part * part, 0.0)) * square[:, 0])[:, None]
                 vectors.append(both)
             radius += [rounds.radius[:, r]] * 2
-        of, margin = [-1] * len(radius), [np.zeros(n)] * len(radius)
+        points, margin = [-1] * len(radius), [np.zeros(n)] * len(radius)
         if self.tool is not None:
             vectors.append(self.tool.rows(self.basis))
             left_out = np.zeros(n)
@@ -309,7 +312,7 @@ class Rows:
                 left_out = self.tool.margin(self.bounds)
                 share = left_out * np.sqrt(self.bounds.x) / self.jerk.tool
                 self.lost = np.maximum(self.lost, share)
-            of += range(DEGREE + 1)
+            points += range(DEGREE + 1)
             radius += [np.full(n, self.jerk.tool)] * (DEGREE + 1)
             margin += [left_out] * (DEGREE + 1)
         none = np.zeros((n, 0))
@@ -317,7 +320,7 @@ class Rows:
             np.concatenate(vectors, axis=1),
             np.stack(radius, axis=1) if radius else none,
             np.stack(margin, axis=1) if margin else none,
-            np.array(of, dtype=np.intp),
+            np.array(points, dtype=np.intp),
         )
 
     def _speed_ceiling(self) -> FloatArray:
@@ -368,38 +371,42 @@ class Rows:
         other cells mean nothing.
         """
         width, h = self.mesh.grid.width, self.mesh.width[self.mesh.cell]
-        wide, own = h[:, None], width[:, None]
+        ramp_column, width_column = h[:, None], width[:, None]
         (slopes, bends), (third, fourth) = self.path.derivatives
-        first = np.abs(slopes).max(axis=1) + own**2 / 8 * third
-        second = np.abs(bends).max(axis=1) + own**2 / 8 * fourth
+        first = np.abs(slopes).max(axis=1) + width_column**2 / 8 * third
+        second = np.abs(bends).max(axis=1) + width_column**2 / 8 * fourth
         rate = 2 / (3 * h)
-        found = [self._ceiling().min(axis=1)]
+        bounds = [self._ceiling().min(axis=1)]
         with np.errstate(divide="ignore", invalid="ignore"):
-            found.append(((self.speeds / first) ** 2).min(axis=1))
+            bounds.append(((self.speeds / first) ** 2).min(axis=1))
             pull = second + first * rate[:, None]
-            found.append((self.bounded.min(axis=0) / pull).min(axis=1))
-            jerk = third + 2 * second / wide + 2 / 9 * first / wide**2
-            found.append(((self.jerk.joint / jerk) ** (2 / 3)).min(axis=1))
+            bounds.append((self.bounded.min(axis=0) / pull).min(axis=1))
+            jerk = third + 2 * second / ramp_column + 2 / 9 * first / ramp_column**2
+            bounds.append(((self.jerk.joint / jerk) ** (2 / 3)).min(axis=1))
             length = np.array([[1.0], [0.0], [0.0]]) if self.length is None else self.length
-            found.append(largest_at_ramps(length, self.jerk.path, h))
+            bounds.append(largest_at_ramps(length, self.jerk.path, h))
             general, rounds = self.limits.rows.ends, self.limits.rounds
-            for sign, which in ((1, HIGH), (-1, LOW)):
-                up = np.maximum(sign * general[..., A], 0).max(axis=1) * rate[:, None]
-                up += np.maximum(sign * general[..., B], 0).max(axis=1)
-                left = np.maximum((sign * general[..., which]).min(axis=1), 0)
-                found.append(np.where(up > 0, left / up, np.inf).min(axis=1, initial=np.inf))
+            for sign, column in ((1, HIGH), (-1, LOW)):
+                coefficient = np.maximum(sign * general[..., A], 0).max(axis=1) * rate[:, None]
+                coefficient += np.maximum(sign * general[..., B], 0).max(axis=1)
+                remaining = np.maximum((sign * general[..., column]).min(axis=1), 0)
+                bounds.append(
+                    np.where(coefficient > 0, remaining / coefficient, np.inf).min(
+                        axis=1, initial=np.inf
+                    )
+                )
             aa, ab, bb = rounds.products
             turned = rate[:, None, None]
             size = np.sqrt(np.maximum(aa * turned**2 + 2 * ab * turned + bb, 0.0)).max(axis=1)
-            found.append((rounds.radius / size).min(axis=1, initial=np.inf))
+            bounds.append((rounds.radius / size).min(axis=1, initial=np.inf))
             if self.tool is not None:
-                found.append(largest_at_ramps(self.tool.largest, self.jerk.tool, h))
+                bounds.append(largest_at_ramps(self.tool.largest, self.jerk.tool, h))
             if self.bounds is not None:
-                found += [self.bounds.x, self.bounds.u / rate]
-        return np.asarray(np.nanmin(found, axis=0))
+                bounds += [self.bounds.x, self.bounds.u / rate]
+        return np.asarray(np.nanmin(bounds, axis=0))
 
 
-def control_points(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
+def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
     """Rows of the first and last control point of ds² on every cell, (n, 3) each.
 
     Inside a section both are means of the neighbours, so that ds² has a continuous slope. Next to a

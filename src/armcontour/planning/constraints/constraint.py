@@ -1,39 +1,43 @@
-"""The base class of constraints.
+"""Base classes of constraints, and constraints with coefficients that are functions of s.
 
-A constraint writes its limit on a grid once, in the forms of `armcontour.planning.topp.limits`.
-Each form comes with bounds of its rise between the ends of an interval, so that what holds at both
-ends holds between them too (docs/concepts/optimal.md).
+A constraint writes its limit on a grid once, in the forms of `planning.topp.limit_forms`. Each form
+has bounds of its rise between the ends of an interval. A limit that holds at both ends therefore
+also holds between them (docs/concepts/optimal.md).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray, kernel_array
+from armcontour.core.errors import InvalidInput, NotRealizable
+from armcontour.core.fields import checked
 from armcontour.motion import PathLaw
-from armcontour.planning.grid import Grid
-from armcontour.planning.topp.limits import (
+from armcontour.planning.path_grid import Grid
+from armcontour.planning.topp.limit_forms import (
     HIGH,
     LOW,
     A,
     B,
     Ceiling,
     Form,
+    GridLimits,
+    LinearRows,
     Rounds,
-    Rows,
     Squares,
-    checked,
+    check_form,
     collect,
 )
-from armcontour.planning.topp.limits import Limits as LimitsOnGrid
 from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States, use_of
-from armcontour.robot.limits import JERK_LIMITS
+from armcontour.robot.limits import JERK_LIMITS, UNITS
 
 # Shares of the time of an interval at which what is not known from its ends is looked at.
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
@@ -54,7 +58,7 @@ class IntervalEnds:
     grid: Grid
 
     @cached_property
-    def on(self) -> OnGrid:
+    def path(self) -> OnGrid:
         """The joint path on the grid."""
         return OnGrid(self.grid)
 
@@ -76,7 +80,7 @@ class IntervalEnds:
         piece, s = np.repeat(self.grid.piece, 2), np.repeat(self.grid.s, 2)[1:-1]
         q = self.grid.joint_path.on_interval(piece, s)
         x, u = self.x[..., None], self.u[..., None]
-        first, second = self.on.derivatives[0]
+        first, second = self.path.derivatives[0]
         dq, ddq = first * np.sqrt(x), first * u + second * x
         return States(self.arm, (q, dq.reshape(q.shape), ddq.reshape(q.shape)))
 
@@ -127,7 +131,7 @@ class Constraint:
     joints = False
     curved = False
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The limit on a grid.
 
         Args:
@@ -152,7 +156,7 @@ class Constraint:
             (n, 1), or (n, joints) where `joints` is true.
         """
         used = np.zeros((len(ends.grid), 1))
-        for form in self.on(ends.on):
+        for form in self.discretize(ends.path):
             used = np.maximum(used, _usage(form, ends.x[..., None], ends.u[..., None]).max(axis=1))
         return used if self.joints else used.max(axis=1, keepdims=True)
 
@@ -160,7 +164,7 @@ class Constraint:
 def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
     """Used share of a form at the starts and ends of all intervals, (n, 2, rows)."""
     match form:
-        case Rows():
+        case LinearRows():
             value = form.ends[..., A] * u + form.ends[..., B] * x
             return np.maximum(value / form.ends[..., HIGH], value / form.ends[..., LOW])
         case Squares():
@@ -173,7 +177,7 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
     return np.zeros_like(x)
 
 
-def limits_on(path: OnGrid, active: Sequence[Constraint]) -> LimitsOnGrid:
+def limits_on(path: OnGrid, active: Sequence[Constraint]) -> GridLimits:
     """All limits on a grid.
 
     Args:
@@ -184,4 +188,107 @@ def limits_on(path: OnGrid, active: Sequence[Constraint]) -> LimitsOnGrid:
         InvalidInput: A form has arrays of another shape than it should.
     """
     n = len(path)
-    return collect([checked(form, n, x.name) for x in active for form in x.on(path)], n)
+    return collect([check_form(form, n, x.name) for x in active for form in x.discretize(path)], n)
+
+
+Coefficients = Callable[[FloatArray, str], tuple[FloatArray, FloatArray, FloatArray]]
+
+
+class SecondOrder(Constraint):
+    """`low <= a(s) u + b(s) x + c(s) <= high`, one row per quantity.
+
+    Args:
+        name: Name in messages.
+        coefficients: Called with arc lengths (n,) and "right" or "left", the side to take at
+            vertices between segments; returns a, b and c, (n, rows) each. Smooth between grid
+            points.
+        low: Lower bounds, (rows,).
+        high: Upper bounds, (rows,).
+        joints: Whether there is one row per joint.
+
+    Raises:
+        InvalidInput: A lower bound exceeds its upper bound, or their numbers differ.
+    """
+
+    @checked
+    def __init__(
+        self,
+        name: str,
+        coefficients: Coefficients,
+        low: npt.ArrayLike,
+        high: npt.ArrayLike,
+        *,
+        joints: bool = False,
+    ) -> None:
+        self.name = name
+        self.coefficients = coefficients
+        bounds = (checks.shaped(f"bounds of {name}", x, (None,)) for x in (low, high))
+        self.low, self.high = map(checks.frozen_array, bounds)
+        if self.low.shape != self.high.shape or not (self.low <= self.high).all():
+            raise InvalidInput(f"The lower bounds of {name} must be at most its upper bounds.")
+        self.joints = joints
+
+    @property
+    def names(self) -> list[tuple[str, int | None]]:
+        """The name, with the joint of each row if there is one per joint."""
+        return [(self.name, k) for k in range(len(self.low))] if self.joints else super().names
+
+    def _at(self, s: FloatArray, side: str) -> FloatArray:
+        """The coefficients at arc lengths, (3, n, rows)."""
+        name, shape = f"coefficients of {self.name}", (3, len(s), len(self.low))
+        return checks.shaped(name, checks.check_numbers(name, self.coefficients(s, side)), shape)
+
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
+        """The quantities.
+
+        Raises:
+            NotRealizable: c alone breaks a bound, so that even rest is impossible there.
+        """
+        path, last = OnGrid(path.grid, jumps=True), 2 * len(path)
+        _, s = path.places
+        a, b, c = np.concatenate([self._at(s[:last], "right"), self._at(s[last:], "left")], axis=1)
+        check_rest(path.grid, self, path.at_ends(c), (self.low, self.high))
+        return (path.rows((a, b, c), kernel_array(self.low), kernel_array(self.high)),)
+
+
+def check_rest(
+    grid: Grid,
+    constraint: Constraint,
+    value: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    *,
+    when: str = "even at rest",
+    cannot: str = "hold itself",
+) -> None:
+    """Refuse a quantity that breaks its bounds at rest or in arbitrarily slow motion.
+
+    Args:
+        grid: The grid.
+        constraint: The constraint with these bounds.
+        value: The quantity at the starts and ends of all intervals, (n, 2, rows).
+        bounds: Lower and upper bounds, (rows,) each.
+        when: Words of the error message: in which motion the quantity has this value.
+        cannot: Words of the error message: what the arm cannot do there.
+
+    Raises:
+        NotRealizable: With the arc length, the joint, the value and the bound.
+    """
+    low, high = bounds
+    if ((value >= low) & (value <= high)).all():
+        return
+    over = np.maximum(value - high, low - value)
+    i, end, row = np.unravel_index(int(np.argmax(over)), over.shape)
+    needed, s = float(value[i, end, row]), float(grid.s[i + end])
+    allowed = float(high[row] if needed > high[row] else low[row])
+    joint = int(row) if constraint.joints else None
+    who = constraint.name if joint is None else f"joint {joint + 1} {constraint.name}"
+    unit = f" {UNITS[constraint.limit_name]}" if constraint.limit_name in UNITS else ""
+    raise NotRealizable(
+        f"At {s:.6g} m along the path the {who} is {needed:.4g}{unit} {when}, but its limit in "
+        f"this plan, less any reserve, is {allowed:.4g}{unit}: the arm cannot {cannot} there.",
+        s=s,
+        joint=joint,
+        limit=constraint.name,
+        needed=needed,
+        allowed=allowed,
+    )

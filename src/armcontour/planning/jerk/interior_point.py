@@ -36,7 +36,7 @@ TINY = 1e-300
 DURATION, START, END = 0, 1, 2
 
 
-class Section(NamedTuple):
+class JerkSection(NamedTuple):
     """The problem between two rests, or other ends, on n cells in m parts.
 
     A row `(x, y, z)` of cell i means `x d[i] + y d[i + 1] + z d[i + 2]`, where d[0] and d[n + 1]
@@ -53,13 +53,13 @@ class Section(NamedTuple):
         curved: Rows `|row| <= jerk f`, where f is a control point of the tangent below a^(-1/2),
             (m, l, 3).
         jerk: Their limits, (l,).
-        of: The control point of each, (l,).
+        curved_points: The control point of each, (l,).
         raised: Rows of the control points of a on each part, as a polynomial of the degree of the
             curved rows, (m, j, 3).
         about: Where the tangent of each part touches a^(-1/2) [m²/s²], (m,); the search moves it.
         round: Vectors of rows, `|vector| <= radius`, or `<= radius f - margin`, (m, o, 3, 3).
         radius, margin: Of the round rows, (m, o).
-        round_of: The control point of each, or -1 for a fixed radius, (o,).
+        round_points: The control point of each, or -1 for a fixed radius, (o,).
     """
 
     width: FloatArray
@@ -72,13 +72,13 @@ class Section(NamedTuple):
     high: FloatArray
     curved: FloatArray
     jerk: FloatArray
-    of: IntArray
+    curved_points: IntArray
     raised: FloatArray
     about: FloatArray
     round: FloatArray
     radius: FloatArray
     margin: FloatArray
-    round_of: IntArray
+    round_points: IntArray
 
 
 class _Duals(NamedTuple):
@@ -92,7 +92,7 @@ class _Duals(NamedTuple):
 
 
 @compiled(inner=True, allocates=True)
-def _duals(p: Section) -> _Duals:
+def _new_duals(p: JerkSection) -> _Duals:
     n = len(p.cell)
     return _Duals(
         np.zeros(p.low.shape),
@@ -107,50 +107,50 @@ def _duals(p: Section) -> _Duals:
 
 
 @compiled(inner=True, inline="always")
-def _end(rows: FloatArray, i: int, d: FloatArray) -> float:
+def _end_value(rows: FloatArray, i: int, d: FloatArray) -> float:
     """The value of the only row of cell i."""
     return float(rows[i, 0] * d[i] + rows[i, 1] * d[i + 1] + rows[i, 2] * d[i + 2])
 
 
 @compiled(inner=True, inline="always")
-def _of(rows: FloatArray, c: int, r: int, i: int, d: FloatArray) -> float:
+def _row_value(rows: FloatArray, c: int, r: int, i: int, d: FloatArray) -> float:
     """The value of row r of part c, which lies in cell i."""
     return float(rows[c, r, 0] * d[i] + rows[c, r, 1] * d[i + 1] + rows[c, r, 2] * d[i + 2])
 
 
 @compiled(inner=True, inline="always")
-def _axis(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray) -> float:
+def _axis_value(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray) -> float:
     """The value of axis k of the vector r of part c, which lies in cell i."""
     x, y, z = rows[c, r, k, 0], rows[c, r, k, 1], rows[c, r, k, 2]
     return float(x * d[i] + y * d[i + 1] + z * d[i + 2])
 
 
 @compiled(inner=True, inline="always")
-def _tangents(p: Section, c: int, d: FloatArray, found: FloatArray) -> None:
+def _write_tangents(p: JerkSection, c: int, d: FloatArray, tangents: FloatArray) -> None:
     """Write the control points of the tangent below a^(-1/2) in part c, and slopes, (j, 4)."""
     i = p.cell[c]
     root = 1.0 / math.sqrt(p.about[c])
     half = 0.5 * root / p.about[c]
     for k in range(p.raised.shape[1]):
-        found[k, 0] = 1.5 * root - half * _of(p.raised, c, k, i, d)
-        found[k, 1] = -half * p.raised[c, k, 0]
-        found[k, 2] = -half * p.raised[c, k, 1]
-        found[k, 3] = -half * p.raised[c, k, 2]
+        tangents[k, 0] = 1.5 * root - half * _row_value(p.raised, c, k, i, d)
+        tangents[k, 1] = -half * p.raised[c, k, 0]
+        tangents[k, 2] = -half * p.raised[c, k, 1]
+        tangents[k, 3] = -half * p.raised[c, k, 2]
 
 
 @compiled(inner=True, inline="always")
-def _mean(p: Section, c: int, d: FloatArray) -> float:
+def _mean(p: JerkSection, c: int, d: FloatArray) -> float:
     """The mean of a over part c."""
     total = 0.0
     for k in range(p.raised.shape[1]):
-        total += _of(p.raised, c, k, p.cell[c], d)
+        total += _row_value(p.raised, c, k, p.cell[c], d)
     return float(total / p.raised.shape[1])
 
 
 @compiled(inner=True, inline="always")
-def _radius(p: Section, c: int, r: int, tangents: FloatArray) -> Any:
+def _radius(p: JerkSection, c: int, r: int, tangents: FloatArray) -> Any:
     """The radius of a round row, and its slope, (value, x, y, z)."""
-    k, radius = p.round_of[r], p.radius[c, r]
+    k, radius = p.round_points[r], p.radius[c, r]
     if k < 0:
         return radius - p.margin[c, r], 0.0, 0.0, 0.0
     value, x, y, z = tangents[k, 0], tangents[k, 1], tangents[k, 2], tangents[k, 3]
@@ -158,54 +158,56 @@ def _radius(p: Section, c: int, r: int, tangents: FloatArray) -> Any:
 
 
 @compiled(inner=True, inline="always")
-def _vector(p: Section, c: int, r: int, i: int, d: FloatArray) -> Any:
+def _vector(p: JerkSection, c: int, r: int, i: int, d: FloatArray) -> Any:
     """The vector of a round row."""
     return (
-        _axis(p.round, c, r, 0, i, d),
-        _axis(p.round, c, r, 1, i, d),
-        _axis(p.round, c, r, 2, i, d),
+        _axis_value(p.round, c, r, 0, i, d),
+        _axis_value(p.round, c, r, 1, i, d),
+        _axis_value(p.round, c, r, 2, i, d),
     )
 
 
 @compiled(inner=True, inline="always")
-def _room(bound: float, vector: Any) -> float:
+def _round_slack(bound: float, vector: Any) -> float:
     """How far a vector is from its bound; without a radius the row is broken."""
     x, y, z = vector
     return bound - (x * x + y * y + z * z) / bound if bound > 0.0 else -1.0
 
 
 @compiled(inner=True)
-def _slacks(p: Section, d: FloatArray, free: int, tangents: FloatArray, found: _Duals) -> bool:
+def _write_slacks(
+    p: JerkSection, d: FloatArray, free: int, tangents: FloatArray, slack: _Duals
+) -> bool:
     """Write how far d is from every bound, and return whether it is within all.
 
     An end that is not free has no bound.
     """
-    n, least = len(p.width), math.inf
+    n, smallest = len(p.width), math.inf
     for c in range(len(p.cell)):
         i = p.cell[c]
-        _tangents(p, c, d, tangents)
+        _write_tangents(p, c, d, tangents)
         for r in range(p.plain.shape[1]):
-            f = _of(p.plain, c, r, i, d)
-            found.high[c, r], found.low[c, r] = p.high[c, r] - f, f - p.low[c, r]
-            least = min(least, found.high[c, r], found.low[c, r])
+            f = _row_value(p.plain, c, r, i, d)
+            slack.high[c, r], slack.low[c, r] = p.high[c, r] - f, f - p.low[c, r]
+            smallest = min(smallest, slack.high[c, r], slack.low[c, r])
         for r in range(p.curved.shape[1]):
-            bound, f = p.jerk[r] * tangents[p.of[r], 0], _of(p.curved, c, r, i, d)
-            found.curved[c, r, 0], found.curved[c, r, 1] = bound - f, bound + f
-            least = min(least, found.curved[c, r, 0], found.curved[c, r, 1])
+            bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
+            slack.curved[c, r, 0], slack.curved[c, r, 1] = bound - f, bound + f
+            smallest = min(smallest, slack.curved[c, r, 0], slack.curved[c, r, 1])
         for r in range(p.round.shape[1]):
             radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
-            found.round[c, r] = _room(radius[0], vector)
-            least = min(least, found.round[c, r])
+            slack.round[c, r] = _round_slack(radius[0], vector)
+            smallest = min(smallest, slack.round[c, r])
     for i in range(n + 2):
-        found.positive[i] = d[i]
+        slack.positive[i] = d[i]
         if 0 < i <= n:
-            least = min(least, d[i])
+            smallest = min(smallest, d[i])
     if free != START:
-        found.positive[0] = 0.0
+        slack.positive[0] = 0.0
     if free != END:
-        found.positive[n + 1] = 0.0
+        slack.positive[n + 1] = 0.0
     # False for what is no number, too.
-    return least > 0.0
+    return smallest > 0.0
 
 
 @compiled()
@@ -218,39 +220,39 @@ def limit_steps(values: FloatArray, steps: FloatArray) -> None:
 
 
 @compiled()
-def least_slacks(p: Section, d: FloatArray) -> FloatArray:
+def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
     """The least share of any bound that d leaves in each cell, (n,); positive where rows hold.
 
     Tangents are put at d, where `improve` begins.
     """
     for c in range(len(p.cell)):
         p.about[c] = _mean(p, c, d)
-    slack, tangents = _duals(p), np.empty((p.raised.shape[1], 4))
-    _slacks(p, d, DURATION, tangents, slack)
-    found = np.ones(len(p.width))
+    slack, tangents = _new_duals(p), np.empty((p.raised.shape[1], 4))
+    _write_slacks(p, d, DURATION, tangents, slack)
+    shares = np.ones(len(p.width))
     for c in range(len(p.cell)):
         i = p.cell[c]
-        least = found[i] if d[i + 1] > 0.0 else -1.0
-        _tangents(p, c, d, tangents)
+        smallest = shares[i] if d[i + 1] > 0.0 else -1.0
+        _write_tangents(p, c, d, tangents)
         for r in range(p.plain.shape[1]):
-            f = abs(_of(p.plain, c, r, i, d))
+            f = abs(_row_value(p.plain, c, r, i, d))
             if p.high[c, r] < math.inf:
-                least = min(least, slack.high[c, r] / max(abs(p.high[c, r]), f, TINY))
+                smallest = min(smallest, slack.high[c, r] / max(abs(p.high[c, r]), f, TINY))
             if p.low[c, r] > -math.inf:
-                least = min(least, slack.low[c, r] / max(abs(p.low[c, r]), f, TINY))
+                smallest = min(smallest, slack.low[c, r] / max(abs(p.low[c, r]), f, TINY))
         for r in range(p.curved.shape[1]):
-            left, right = slack.curved[c, r, 0], slack.curved[c, r, 1]
+            upper, lower = slack.curved[c, r, 0], slack.curved[c, r, 1]
             # The sum of both slacks is twice the bound.
-            least = min(least, min(left, right) / max(abs(left + right) / 2, TINY))
+            smallest = min(smallest, min(upper, lower) / max(abs(upper + lower) / 2, TINY))
         for r in range(p.round.shape[1]):
             bound = abs(_radius(p, c, r, tangents)[0])
-            least = min(least, slack.round[c, r] / max(bound, TINY))
-        found[i] = least
-    return found
+            smallest = min(smallest, slack.round[c, r] / max(bound, TINY))
+        shares[i] = smallest
+    return shares
 
 
 @compiled(inner=True, inline="always")
-def _add(bands: FloatArray, right: FloatArray, i: int, h: Any, g: Any) -> None:
+def _add_cell(bands: FloatArray, right: FloatArray, i: int, h: Any, g: Any) -> None:
     """Add second derivatives and right sides of cell i to the diagonals."""
     bands[0, i] += h[0]
     bands[1, i] += h[1]
@@ -264,7 +266,7 @@ def _add(bands: FloatArray, right: FloatArray, i: int, h: Any, g: Any) -> None:
 
 
 @compiled(inner=True, inline="always")
-def _more(
+def _accumulate(
     h: tuple[float, float, float, float, float, float],
     g: tuple[float, float, float],
     row: tuple[float, float, float],
@@ -285,12 +287,12 @@ def _more(
 
 
 @compiled(inner=True)
-def _add_durations(p: Section, d: FloatArray, bands: FloatArray, right: FloatArray) -> float:
+def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: FloatArray) -> float:
     """Duration [s]; adds its second derivatives and subtracts its gradient."""
     n = len(p.width)
     total = 0.0
     for i in range(n):
-        first, last = _end(p.begin, i, d), _end(p.end, i, d)
+        first, last = _end_value(p.begin, i, d), _end_value(p.end, i, d)
         h = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         g = (0.0, 0.0, 0.0)
         for k in range(3):
@@ -304,25 +306,25 @@ def _add_durations(p: Section, d: FloatArray, bands: FloatArray, right: FloatArr
                 b0 * p.begin[i, 1] + b2 * p.end[i, 1] + b1,
                 b0 * p.begin[i, 2] + b2 * p.end[i, 2],
             )
-            h, g = _more(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
-        _add(bands, right, i, h, g)
+            h, g = _accumulate(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
+        _add_cell(bands, right, i, h, g)
     for side in range(2):
         if p.ramps[side] > 0.0:
             i = 0 if side == 0 else n - 1
             rows = p.begin if side == 0 else p.end
-            a = _end(rows, i, d)
+            a = _end_value(rows, i, d)
             part = 3.0 * p.ramps[side] / math.sqrt(a)
             total += part
             row = (rows[i, 0], rows[i, 1], rows[i, 2])
             h, g = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-            h, g = _more(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
-            _add(bands, right, i, h, g)
+            h, g = _accumulate(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
+            _add_cell(bands, right, i, h, g)
     return total
 
 
 @compiled(inner=True)
 def _add_bounds(
-    p: Section,
+    p: JerkSection,
     d: FloatArray,
     tangents: FloatArray,
     slack: _Duals,
@@ -335,7 +337,7 @@ def _add_bounds(
     n = len(p.width)
     for c in range(len(p.cell)):
         i = p.cell[c]
-        _tangents(p, c, d, tangents)
+        _write_tangents(p, c, d, tangents)
         h = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         g = (0.0, 0.0, 0.0)
         for r in range(p.plain.shape[1]):
@@ -349,9 +351,9 @@ def _add_bounds(
                 weight += dual.low[c, r] * one
                 push += mu * one
             row = (p.plain[c, r, 0], p.plain[c, r, 1], p.plain[c, r, 2])
-            h, g = _more(h, g, row, weight, push)
+            h, g = _accumulate(h, g, row, weight, push)
         for r in range(p.curved.shape[1]):
-            k = p.of[r]
+            k = p.curved_points[r]
             x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
             for side in range(2):
                 sign = -1.0 if side == 0 else 1.0
@@ -361,12 +363,12 @@ def _add_bounds(
                     p.jerk[r] * y + sign * p.curved[c, r, 1],
                     p.jerk[r] * z + sign * p.curved[c, r, 2],
                 )
-                h, g = _more(h, g, row, dual.curved[c, r, side] * one, mu * one)
+                h, g = _accumulate(h, g, row, dual.curved[c, r, side] * one, mu * one)
         for r in range(p.round.shape[1]):
             radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
             bound, x, y, z = radius
             one, weight = 1.0 / slack.round[c, r], dual.round[c, r]
-            h, g = _more(h, g, _round_slope(p, c, r, radius, vector), weight * one, mu * one)
+            h, g = _accumulate(h, g, _round_slope(p, c, r, radius, vector), weight * one, mu * one)
             for k in range(3):
                 share = vector[k] / bound
                 row = (
@@ -374,8 +376,8 @@ def _add_bounds(
                     p.round[c, r, k, 1] - share * y,
                     p.round[c, r, k, 2] - share * z,
                 )
-                h, g = _more(h, g, row, 2.0 * weight / bound, 0.0)
-        _add(bands, right, i, h, g)
+                h, g = _accumulate(h, g, row, 2.0 * weight / bound, 0.0)
+        _add_cell(bands, right, i, h, g)
     for i in range(n + 2):
         if slack.positive[i] > 0.0:
             bands[0, i] += dual.positive[i] / slack.positive[i]
@@ -383,21 +385,21 @@ def _add_bounds(
 
 
 @compiled(inner=True, inline="always")
-def _round_slope(p: Section, c: int, r: int, radius: Any, vector: Any) -> Any:
+def _round_slope(p: JerkSection, c: int, r: int, radius: Any, vector: Any) -> Any:
     """The slope of `bound - |vector|² / bound`, (x, y, z)."""
     bound, x, y, z = radius
     u, v, w = vector[0] / bound, vector[1] / bound, vector[2] / bound
-    more = 1.0 + u * u + v * v + w * w
+    factor = 1.0 + u * u + v * v + w * w
     rows = p.round
     return (
-        more * x - 2.0 * (u * rows[c, r, 0, 0] + v * rows[c, r, 1, 0] + w * rows[c, r, 2, 0]),
-        more * y - 2.0 * (u * rows[c, r, 0, 1] + v * rows[c, r, 1, 1] + w * rows[c, r, 2, 1]),
-        more * z - 2.0 * (u * rows[c, r, 0, 2] + v * rows[c, r, 1, 2] + w * rows[c, r, 2, 2]),
+        factor * x - 2.0 * (u * rows[c, r, 0, 0] + v * rows[c, r, 1, 0] + w * rows[c, r, 2, 0]),
+        factor * y - 2.0 * (u * rows[c, r, 0, 1] + v * rows[c, r, 1, 1] + w * rows[c, r, 2, 1]),
+        factor * z - 2.0 * (u * rows[c, r, 0, 2] + v * rows[c, r, 1, 2] + w * rows[c, r, 2, 2]),
     )
 
 
 @compiled(inner=True, inline="always")
-def _reach(slack: float, dual: float, rise: float, change: float, reach: Any) -> Any:
+def _longest_steps(slack: float, dual: float, rise: float, change: float, reach: Any) -> Any:
     """The longest steps of slacks and multipliers so far, with those of one more row."""
     one, other = reach
     if -rise * one > NEAREST * slack:
@@ -408,7 +410,7 @@ def _reach(slack: float, dual: float, rise: float, change: float, reach: Any) ->
 
 
 @compiled(inner=True, inline="always")
-def _round_reach(bound: float, rise: float, vector: Any, change: Any, slack: float) -> float:
+def _longest_round_step(bound: float, rise: float, vector: Any, change: Any, slack: float) -> float:
     """The longest step that leaves a share of the slack of a round row.
 
     `bound² - |vector|² - left bound >= 0` is quadratic in the step.
@@ -421,13 +423,13 @@ def _round_reach(bound: float, rise: float, vector: Any, change: Any, slack: flo
     if inner < 0.0 or (linear > 0.0 and square >= 0.0):
         return math.inf
     root = math.sqrt(inner)
-    found = (linear + root) / (-2.0 * square) if linear > 0.0 else 2.0 * start / (root - linear)
-    return float(found)
+    step = (linear + root) / (-2.0 * square) if linear > 0.0 else 2.0 * start / (root - linear)
+    return float(step)
 
 
 @compiled(inner=True)
-def _changes(
-    p: Section,
+def _dual_changes(
+    p: JerkSection,
     d: FloatArray,
     step: FloatArray,
     tangents: FloatArray,
@@ -441,29 +443,29 @@ def _changes(
     reach = (1.0, 1.0)
     for c in range(len(p.cell)):
         i = p.cell[c]
-        _tangents(p, c, d, tangents)
+        _write_tangents(p, c, d, tangents)
         for r in range(p.plain.shape[1]):
-            rise = _of(p.plain, c, r, i, step)
+            rise = _row_value(p.plain, c, r, i, step)
             if p.high[c, r] < math.inf:
                 room, old = slack.high[c, r], dual.high[c, r]
                 new = (mu + old * rise) / room - old
-                reach = _reach(room, old, -rise, new, reach)
+                reach = _longest_steps(room, old, -rise, new, reach)
                 change.high[c, r] = new
             if p.low[c, r] > -math.inf:
                 room, old = slack.low[c, r], dual.low[c, r]
                 new = (mu - old * rise) / room - old
-                reach = _reach(room, old, rise, new, reach)
+                reach = _longest_steps(room, old, rise, new, reach)
                 change.low[c, r] = new
         for r in range(p.curved.shape[1]):
-            k = p.of[r]
+            k = p.curved_points[r]
             x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
             common = p.jerk[r] * (x * step[i] + y * step[i + 1] + z * step[i + 2])
-            rise = _of(p.curved, c, r, i, step)
+            rise = _row_value(p.curved, c, r, i, step)
             for side in range(2):
-                own = common - rise if side == 0 else common + rise
+                rate = common - rise if side == 0 else common + rise
                 room, old = slack.curved[c, r, side], dual.curved[c, r, side]
-                new = (mu - old * own) / room - old
-                reach = _reach(room, old, own, new, reach)
+                new = (mu - old * rate) / room - old
+                reach = _longest_steps(room, old, rate, new, reach)
                 change.curved[c, r, side] = new
         for r in range(p.round.shape[1]):
             radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
@@ -471,44 +473,44 @@ def _changes(
             rise = x * step[i] + y * step[i + 1] + z * step[i + 2]
             room, old = slack.round[c, r], dual.round[c, r]
             new = (mu - old * rise) / room - old
-            one, other = _reach(room, old, 0.0, new, reach)
+            one, other = _longest_steps(room, old, 0.0, new, reach)
             turn = radius[1] * step[i] + radius[2] * step[i + 1] + radius[3] * step[i + 2]
             change_of = _vector(p, c, r, i, step)
-            reach = min(one, _round_reach(radius[0], turn, vector, change_of, room)), other
+            reach = min(one, _longest_round_step(radius[0], turn, vector, change_of, room)), other
             change.round[c, r] = new
     for i in range(n + 2):
         if slack.positive[i] > 0.0:
             room, old = slack.positive[i], dual.positive[i]
             new = (mu - old * step[i]) / room - old
-            reach = _reach(room, old, step[i], new, reach)
+            reach = _longest_steps(room, old, step[i], new, reach)
             change.positive[i] = new
     return reach
 
 
 @compiled(inner=True)
-def _move_tangents(p: Section, d: FloatArray, tangents: FloatArray, slack: _Duals) -> None:
+def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _Duals) -> None:
     """Put tangents at d where that leaves most of the slack of every row; writes the new slack."""
     for c in range(len(p.cell)):
         i, before = p.cell[c], p.about[c]
         p.about[c] = _mean(p, c, d)
-        _tangents(p, c, d, tangents)
+        _write_tangents(p, c, d, tangents)
         good = True
         for r in range(p.curved.shape[1]):
-            bound, f = p.jerk[r] * tangents[p.of[r], 0], _of(p.curved, c, r, i, d)
+            bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
             good &= bound - f >= KEPT * slack.curved[c, r, 0]
             good &= bound + f >= KEPT * slack.curved[c, r, 1]
         for r in range(p.round.shape[1]):
             radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
-            good &= _room(radius[0], vector) >= KEPT * slack.round[c, r]
+            good &= _round_slack(radius[0], vector) >= KEPT * slack.round[c, r]
         if not good:
             p.about[c] = before
             continue
         for r in range(p.curved.shape[1]):
-            bound, f = p.jerk[r] * tangents[p.of[r], 0], _of(p.curved, c, r, i, d)
+            bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
             slack.curved[c, r, 0], slack.curved[c, r, 1] = bound - f, bound + f
         for r in range(p.round.shape[1]):
             radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
-            slack.round[c, r] = _room(radius[0], vector)
+            slack.round[c, r] = _round_slack(radius[0], vector)
 
 
 @compiled(inner=True, allocates=True)
@@ -551,7 +553,7 @@ def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
 
 
 @compiled(inner=True)
-def _hold(bands: FloatArray, right: FloatArray, free: int) -> None:
+def _fix_ends(bands: FloatArray, right: FloatArray, free: int) -> None:
     """Take the ends out of Newton's system, but for a free one."""
     last = len(right) - 1
     if free != START:
@@ -561,23 +563,23 @@ def _hold(bands: FloatArray, right: FloatArray, free: int) -> None:
 
 
 @compiled(inner=True)
-def _move(d: FloatArray, step: FloatArray, share: float, trial: FloatArray) -> None:
+def _take_step(d: FloatArray, step: FloatArray, share: float, trial: FloatArray) -> None:
     for i in range(len(d)):
         trial[i] = d[i] + share * step[i]
 
 
 @compiled(inner=True)
-def _count(p: Section, dual: _Duals) -> float:
+def _count_bounds(p: JerkSection, dual: _Duals) -> float:
     """Number of bounds."""
-    found = dual.curved.size + dual.round.size
+    count = dual.curved.size + dual.round.size
     for c in range(p.low.shape[0]):
         for r in range(p.low.shape[1]):
-            found += (p.low[c, r] > -math.inf) + (p.high[c, r] < math.inf)
-    return float(found + len(p.width))
+            count += (p.low[c, r] > -math.inf) + (p.high[c, r] < math.inf)
+    return float(count + len(p.width))
 
 
 @compiled(inner=True)
-def _start_duals(p: Section, slack: _Duals, mu: float, dual: _Duals) -> None:
+def _central_duals(p: JerkSection, slack: _Duals, mu: float, dual: _Duals) -> None:
     """Multipliers on the central path of mu."""
     for c in range(p.low.shape[0]):
         for r in range(p.low.shape[1]):
@@ -594,22 +596,22 @@ def _start_duals(p: Section, slack: _Duals, mu: float, dual: _Duals) -> None:
 
 
 @compiled(inner=True)
-def _climb(dual: FloatArray, change: FloatArray, share: float) -> None:
+def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
     """Add a share of the changes to multipliers."""
-    flat, more = dual.reshape(-1), change.reshape(-1)
+    flat, changes = dual.reshape(-1), change.reshape(-1)
     for i in range(flat.size):
-        flat[i] += share * more[i]
+        flat[i] += share * changes[i]
 
 
 @compiled()
 def improve(
-    p: Section,
+    p: JerkSection,
     d: FloatArray,
     goal: int,
     target: float,
     weight: float,
     tolerance: float,
-    most: int,
+    max_iterations: int,
 ) -> int:
     """Improve a strictly feasible d in place until its gap is small; returns the iterations.
 
@@ -621,57 +623,57 @@ def improve(
         weight: What reaching the target counts, against the whole duration, which is minimized too
             and keeps the rest of the path away from rest.
         tolerance: Share of the optimum within which the result is.
-        most: Largest number of iterations.
+        max_iterations: Largest number of iterations.
     """
     n = len(p.width)
-    slack, dual, change = _duals(p), _duals(p), _duals(p)
+    slack, dual, change = _new_duals(p), _new_duals(p), _new_duals(p)
     tangents = np.empty((p.raised.shape[1], 4))
     bands, right, trial = np.zeros((3, n + 2)), np.zeros(n + 2), np.empty(n + 2)
     end = 0 if goal == START else n + 1
-    _slacks(p, d, goal, tangents, slack)
+    _write_slacks(p, d, goal, tangents, slack)
     size = _add_durations(p, d, bands, right)
     pull = weight * size / target if goal != DURATION else 0.0
-    bounds = _count(p, dual)
+    bounds = _count_bounds(p, dual)
     mu = size / bounds
-    _start_duals(p, slack, mu, dual)
-    for iteration in range(most):
+    _central_duals(p, slack, mu, dual)
+    for iteration in range(max_iterations):
         bands[:], right[:] = 0.0, 0.0
         size = _add_durations(p, d, bands, right)
         if goal != DURATION:
             right[end] += pull
         _add_bounds(p, d, tangents, slack, dual, mu, bands, right)
-        _hold(bands, right, goal)
+        _fix_ends(bands, right, goal)
         trial[:] = right
         _solve_bands(bands, right)
         decrement = 0.0
         for i in range(n + 2):
             decrement += trial[i] * right[i]
-        reach = _changes(p, d, right, tangents, slack, dual, mu, change)
+        reach = _dual_changes(p, d, right, tangents, slack, dual, mu, change)
         share = reach[0]
         landed = goal != DURATION and d[end] + share * right[end] >= target
         if landed:
             share = (target - d[end]) / right[end]
-        _move(d, right, share, trial)
-        shorter = 0
-        while not _slacks(p, trial, goal, tangents, slack):
+        _take_step(d, right, share, trial)
+        halvings = 0
+        while not _write_slacks(p, trial, goal, tangents, slack):
             # Rounding errors next to a bound.
-            shorter, share, landed = shorter + 1, share * SHORTER, False
-            if shorter > MOST_SHORTER:
+            halvings, share, landed = halvings + 1, share * SHORTER, False
+            if halvings > MOST_SHORTER:
                 return iteration
-            _move(d, right, share, trial)
+            _take_step(d, right, share, trial)
         d[:] = trial
         if landed:
             d[end] = target
         _move_tangents(p, d, tangents, slack)
         if landed:
             return iteration + 1
-        _climb(dual.low, change.low, reach[1])
-        _climb(dual.high, change.high, reach[1])
-        _climb(dual.curved, change.curved, reach[1])
-        _climb(dual.round, change.round, reach[1])
-        _climb(dual.positive, change.positive, reach[1])
+        _add_scaled(dual.low, change.low, reach[1])
+        _add_scaled(dual.high, change.high, reach[1])
+        _add_scaled(dual.curved, change.curved, reach[1])
+        _add_scaled(dual.round, change.round, reach[1])
+        _add_scaled(dual.positive, change.positive, reach[1])
         if decrement < CENTERED * bounds * mu and min(share, reach[1]) > LONG:
             if bounds * mu <= 0.5 * tolerance * size:
                 return iteration + 1
             mu *= FALL
-    return most
+    return max_iterations

@@ -59,14 +59,14 @@ def solve_program(
     for iteration in range(MOST_ITERATIONS):
         gap, worst = 0.0, 0.0
         for r in range(count):
-            primal[r] = _times(first, ends, values, x, r) + slack[r] - bound[r]
+            primal[r] = _row_product(first, ends, values, x, r) + slack[r] - bound[r]
             complement[r] = slack[r] * dual[r]
             gap += complement[r]
             worst = max(worst, abs(primal[r]))
         gap /= max(count, 1)
         if gap < GAP * largest and worst < VIOLATION:
             return x.reshape(n, k), iteration
-        _fill(first, ends, values, slack, dual, w, matrix)
+        _normal_matrix(first, ends, values, slack, dual, w, matrix)
         if not _factor(matrix):
             return x.reshape(n, k), -iteration - 1
         # The predictor goes for complementarity at once, the corrector for a share of it.
@@ -75,29 +75,29 @@ def solve_program(
                 step[a] = -c[a] - w[a] * x[a]
             for r in range(count):
                 value = dual[r] + (dual[r] * primal[r] - complement[r]) / slack[r]
-                at = first[r] - ends[r]
+                shift = first[r] - ends[r]
                 for p in range(ends[r], ends[r + 1]):
-                    step[at + p] -= values[p] * value
+                    step[shift + p] -= values[p] * value
             _solve(matrix, step)
             for r in range(count):
-                change = -primal[r] - _times(first, ends, values, step, r)
+                change = -primal[r] - _row_product(first, ends, values, step, r)
                 d_slack[r] = change
                 d_dual[r] = -(complement[r] + dual[r] * change) / slack[r]
-            way = _longest(slack, dual, d_slack, d_dual)
+            step_length = _longest_step(slack, dual, d_slack, d_dual)
             if corrected:
                 break
             after = 0.0
             for r in range(count):
-                after += (slack[r] + way * d_slack[r]) * (dual[r] + way * d_dual[r])
-            aim = (after / max(count, 1) / gap) ** 3 * gap
+                after += (slack[r] + step_length * d_slack[r]) * (dual[r] + step_length * d_dual[r])
+            target = (after / max(count, 1) / gap) ** 3 * gap
             for r in range(count):
-                complement[r] += d_slack[r] * d_dual[r] - aim
-        way = min(1.0, WAY * way)
+                complement[r] += d_slack[r] * d_dual[r] - target
+        step_length = min(1.0, WAY * step_length)
         for a in range(n * k):
-            x[a] += way * step[a]
+            x[a] += step_length * step[a]
         for r in range(count):
-            slack[r] += way * d_slack[r]
-            dual[r] += way * d_dual[r]
+            slack[r] += step_length * d_slack[r]
+            dual[r] += step_length * d_dual[r]
     return x.reshape(n, k), -MOST_ITERATIONS
 
 
@@ -126,27 +126,29 @@ def _pack(
                 end -= 1
             if begin == end:
                 continue
-            at = ends[count]
+            offset = ends[count]
             for j in range(begin, end):
-                values[at + j - begin] = rows[i, r, j]
+                values[offset + j - begin] = rows[i, r, j]
             first[count], bound[count] = (i - 1) * k + begin, bounds[i, r]
-            ends[count + 1] = at + end - begin
+            ends[count + 1] = offset + end - begin
             count += 1
     return first[:count], ends[: count + 1], values[: ends[count]], bound[:count]
 
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
-def _times(first: IntArray, ends: IntArray, values: FloatArray, x: FloatArray, r: int) -> float:
+def _row_product(
+    first: IntArray, ends: IntArray, values: FloatArray, x: FloatArray, r: int
+) -> float:
     """Value of row r."""
     value = 0.0
-    at = first[r] - ends[r]
+    shift = first[r] - ends[r]
     for p in range(ends[r], ends[r + 1]):
-        value += values[p] * x[at + p]
+        value += values[p] * x[shift + p]
     return value
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _fill(
+def _normal_matrix(
     first: IntArray,
     ends: IntArray,
     values: FloatArray,
@@ -213,12 +215,14 @@ def _solve(matrix: FloatArray, x: FloatArray) -> None:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _longest(slack: FloatArray, dual: FloatArray, d_slack: FloatArray, d_dual: FloatArray) -> float:
+def _longest_step(
+    slack: FloatArray, dual: FloatArray, d_slack: FloatArray, d_dual: FloatArray
+) -> float:
     """The longest step, up to 1, that keeps slacks and multipliers positive."""
-    way = 1.0
+    step_length = 1.0
     for r in range(len(slack)):
         if d_slack[r] < 0.0:
-            way = min(way, -slack[r] / d_slack[r])
+            step_length = min(step_length, -slack[r] / d_slack[r])
         if d_dual[r] < 0.0:
-            way = min(way, -dual[r] / d_dual[r])
-    return way
+            step_length = min(step_length, -dual[r] / d_dual[r])
+    return step_length

@@ -14,9 +14,9 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.motion import JointPath
-from armcontour.planning.constraints.base import Constraint
-from armcontour.planning.grid import Grid
-from armcontour.planning.topp.limits import Ceiling, Form
+from armcontour.planning.constraints.constraint import Constraint
+from armcontour.planning.path_grid import Grid
+from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm
 from armcontour.robot.limit_use import require_orientation
@@ -53,17 +53,17 @@ class ToolMetric:
     uneven: BoolArray
 
     @classmethod
-    def of(cls, joint_path: JointPath, arm: Arm) -> ToolMetric:
+    def measure(cls, joint_path: JointPath, arm: Arm) -> ToolMetric:
         """Measure the tool motion along a joint path by forward kinematics.
 
         A bound is the largest sample of a piece plus the spread of its samples.
         """
         breaks, pieces = joint_path.breaks, np.arange(len(joint_path.breaks) - 1)
         s = breaks[:-1] + SAMPLES * (breaks[1:] - breaks[:-1])
-        found = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
-        most, least = found.max(axis=1), found.min(axis=1)
-        speed, curvature = 2 * most - least
-        uneven = (most[1] > FLAT) & (most[1] - least[1] > EVEN * most[1])
+        samples = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
+        largest, smallest = samples.max(axis=1), samples.min(axis=1)
+        speed, curvature = 2 * largest - smallest
+        uneven = (largest[1] > FLAT) & (largest[1] - smallest[1] > EVEN * largest[1])
         return cls(joint_path=joint_path, arm=arm, speed=speed, curvature=curvature, uneven=uneven)
 
     def curvature_on(self, grid: Grid) -> FloatArray:
@@ -84,8 +84,8 @@ class ToolMetric:
         Where the curvature varies, a factor bounds how far it is above its chord: twice what the
         samples in between show.
         """
-        found = np.empty((2, len(grid)))
-        found[:] = self.curvature[grid.piece]
+        chords = np.empty((2, len(grid)))
+        chords[:] = self.curvature[grid.piece]
         i = np.flatnonzero(self.uneven[grid.piece])
         if len(i):
             s = grid.s[i] + SHARES * grid.width[i]
@@ -94,8 +94,8 @@ class ToolMetric:
             begin, end = np.maximum(values[0], FLAT), np.maximum(values[-1], FLAT)
             even = begin + SHARES[1:-1] * (end - begin)
             bent = 1 + 2 * np.maximum(values[1:-1] / even - 1, 0.0).max(axis=0)
-            found[:, i] = np.stack([begin, end]) * bent
-        return found
+            chords[:, i] = np.stack([begin, end]) * bent
+        return chords
 
 
 def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
@@ -137,11 +137,11 @@ class ToolSpeed(Constraint):
     def __init__(self, speed: FloatArray, metric: ToolMetric) -> None:
         self._ceiling: FloatArray = (speed / metric.speed) ** 2
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The bound of each piece, which holds on the whole interval."""
-        found = np.empty((len(path), 2))
-        found[:] = self._ceiling[path.grid.piece, None]
-        return (Ceiling(found),)
+        ceiling = np.empty((len(path), 2))
+        ceiling[:] = self._ceiling[path.grid.piece, None]
+        return (Ceiling(ceiling),)
 
 
 class RapidSpeed(Constraint):
@@ -157,7 +157,7 @@ class RapidSpeed(Constraint):
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._arm = limit, arm
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """A bound on each interval: the largest sample plus the spread of the samples."""
         grid = path.grid
         s = grid.s[:-1] + SHARES * grid.width
@@ -182,11 +182,11 @@ class CentripetalAcceleration(Constraint):
     def __init__(self, limit: float, metric: ToolMetric) -> None:
         self.limit, self.metric = limit, metric
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The bound at both ends; between them x stays below the chord of both."""
         with np.errstate(divide="ignore"):
-            found = self.limit / self.metric.curvature_on(path.grid)
-        return (Ceiling(np.ascontiguousarray(found.T)),)
+            ceiling = self.limit / self.metric.curvature_on(path.grid)
+        return (Ceiling(np.ascontiguousarray(ceiling.T)),)
 
 
 class ToolAcceleration(Constraint):
@@ -203,7 +203,7 @@ class ToolAcceleration(Constraint):
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._arm = limit, arm
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The vectors, in a frame that turns with the motion: on circles they do not change."""
         speed, along, across = _parts(*self._arm.tool_motion(*path.motion))
         first, second = np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1)
@@ -226,7 +226,7 @@ class AngularSpeed(Constraint):
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._tool = limit, require_orientation(arm)
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The square of the angular speed."""
         q, first, _ = path.motion
         w = self._tool.tool_twist(q, first)[:, 3:]
@@ -250,7 +250,7 @@ class AngularAcceleration(Constraint):
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._tool = limit, require_orientation(arm)
 
-    def on(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
         """The vectors."""
         q, first, second = path.motion
         w = self._tool.tool_twist(q, first)[:, 3:]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,8 +11,9 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
+from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath
-from armcontour.planning._grid import cut, merge, turning_of
+from armcontour.motion._laws import value_and_slopes
 
 # By default the grid has this many intervals, and at least this many per piece of the joint path.
 DEFAULT_INTERVALS = 4000
@@ -62,15 +64,15 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     Raises:
         InvalidInput: No joint moves along the joint path.
     """
-    return cut_pieces(joint_path, share_out(joint_path, intervals))
+    return cut_pieces(joint_path, distribute_intervals(joint_path, intervals))
 
 
 def cut_pieces(joint_path: JointPath, count: IntArray) -> Grid:
     """Make a grid of so many equal intervals on every piece of a joint path, (pieces,)."""
-    return _locked(joint_path, *cut(joint_path.breaks, count))
+    return _locked(joint_path, *divide_intervals(joint_path.breaks, count))
 
 
-def share_out(joint_path: JointPath, intervals: int | None = None) -> IntArray:
+def distribute_intervals(joint_path: JointPath, intervals: int | None = None) -> IntArray:
     """How many intervals every piece of a joint path gets in `place_grid`, (pieces,).
 
     Args:
@@ -86,7 +88,7 @@ def share_out(joint_path: JointPath, intervals: int | None = None) -> IntArray:
     if intervals is not None:
         count = intervals
     width = breaks[1:] - breaks[:-1]
-    turning = turning_of(breaks, joint_path.coefficients, AT_REST)
+    turning = turning_rates(breaks, joint_path.coefficients, AT_REST)
     if not len(turning):
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
     turn = width * turning
@@ -111,7 +113,7 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
             f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
         )
     # A point that differs from a break or from the one before by rounding only is left out.
-    s, piece, fewest = merge(points, breaks, 1e-12 * (breaks[-1] - breaks[0]))
+    s, piece, fewest = merge_breaks(points, breaks, 1e-12 * (breaks[-1] - breaks[0]))
     grid = _locked(joint_path, s, piece)
     # From rest to rest within one interval there is no motion, so every piece gets at least two.
     return grid if fewest > 1 else split(grid, np.where(np.bincount(piece)[piece] == 1, 2, 1))
@@ -128,11 +130,11 @@ def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = 
     """
     parts = np.maximum(1, parts).astype(np.intp)
     if points is None:
-        s, interval = cut(grid.s, parts)
+        s, interval = divide_intervals(grid.s, parts)
         return _locked(grid.joint_path, s, grid.piece[interval])
     inside = (parts > 1) & (points > grid.s[:-1]) & (points < grid.s[1:])
     parts[inside] = 2
-    s, interval = cut(grid.s, parts)
+    s, interval = divide_intervals(grid.s, parts)
     s[(np.cumsum(parts) - 1)[inside]] = points[inside]
     return _locked(grid.joint_path, s, grid.piece[interval])
 
@@ -141,3 +143,101 @@ def _locked(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
     """A grid of arrays that nobody else has, so that locking needs no copy."""
     s.setflags(write=False)
     return Grid(joint_path, s, piece)
+
+
+@compiled()
+def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) -> FloatArray:
+    """How fast a joint path turns on each of its pieces, as a mean of its ends and its middle.
+
+    Args:
+        breaks: Of the joint path [m], (pieces + 1,).
+        coefficients: Of its pieces [rad], (pieces, 6, dof).
+        at_rest: Below this share of the largest dq_ds no joint moves, and the path has no
+            direction.
+
+    Returns:
+        |d2q_ds2| over |dq_ds| [1/m], (pieces,); (0,) if no joint moves.
+    """
+    n, dof = len(breaks) - 1, coefficients.shape[2]
+    size, curvature = np.empty((n, 3)), np.empty((n, 3))
+    fastest = 0.0
+    for i in range(n):
+        width, c = breaks[i + 1] - breaks[i], coefficients[i]
+        for k in range(3):
+            middle = (breaks[i] + breaks[i + 1]) / 2
+            s = breaks[i] if k == 0 else middle if k == 1 else breaks[i + 1]
+            x = (s - breaks[i]) / width
+            first = second = 0.0
+            for j in range(dof):
+                c0, c1, c2, c3, c4, c5 = c[0, j], c[1, j], c[2, j], c[3, j], c[4, j], c[5, j]
+                _, slope, curve = value_and_slopes(c0, c1, c2, c3, c4, c5, x)
+                slope, curve = slope / width, curve / (width * width)
+                first += slope * slope
+                second += curve * curve
+            size[i, k], curvature[i, k] = math.sqrt(first), math.sqrt(second)
+            fastest = max(fastest, size[i, k])
+    if fastest == 0.0:
+        return np.empty(0)
+    rates = np.empty(n)
+    for i in range(n):
+        total, count = 0.0, 0
+        for k in range(3):
+            if size[i, k] > at_rest * fastest:
+                total += curvature[i, k] / size[i, k]
+                count += 1
+        rates[i] = total / max(count, 1)
+    return rates
+
+
+@compiled()
+def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
+    """Points that cut intervals into equal parts, and the interval that each part lies in.
+
+    Args:
+        s: Ends of the intervals, (n + 1,).
+        count: Number of parts of each interval, (n,).
+    """
+    total = 0
+    for i in range(len(count)):
+        total += count[i]
+    points, interval = np.empty(total + 1), np.empty(total, np.intp)
+    part = 0
+    for i in range(len(count)):
+        width = s[i + 1] - s[i]
+        for k in range(count[i]):
+            points[part], interval[part] = s[i] + width * k / count[i], i
+            part += 1
+    points[total] = s[len(count)]
+    return points, interval
+
+
+@compiled()
+def merge_breaks(
+    points: FloatArray, breaks: FloatArray, min_distance: float
+) -> tuple[FloatArray, IntArray, int]:
+    """All breaks, and the points that are not close to a break or to the point before.
+
+    Args:
+        points: Increasing numbers from the first to the last break, (m,).
+        breaks: Increasing numbers, (pieces + 1,).
+        min_distance: Distances below this are none.
+
+    Returns:
+        The ends of the intervals, (n + 1,), the piece of each interval, (n,), and the smallest
+        number of intervals of a piece.
+    """
+    capacity, last = len(points) + len(breaks), len(breaks) - 1
+    s, piece = np.empty(capacity), np.empty(capacity, np.intp)
+    n, k, fewest = 0, 0, capacity
+    for i in range(last):
+        first = n
+        s[n], piece[n] = breaks[i], i
+        n += 1
+        while k < len(points) and points[k] < breaks[i + 1]:
+            if points[k] - s[n - 1] >= min_distance and breaks[i + 1] - points[k] >= min_distance:
+                s[n], piece[n] = points[k], i
+                n += 1
+            k += 1
+        fewest = min(fewest, n - first)
+    s[n] = breaks[last]
+    return s[: n + 1].copy(), piece[:n].copy(), fewest

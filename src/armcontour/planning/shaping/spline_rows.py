@@ -26,7 +26,7 @@ LEAST_SPAN = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spline:
+class JointSpline:
     """A quadratic B-spline in time with n control points, from rest to rest.
 
     Args:
@@ -79,7 +79,7 @@ class SpanRows:
     scale: FloatArray
 
 
-def span_rows(spline: Spline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
+def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
     """All rows of the limits, but for those on the tool's turning and of the joint ranges.
 
     Turning depends on the orientation, which belongs to the place and not to the offsets: the exact
@@ -95,47 +95,49 @@ def span_rows(spline: Spline, arm: Arm, limits: Limits, speeds: FloatArray) -> S
     a = np.diff(e, axis=0) / h[:, None]
     n, dof = spline.q.shape
     none = np.zeros((n, 0))
-    found = [SpanRows(none, np.zeros((n, 0, dof)), np.zeros((n, 0, dof)), none, none)]
+    groups = [SpanRows(none, np.zeros((n, 0, dof)), np.zeros((n, 0, dof)), none, none)]
     eye = np.eye(dof)
     both = np.broadcast_to(np.concatenate([eye, -eye]), (n, 2 * dof, dof))
     if limits.joint_acceleration is not None:
         lower, upper = limits.acceleration_bounds(dof)
-        found.append(_acceleration(both, e, h, np.concatenate([upper, -lower])))
+        groups.append(_acceleration(both, e, h, np.concatenate([upper, -lower])))
     if limits.joint_velocity is not None:
         lower, upper = limits.velocity_bounds(dof)
-        found.append(_velocity(both, e, np.concatenate([upper, -lower])))
+        groups.append(_velocity(both, e, np.concatenate([upper, -lower])))
     ends = [States(arm, (knots[:-1], e[:-1], a)), States(arm, (knots[1:], e[1:], a))]
     if np.isfinite(speeds).any():
-        found.append(_tool_speed(ends[1], speeds))
-    for last, x in enumerate(ends):
+        groups.append(_tool_speed(ends[1], speeds))
+    for last, states in enumerate(ends):
         if limits.centripetal_acceleration is not None:
-            found.append(
-                _tool_acceleration(x, h, limits.centripetal_acceleration, bool(last), across=True)
+            groups.append(
+                _tool_acceleration(
+                    states, h, limits.centripetal_acceleration, bool(last), across=True
+                )
             )
         if limits.tool_acceleration is not None:
-            found.append(
-                _tool_acceleration(x, h, limits.tool_acceleration, bool(last), across=False)
+            groups.append(
+                _tool_acceleration(states, h, limits.tool_acceleration, bool(last), across=False)
             )
         if limits.joint_torque is not None:
-            found.append(_torque(x, both, h, np.asarray(limits.joint_torque), bool(last)))
+            groups.append(_torque(states, both, h, np.asarray(limits.joint_torque), bool(last)))
     return SpanRows(
         *(
-            np.concatenate([getattr(x, name) for x in found], axis=1)
+            np.concatenate([getattr(x, name) for x in groups], axis=1)
             for name in ("value", "before", "after", "time", "scale")
         )
     )
 
 
-def _acceleration(both: FloatArray, e: FloatArray, h: FloatArray, most: FloatArray) -> SpanRows:
+def _acceleration(both: FloatArray, e: FloatArray, h: FloatArray, limit: FloatArray) -> SpanRows:
     """`±(e_i - e_{i-1}) <= most h_i`; the bounds of positive accelerations come first."""
-    bound = np.broadcast_to(most, both.shape[:2])
+    bound = np.broadcast_to(limit, both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, np.diff(e, axis=0)) - bound * h[:, None]
     return SpanRows(value, -both, both, -bound, bound * h[:, None])
 
 
-def _velocity(both: FloatArray, e: FloatArray, most: FloatArray) -> SpanRows:
+def _velocity(both: FloatArray, e: FloatArray, limit: FloatArray) -> SpanRows:
     """`±e_i <= most`."""
-    bound = np.broadcast_to(most, both.shape[:2])
+    bound = np.broadcast_to(limit, both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, e[1:]) - bound
     after = np.where((value > FAR * bound)[..., None], both, 0.0)
     return SpanRows(value, np.zeros_like(both), after, np.zeros_like(value), bound)
@@ -155,7 +157,7 @@ def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
 
 
 def _tool_acceleration(
-    end: States, h: FloatArray, most: float, last: bool, *, across: bool
+    end: States, h: FloatArray, limit: float, last: bool, *, across: bool
 ) -> SpanRows:
     """The acceleration of the tool in several directions, or its part across the motion.
 
@@ -170,7 +172,7 @@ def _tool_acceleration(
     tangent = velocity / np.where(moving, speed, 1.0)[:, None]
     along = np.sum(tangent * acceleration, axis=1)
     d = _directions(tangent, acceleration, across=across)
-    value = (np.einsum("nri,ni->nr", d, acceleration) - most) * h[:, None]
+    value = (np.einsum("nri,ni->nr", d, acceleration) - limit) * h[:, None]
     by_joints = np.einsum("nri,nij->nrj", d, jacobian)
     # H is quadratic in e. Directions across the motion turn with the velocity.
     by_end = 2 * np.einsum("nri,nij->nrj", d, rate)
@@ -179,12 +181,12 @@ def _tool_acceleration(
         by_end = by_end - turn[:, None, None] * by_joints
     by_end = by_end * h[:, None, None]
     before, after = _by_both_ends(by_joints, by_end, last)
-    time = np.einsum("nri,nij,nj->nr", d, rate, e) - most
+    time = np.einsum("nri,nij,nj->nr", d, rate, e) - limit
     if across:
         # At rest nothing is across the motion.
-        for x in (before, after, time, value):
-            x[~moving] = 0.0
-    return SpanRows(value, before, after, time, np.full_like(value, most) * h[:, None])
+        for array in (before, after, time, value):
+            array[~moving] = 0.0
+    return SpanRows(value, before, after, time, np.full_like(value, limit) * h[:, None])
 
 
 def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) -> FloatArray:
@@ -215,14 +217,16 @@ def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) 
         first = np.where(size > 1e-9, acceleration / np.where(size > 1e-9, size, 1.0), first)
         other = np.stack([-first[:, 1], first[:, 0]], axis=1)
     angle = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    found = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * other[:, None]
+    directions = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * other[:, None]
     if not across and dimension == 3:
         third = np.cross(first, other)[:, None]
-        found = np.concatenate([found, third, -third], axis=1)
-    return np.asarray(found)
+        directions = np.concatenate([directions, third, -third], axis=1)
+    return np.asarray(directions)
 
 
-def _torque(end: States, both: FloatArray, h: FloatArray, most: FloatArray, last: bool) -> SpanRows:
+def _torque(
+    end: States, both: FloatArray, h: FloatArray, limit: FloatArray, last: bool
+) -> SpanRows:
     """`±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= most h_i`, at one end of every span.
 
     Coriolis torques c grow with the square of the velocity; mass matrix M, gravity g and friction f
@@ -234,7 +238,7 @@ def _torque(end: States, both: FloatArray, h: FloatArray, most: FloatArray, last
     still = dynamics.torque(end.q, zero, zero)
     drag = dynamics.friction(end.dq)
     bias = dynamics.torque(end.q, end.dq, zero) + drag
-    bound = np.broadcast_to(np.tile(most, 2), both.shape[:2])
+    bound = np.broadcast_to(np.tile(limit, 2), both.shape[:2])
     torque = np.einsum("nij,nj->ni", mass, end.ddq) + bias
     value = (np.einsum("nrj,nj->nr", both, torque) - bound) * h[:, None]
     by_joints = np.einsum("nri,nij->nrj", both, mass)
@@ -255,7 +259,7 @@ def _by_both_ends(
 
 
 def assemble(
-    spline: Spline, rows: SpanRows, steps: FloatArray, unit: FloatArray
+    spline: JointSpline, rows: SpanRows, steps: FloatArray, unit: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Rows of the quadratic program in scaled unknowns, and their bounds.
 
@@ -277,17 +281,17 @@ def assemble(
     rate = np.where(spline.rest, 0.0, 2 / pair)
     scaled = steps * unit[:, None, None]
     width = k + 1
-    found = np.zeros((n, rows.value.shape[1], 3 * width))
-    for x, first in ((rows.before, 0), (rows.after, 1)):
+    coefficients = np.zeros((n, rows.value.shape[1], 3 * width))
+    for derivatives, first in ((rows.before, 0), (rows.after, 1)):
         # The velocity at this end depends on the nodes `first - 1` and `first` from this one.
         pace, ends = rate[first : n + first], e[first : n + first]
         for node, sign in ((first - 1, -1.0), (first, 1.0)):
-            at = (node + 1) * width
+            column = (node + 1) * width
             near = np.clip(np.arange(n) + node, 0, n - 1)
-            part = np.einsum("nrj,njk->nrk", x, scaled[near])
-            found[:, :, at : at + k] += sign * pace[:, None, None] * part
-            slower = -np.einsum("nrj,nj->nr", x, ends) * (pace / 2)[:, None]
-            found[:, :, at + k] += slower * h[near][:, None]
-    found[:, :, width + k] += rows.time * h[:, None]
+            part = np.einsum("nrj,njk->nrk", derivatives, scaled[near])
+            coefficients[:, :, column : column + k] += sign * pace[:, None, None] * part
+            slower = -np.einsum("nrj,nj->nr", derivatives, ends) * (pace / 2)[:, None]
+            coefficients[:, :, column + k] += slower * h[near][:, None]
+    coefficients[:, :, width + k] += rows.time * h[:, None]
     scale = 1 / rows.scale
-    return found * scale[..., None], -rows.value * scale
+    return coefficients * scale[..., None], -rows.value * scale

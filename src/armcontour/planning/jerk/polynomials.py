@@ -1,0 +1,270 @@
+"""Joint acceleration and jerk on parts of cells as polynomials in Bernstein form; compiled."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.kernels import compiled
+from armcontour.planning.path_grid import Grid
+from armcontour.planning.topp.kernels import MotionBounds
+from armcontour.robot import Arm
+
+# Highest degree of a joint path.
+HIGHEST = 5
+
+
+class Basis(NamedTuple):
+    """ds² and its rates on parts of cells, by the three control points of ds² on each cell.
+
+    Args:
+        square: Powers of x, from 0 to 1 on each part, of ds², (m, 3 control points, 3).
+        rate: Powers of x of dds, (m, 3, 2).
+        slope: The slope of dds over s, (m, 3).
+    """
+
+    square: FloatArray
+    rate: FloatArray
+    slope: FloatArray
+
+    @property
+    def points(self) -> FloatArray:
+        """Control points of ds² on each part, (m, 3, 3 control points of the cell)."""
+        return raised(self, 2)
+
+    def at_end(self, end: int) -> tuple[FloatArray, FloatArray]:
+        """ds² and dds at the start (0) or the end (1) of each part, (m, 3) each."""
+        if end == 0:
+            return self.square[..., 0], self.rate[..., 0]
+        return self.square.sum(axis=-1), self.rate.sum(axis=-1)
+
+
+def basis(start: FloatArray, share: FloatArray, width: FloatArray) -> Basis:
+    """The basis on parts of cells.
+
+    Args:
+        start: Where each part starts in its cell, from 0 to 1, (m,).
+        share: Its share of the cell, (m,).
+        width: Length of the cell [m], (m,).
+    """
+    x, second = start[:, None], np.array([2.0, -4.0, 2.0])
+    value = np.concatenate([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
+    first = np.concatenate([-2 * (1 - x), 2 - 4 * x, 2 * x], axis=1)
+    y, h = share[:, None], width[:, None]
+    square = np.stack([value, y * first, np.broadcast_to(y**2 * second / 2, value.shape)], axis=2)
+    rate = np.stack([first, np.broadcast_to(y * second, first.shape)], axis=2) / (2 * h[..., None])
+    return Basis(square, rate, second / (2 * h**2))
+
+
+def to_bernstein(degree: int) -> FloatArray:
+    """The matrix that turns coefficients of powers into control points."""
+    return np.array(
+        [
+            [math.comb(k, m) / math.comb(degree, m) for m in range(degree + 1)]
+            for k in range(degree + 1)
+        ]
+    )
+
+
+def raised(basis: Basis, degree: int) -> FloatArray:
+    """Control points of ds² as a polynomial of a degree of at least two, (m, degree + 1, 3)."""
+    return elevated(basis.square, degree)
+
+
+def elevated(powers: FloatArray, degree: int) -> FloatArray:
+    """Control points of polynomials of a lower degree, given by powers, (m, degree + 1, 3)."""
+    matrix = to_bernstein(degree)[:, : powers.shape[2]]
+    return np.asarray(np.einsum("cm,pbm->pcb", matrix, powers))
+
+
+@compiled()
+def motion_rows(
+    coefficients: FloatArray,
+    breaks: FloatArray,
+    piece: IntArray,
+    s: FloatArray,
+    basis: Basis,
+    degree: int,
+    of_powers: tuple[FloatArray, FloatArray],
+    joints: tuple[IntArray, IntArray],
+    rows: tuple[FloatArray, FloatArray],
+) -> None:
+    """Control points of acceleration, and of jerk over ds, as rows of the control points of ds².
+
+    The acceleration is `q'' a + q' dds`, and the jerk over ds is `q''' a + 3 q'' dds + q' slope`.
+
+    Args:
+        coefficients: Of the joint path, (pieces, 6, dof).
+        breaks: Of the joint path, (pieces + 1,).
+        piece: Piece of each part, (n,).
+        s: Ends of the parts, (n + 1,).
+        basis: The basis on the parts.
+        degree: Of the joint path.
+        of_powers: `to_bernstein` of the degrees of acceleration, `degree`, and jerk, one less.
+        joints: Joints whose accelerations, and whose jerks are wanted.
+        rows: Takes the rows, joint after joint, (n, joints (degree + 1), 3) and (n, joints
+            degree, 3).
+    """
+    taylor = np.empty((3, HIGHEST + 1))
+    powers = np.empty(2 * HIGHEST)
+    t = np.empty(HIGHEST + 1)
+    for i in range(len(piece)):
+        k = piece[i]
+        scale = 1.0 / (breaks[k + 1] - breaks[k])
+        x0 = (s[i] - breaks[k]) * scale
+        h = s[i + 1] - s[i]
+        dx = h * scale
+        for kind in range(2):
+            count = degree + 1 - kind
+            for position in range(len(joints[kind])):
+                j = joints[kind][position]
+                factor = 1.0
+                for m in range(HIGHEST + 1):
+                    # The m-th derivative over m!, at the start of the part.
+                    total = 0.0
+                    for n in range(HIGHEST, m - 1, -1):
+                        choose = 1.0
+                        for c in range(m):
+                            choose *= (n - c) / (c + 1.0)
+                        total = total * x0 + choose * coefficients[k, n, j]
+                    t[m] = total * factor
+                    factor *= dx
+                for m in range(HIGHEST + 1):
+                    taylor[0, m] = (m + 1) * t[m + 1] / h if m < HIGHEST else 0.0
+                    taylor[1, m] = (m + 2) * (m + 1) * t[m + 2] / h**2 if m < HIGHEST - 1 else 0.0
+                    taylor[2, m] = (
+                        (m + 3) * (m + 2) * (m + 1) * t[m + 3] / h**3 if m < HIGHEST - 2 else 0.0
+                    )
+                for b in range(3):
+                    powers[:] = 0.0
+                    for m in range(HIGHEST):
+                        for n in range(3):
+                            if kind == 0:
+                                powers[m + n] += taylor[1, m] * basis.square[i, b, n]
+                            else:
+                                powers[m + n] += taylor[2, m] * basis.square[i, b, n]
+                        for n in range(2):
+                            if kind == 0:
+                                powers[m + n] += taylor[0, m] * basis.rate[i, b, n]
+                            else:
+                                powers[m + n] += 3.0 * taylor[1, m] * basis.rate[i, b, n]
+                        if kind == 1:
+                            powers[m] += taylor[0, m] * basis.slope[i, b]
+                    for c in range(count):
+                        total = 0.0
+                        for m in range(c + 1):
+                            total += of_powers[kind][c, m] * powers[m]
+                        rows[kind][i, position * count + c, b] = total
+
+
+# Degree of the polynomials: derivatives of the tool's position are parabolas on a part.
+DEGREE = 4
+# Places of a part: parabolas go through every second one, and are checked at the others.
+PLACES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
+# Below this share of the speed over s the tool turns nearly on the spot.
+LEAST_SPEED = 0.5
+# Safety factor of the distance from the parabolas that is measured at the places between.
+MARGIN = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class ToolMotion:
+    """Derivatives of the tool's position over s on parts of cells.
+
+    Args:
+        powers: Of x from 0 to 1 on every part, for the first to third derivative, (3, 3, n, 3).
+        deviation: Bounds of the distance of the derivatives from these parabolas, (3, n).
+        largest: Bounds of the derivatives' lengths, (3, n).
+    """
+
+    powers: FloatArray
+    deviation: FloatArray
+    largest: FloatArray
+
+    @classmethod
+    def measure(cls, grid: Grid, arm: Arm) -> ToolMotion:
+        """Measure the derivatives by forward kinematics."""
+        return cls(*_parabolas(_derivatives(grid, arm)))
+
+    def rows(self, basis: Basis) -> FloatArray:
+        """Control points of jerk over ds as rows of the control points of ds², (n, 5, 3, 3).
+
+        The jerk over ds is `p''' ds² + 3 p'' dds + p' slope`, a vector.
+        """
+        first, second, third = self.powers
+        powers = np.zeros((DEGREE + 1, 3, *first.shape[1:]))  # power, control point, part, axis
+        for b in range(3):
+            for m in range(3):
+                for k in range(3):
+                    powers[m + k, b] += third[m] * basis.square[:, b, k, None]
+                for k in range(2):
+                    powers[m + k, b] += 3 * second[m] * basis.rate[:, b, k, None]
+                powers[m, b] += first[m] * basis.slope[:, b, None]
+        return np.asarray(np.einsum("cm,mbna->ncab", to_bernstein(DEGREE), powers))
+
+    def margin(self, bounds: MotionBounds) -> FloatArray:
+        """Bound of what the rows leave out, (n,)."""
+        return np.asarray(
+            self.deviation[2] * bounds.x
+            + 3 * self.deviation[1] * bounds.u
+            + self.deviation[0] * np.abs(bounds.k)
+        )
+
+
+def largest_at_ramps(derivatives: FloatArray, limit: float, h: FloatArray) -> FloatArray:
+    """Largest ds² at the moving end of cells of uniform jerk of lengths h [m], (n,).
+
+    Args:
+        derivatives: Bounds of the first to third derivative over s, (3, n).
+        limit: The limit of jerk [m/s³].
+        h: The lengths.
+    """
+    first, second, third = derivatives
+    with np.errstate(divide="ignore"):
+        jerk = third + 2 * second / h + 2 / 9 * first / h**2
+        return np.asarray((limit / jerk) ** (2 / 3))
+
+
+def arc_length_bounds(grid: Grid, arm: Arm) -> FloatArray:
+    """Bounds of the derivatives of the tool's own arc length over s on parts of cells, (3, n).
+
+    Where joints follow a tool path, s is nearly the tool's arc length (the first derivative was 1
+    within 1e-6 on a UR5e), but the third derivative of the small difference counts. Where the tool
+    turns on the spot s is no arc length, and the limit applies to s.
+    """
+    p = _derivatives(grid, arm)
+    speed = np.linalg.norm(p[0], axis=2)
+    moving = (speed > LEAST_SPEED).all(axis=0)
+    safe = np.where(moving, speed, 1.0)
+    rate = np.where(moving, np.sum(p[0] * p[1], axis=2) / safe, 0.0)
+    second = np.sum(p[0] * p[2] + p[1] * p[1], axis=2) - rate**2
+    values = np.stack([safe, rate, np.where(moving, second / safe, 0.0)])
+    return _parabolas(values[..., None])[2]
+
+
+def _derivatives(grid: Grid, arm: Arm) -> FloatArray:
+    """First to third derivative of the tool's position at the places of parts, (3, 5, n, 3)."""
+    s = grid.s[:-1] + PLACES[:, None] * grid.width
+    piece = np.broadcast_to(grid.piece, s.shape).ravel()
+    path = grid.joint_path
+    q, *rates = (path.on_interval(piece, s.ravel(), order) for order in range(4))
+    derivatives = [arm.tool_velocity(q, *rates[:1]), arm.tool_acceleration(q, *rates[:2])]
+    derivatives.append(arm.tool_jerk(q, *rates))
+    values = np.zeros((3, len(PLACES), len(grid), 3))
+    for k, derivative in enumerate(derivatives):
+        values[k, ..., : derivative.shape[1]] = derivative.reshape(*s.shape, -1)
+    return values
+
+
+def _parabolas(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Powers of parabolas through values at places, distances from them, and largest lengths."""
+    powers = np.einsum("mp,kpnc->kmnc", PARABOLA, values[:, ::2])
+    parabola = np.einsum("pm,kmnc->kpnc", PLACES[1::2, None] ** np.arange(3), powers)
+    deviation = MARGIN * np.linalg.norm(values[:, 1::2] - parabola, axis=3).max(axis=1)
+    points = np.einsum("cm,kmnx->kcnx", to_bernstein(2), powers)
+    return powers, deviation, np.linalg.norm(points, axis=3).max(axis=1) + deviation
