@@ -84,8 +84,8 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
         try:
             tell(Step((STEP,), done=next(steps)))
         except StopIteration as end:
-            found: Advice = end.value
-            return found
+            advice: Advice = end.value
+            return advice
 
 
 def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
@@ -110,16 +110,16 @@ def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
         likely = sorted(_savings(job, result), key=lambda x: -x[0].worth)[:MOST_PLANNED]
         groups = list(map(iter, likely))
         none = "No single change of a limit, the corners or the order makes the motion faster."
-    least = -inf if repairs else LEAST * result.trajectory.duration
+    smallest = -inf if repairs else LEAST * result.trajectory.duration
     for k, group in enumerate(groups):
         for x in group:
             yield k / len(groups)
             tried = _try(x, result, reuse)
-            if tried is not None and tried.saved > least and tried.kept is not False:
+            if tried is not None and tried.saved > smallest and tried.kept is not False:
                 helpful.append(tried)
                 break
-    found = tuple(sorted(helpful, key=lambda x: -x.saved))[:MOST_LISTED]
-    return Advice(improvements=found, note="" if found else none)
+    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MOST_LISTED]
+    return Advice(improvements=suggestions, note="" if suggestions else none)
 
 
 def advised(study: JobResult, progress: Progress | None = None) -> JobResult:
@@ -136,15 +136,15 @@ def advised(study: JobResult, progress: Progress | None = None) -> JobResult:
     return replace(study, runs=MappingProxyType(runs))
 
 
-def is_small(job: Job, most: int = SMALL) -> bool:
+def is_small(job: Job, maximum: int = SMALL) -> bool:
     """Whether changes of a job are planned within a few seconds.
 
     Args:
         job: The job.
-        most: Largest number of segments in all its runs.
+        maximum: Largest number of segments in all its runs.
     """
     segments = sum(len(x.path) for x in job.program.contours)
-    return segments * len(job.runs) <= most and not any(x.is_shaped for x in job.runs)
+    return segments * len(job.runs) <= maximum and not any(x.is_shaped for x in job.runs)
 
 
 def _try(x: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
@@ -244,16 +244,16 @@ def _raised_limit(
     words, condition = f"the {kind}", IF_PROCESS
     raised = np.array(value, dtype=np.float64)
     bounds = raised.reshape(raised.size if joint is None else len(raised), -1)
-    own = bounds[joint or 0]
-    old = float(np.abs(own).min())
-    own[:] = [np.sign(x) * _rounded(abs(x) * RAISED) for x in own]
+    limit = bounds[joint or 0]
+    old = float(np.abs(limit).min())
+    limit[:] = [np.sign(x) * _rounded(abs(x) * RAISED) for x in limit]
     if joint is not None:
         words, condition = f"joint {joint + 1} {kind}", IF_DRIVE
     yield _Candidate(
-        label=f"Raise {words} {_steps(old, float(np.abs(own).min()), UNITS[name])}",
+        label=f"Raise {words} {_steps(old, float(np.abs(limit).min()), UNITS[name])}",
         edits=((f"limits.{name}", raised.tolist()),),
         job=job,
-        run=replace(run, limits=run.limits.replace(**{name: raised if raised.ndim else own[0]})),
+        run=replace(run, limits=run.limits.replace(**{name: raised if raised.ndim else limit[0]})),
         worth=worth,
         condition=condition,
     )

@@ -66,16 +66,16 @@ def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, 
     Raises:
         InvalidInput: No axis, an unknown one, an empty range, or too many places.
     """
-    known = AXES if dimension == 3 else IN_PLANE
+    names = AXES if dimension == 3 else IN_PLANE
     if not isinstance(over, Mapping) or not over:
         raise InvalidInput(
             "over names the axes along which to place, each with its range and number of places, "
             "such as over={'x': (-0.1, 0.1, 11)}; in a job file they are the key placement.over."
         )
     for name in over:
-        _refuse_axis(name, known, "over")
-    found = tuple(_axis(x, over[x]) for x in known if x in over)
-    count = math.prod(len(x.values) for x in found)
+        _refuse_axis(name, names, "over")
+    axes = tuple(_axis(x, over[x]) for x in names if x in over)
+    count = math.prod(len(x.values) for x in axes)
     if count > MOST_PLACES:
         raise InvalidInput(
             f"over has {count:,} places, but at most {MOST_PLACES:,} are compared: take fewer "
@@ -83,24 +83,24 @@ def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, 
             needed=count,
             allowed=MOST_PLACES,
         )
-    return found
+    return axes
 
 
-def read_uncertainty(given: Mapping[str, float], dimension: int) -> dict[str, float]:
+def read_uncertainty(deviations: Mapping[str, float], dimension: int) -> dict[str, float]:
     """By how much a part may be off its place, of some axes [m, rad]; zeros are left out.
 
     Raises:
         InvalidInput: An unknown axis, or a value below zero.
     """
-    known = AXES if dimension == 3 else IN_PLANE
-    for name in given:
-        _refuse_axis(name, known, "uncertainty")
+    names = AXES if dimension == 3 else IN_PLANE
+    for name in deviations:
+        _refuse_axis(name, names, "uncertainty")
     sizes = {
         name: checks.check_range(
-            f"uncertainty of {name}", given[name], 0, FARTHEST[UNITS[name]], UNITS[name]
+            f"uncertainty of {name}", deviations[name], 0, FARTHEST[UNITS[name]], UNITS[name]
         )
-        for name in known
-        if name in given
+        for name in names
+        if name in deviations
     }
     return {name: size for name, size in sizes.items() if size}
 
@@ -116,32 +116,32 @@ def corners_of(uncertainty: Mapping[str, float]) -> list[dict[str, float]]:
     ]
 
 
-def _refuse_axis(name: str, known: tuple[str, ...], what: str) -> None:
+def _refuse_axis(name: str, names: tuple[str, ...], label: str) -> None:
     """Refuse an axis that is not there.
 
     Raises:
         InvalidInput: The axis is unknown.
     """
-    if name not in known:
+    if name not in names:
         plane = " for an arm in the plane" if name in AXES else ""
-        raise InvalidInput(f"{what} has no axis {name!r}{plane}: axes are {', '.join(known)}.")
+        raise InvalidInput(f"{label} has no axis {name!r}{plane}: axes are {', '.join(names)}.")
 
 
-def _axis(name: str, given: Sequence[Any]) -> Axis:
+def _axis(name: str, limits: Sequence[Any]) -> Axis:
     """An axis: a whole turn ends before its start, as both are one direction.
 
     Raises:
         InvalidInput: An empty range, or no whole number of places above zero.
     """
-    if isinstance(given, str) or len(given) != 3:
+    if isinstance(limits, str) or len(limits) != 3:
         raise InvalidInput(
             f"over {name} takes the first value, the last value and the number of places, such as "
             "(-0.1, 0.1, 11)."
         )
     unit = UNITS[name]
     far = FARTHEST[unit]
-    low, high = (checks.check_range(f"over {name}", x, -far, far, unit) for x in given[:2])
-    count = checks.check_int(f"number of places along {name}", given[2], 1, MOST_PLACES)
+    low, high = (checks.check_range(f"over {name}", x, -far, far, unit) for x in limits[:2])
+    count = checks.check_int(f"number of places along {name}", limits[2], 1, MOST_PLACES)
     if low > high:
         raise InvalidInput(
             f"The range of {name} from {low:g} to {high:g} {unit} is empty: give the smaller value "

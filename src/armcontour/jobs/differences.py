@@ -30,10 +30,10 @@ def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other"
 
 def _pairs(one: Data, other: Data) -> Iterator[tuple[Row, Row]]:
     """Rows of both results of one name, and of one thing that takes time."""
-    known = {x.name: x for x in other.shown(FIRST)}
+    others = {x.name: x for x in other.shown(FIRST)}
     for x in one.shown(FIRST):
-        if x.name in known:
-            yield x, known[x.name]
+        if x.name in others:
+            yield x, others[x.name]
     times = [
         {y["name"]: y["time"] for x in data.tables if x.name == "time" for y in x.as_dicts()}
         for data in (one, other)

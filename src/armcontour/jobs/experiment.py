@@ -112,14 +112,14 @@ class Experiment(Checked):
     @property
     def unknown(self) -> str:
         """What the robot has and its controller does not know, in words; empty if nothing."""
-        found = [] if self.payload is None else [f"a payload of {self.payload.mass:g} kg"]
+        parts = [] if self.payload is None else [f"a payload of {self.payload.mass:g} kg"]
         for name, (unit, words) in PER_JOINT.items():
             values = getattr(self, name)
             if values is not None:
                 # One value for all joints is said once.
-                said = values if np.ptp(values) else values.ravel()[:1]
-                found.append(f"{words} {', '.join(f'{x:g}' for x in said.ravel())} {unit}")
-        return "; ".join(found)
+                listed = values if np.ptp(values) else values.ravel()[:1]
+                parts.append(f"{words} {', '.join(f'{x:g}' for x in listed.ravel())} {unit}")
+        return "; ".join(parts)
 
 
 def build_plant(

@@ -42,13 +42,13 @@ def jerk_stops(
     if traced is None or not run.limits.jerk_limits:
         return ()
     paths = {x.move: x.joint_path for x in traced.steps}
-    found = []
+    stops = []
     for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
         joint_path = paths.get(span.move)
         if joint_path is not None and span.trajectory is not None:
             name = "" if program.single_path is not None else contour_called(x, i)
-            found += [
+            stops += [
                 JerkStop(contour=name, s=s, point=tuple(x.path(s).tolist()))
                 for s in find_jerk_stops(joint_path, span.trajectory).tolist()
             ]
-    return tuple(found)
+    return tuple(stops)

@@ -126,8 +126,8 @@ class Rounding(Checked):
         """The given tolerances and iterations of the shape free, by their names."""
         names = {x.name for x in fields(self)} & {x.name for x in fields(Shaped)}
         values = {name: getattr(self, name) for name in names}
-        given = {name: x for name, x in values.items() if x is not None}
-        return {**given, "angular_tolerance": self.angular_tolerance}
+        specified = {name: x for name, x in values.items() if x is not None}
+        return {**specified, "angular_tolerance": self.angular_tolerance}
 
     @property
     def options(self) -> Shaped:
@@ -303,10 +303,10 @@ class Run(Checked):
         """Largest distance of transitions from the objective [m]; 0 makes none."""
         if self.continuity != CURVATURE or self.rounding is None:
             return 0.0
-        given, most = self.rounding.transition_tolerance, self.rounding.tolerance
-        if given is not None:
-            return given
-        return min(TRANSITION_TOLERANCE, math.inf if most is None else most)
+        specified, maximum = self.rounding.transition_tolerance, self.rounding.tolerance
+        if specified is not None:
+            return specified
+        return min(TRANSITION_TOLERANCE, math.inf if maximum is None else maximum)
 
     @property
     def duration(self) -> float | None:
@@ -396,12 +396,12 @@ class Job(Checked):
     def __str__(self) -> str:
         """What is followed by what, and the runs."""
         x = self.program
-        what = f"{count_noun(len(x.contours), 'contour')}, {digits(x.length)} m"
+        summary = f"{count_noun(len(x.contours), 'contour')}, {digits(x.length)} m"
         return format_table(
             f"Job {self.name}: {self.title}" if self.title != self.name else f"Job {self.name}",
             [
                 ("arm", str(self.arm)),
-                ("path", f"{what}, {x.source}" if x.source else what),
+                ("path", f"{summary}, {x.source}" if x.source else summary),
                 *((f"run {x.name}", self._words(x)) for x in self.runs),
                 ("obstacles", "" if self.scene is None else f"{len(self.scene.obstacles)}"),
                 ("certificate", "" if self.certificate is None else "asked for"),

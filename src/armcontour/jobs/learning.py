@@ -103,21 +103,21 @@ class LearningStudy:
     def notes(self) -> list[str]:
         """Sentences on what comes next, and on what the runs have shown."""
         lesson = self.lesson
-        told = _on_time(0.0, lesson.runs[-1])
-        found = [self._verdict, *(f"{x}; learning allows for it." for x in told)]
+        timing = _on_time(0.0, lesson.runs[-1])
+        notes = [self._verdict, *(f"{x}; learning allows for it." for x in timing)]
         if any(lesson.misfits):
             before, after = (x * 1e3 for x in lesson.misfits)
-            found.append(
+            notes.append(
                 f"The log of run 1 deviates by {before:.3g} mrad RMS from the servo of the job. "
                 f"Learning uses a servo from which it deviates by {after:.3g} mrad: {lesson.servo}."
             )
-        found += _other_set_points(lesson.runs[-1]) + _corrections(lesson.runs[-1])
+        notes += _other_set_points(lesson.runs[-1]) + _corrections(lesson.runs[-1])
         if describe_excess(self.plan.set_points):
-            found.append(
+            notes.append(
                 "The set-points exceed limits of the joints already before learning, so learning "
                 "does not keep these limits either."
             )
-        return found
+        return notes
 
     @property
     def _verdict(self) -> str:
@@ -240,13 +240,13 @@ class JudgedStudy:
     def notes(self) -> list[str]:
         """Sentences on the clock of the log, and on what it cannot show."""
         run = self.judged.runs[0]
-        found = [f"{x}; the errors allow for it." for x in _on_time(self.judged.delay, run)]
-        found += _other_set_points(run)
-        found.append(
+        notes = [f"{x}; the errors allow for it." for x in _on_time(self.judged.delay, run)]
+        notes += _other_set_points(run)
+        notes.append(
             "The errors are those at the encoders, or at the tracker if its file was given: what "
             "these do not see is not in them."
         )
-        return found
+        return notes
 
 
 def _measured_pieces(
@@ -270,36 +270,37 @@ def _measured_pieces(
 
 def _on_time(delay: float, run: LearningRun) -> list[str]:
     """Clauses on dead time that the model lacks, and on the clock of the log."""
-    found = []
+    sentences = []
     if delay >= TOLD_DELAY:
-        found.append(
+        sentences.append(
             f"The robot acts as if it were {number(delay, 's')} later than its servo model says"
         )
     if abs(run.rate - 1) >= TOLD_RATE:
-        found.append(
+        sentences.append(
             "The clock of the log differs from that of the set-points by "
             f"{(run.rate - 1) * 100:+.3f} %"
         )
-    return found
+    return sentences
 
 
 def _other_set_points(run: LearningRun) -> list[str]:
     """A sentence on a log whose set-points are not those of the run."""
-    off = float(np.sqrt(np.mean(run.error**2)))
-    if run.set_points_off <= max(TOLD_BESIDE, BESIDE * off):
+    deviation = float(np.sqrt(np.mean(run.error**2)))
+    if run.set_points_off <= max(TOLD_BESIDE, BESIDE * deviation):
         return []
     return [
-        f"The set-points in {run.source} are {number(run.set_points_off, 'rad')} RMS beside those "
-        f"of the set-points, where the joints are {number(off, 'rad')} RMS off the plan: if the "
-        "robot executed others, all figures of this run are wrong, so give these as --set-points."
+        f"The set-points in {run.source} differ from those of the run by "
+        f"{number(run.set_points_off, 'rad')} RMS, and the joints from the plan by "
+        f"{number(deviation, 'rad')} RMS: if the robot executed other set-points, all figures of "
+        "this run are wrong, so give those as --set-points."
     ]
 
 
 def _corrections(run: LearningRun) -> list[str]:
     """Sentences on outliers and encoder offsets in the log of a run."""
-    found = []
+    corrections = []
     if run.outliers:
-        found.append(
+        corrections.append(
             f"{run.source} has {run.outliers} outliers, which learning ignores: samples far from "
             "those before and after them."
         )
@@ -308,11 +309,11 @@ def _corrections(run: LearningRun) -> list[str]:
             f"joint {j + 1} by {run.encoder_shift[j] * 1e3:+.3g} mrad"
             for j in np.flatnonzero(run.encoder_shift)
         )
-        found.append(
+        corrections.append(
             f"Positions in {run.source} are shifted against the runs before: {shown}. Learning "
             "takes this for an offset of the encoders; if the arm itself has shifted, begin again."
         )
-    return found
+    return corrections
 
 
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:
@@ -326,9 +327,9 @@ def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> Ru
     Raises:
         ArmContourError: No such run, or a run that cannot be planned.
     """
-    this = choose_run(job, name, "learned")
-    alone = replace(job, runs=(this,))
-    return run(alone, simulate=False, progress=progress).runs[this.name]
+    chosen = choose_run(job, name, "learned")
+    alone = replace(job, runs=(chosen,))
+    return run(alone, simulate=False, progress=progress).runs[chosen.name]
 
 
 def learn_run(
@@ -471,8 +472,8 @@ def check_run(set_points: SetPoints, log: Log) -> None:
     misfits = []
     for q in (*(x.q for x in set_points.runs), set_points.q):
         offset, rate = fit_to(log.t, log.command, times, q)
-        told = interpolate(offset + rate * log.t, times, q)
-        misfits.append(float(np.sqrt(np.mean((log.command - told) ** 2))))
+        commanded = interpolate(offset + rate * log.t, times, q)
+        misfits.append(float(np.sqrt(np.mean((log.command - commanded) ** 2))))
     k = int(np.argmin(misfits))
     if misfits[k] < NEARER * misfits[-1]:
         raise InvalidInput(

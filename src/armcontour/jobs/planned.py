@@ -48,15 +48,17 @@ class ShapingGain:
     @staticmethod
     def of(program: Program) -> ShapingGain | None:
         """What shaping gained in a program; None if it has no shaped contour."""
-        found = [x.path.outcome for x in program.contours if isinstance(x.path, ShapedPath)]
-        if not found:
+        outcomes = [x.path.outcome for x in program.contours if isinstance(x.path, ShapedPath)]
+        if not outcomes:
             return None
-        won = [x.start for x in found]
-        common = [name for name in found[0].durations if all(name in x.durations for x in found)]
+        won = [x.start for x in outcomes]
+        common = [
+            name for name in outcomes[0].durations if all(name in x.durations for x in outcomes)
+        ]
         return ShapingGain(
             starts={name: won.count(name) for name in dict.fromkeys(won)},
-            durations={name: sum(x.durations[name] for x in found) for name in common},
-            iterations=max(max(len(x.history) - 1, 0) for x in found),
+            durations={name: sum(x.durations[name] for x in outcomes) for name in common},
+            iterations=max(max(len(x.history) - 1, 0) for x in outcomes),
         )
 
     @property
@@ -100,9 +102,9 @@ class Planned:
     explanation: Explanation | None = None
 
     @classmethod
-    def of(cls, planned: Planned, **more: Any) -> Self:
+    def of(cls, planned: Planned, **changes: Any) -> Self:
         """A plan with more values, which may replace its own."""
-        return cls(**{x.name: getattr(planned, x.name) for x in fields(Planned)} | more)
+        return cls(**{x.name: getattr(planned, x.name) for x in fields(Planned)} | changes)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -126,8 +128,8 @@ class Planned:
     @property
     def rounding_error(self) -> float | None:
         """Largest distance of the path from the objective, at corners [m]; None as drawn."""
-        known = (getattr(x.path, "deviation", None) for x in self.path.contours)
-        return max((x for x in known if x is not None), default=None)
+        deviations = (getattr(x.path, "deviation", None) for x in self.path.contours)
+        return max((x for x in deviations if x is not None), default=None)
 
     @property
     def tolerance(self) -> float | None:
@@ -162,10 +164,10 @@ class Planned:
         if isinstance(self.run.timing, Conventional):
             # It goes through corners at its uniform speed.
             return {}
-        found: Counter[str] = Counter()
+        stops: Counter[str] = Counter()
         for x in self.path.contours:
-            found.update(count_full_stops(x.path))
-        return dict(sorted(found.items()))
+            stops.update(count_full_stops(x.path))
+        return dict(sorted(stops.items()))
 
     @property
     def stops_note(self) -> str | None:
@@ -173,13 +175,13 @@ class Planned:
 
         Of these there is a warning.
         """
-        found = self._stops_of_path
-        count = sum(found.values())
+        stops = self._stops_of_path
+        count = sum(stops.values())
         if not count:
             return None
-        what = "1 full stop" if count == 1 else f"{count} full stops"
-        why = ", ".join(f"{n} {reason}" for reason, n in found.items())
-        return f"Run {self.run.name}: {what} inside contours ({why})."
+        label = "1 full stop" if count == 1 else f"{count} full stops"
+        why = ", ".join(f"{n} {reason}" for reason, n in stops.items())
+        return f"Run {self.run.name}: {label} inside contours ({why})."
 
     @cached_property
     def weaves(self) -> tuple[Weaving, ...]:
@@ -212,10 +214,10 @@ class Planned:
     @property
     def shape_note(self) -> str | None:
         """A sentence on what shaping gained; None if the run shapes no contour."""
-        found = self.shaped
-        if found is None:
+        gain = self.shaped
+        if gain is None:
             return None
         early = "".join(
             f" {capitalise(x)}" for x in doubt_search(x.path for x in self.path.contours)
         )
-        return f"Run {self.run.name}: {found}.{early}"
+        return f"Run {self.run.name}: {gain}.{early}"

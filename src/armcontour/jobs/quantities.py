@@ -54,13 +54,14 @@ class Weaving:
         text += number_range(self.frequency, "Hz")
         if not self.differs:
             return f"{text}."
-        asked = number(width, "m") + (
+        requested = number(width, "m") + (
             "" if np.isnan(frequency) else f" at {number(frequency, 'Hz')}"
         )
         missing = f", and not along {number(self.left_out, 'm')}" if self.left_out else ""
         return (
-            f"{text} in place of {asked}{missing}: the corner tolerance, the assigned velocity and "
-            "the limits must allow the weave, and parts of the seam be longer than half a pitch."
+            f"{text} instead of {requested}{missing}: the corner tolerance, the assigned velocity "
+            "and the limits must allow the weave, and parts of the seam must be longer than half "
+            "a pitch."
         )
 
 
@@ -137,10 +138,10 @@ def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
         return None
     t = np.union1d(np.linspace(0, plan.duration, SAMPLES), plan.breaks)
     # The first time has no left side, the last time has no right side.
-    left = torques_at(arm, plan, t[1:], side="left")
+    before = torques_at(arm, plan, t[1:], side="left")
     right = torques_at(arm, plan, t[:-1])
-    values = np.empty((2 * len(left), arm.dof))
-    values[::2], values[1::2] = right, left
+    values = np.empty((2 * len(before), arm.dof))
+    values[::2], values[1::2] = right, before
     return Torques(t=np.repeat(t, 2)[1:-1], values=values)
 
 

@@ -115,8 +115,8 @@ class RunResult(Planned, Result):
 
         None without a simulation, and without an accuracy and a tolerance.
         """
-        kept: bool | None = next(verdict_rows(self, self._errors, self._failure)).value
-        return kept
+        satisfied: bool | None = next(verdict_rows(self, self._errors, self._failure)).value
+        return satisfied
 
     @property
     def _errors(self) -> list[float] | None:
@@ -157,23 +157,23 @@ class RunResult(Planned, Result):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences on plan and execution, with the name of the run, which are no warnings."""
-        found = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
-        found += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves if not x.differs]
+        remarks = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
+        remarks += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves if not x.differs]
         if used := self.set_points.command_note:
-            found.append(f"Run {self.run.name}: set-points / command limits: {used}.")
+            remarks.append(f"Run {self.run.name}: set-points / command limits: {used}.")
         clear = None if self._far_from_itself else self.clearance_note
-        found += [x for x in (self.shape_note, self.stops_note, clear) if x is not None]
+        remarks += [x for x in (self.shape_note, self.stops_note, clear) if x is not None]
         if self.advice is not None and self.advice.note:
-            found.append(f"Run {self.run.name}: {self.advice.note}")
+            remarks.append(f"Run {self.run.name}: {self.advice.note}")
         e = self.evaluation
         if e is not None and e.model_error is not None:
             along, across = (number(x, "m") for x in e.model_error)
-            found.append(
+            remarks.append(
                 f"Run {self.run.name}: contour error {number(e.contour_error.max, 'm')}, and at "
                 f"most {across} more across the path ({along} along it) that the servo model does "
                 "not explain."
             )
-        return tuple(found)
+        return tuple(remarks)
 
     @property
     def judged(self) -> Evaluation | None:
@@ -247,11 +247,11 @@ class JobResult:
             parts: What else is in the summary, by its keys.
         """
         job, arm = self.job, self.job.arm
-        found = warnings_of(self.runs.values())
-        more = f", {count_noun(len(found), 'warning')}" if found else ""
+        warnings = warnings_of(self.runs.values())
+        suffix = f", {count_noun(len(warnings), 'warning')}" if warnings else ""
         runs = self.figures
         return Data(
-            f"Study of {job.title}{more}",
+            f"Study of {job.title}{suffix}",
             (
                 Row("armcontour", __version__),
                 Row("job", job.name),
@@ -267,7 +267,7 @@ class JobResult:
                 Row("files", list(files)),
             ),
             parts={"runs": Data("Runs", parts=runs), **parts},
-            warnings=found,
+            warnings=warnings,
         )
 
     def __str__(self) -> str:
@@ -284,13 +284,13 @@ def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
     Args:
         plans: Results of runs of one job.
     """
-    found: dict[str, list[str]] = {}
+    messages: dict[str, list[str]] = {}
     for plan in plans:
         for sentence in plan.warnings:
-            found.setdefault(sentence, []).append(plan.run.name)
+            messages.setdefault(sentence, []).append(plan.run.name)
     return tuple(
         f"Run{'s' if len(names) > 1 else ''} {', '.join(names)}: {sentence}"
-        for sentence, names in found.items()
+        for sentence, names in messages.items()
     )
 
 
@@ -519,12 +519,12 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
 
 def unknown_notes(study: JobResult) -> tuple[str, ...]:
     """Sentences on what simulated robots have that their controllers do not know."""
-    found: dict[str, list[str]] = {}
+    notes: dict[str, list[str]] = {}
     for name, result in study.runs.items():
         if result.run.experiment is not None and (unknown := result.run.experiment.unknown):
-            found.setdefault(unknown, []).append(name)
+            notes.setdefault(unknown, []).append(name)
     return tuple(
         f"The simulated robot of {', '.join(names)} has what neither plan nor controller knows: "
         f"{unknown}."
-        for unknown, names in found.items()
+        for unknown, names in notes.items()
     )

@@ -43,13 +43,13 @@ def field_rows(name: str, value: Any) -> Iterator[Row]:
         yield Row(name, None)
         return
     kind: Any = type(value)
-    known = quantities(kind)
+    units = quantities(kind)
     for x in fields(value):
         inner, key = getattr(value, x.name), f"{name}.{x.name}"
         if is_dataclass(inner):
             yield from field_rows(key, inner)
             continue
-        yield Row(key, inner, known[x.name].unit if x.name in known else "")
+        yield Row(key, inner, units[x.name].unit if x.name in units else "")
 
 
 def torque_rows(
@@ -149,20 +149,20 @@ def move_table(
         errors: The contour error of every contour; empty without an execution.
     """
     contours = iter(zip(path.contours, starts, strict=True))
-    known = iter(errors)
+    remaining = iter(errors)
     rows = []
     for x in trajectory.spans:
-        more: tuple[Any, ...] = (None,) * 7
+        profile: tuple[Any, ...] = (None,) * 7
         if x.kind == "contour":
             contour, resume_at = next(contours)
-            error = next(known, None)
-            own = contour.path
-            more = (
+            error = next(remaining, None)
+            geometry = contour.path
+            profile = (
                 *(contour.name, contour.layer, contour.closed, x.work, resume_at),
-                _outcome(own) if isinstance(own, ShapedPath) else None,
+                _outcome(geometry) if isinstance(geometry, ShapedPath) else None,
                 None if error is None else plain(error.to_data()),
             )
-        rows.append((x.kind, x.t, x.s, *more))
+        rows.append((x.kind, x.t, x.s, *profile))
     return Table(
         "moves",
         columns(

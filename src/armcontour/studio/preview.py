@@ -248,7 +248,7 @@ class CoarsePlanner:
                 "execution",
                 (set_points, servos[1], comparable(this.limits), comparable(bodies)),
                 lambda: _execute_judged(job, this, set_points, bodies),
-                most=LARGE_RESULTS,
+                maximum=LARGE_RESULTS,
                 samples=lambda x: len(x.t),
             )
             if moving and planned.path.single_path is not None:
@@ -257,7 +257,7 @@ class CoarsePlanner:
                 "evaluation",
                 (execution, planned.path, this.until),
                 lambda: _contour_errors(execution, planned.path, this.until),
-                most=LARGE_RESULTS,
+                maximum=LARGE_RESULTS,
                 samples=lambda x: len(x[1].t),
             )
         return Executed(

@@ -60,7 +60,7 @@ def run_filter(
                         local[m] = local[m] * x0 + local[m - 1] * share
                     local[0] = local[0] * x0 + coefficients[i, k, j]
                 x1, x2, x3 = now[0], now[1], now[2]
-                least = NOTHING * (abs(x1) + abs(x2) + abs(x3) + abs(local[0]))
+                negligible = NOTHING * (abs(x1) + abs(x2) + abs(x3) + abs(local[0]))
                 terms = TERMS
                 for k in range(TERMS):
                     series[k, 0], series[k, 1], series[k, 2] = x1, x2, x3
@@ -71,7 +71,7 @@ def run_filter(
                         scale * x3,
                         scale * (source - x1 - d1 * x2 - d2 * x3),
                     )
-                    if k > 5 and abs(x1) + abs(x2) + abs(x3) <= least:
+                    if k > 5 and abs(x1) + abs(x2) + abs(x3) <= negligible:
                         terms = k + 1
                         break
                 series[terms, 0], series[terms, 1], series[terms, 2] = x1, x2, x3

@@ -78,12 +78,12 @@ def inverse_dynamics(
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
         t = np.append(times.inside, trajectory.duration + times.after_end + tail)
-        found = final
+        commands = final
         if len(t):
             exact = at(np.append(t[0] - [cycle, cycle / 2], np.stack([t, t + cycle / 2], 1)))
             set_points = _nearest(exact[2::2], exact[1::2], hold, final, servo.interpolation)
-            found = np.concatenate([set_points, final])
-        return found[:, joints]
+            commands = np.concatenate([set_points, final])
+        return commands[:, joints]
 
     return advance_set_points(
         trajectory, time_advances(servo, cycle), cycle, command, hold=hold[0], from_rest=True

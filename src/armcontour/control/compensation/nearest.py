@@ -59,9 +59,9 @@ def within_limits(
     ramp = float((bounds[2, 1, jerky] / bounds[3, 1, jerky]).max(initial=0.0))
     usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
     for longer_by in (usual, LONGEST_TAIL):
-        more = int(np.ceil(longer_by / cycle))
-        q = np.pad(set_points.q, ((more, more), (0, 0)), mode="edge")
-        found, joint = nearest_commands(q, cycle, bounds)
+        extra = int(np.ceil(longer_by / cycle))
+        q = np.pad(set_points.q, ((extra, extra), (0, 0)), mode="edge")
+        nearest, joint = nearest_commands(q, cycle, bounds)
         if joint is None:
             break
     else:
@@ -74,9 +74,12 @@ def within_limits(
             joint=joint,
         )
     longer = replace(
-        set_points, q=found, start_time=set_points.start_time - more * cycle, command_limits=limits
+        set_points,
+        q=nearest,
+        start_time=set_points.start_time - extra * cycle,
+        command_limits=limits,
     )
-    return replace(longer, limit_cost=_cost(longer, found - q, servo, arm))
+    return replace(longer, limit_cost=_cost(longer, nearest - q, servo, arm))
 
 
 def _refuse_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
@@ -130,9 +133,9 @@ def _cost(
     run = Simulation(change, set_points.cycle, linear).run(0, len(change) - 1, still, still)
     moved = np.pad(run.states.T[0], ((1, 0), (0, 0)))
     tool = arm.tool_position(plan.with_rests(times) + moved)
-    off = np.concatenate([path.project(tool[which]).distance for path, which in paths])
+    distances = np.concatenate([path.project(tool[which]).distance for path, which in paths])
     return LimitCost(
         deviation=deviation,
-        contour_rms=float(np.sqrt(np.mean(off**2))),
-        contour_max=float(off.max()),
+        contour_rms=float(np.sqrt(np.mean(distances**2))),
+        contour_max=float(distances.max()),
     )

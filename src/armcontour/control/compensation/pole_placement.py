@@ -108,14 +108,14 @@ def _set_points(
     q, dq, ddq = trajectory.motion(knots[:-1])
     end, dend, ddend = trajectory.motion(knots[1:], side="left")
     moving = quintic(np.diff(knots), (q, dq, ddq), (end, dend, ddend))
-    rest = np.zeros((len(after), *moving.shape[1:]))
-    rest[:, 0] = end[-1]
-    motion, width = np.concatenate([moving, rest]), np.concatenate([np.diff(knots), after])
+    dwell = np.zeros((len(after), *moving.shape[1:]))
+    dwell[:, 0] = end[-1]
+    motion, width = np.concatenate([moving, dwell]), np.concatenate([np.diff(knots), after])
     states, lead, rate, damping = run_poles(servo.kv, placed, width, motion, motion[0, 0])
-    at = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
-    x1, x2, x3 = np.moveaxis(states[at], 2, 0)
+    indices = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
+    x1, x2, x3 = np.moveaxis(states[indices], 2, 0)
     # Each quintic begins at its knot; the last rest has no further one.
-    source = motion[np.minimum(at, len(motion) - 1), 0]
+    source = motion[np.minimum(indices, len(motion) - 1), 0]
     x4 = source - x1 - damping[:, 0] * x2 - damping[:, 1] * x3
     y, dy, ddy = x1 + lead * x2, rate * (x2 + lead * x3), rate**2 * (x3 + lead * x4)
     set_points = servo.command(y, dy, ddy)

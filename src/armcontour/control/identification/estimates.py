@@ -64,7 +64,7 @@ class Estimate(Result):
 
     @classmethod
     def from_interval(
-        cls, name: str, value: float, sd: float, ends: Ends, also: float = 0.0, **more: Any
+        cls, name: str, value: float, sd: float, ends: Ends, also: float = 0.0, **others: Any
     ) -> Estimate:
         """The estimate from its standard deviation and the ends of its interval, less the value.
 
@@ -74,7 +74,7 @@ class Estimate(Result):
             sd: Standard deviation.
             ends: Lower and upper end.
             also: Largest standard deviation that is small enough for any value.
-            more: Other fields.
+            others: Other fields.
         """
         if name in LOGARITHMIC:
             low, high = (value * math.exp(x) for x in np.clip(ends, -700.0, 700.0))
@@ -84,7 +84,7 @@ class Estimate(Result):
         if not math.isfinite(sd):
             low = high = math.nan
         sure = bool(sd <= allowed_deviation(value, also))
-        fields: dict[str, Any] = {"unit": UNITS[name], "determined": sure, **more}
+        fields: dict[str, Any] = {"unit": UNITS[name], "determined": sure, **others}
         return cls(name=name, value=value, sd=sd, low=low, high=high, **fields)
 
     @property
