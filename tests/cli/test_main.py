@@ -212,8 +212,8 @@ def test_other_texts_are_refused_with_the_option():
         with pytest.raises(InvalidInput, match=words):
             read_option("--speed", text, Speed)
     # The unit is that of the text.
-    with pytest.raises(InvalidInput, match="^--servo: must be above zero, but is -0.5 mm.$"):
-        read_option("--servo", " -0.5 mm ", Tolerance)
+    with pytest.raises(InvalidInput, match="^--servo-error: must be above zero, but is -0.5 mm.$"):
+        read_option("--servo-error", " -0.5 mm ", Tolerance)
 
 
 @pytest.mark.parametrize("line", [["--help"], ["check", "--help"]])

@@ -508,7 +508,7 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--resume-at": ("# m", "# mm"),
     "--tool": ("1: # m", "1: # mm"),
     "--cycle": ("# s", "# ms"),
-    "--servo": ("# m", "# um"),
+    "--servo-error": ("# m", "# um"),
     "--set": ("limits.speed=#", "limits.speed=# mm/s", "corners.tolerance=#"),
     "--over": ("x: # m .. 0 m, 2", "yaw: 0 deg .. # deg, 2", "x: 0 mm .. 1 mm, #"),
     "--uncertainty": ("x: # m", "yaw: # deg"),
