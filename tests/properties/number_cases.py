@@ -352,7 +352,7 @@ BASES: list[dict[str, Any]] = [
     _with(SPACE, arm={"tool": _TURNED, "work": _TURNED}),
     *(_oriented(x) for x in _ORIENTED),
     *(_oriented([x] * 3) for x in ({"rpy": _GIVEN[0]}, *_ORIENTED)),
-    _with(PLANE, runs={"one": {"timing": {"reserve": 0.1}, "until": 5.0, "duration": 4.0}}),
+    _with(PLANE, runs={"one": {"timing": {"reserve": 0.1}, "end_time": 5.0, "duration": 4.0}}),
     _with(PLANE, servo={"inertia": 0.1}, plant={"inertia": 0.1}),
     _with(PLANE, limits=_JOINTS),
     _with(PLANE, limits={key: [x, x] for key, x in _JOINTS.items()}),

@@ -174,7 +174,7 @@ def _contour_errors(job: Job, planned: Planned) -> list[float]:
     if run.judge is not None:
         plant = build_plant(run.judge, job.arm, job.plant_servo, run.limits)
     executed = simulate_run(job, set_points, plant)
-    return [x.max for x in evaluate(executed, planned.path, until=run.until).contours]
+    return [x.max for x in evaluate(executed, planned.path, end_time=run.end_time).contours]
 
 
 def _rounded(value: float, digits: int = 3) -> float:

@@ -235,7 +235,7 @@ class Run(Checked):
         compensation: Options of `compensate`.
         rounding: How corners are rounded; None keeps sharp corners.
         cycle: Cycle [s].
-        until: End of the time over which errors are evaluated [s]; None is when all joints rest.
+        end_time: End of the time over which errors are evaluated [s]; None is when all joints rest.
         experiment: Options of a simulation on rigid bodies; None simulates none.
         accuracy: Largest distance of the tool from the drawing with which the run counts as kept
             [m]. By default corners may take their tolerances, and the contour error a tenth of the
@@ -252,7 +252,7 @@ class Run(Checked):
     compensation: CompensationOptions = INVERSE
     rounding: Rounding | None = None
     cycle: float = DEFAULT_CYCLE
-    until: Interval | None = None
+    end_time: Interval | None = None
     experiment: Experiment | None = None
     accuracy: Distance | None = None
 
@@ -268,11 +268,11 @@ class Run(Checked):
             program: The program, as it is drawn or prepared.
 
         Raises:
-            InvalidInput: The run has `until`, and the program is no single path.
+            InvalidInput: The run has `end_time`, and the program is no single path.
         """
-        if self.until is not None and program.single_path is None:
+        if self.end_time is not None and program.single_path is None:
             raise InvalidInput(
-                "until is for a job with a single path: errors of a program are evaluated while "
+                "end_time is for a job with a single path: errors of a program are evaluated while "
                 "the process is on."
             )
 

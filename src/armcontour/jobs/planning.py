@@ -174,7 +174,7 @@ def path_inputs(job: Job, run: Run) -> tuple[Any, ...]:
     return (
         (moves, program.source, program.notes, program.remarks, program.rapid_speed),
         comparable(job.process),
-        *(run.rounding, run.continuity, run.transition_tolerance, run.until),
+        *(run.rounding, run.continuity, run.transition_tolerance, run.end_time),
         run.limits.centripetal_acceleration,
         (_arm_inputs(job), comparable(run.limits), timing) if by_limits else None,
     )

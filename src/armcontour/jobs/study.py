@@ -140,7 +140,7 @@ def simulate_run(job: Job, set_points: SetPoints, plant: RigidBodyPlant | None =
 
 def evaluate_run(run: Run, executed: Execution, path: Program, objective: Program) -> Evaluation:
     """Evaluate the executed motion of a run, with the use of its limits."""
-    return evaluate(executed, path, objective=objective, until=run.until, limit_use=True)
+    return evaluate(executed, path, objective=objective, end_time=run.end_time, limit_use=True)
 
 
 def _executed_clearance(job: Job, planned: Planned, executed: Execution) -> Clearance | None:
@@ -183,7 +183,7 @@ def simulate_rigid_bodies(
         plain = replace(run, compensation=NoCompensation())
         with suppress(ExecutionError):
             done = simulate_run(job, compute_set_points(job, plain, set_points.trajectory), plant)
-            uncompensated = evaluate(done, path, until=run.until)
+            uncompensated = evaluate(done, path, end_time=run.end_time)
     return ExperimentResult(
         plant=plant,
         execution=executed,

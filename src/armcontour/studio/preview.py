@@ -255,8 +255,8 @@ class CoarsePlanner:
                 execution = _with_fewer_samples(execution)
             pieces, errors, settled = get(
                 "evaluation",
-                (execution, planned.path, this.until),
-                lambda: _contour_errors(execution, planned.path, this.until),
+                (execution, planned.path, this.end_time),
+                lambda: _contour_errors(execution, planned.path, this.end_time),
                 maximum=LARGE_RESULTS,
                 samples=lambda x: len(x[1].t),
             )
@@ -341,11 +341,11 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
 
 
 def _contour_errors(
-    execution: Execution, path: Program, until: float | None
+    execution: Execution, path: Program, end_time: float | None
 ) -> tuple[tuple[ContourExecution, ...], ErrorProfile, float]:
     """The execution along each contour, the contour error, and when the tool is at rest [s]."""
     settled = settling_time(execution, execution.tool_speed)
-    pieces = tuple(pieces_of(execution, path, None, until))
+    pieces = tuple(pieces_of(execution, path, None, end_time))
     return pieces, ErrorProfile.join([x.contour_error for x in pieces]), settled
 
 

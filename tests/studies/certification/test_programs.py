@@ -138,7 +138,7 @@ def test_robots_of_a_box_hold_the_goal_on_every_contour():
         assert result.contours[k].max == pytest.approx(worst, rel=2e-3)
         assert x.budget.executed == max(worst, x.spread.max.max())
         # Other robots than those of the certificate.
-        times = {"since": x.work[0] - x.t[0], "until": x.work[1] - x.t[0]}
+        times = {"since": x.work[0] - x.t[0], "end_time": x.work[1] - x.t[0]}
         shared = (x.set_points, x.path, found.job.arm, servo, limits, box)
         assert spread(*shared, samples=100, seed=7, **times).max.max() <= 0.5e-3
 

@@ -149,12 +149,12 @@ def spread_on_bodies(
     rows = list(np.concatenate([np.zeros((1, len(unknowns))), errors]))
     found = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
     found = _all(runs, rows, found)
-    largest, rms, until, saturated, ratio = np.array(found).T
+    largest, rms, end_time, saturated, ratio = np.array(found).T
     servos = [unknowns.robot(x)[2] for x in errors]
     return MonteCarloResult(
         max=largest[1:],
         rms=rms[1:],
-        until=until[1:],
+        end_time=end_time[1:],
         saturated=saturated[1:],
         demand_ratio=ratio[1:],
         kp=np.array([x.kp for x in servos]).reshape(-1, unknowns.arm.dof),
