@@ -103,7 +103,7 @@ def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
     load, coulomb = ac.Payload(mass=2.0), [6, 6, 4, 1.5, 1.5, 1.5]
     unknown = Experiment(payload=load, armature=0.1, viscous=8.0, coulomb=coulomb)
     plant = build_plant(unknown, arm, servo)
-    assert plant.chain.payload is load and plant.known_chain is arm.chain
+    assert plant.chain.payload is load and plant.controller_chain is arm.chain
     assert (plant.chain.armature == 0.1).all() and (plant.chain.viscous == 8.0).all()
     np.testing.assert_array_equal(plant.chain.coulomb, coulomb)
     np.testing.assert_array_equal(plant.chain.masses, arm.chain.masses)
@@ -112,7 +112,7 @@ def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
     # It replaces the payload that the controller knows, and leaves out what is not given.
     known = arm.with_tool(arm.chain.tool, ac.Payload(mass=3.0))
     empty = build_plant(Experiment(payload=ac.Payload(mass=0.0)), known, servo)
-    assert empty.chain.payload.mass == 0.0 and empty.known_chain.payload.mass == 3.0
+    assert empty.chain.payload.mass == 0.0 and empty.controller_chain.payload.mass == 3.0
     rigid = build_plant(Experiment(), arm, servo)
     assert rigid.chain is arm.chain and Experiment().unknown == ""
     assert rigid.joint_stiffness is None and rigid.joint_damping is None

@@ -156,7 +156,7 @@ def build_plant(
         friction=experiment.friction,
         noise=experiment.noise,
         seed=experiment.seed,
-        known=arm,
+        controller=arm,
         joint_stiffness=experiment.joint_stiffness,
         joint_damping=experiment.joint_damping,
     )

@@ -91,7 +91,7 @@ def plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
     yield from _robot("robot", plant.chain)
     yield Row("robot.joint_stiffness", plant.joint_stiffness, "N m/rad")
     yield Row("robot.joint_damping", plant.joint_damping, "N m s/rad")
-    yield from _robot("controller", plant.known_chain)
+    yield from _robot("controller", plant.controller_chain)
 
 
 def _robot(name: str, chain: Chain) -> Iterator[Row]:

@@ -92,7 +92,7 @@ class InverseDynamics(CompensationOptions):
     Args:
         gravity_feedforward: Whether the controller adds the gravity torque; by default it does, in
             a job as in its experiment.
-        known: The arm as its controller knows it, for example without a payload that was found
+        controller: The arm as its controller knows it, for example without a payload that was found
             later; by default the nominal arm.
 
     Raises:
@@ -101,7 +101,7 @@ class InverseDynamics(CompensationOptions):
 
     method = "inverse_dynamics"
     gravity_feedforward: Annotated[bool | None, About()] = None
-    known: Arm | None = None
+    controller: Arm | None = None
 
 
 @checks.explain_calls
@@ -247,7 +247,7 @@ def _set_points(
         from armcontour.control.compensation.inverse_dynamics import inverse_dynamics
 
         fed = options.gravity_feedforward is not False
-        start, q = inverse_dynamics(trajectory, servo, cycle, arm, fed, options.known)
+        start, q = inverse_dynamics(trajectory, servo, cycle, arm, fed, options.controller)
     else:
         from armcontour.control.compensation.set_points import inverse
 

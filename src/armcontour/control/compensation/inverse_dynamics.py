@@ -34,7 +34,7 @@ def inverse_dynamics(
     cycle: float,
     arm: Arm | None,
     gravity_feedforward: bool = True,
-    known: Arm | None = None,
+    controller: Arm | None = None,
 ) -> tuple[float, FloatArray]:
     """Set-points by the inverse of `Drives`.
 
@@ -44,7 +44,7 @@ def inverse_dynamics(
         cycle: Cycle [s].
         arm: The nominal arm, with masses.
         gravity_feedforward: Whether the controller adds the gravity torque.
-        known: The arm as its controller knows it, as in `Drives`.
+        controller: The arm as its controller knows it, as in `Drives`.
 
     Returns:
         Time of the first set-point [s], and set-points [rad], (n, dof).
@@ -61,7 +61,9 @@ def inverse_dynamics(
         raise InvalidInput(
             f"The arm {arm.name} has {arm.dof} joints, but the trajectory has {trajectory.dof}."
         )
-    drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, known=known)
+    drives = Drives(
+        arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, controller=controller
+    )
     ends = trajectory([0.0]), trajectory([trajectory.duration], side="left")
     still = np.zeros((1, arm.dof))
     # At rest friction is not known, and none is assumed: the drives hold the arm against gravity.

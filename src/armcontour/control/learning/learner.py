@@ -63,7 +63,7 @@ def learn(
     servo: ServoModel,
     limits: Limits | None = None,
     gravity_feedforward: bool = True,
-    known: Arm | None = None,
+    controller: Arm | None = None,
     tool: Tool = None,
 ) -> LearningResult:
     """Set-points for the next run, from those of the last run and what the joints did.
@@ -83,7 +83,8 @@ def learn(
         limits: Limits of the controller, as in `compensate`. Without `limits`, set-points keep
             those of the plan, unless set-points of the last run exceed them already.
         gravity_feedforward: Whether the controller adds the torque against gravity.
-        known: The arm as its controller knows it, if `arm` has what was found since, as a payload.
+        controller: The arm model of the controller, if `arm` has been updated since, for example
+            by an identified payload.
         tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
             [m], (m, dimension), from a tracker. With an execution the times are those of its plan;
             otherwise the tracker has a clock of its own, and a tool that is late on its whole way
@@ -95,7 +96,7 @@ def learn(
         CompensationError: The set-points of the last run exceed the limits.
     """
     result, lifted = _see(
-        set_points, executed, Nominal(arm, servo, gravity_feedforward, known), tool
+        set_points, executed, Nominal(arm, servo, gravity_feedforward, controller), tool
     )
     for run in result.runs:
         aligning.check_set_points(run)
@@ -111,7 +112,7 @@ def judge_run(
     arm: Arm,
     servo: ServoModel,
     gravity_feedforward: bool = True,
-    known: Arm | None = None,
+    controller: Arm | None = None,
     tool: Tool = None,
 ) -> LearningResult:
     """Judge runs by their logs as `learn` does, and learn nothing from them.
@@ -122,7 +123,7 @@ def judge_run(
         arm: The nominal arm.
         servo: The nominal servo.
         gravity_feedforward: Whether the controller adds the gravity torque.
-        known: The arm as its controller knows it.
+        controller: The arm model of the controller.
         tool: Measured positions of the tool, as `learn` takes them.
 
     Returns:
@@ -132,7 +133,7 @@ def judge_run(
         InvalidInput: The log is not of this set-points, or not fit to be judged.
     """
     result, lifted = _see(
-        set_points, executed, Nominal(arm, servo, gravity_feedforward, known), tool
+        set_points, executed, Nominal(arm, servo, gravity_feedforward, controller), tool
     )
     estimate = Estimate(lifted, result.runs)
     return replace(

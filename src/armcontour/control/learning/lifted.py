@@ -61,7 +61,7 @@ class Nominal(NamedTuple):
     arm: Arm
     servo: ServoModel
     gravity_feedforward: bool = True
-    known: Arm | None = None
+    controller: Arm | None = None
 
     @property
     def drives(self) -> Drives | None:

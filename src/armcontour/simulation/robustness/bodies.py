@@ -50,7 +50,7 @@ class BodyRuns:
             errors: Errors of the unknowns, (k,).
         """
         arm, known, servo = self.unknowns.robot(errors)
-        return RigidBodyPlant(arm, servo, self.limits, known=known, **self.options)
+        return RigidBodyPlant(arm, servo, self.limits, controller=known, **self.options)
 
     def trace(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | str:
         """Execute on one robot, with results over time.

@@ -48,7 +48,7 @@ def arm(nominal):
 def log(arm, nominal):
     """Four seconds at 250 Hz; the controller does not know of the payload."""
     servo = nominal_servo().replace(kp=KP, dead_time=6e-3)
-    return record(arm, servo, set_points(0, 4.0), known=nominal)
+    return record(arm, servo, set_points(0, 4.0), controller=nominal)
 
 
 @pytest.fixture(scope="module")

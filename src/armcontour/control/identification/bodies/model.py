@@ -139,7 +139,7 @@ class Model:
             arm=self.with_bodies(values),
             servo=self.servo.replace(**changes),
             gravity_feedforward=self.gravity != "none",
-            known=self.arm if self.gravity == "nominal" else None,
+            controller=self.arm if self.gravity == "nominal" else None,
         )
 
     def torques(
