@@ -12,7 +12,7 @@ import pytest
 from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
-from armcontour.control.identification.options import DRIVE_CYCLE, LONGEST_DELAY
+from armcontour.control.identification.fit_options import DRIVE_CYCLE, LONGEST_DELAY
 from armcontour.core.describing import MOST_LINES, format_table
 from armcontour.files import parse_job
 from armcontour.jobs import PlaceSearch

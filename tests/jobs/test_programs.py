@@ -15,7 +15,7 @@ from armcontour.core.progress import Step
 from armcontour.files.cell import read_cell
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Rounding, run, warnings_of
-from armcontour.jobs.planning import plan_one, prepare_and_round
+from armcontour.jobs.run_plan import plan_one, prepare_and_round
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
 LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)

@@ -18,7 +18,7 @@ from armcontour.core.frames import from_rpy
 from armcontour.files import parse_job
 from armcontour.jobs import Experiment, Rounding, build_plant, prepare_and_round, run
 from armcontour.jobs.job import choose_run
-from armcontour.jobs.quantities import angular_speed, planned_torques
+from armcontour.jobs.plan_quantities import angular_speed, planned_torques
 from armcontour.planning.tracing.tracer import trace_all
 
 

@@ -17,10 +17,10 @@ from armcontour.core.render import split
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.improvements import Advice, Improvement
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.planned import Planned
-from armcontour.jobs.planning import plan_one
-from armcontour.jobs.results import JobResult, RunResult
+from armcontour.jobs.job_result import JobResult, RunResult
+from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import Reuse
+from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.study import compute_set_points, simulate_run
 from armcontour.jobs.verdict import farthest, judge, weave_speed
 from armcontour.motion import Method

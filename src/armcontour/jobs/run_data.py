@@ -15,7 +15,7 @@ from armcontour.core.render import number, plain
 from armcontour.core.result import VERDICT, Row, Table
 from armcontour.core.text import list_some
 from armcontour.geometry import RoundedPath, ShapedPath
-from armcontour.jobs.quantities import Torques, angular_speed, assumed_numbers
+from armcontour.jobs.plan_quantities import Torques, angular_speed, assumed_numbers
 from armcontour.motion import Execution, Span, Trajectory
 from armcontour.program import Contour, Program
 from armcontour.program.preparing import PIERCE

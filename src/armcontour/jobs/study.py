@@ -17,10 +17,10 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.planned import Planned
-from armcontour.jobs.planning import ROUNDING, SHAPING, explain_plan, plan_one
-from armcontour.jobs.results import ExperimentResult, JobResult, RunResult
+from armcontour.jobs.job_result import ExperimentResult, JobResult, RunResult
+from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import Reuse
+from armcontour.jobs.run_plan import ROUNDING, SHAPING, explain_plan, plan_one
 from armcontour.motion import Execution, Method, SetPoints, Trajectory
 from armcontour.planning import check_jerk_support
 from armcontour.program import Program

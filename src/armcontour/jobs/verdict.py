@@ -9,7 +9,7 @@ from armcontour.core.render import number
 from armcontour.core.result import JUDGED, VERDICT, Row
 
 if TYPE_CHECKING:
-    from armcontour.jobs.planned import Planned
+    from armcontour.jobs.planned_run import Planned
 
 # By default a contour may be off its path by this share of the smallest tolerance of its corners.
 DEFAULT_ACCURACY = 0.1

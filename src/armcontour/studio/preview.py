@@ -26,9 +26,9 @@ from armcontour.geometry import Path
 from armcontour.jobs import Experiment, Job, Run
 from armcontour.jobs.alternatives import below_base
 from armcontour.jobs.experiment import build_plant
-from armcontour.jobs.planned import Planned
-from armcontour.jobs.planning import explain_plan, plan_one
+from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import LARGE_RESULTS, Reuse, comparable
+from armcontour.jobs.run_plan import explain_plan, plan_one
 from armcontour.jobs.study import compute_set_points, simulate_run
 from armcontour.motion import Execution, SetPoints
 from armcontour.planning import Optimal, intervals_of

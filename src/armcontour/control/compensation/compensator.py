@@ -222,7 +222,7 @@ def teach(
     )
     if options.command_limits is None:
         return set_points
-    from armcontour.control.compensation.nearest import within_limits
+    from armcontour.control.compensation.set_point_limits import within_limits
 
     return within_limits(set_points, model, options.command_limits, arm)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.control.identification.fit import allowed_deviation
+from armcontour.control.identification.least_squares import allowed_deviation
 from armcontour.core.checks import FloatArray
 from armcontour.core.describing import short_repr
 from armcontour.core.errors import InvalidInput

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.control.identification.fitting import split_logs
-from armcontour.control.identification.results import (
+from armcontour.control.identification.joint_fit import split_logs
+from armcontour.control.identification.servo_identification import (
     JointIdentification,
     Judgement,
     rounded,

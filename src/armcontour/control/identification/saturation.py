@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour.control.identification.estimates import UNITS, Estimate
-from armcontour.control.identification.fit import allowed_deviation
-from armcontour.control.identification.fitting import (
+from armcontour.control.identification.joint_fit import (
     REACH,
     LogSegment,
     Model,
@@ -19,6 +18,7 @@ from armcontour.control.identification.fitting import (
     fit,
     predict,
 )
+from armcontour.control.identification.least_squares import allowed_deviation
 from armcontour.control.identification.selection import (
     GAIN,
     KP,

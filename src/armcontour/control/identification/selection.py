@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour.control.identification.estimates import Estimate
-from armcontour.control.identification.fitting import (
+from armcontour.control.identification.joint_fit import (
     ROUNDING,
     Fit,
     LogSegment,

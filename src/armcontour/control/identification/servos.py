@@ -9,7 +9,14 @@ from functools import partial
 
 import numpy as np
 
-from armcontour.control.identification.fitting import (
+from armcontour.control.identification.fit_options import (
+    MODELS,
+    ServoFit,
+    choose_interpolation,
+    dead_times,
+    list_logs,
+)
+from armcontour.control.identification.joint_fit import (
     MRAD,
     LogSegment,
     Search,
@@ -18,13 +25,6 @@ from armcontour.control.identification.fitting import (
     split_logs,
 )
 from armcontour.control.identification.judgement import WEAK, judge
-from armcontour.control.identification.options import (
-    MODELS,
-    ServoFit,
-    choose_interpolation,
-    dead_times,
-    list_logs,
-)
 from armcontour.control.identification.residuals import (
     describe_residuals,
     find_residuals,
@@ -32,14 +32,14 @@ from armcontour.control.identification.residuals import (
     resolution,
     scale_residuals,
 )
-from armcontour.control.identification.results import (
+from armcontour.control.identification.saturation import find_saturation, select_between
+from armcontour.control.identification.selection import Selected, find_lag, select
+from armcontour.control.identification.servo_identification import (
     Identification,
     JointIdentification,
     rounded,
     write_servo,
 )
-from armcontour.control.identification.saturation import find_saturation, select_between
-from armcontour.control.identification.selection import Selected, find_lag, select
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked

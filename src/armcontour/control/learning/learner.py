@@ -9,10 +9,15 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.control.learning import aligning
-from armcontour.control.learning.estimating import UNTESTED, Estimate, model_error, smooth_error
-from armcontour.control.learning.lesson import LearningResult, LearningRun, Recording, record
-from armcontour.control.learning.lifted import Lifted, Nominal, rms
+from armcontour.control.learning import alignment
+from armcontour.control.learning.error_estimate import UNTESTED, Estimate, model_error, smooth_error
+from armcontour.control.learning.learning_result import (
+    LearningResult,
+    LearningRun,
+    Recording,
+    record,
+)
+from armcontour.control.learning.lifted_model import Lifted, Nominal, rms
 from armcontour.control.learning.servo_fit import fit_servo
 from armcontour.core import checks
 from armcontour.core.bounded_differences import differences
@@ -99,7 +104,7 @@ def learn(
         set_points, executed, Nominal(arm, servo, gravity_feedforward, controller), tool
     )
     for run in result.runs:
-        aligning.check_set_points(run)
+        alignment.check_set_points(run)
     return _next_lesson(
         result, lifted, set_points if isinstance(set_points, LearningResult) else None, limits
     )
@@ -213,7 +218,7 @@ def _fit_model(
     errors, noises, interval = [], [], np.inf
     for log in logs:
         recording = record(log, set_points)
-        aligned = aligning.align(recording, lifted, set_points)
+        aligned = alignment.align(recording, lifted, set_points)
         if not recording.in_plan_time and recording.command is None:
             return set_points, lifted, (0.0, 0.0)
         noises.append(aligned.noise)
@@ -243,7 +248,7 @@ def _judge_run(
         )
         error = smooth_error(lifted, before.error, before.noise, before_moved)
         expected = lifted.planned + error + added - before_moved
-    aligned = aligning.align(recording, lifted, set_points, expected)
+    aligned = alignment.align(recording, lifted, set_points, expected)
     offset, rate, expected, measured, noise, shift, outliers = aligned
     error = measured - lifted.planned
     # Noise of positions in the joints' loops: exact positions show it in the command that explains
@@ -256,7 +261,7 @@ def _judge_run(
     noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
     if tool is not None:
         clock = (offset, rate) if recording.in_plan_time else None
-        error, added = aligning.add_tool(tool, lifted, error, clock)
+        error, added = alignment.add_tool(tool, lifted, error, clock)
         noise = np.hypot(noise, added)
     moved: FloatArray | float = 0.0
     if isinstance(set_points, LearningResult):
@@ -267,7 +272,7 @@ def _judge_run(
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
         offset=offset, rate=rate, source=recording.source,
         predicted=set_points.predicted if isinstance(set_points, LearningResult) else None,
-        set_points_off=aligning.set_points_off(plan_times, recording.command, set_points),
+        set_points_off=alignment.set_points_off(plan_times, recording.command, set_points),
         encoder_shift=shift, outliers=outliers,
         **lifted.judge(smooth)._asdict(),
     )  # fmt: skip

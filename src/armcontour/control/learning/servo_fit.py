@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from armcontour.control.learning.lifted import Lifted
+from armcontour.control.learning.lifted_model import Lifted
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.motion import SetPoints
 from armcontour.robot.servo import ServoModel

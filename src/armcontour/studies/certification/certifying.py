@@ -20,8 +20,8 @@ from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job, Run, choose_run
-from armcontour.jobs.planning import plan_one
 from armcontour.jobs.reuse import Reuse
+from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
 from armcontour.motion import Method, SetPoints
 from armcontour.planning import Optimal, check_jerk_support

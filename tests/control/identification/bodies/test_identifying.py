@@ -7,8 +7,8 @@ import pytest
 
 import armcontour as ac
 from armcontour import identify_bodies
-from armcontour.control.identification.bodies.grid import Gridded
-from armcontour.control.identification.bodies.model import Model
+from armcontour.control.identification.bodies.body_model import Model
+from armcontour.control.identification.bodies.log_grid import Gridded
 from armcontour.control.identification.bodies.output_error import attempt, derivatives
 from armcontour.core.errors import InvalidInput
 from armcontour.motion import Log

@@ -8,10 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.control.identification.bodies.grid import Gridded, noise_of
-from armcontour.control.identification.bodies.model import CENTER, LEAST_MASS, SHIFT, Model
+from armcontour.control.identification.bodies.body_model import CENTER, LEAST_MASS, SHIFT, Model
+from armcontour.control.identification.bodies.log_grid import Gridded, noise_of
 from armcontour.control.identification.estimates import LOGARITHMIC
-from armcontour.control.identification.fit import Precision, allowed_deviation, normalize, solve
+from armcontour.control.identification.least_squares import (
+    Precision,
+    allowed_deviation,
+    normalize,
+    solve,
+)
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.sampling import interpolate

@@ -11,12 +11,14 @@ from typing import Any, Self
 from armcontour.core.text import capitalise
 from armcontour.geometry import ShapedPath, count_full_stops
 from armcontour.geometry.shaped import SHAPED, doubt_search
-from armcontour.jobs import warnings
-from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops
+from armcontour.jobs import run_warnings
 from armcontour.jobs.job import Run
-from armcontour.jobs.quantities import (
+from armcontour.jobs.plan_quantities import (
+    CURVATURE_JUMPS,
+    JerkStop,
     Torques,
     Weaving,
+    jerk_stops,
     planned_torques,
     weavings,
 )
@@ -114,16 +116,16 @@ class Planned:
     def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
         run, trajectory = self.run, self.trajectory
         yield from self.path.notes
-        yield from warnings.capped(self.objective, run)
+        yield from run_warnings.capped(self.objective, run)
         yield compare_limits(run.limits, self.arm)
-        yield from warnings.stops(self.jerk_stops)
+        yield from run_warnings.stops(self.jerk_stops)
         # In a given duration contours are slower than assigned on purpose.
         if run.duration is None:
             ends_only = bool(self.jerk_stops)
-            yield from warnings.slow(self.path, trajectory, run, ends_only=ends_only)
+            yield from run_warnings.slow(self.path, trajectory, run, ends_only=ends_only)
         yield from (x.sentence for x in self.weaves if x.differs)
-        yield from warnings.collisions(self.clearance, executed, self.avoided)
-        yield from warnings.coarse(trajectory, run)
+        yield from run_warnings.collisions(self.clearance, executed, self.avoided)
+        yield from run_warnings.coarse(trajectory, run)
 
     @property
     def rounding_error(self) -> float | None:

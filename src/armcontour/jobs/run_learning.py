@@ -10,8 +10,8 @@ import numpy as np
 
 from armcontour.control.compensation import InverseDynamics
 from armcontour.control.learning import LearningResult, LearningRun, Recording, judge_run, learn
-from armcontour.control.learning.aligning import fit_to
-from armcontour.control.learning.estimating import smooth_error
+from armcontour.control.learning.alignment import fit_to
+from armcontour.control.learning.error_estimate import smooth_error
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
@@ -20,7 +20,7 @@ from armcontour.core.render import number
 from armcontour.core.result import FILE, FIRST, TABLE, Data, Row, Table
 from armcontour.core.sampling import interpolate
 from armcontour.jobs.job import Job, Run, choose_run
-from armcontour.jobs.results import JobResult, RunResult
+from armcontour.jobs.job_result import JobResult, RunResult
 from armcontour.jobs.study import run
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.command_limits import describe_excess

@@ -13,8 +13,8 @@ from armcontour.core.render import figure, number
 from armcontour.core.text import list_some
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
-from armcontour.jobs.jerk_stops import JerkStop
 from armcontour.jobs.job import Run
+from armcontour.jobs.plan_quantities import JerkStop
 from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.command_limits import describe_excess
 from armcontour.planning import Conventional

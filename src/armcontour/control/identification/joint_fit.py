@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armcontour.control.identification.estimates import LOGARITHMIC, Estimate
-from armcontour.control.identification.fit import Precision, invert, normalize, solve
+from armcontour.control.identification.least_squares import Precision, invert, normalize, solve
 from armcontour.control.identification.residuals import correlation_length
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import white_noise

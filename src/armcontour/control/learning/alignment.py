@@ -10,8 +10,8 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 
-from armcontour.control.learning.lesson import LearningRun, Recording
-from armcontour.control.learning.lifted import Lifted, rms
+from armcontour.control.learning.learning_result import LearningRun, Recording
+from armcontour.control.learning.lifted_model import Lifted, rms
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput

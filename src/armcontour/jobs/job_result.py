@@ -16,13 +16,13 @@ from armcontour.core.fields import checked
 from armcontour.core.render import Result, compare, lay_out, number, units
 from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.geometry import RoundedPath
-from armcontour.jobs import warnings
+from armcontour.jobs import run_warnings
 from armcontour.jobs.improvements import Advice
 from armcontour.jobs.job import Job
-from armcontour.jobs.planned import Planned
-from armcontour.jobs.quantities import (
+from armcontour.jobs.plan_quantities import (
     applied_torques,
 )
+from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.run_data import (
     angular_rows,
     columns,
@@ -143,16 +143,16 @@ class RunResult(Planned, Result):
     def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
         run = self.run
         yield from super()._warnings(self.executed_clearance)
-        yield from warnings.changed_commands(self.set_points)
+        yield from run_warnings.changed_commands(self.set_points)
         if self.servo is not None:
-            yield warnings.beyond_logs(self.servo, self.trajectory)
+            yield run_warnings.beyond_logs(self.servo, self.trajectory)
             if not isinstance(run.compensation, NoCompensation):
                 yield self.servo.doubt
         if self.execution is not None and self.evaluation is not None:
-            yield from warnings.unsettled(self.execution)
-            yield from warnings.not_followed(run, self.execution, self.evaluation)
+            yield from run_warnings.unsettled(self.execution)
+            yield from run_warnings.not_followed(run, self.execution, self.evaluation)
         if (x := self.experiment) is not None and x.uncompensated is not None:
-            yield from warnings.worse_than_none(run, x.evaluation, x.uncompensated)
+            yield from run_warnings.worse_than_none(run, x.evaluation, x.uncompensated)
 
     @property
     def remarks(self) -> tuple[str, ...]:

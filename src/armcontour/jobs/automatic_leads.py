@@ -12,8 +12,8 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, error_context
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.planned import Planned
-from armcontour.jobs.warnings import SAME_SPEED, assigned_speed
+from armcontour.jobs.planned_run import Planned
+from armcontour.jobs.run_warnings import SAME_SPEED, assigned_speed
 from armcontour.planning import Optimal
 from armcontour.program import Contour, Leads, Process, Program, arrange, prepare
 from armcontour.robot import PlanarTwoLink

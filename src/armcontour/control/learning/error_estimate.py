@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import nnls
 
-from armcontour.control.learning.lesson import LearningRun
-from armcontour.control.learning.lifted import Lifted
+from armcontour.control.learning.learning_result import LearningRun
+from armcontour.control.learning.lifted_model import Lifted
 from armcontour.core.checks import FloatArray
 
 # The relative error of the model's response where the model is right, from tests of `Response`.

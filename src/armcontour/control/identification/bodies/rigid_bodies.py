@@ -11,8 +11,8 @@ from armcontour.control.identification.bodies.body_identification import (
     BodyIdentification,
     BodyJoint,
 )
-from armcontour.control.identification.bodies.grid import Gridded
-from armcontour.control.identification.bodies.model import CENTER, LEAST_MASS, OF_JOINTS, Model
+from armcontour.control.identification.bodies.body_model import CENTER, LEAST_MASS, OF_JOINTS, Model
+from armcontour.control.identification.bodies.log_grid import Gridded
 from armcontour.control.identification.bodies.output_error import (
     POSITIVE,
     OutputError,
@@ -23,7 +23,7 @@ from armcontour.control.identification.bodies.output_error import (
     moved,
 )
 from armcontour.control.identification.estimates import LOGARITHMIC, UNITS, Estimate
-from armcontour.control.identification.options import (
+from armcontour.control.identification.fit_options import (
     GRAVITIES,
     BodyFit,
     choose_interpolation,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from armcontour.control.learning.lifted import Lifted
+from armcontour.control.learning.lifted_model import Lifted
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.describing import clock, count_noun, format_table, joint_rows, short_repr

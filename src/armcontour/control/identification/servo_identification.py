@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour._version import __version__
 from armcontour.control.identification.estimates import IdentifiedJoints, JointEstimates
-from armcontour.control.identification.fitting import LogSegment, predict, split_logs
+from armcontour.control.identification.joint_fit import LogSegment, predict, split_logs
 from armcontour.control.identification.residuals import fastest_motion
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray

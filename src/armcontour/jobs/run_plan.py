@@ -21,7 +21,7 @@ from armcontour.jobs.alternatives import (
     first_contour_clear,
 )
 from armcontour.jobs.job import TANGENT, Job, Rounding, Run
-from armcontour.jobs.planned import Planned
+from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import Reuse, comparable
 from armcontour.jobs.single_corners import check_found, corner_tolerances
 from armcontour.motion import Method, Trajectory
@@ -201,7 +201,7 @@ def _prepare(job: Job, run: Run) -> Program:
                 f"Run {run.name}: leads of automatic length need the timing optimal, not "
                 f"{run.timing.method}: give their lengths."
             )
-        from armcontour.jobs.leads import automatic_leads
+        from armcontour.jobs.automatic_leads import automatic_leads
 
         leads = automatic_leads(job, run, partial(plan_one, clear=False, first_only=True))
     with error_context("process"):
