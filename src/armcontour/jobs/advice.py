@@ -73,11 +73,6 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
     """Find the changes of a run that save most time; of a run that is not kept, those that repair.
 
     Each change is planned and simulated.
-
-    Args:
-        job: The job.
-        result: One of its runs, simulated.
-        progress: Called before each change is planned, with the share that is done.
     """
     tell, steps = subprogress(progress), advising(job, result)
     while True:
@@ -90,10 +85,6 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
 
 def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
     """The steps of `advise`, each of which plans one change.
-
-    Args:
-        job: As of `advise`.
-        result: As of `advise`.
 
     Yields:
         The share that is done.
@@ -123,12 +114,7 @@ def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
 
 
 def advised(study: JobResult, progress: Progress | None = None) -> JobResult:
-    """A study with the advice on each of its runs.
-
-    Args:
-        study: The study, simulated.
-        progress: As of `advise`, with the names of the runs before the step.
-    """
+    """A study with the advice on each of its runs."""
     runs = {
         name: replace(x, advice=advise(study.job, x, subprogress(progress, name)))
         for name, x in study.runs.items()
@@ -137,12 +123,7 @@ def advised(study: JobResult, progress: Progress | None = None) -> JobResult:
 
 
 def is_small(job: Job, maximum: int = SMALL) -> bool:
-    """Whether changes of a job are planned within a few seconds.
-
-    Args:
-        job: The job.
-        maximum: Largest number of segments in all its runs.
-    """
+    """Whether changes of a job are planned within a few seconds."""
     segments = sum(len(x.path) for x in job.program.contours)
     return segments * len(job.runs) <= maximum and not any(x.is_shaped for x in job.runs)
 

@@ -57,12 +57,6 @@ def alternatives(
     free. Rapids go back along the tool axis, move, and approach along it; or through postures that
     a search finds.
 
-    Args:
-        job: The job.
-        run: The run.
-        traced: The fastest joint paths.
-        progress: Called with the step "clearance" and the share that is done.
-
     Yields:
         Joint paths, and sentences on what is different, or why nothing looks at the clearance. The
         next ones are for a caller whose plan along these comes too near to something. The last ones
@@ -117,11 +111,7 @@ def _has_pairs(job: Job) -> bool:
 
 
 def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
-    """Whether a contour keeps clear and above the base; None if no configuration is chosen.
-
-    Args:
-        job: The job.
-    """
+    """Whether a contour keeps clear and above the base; None if no configuration is chosen."""
     chosen = job.start is None and isinstance(job.arm, SerialArm)
     if not chosen or not _is_looked_at(job):
         return None
@@ -164,11 +154,6 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
     """Refuse the first contour that comes too near to something, else the first other move.
 
     Rapids might go around what is in their way, so that contours are what a user has to change.
-
-    Args:
-        job: The job.
-        program: The program.
-        trajectory: Its plan.
 
     Raises:
         Collision: A move comes too near to something; times are those of the whole motion.
@@ -296,14 +281,7 @@ def _rest(q: FloatArray) -> Trajectory:
 
 
 def _retract(arm: SerialArm, run: Run, q: FloatArray, height: float) -> FloatArray | None:
-    """Joint positions on the way back along the tool axis, (n, dof); None if out of reach.
-
-    Args:
-        arm: The arm.
-        run: The run.
-        q: Joint positions at the start [rad], (dof,).
-        height: Length of the way [m].
-    """
+    """Joint positions on the way back along the tool axis, (n, dof); None if out of reach."""
     point, rotation = (x[0] for x in arm.pose(q[None]))
     line = Path.polyline([point, point - height * rotation[:, 2]])
     try:

@@ -29,12 +29,6 @@ def analog_outputs(
     value is that of the planned tool speed while the process is at work on a contour and no output
     that `Analog.follows` names is off, and the value of `Analog.off` otherwise.
 
-    Args:
-        program: The program that was planned, with rounded corners.
-        trajectory: Its plan.
-        process: The process with the outputs.
-        limits: Limits of the plan; their speed is the assigned velocity where contours have none.
-
     Raises:
         InvalidInput: An output depends on the assigned velocity, and a contour has none.
     """
@@ -56,11 +50,6 @@ def _output(process: Process, name: str) -> Analog | None:
 
 def check_speeds(program: Program, process: Process, limits: Limits) -> None:
     """Refuse analog outputs that depend on the assigned velocity of a contour that has none.
-
-    Args:
-        program: The program as it is drawn, or prepared.
-        process: The process with the outputs, and with the speeds of layers.
-        limits: Limits, whose speed is the assigned velocity where contours have none.
 
     Raises:
         InvalidInput: There is such an output.

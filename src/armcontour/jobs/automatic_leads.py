@@ -39,11 +39,6 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
     velocity, full speed is the largest speed that a lead gives. Corners of the shape free count as
     arcs here, because several leads are tried, and shaping takes long.
 
-    Args:
-        job: The job.
-        run: The run.
-        plan: `plan_one`, without a check of the clearance.
-
     Returns:
         The lengths of lead-in and lead-out per contour [m]; 0 where the length is not automatic.
     """
@@ -118,12 +113,6 @@ def _shortest_lead(
     """The shortest lead [m] with the assigned velocity, or with the largest speed of any lead.
 
     A long lead shows in which share of it the tool gets fast enough, which is the next length.
-
-    Args:
-        speeds: Gives the speeds along a lead of a length [m], as `_lead_speeds`.
-        assigned: The assigned velocity [m/s].
-        gain: Twice the length must give the assigned velocity, or more speed by this share at
-            least, or it is not taken.
     """
     # Half of the tolerance of `slow_ends`, so that no warning is given for the result.
     enough = assigned * (1 - SAME_SPEED / 2)

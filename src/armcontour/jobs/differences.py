@@ -11,11 +11,6 @@ from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other")) -> Table:
     """The figures of two runs that matter first, and the time of each limit, with differences.
 
-    Args:
-        one: What the one run says.
-        other: What the other run says.
-        names: What they are called.
-
     Returns:
         A row for each figure: what it is, both values and their difference, the first less the
         second.

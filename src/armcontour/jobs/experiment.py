@@ -96,9 +96,6 @@ class Experiment(Checked):
     def for_joints(self, dof: int) -> Experiment:
         """The same experiment with one value per joint.
 
-        Args:
-            dof: Number of joints.
-
         Raises:
             InvalidInput: The number of values is not 1 or `dof`.
         """
@@ -131,12 +128,6 @@ def build_plant(
     else those of the arm, and the joint stiffness of the experiment. Its controller knows only the
     arm: J of its loops (unless the servo gives one), gravity feed-forward, and torque limits that
     follow from acceleration limits.
-
-    Args:
-        experiment: Options of the plant, and what the robot has that its controller does not know.
-        arm: The arm as plans, compensation and the controller know it.
-        servo: Gains of the robot's drives.
-        limits: Limits with the joint torques that saturate; the arm's own by default.
 
     Raises:
         InvalidInput: The arm has no masses, or values do not fit the arm.

@@ -175,11 +175,7 @@ class Rounding(Checked):
             _ = self.options
 
     def _check_single(self, key: str) -> None:
-        """Refuse tolerances of single corners without a tolerance of the others, and a free shape.
-
-        Raises:
-            InvalidInput: There are such tolerances.
-        """
+        """Check `at`: it needs a tolerance for the other corners, and arcs as the shape."""
         if not self.at:
             return
         if self.free:
@@ -193,11 +189,7 @@ class Rounding(Checked):
             )
 
     def _check_continuity(self, timing: str, key: str) -> None:
-        """Refuse a continuity of the corners that shape or timing do not have.
-
-        Raises:
-            InvalidInput: Such a continuity, or a tolerance of transitions without one.
-        """
+        """Refuse a continuity of the corners that shape or timing do not have."""
         if self.transition_tolerance is not None and (self.free or self.continuity == TANGENT):
             raise InvalidInput(
                 f"{key}.transition_tolerance is for corners with continuity: curvature: leave it "
@@ -444,12 +436,6 @@ def find_run(job: Job, name: str) -> Run:
 
 def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
     """The run of a name, or the only run.
-
-    Args:
-        job: The job.
-        name: Name of the run; None for the only one.
-        done: What is done with it, as in "certified".
-        among: Runs that come into question without a name, if there are any; all by default.
 
     Raises:
         InvalidInput: There is no such run, or there are several.

@@ -279,11 +279,7 @@ class JobResult:
 
 
 def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
-    """The warnings of several runs; what holds for more than one of them is said once.
-
-    Args:
-        plans: Results of runs of one job.
-    """
+    """The warnings of several runs; what holds for more than one of them is said once."""
     messages: dict[str, list[str]] = {}
     for plan in plans:
         for sentence in plan.warnings:
@@ -295,12 +291,7 @@ def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
 
 
 def run_data(result: RunResult, job: Job | None = None) -> Data:
-    """What one run says; without figures of its execution, if it was not simulated.
-
-    Args:
-        result: The run.
-        job: Its job, which knows where the contours begin on its objective; None if unknown.
-    """
+    """What one run says; without figures of its execution, if it was not simulated."""
     e = result.evaluation
     parts: dict[str, Data] = {}
     if result.clearance is not None:
@@ -342,11 +333,7 @@ def run_data(result: RunResult, job: Job | None = None) -> Data:
 
 
 def promoted(rows: Iterable[Row]) -> tuple[Row, ...]:
-    """Rows with those of the verdict first, in its order.
-
-    Args:
-        rows: The rows; figures of the bodies are of the verdict where they are shown.
-    """
+    """Rows with those of the verdict first, in its order."""
     ranks = {name: k for k, name in enumerate(OF_VERDICT)}
 
     def rank(x: Row) -> int:
@@ -360,10 +347,6 @@ def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[
     """Rows of a run, where figures of its evaluation are those that judge it.
 
     Where rigid bodies judge the run, their figures have the names without "experiment." too.
-
-    Args:
-        result: The run.
-        rows: Its rows; by default those that take no computing time, for batches.
     """
     if rows is None:
         rows = [*_plan(result, None), *_set_points(result)]

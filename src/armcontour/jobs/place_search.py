@@ -62,10 +62,6 @@ class Axis:
 def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, ...]:
     """The axes of a grid, in the order of `AXES`.
 
-    Args:
-        over: Of some axes the first value, the last value and the number of values.
-        dimension: Dimension of the tool motion of the arm, 2 or 3.
-
     Raises:
         InvalidInput: No axis, an unknown one, an empty range, or too many places.
     """
@@ -120,22 +116,14 @@ def corners_of(uncertainty: Mapping[str, float]) -> list[dict[str, float]]:
 
 
 def _refuse_axis(name: str, names: tuple[str, ...], label: str) -> None:
-    """Refuse an axis that is not there.
-
-    Raises:
-        InvalidInput: The axis is unknown.
-    """
+    """Refuse an axis that is not there."""
     if name not in names:
         plane = " for an arm in the plane" if name in AXES else ""
         raise InvalidInput(f"{label} has no axis {name!r}{plane}: axes are {', '.join(names)}.")
 
 
 def _axis(name: str, limits: Sequence[Any]) -> Axis:
-    """An axis: a whole turn ends before its start, as both are one direction.
-
-    Raises:
-        InvalidInput: An empty range, or no whole number of places above zero.
-    """
+    """An axis: a whole turn ends before its start, as both are one direction."""
     if isinstance(limits, str) or len(limits) != 3:
         raise InvalidInput(
             f"over {name} takes the first value, the last value and the number of places, such as "

@@ -38,14 +38,7 @@ class JerkStop:
 def jerk_stops(
     program: Program, traced: Tracing | None, trajectory: Trajectory, run: Run
 ) -> tuple[JerkStop, ...]:
-    """Full stops inside contours that limits of jerk force, in order.
-
-    Args:
-        program: The program that was planned.
-        traced: Its joint paths, if they are known.
-        trajectory: Its plan.
-        run: The run.
-    """
+    """Full stops inside contours that limits of jerk force, in order."""
     if traced is None or not run.limits.jerk_limits:
         return ()
     paths = {x.move: x.joint_path for x in traced.steps}
@@ -113,12 +106,7 @@ class Weaving:
 
 
 def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
-    """The weaves of a program as planned, of contours with waves of full width.
-
-    Args:
-        program: The program that was planned.
-        trajectory: Its plan.
-    """
+    """The weaves of a program as planned, of contours with waves of full width."""
     for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
         woven, plan = x.woven, span.trajectory
         if woven is None or plan is None or len(woven.crests) < 3:

@@ -77,10 +77,6 @@ def explain(error: Unreachable, job: Job) -> Unreachable:
 
     Tracing refuses a program by the move that comes first, which may be a rapid.
 
-    Args:
-        error: The error of tracing.
-        job: The job.
-
     Returns:
         The refusal; the same error if no point of the job is out of reach.
     """
@@ -127,15 +123,7 @@ def _extremes(arm: Arm, points: _Places) -> _Places:
 def _reached(
     arm: Arm, points: _Places, closely: int, starts: FloatArray | None = None
 ) -> FloatArray:
-    """The tool points nearest to places that the arm reaches [m], (n, dimension).
-
-    Args:
-        arm: The arm.
-        points: The places.
-        closely: Number of the worst places at which more configurations are tried.
-        starts: Joint positions from which the search starts [rad], (n, dof), overwritten with those
-            at the points that are found.
-    """
+    """The tool points nearest to places that the arm reaches [m], (n, dimension)."""
     goals = points.points
     if isinstance(arm, PlanarTwoLink):
         near, far = arm.reach

@@ -35,15 +35,7 @@ class Reuse:
         maximum: int | None = None,
         samples: Callable[[T], int] = lambda value: 0,
     ) -> T:
-        """The result of a step: that of an earlier call with the same inputs, or a new one.
-
-        Args:
-            step: Name of the step.
-            made_of: All inputs of the step, comparable.
-            make: Does the step.
-            maximum: Number of results of the step in the cache; by default that of all steps.
-            samples: Number of samples that a result has.
-        """
+        """The result of a step: that of an earlier call with the same inputs, or a new one."""
         entries = self._known.setdefault(step, [])
         for k, (before, value) in enumerate(entries):
             if before == made_of:
@@ -59,11 +51,7 @@ class Reuse:
 
 
 def comparable(value: Any) -> Any:
-    """A value whose fields are numbers and arrays, as something that can be compared.
-
-    Args:
-        value: The value: a dataclass, an array, a mapping, a tuple, or what can be compared itself.
-    """
+    """A value whose fields are numbers and arrays, as something that can be compared."""
     if isinstance(value, np.ndarray):
         return value.shape, value.tobytes()
     if dataclasses.is_dataclass(value):

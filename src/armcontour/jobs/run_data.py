@@ -33,12 +33,7 @@ def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
 
 
 def field_rows(name: str, value: Any) -> Iterator[Row]:
-    """The fields of a dataclass for files, with the units of their annotations.
-
-    Args:
-        name: Begin of their names.
-        value: The dataclass; None gives a row without a value.
-    """
+    """The fields of a dataclass for files, with the units of their annotations."""
     if value is None:
         yield Row(name, None)
         return
@@ -186,13 +181,7 @@ def pierce_length(x: Contour) -> float:
 
 
 def program_rows(trajectory: Trajectory, path: Program, objective: Program) -> Iterator[Row]:
-    """How much of a program is work, how much the ways between.
-
-    Args:
-        trajectory: The plan.
-        path: The program that the tool follows.
-        objective: The program as drawn.
-    """
+    """How much of a program is work, how much the ways between."""
     spans = trajectory.spans
     works = [x.work for x in trajectory.contour_spans if x.work is not None]
     rapids, dwells = ([x for x in spans if x.kind == kind] for kind in ("rapid", "dwell"))

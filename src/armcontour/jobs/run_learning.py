@@ -54,11 +54,7 @@ class LearningStudy:
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
-        """The summary of the plan, and what was learned from its runs.
-
-        Args:
-            files: The files of the result, relative to its folder.
-        """
+        """The summary of the plan, and what was learned from its runs."""
         study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
         return study.to_data(files, {"learning": self.result})
 
@@ -74,20 +70,13 @@ class LearningStudy:
 
         It is the contour error that the encoders show, or the distance from the planned position if
         the plan has no path.
-
-        Args:
-            k: Index of the run.
         """
         run = self.lesson.runs[k]
         largest = run.tool_max if run.contour_max is None else run.contour_max
         return run.rms, largest
 
     def profile(self, k: int) -> ErrorProfile:
-        """Measured contour error over time in a run, with noise, until the end of the plan.
-
-        Args:
-            k: Index of the run.
-        """
+        """Measured contour error over time in a run, with noise, until the end of the plan."""
         assert self.lesson.lifted is not None
         t = self.lesson.lifted.t
         q = self.planned(t) + self.lesson.runs[k].error
@@ -163,11 +152,7 @@ class JudgedStudy:
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
-        """The summary of the plan, and what its log shows.
-
-        Args:
-            files: The files of the result, relative to its folder.
-        """
+        """The summary of the plan, and what its log shows."""
         study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
         return study.to_data(files, {"judged": self.result})
 
@@ -319,11 +304,6 @@ def _corrections(run: LearningRun) -> list[str]:
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:
     """Plan and set-points of one run of a job.
 
-    Args:
-        job: The job.
-        name: Name of the run; None for the only one.
-        progress: As in `run`.
-
     Raises:
         ArmContourError: No such run, or a run that cannot be planned.
     """
@@ -350,9 +330,6 @@ def learn_run(
         set_points: The set-points that were executed: those of the plan, or a lesson.
         executed: What the joints did, as `learn` takes it.
         tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
-
-    Raises:
-        ArmContourError: As `learn` raises it.
     """
     try:
         lesson = learn(
@@ -376,17 +353,7 @@ def learn_run(
 def learn_logs(
     job: Job, run: str | None, logs: Sequence[Log | Recording], progress: Progress | None = None
 ) -> LearningStudy:
-    """What logs of successive runs teach; each run executes the set-points learned before it.
-
-    Args:
-        job: The job.
-        run: Name of its run; None for the only one.
-        logs: What the joints did in each run, at least one.
-        progress: As in `run`.
-
-    Raises:
-        ArmContourError: As `plan_run` and `learn_run` raise it.
-    """
+    """What logs of successive runs teach; each run executes the set-points learned before it."""
     plan = plan_run(job, run, progress)
     lesson = _learned(job, plan, logs, progress)
     assert isinstance(lesson, LearningResult)
@@ -430,9 +397,6 @@ def judge_log(
         set_points: The set-points that were executed: those of the plan, or a lesson.
         log: What the joints did.
         tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
-
-    Raises:
-        InvalidInput: As `judge_run` raises it.
     """
     judged = judge_run(
         set_points,
@@ -458,10 +422,6 @@ def feeds_gravity_forward(run: Run) -> bool:
 
 def check_run(set_points: SetPoints, log: Log) -> None:
     """Refuse the log of an earlier run, by the set-points in it.
-
-    Args:
-        set_points: The set-points that were to be executed: of a lesson, or the first ones.
-        log: The log.
 
     Raises:
         InvalidInput: The set-points of an earlier run fit those of the log better.

@@ -53,17 +53,6 @@ def plan_one(
 ) -> Planned:
     """Plan a run: prepare, round and trace its program, and time it along a clear joint path.
 
-    Args:
-        job: The job.
-        run: The run; it need not be one of the job's.
-        reuse: Results of earlier plans, such as those of other runs of the job. Runs with the same
-            path and limits share one tracing.
-        progress: Called with the steps of the run, and the share that is done.
-        objective: The prepared program; by default that of the job.
-        clear: Whether to check the clearance and to try other joint paths until one keeps clear.
-        first_only: Whether `Unreachable` names the first point that is out of reach, not the
-            farthest one. This is faster.
-
     Raises:
         ArmContourError: The run cannot be planned.
     """
@@ -99,16 +88,6 @@ def trace_one(
 ) -> tuple[Program, Tracing]:
     """The prepared program of a run, and the joint paths of the rounded one.
 
-    Args:
-        job: As in `plan_one`.
-        run: As in `plan_one`.
-        reuse: As in `plan_one`.
-        progress: As in `plan_one`.
-        objective: As in `plan_one`.
-        clear: Whether the plan must be clear; if not, joint paths with a given start stay the same
-            for all limits but joint ranges.
-        first_only: As in `plan_one`.
-
     Raises:
         ArmContourError: The program cannot be prepared, rounded or traced.
     """
@@ -136,13 +115,6 @@ def prepare_and_round(
     objective: Program | None = None,
 ) -> tuple[Program, Program]:
     """The program of a run, prepared, before and after its corners are rounded or shaped.
-
-    Args:
-        job: The job.
-        run: The run.
-        reuse: As in `plan_one`.
-        progress: As in `plan_one`.
-        objective: As in `plan_one`.
 
     Raises:
         ArmContourError: The process does not fit the program, or an automatic lead has no length.
@@ -274,11 +246,6 @@ def _join_smoothly(program: Program, run: Run, *, rounded: bool) -> Program:
 
     An orientation that follows the tangent is rounded with the corners, so that transitions come
     before that; otherwise they come afterwards. One that turns by itself gets none.
-
-    Args:
-        program: The program.
-        run: The run, which may want none.
-        rounded: Whether the corners are rounded already.
     """
     orientations = [x.path.orientation for x in program.contours]
     follow = all(x is not None and x.follows for x in orientations)
@@ -290,13 +257,7 @@ def _join_smoothly(program: Program, run: Run, *, rounded: bool) -> Program:
 def _time(
     job: Job, run: Run, traced: Tracing, reuse: Reuse, progress: Progress, clear: bool
 ) -> tuple[Tracing, Trajectory, Clearance | None, tuple[str, ...]]:
-    """Plan along the first of several joint paths that keep clear.
-
-    Raises:
-        Collision: The arm comes too near to something along all of them, and the job does not
-            ignore this.
-        InvalidInput: The job has a scene, but the shapes of the arm are not known.
-    """
+    """Plan along the first of several joint paths that keep clear."""
 
     def timed(traced: Tracing) -> Trajectory:
         progress(Step(("timing",)))

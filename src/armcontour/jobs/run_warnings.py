@@ -176,13 +176,7 @@ def stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
 def collisions(
     planned: Clearance | None, executed: Clearance | None, avoided: tuple[str, ...]
 ) -> Iterator[str]:
-    """Warnings for collisions that are ignored or not checked, and for links below the base.
-
-    Args:
-        planned: The clearance of the plan; None if it is not known.
-        executed: The clearance of the execution; None without one.
-        avoided: Without a clearance, sentences on why it is not known.
-    """
+    """Warnings for collisions that are ignored or not checked, and for links below the base."""
     if planned is None:
         yield from avoided
         return
@@ -265,13 +259,7 @@ def not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> Itera
 
 
 def worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> Iterator[str]:
-    """A warning for a compensation that increases the contour error on the arm's bodies.
-
-    Args:
-        run: The run.
-        judged: Evaluation on rigid bodies.
-        uncompensated: That of the same plan without compensation.
-    """
+    """A warning for a compensation that increases the contour error on the arm's bodies."""
     compensated, without = judged.contour_error, uncompensated.contour_error
     if compensated.rms <= without.rms and compensated.max <= without.max:
         return
@@ -294,12 +282,7 @@ def worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> 
 
 
 def beyond_logs(servo: ServoModel, trajectory: Trajectory) -> str:
-    """A warning for motion beyond that of the logs of the servo's identification, or empty.
-
-    Args:
-        servo: The servo.
-        trajectory: The plan.
-    """
+    """A warning for motion beyond that of the logs of the servo's identification, or empty."""
     if servo.model_error is None or servo.logged_velocity is None:
         return ""
     t = np.union1d(trajectory.breaks, np.linspace(0.0, trajectory.duration, LOOKS))

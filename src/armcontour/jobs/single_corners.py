@@ -22,10 +22,6 @@ def corner_waypoints(path: Path, prepared: Path) -> IntArray:
 
     A process changes the vertices of a path: it adds leads, moves the start, and runs on past it.
 
-    Args:
-        path: The path as it was given.
-        prepared: The path with what a process adds.
-
     Returns:
         For every vertex between segments of the prepared path the number of its waypoint, from 1,
         or 0 if it is none, (vertices,).
@@ -72,11 +68,6 @@ def corner_tolerances(
 def check_corners(program: Program, process: Process, numbers: Sequence[int]) -> None:
     """Refuse numbers of waypoints at which a path has no corner.
 
-    Args:
-        program: The program as it was given.
-        process: What is added to it.
-        numbers: The numbers, from 1.
-
     Raises:
         InvalidInput: There is such a number; or the program has several contours, or a process that
             moves its corners.
@@ -104,11 +95,6 @@ def check_corners(program: Program, process: Process, numbers: Sequence[int]) ->
 
 def check_found(path: Path, program: Program, numbers: Sequence[int]) -> None:
     """Refuse the start of a closed path as a corner, if the prepared path does start there.
-
-    Args:
-        path: The path as it was given.
-        program: The prepared program.
-        numbers: Numbers of waypoints with a tolerance of their own, from 1.
 
     Raises:
         InvalidInput: The number 1 is among them, and no contour passes the first waypoint.

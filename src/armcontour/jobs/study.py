@@ -73,10 +73,6 @@ def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
     """The simulated robots of the experiments, by the names of the runs.
 
     What is known to fail is refused before any work, which can take minutes.
-
-    Raises:
-        ArmContourError: A timing method that keeps no limits of jerk where there are some, or an
-            experiment that cannot be simulated.
     """
     plants = {}
     for x in job.runs:
@@ -144,12 +140,7 @@ def evaluate_run(run: Run, executed: Execution, path: Program, objective: Progra
 
 
 def _executed_clearance(job: Job, planned: Planned, executed: Execution) -> Clearance | None:
-    """How far the arm stays from itself and from its cell when the servo executes a plan.
-
-    Raises:
-        Collision: Bodies touch, and the job does not ignore this. What only comes nearer than its
-            margin is a warning, as the plan keeps the margin.
-    """
+    """How far the arm stays from itself and from its cell when the servo executes a plan."""
     if planned.clearance is None:
         return None
     near = job.cell.check(executed)
@@ -167,16 +158,7 @@ def simulate_rigid_bodies(
     objective: Program,
     plant: RigidBodyPlant,
 ) -> ExperimentResult:
-    """Execute set-points on the simulated rigid bodies of the arm.
-
-    Args:
-        job: The job.
-        run: A run with an experiment.
-        set_points: The set-points.
-        path: The program that the tool follows.
-        objective: The program with sharp corners.
-        plant: The simulated robot of the run's experiment.
-    """
+    """Execute set-points on the simulated rigid bodies of the arm."""
     executed = simulate_run(job, set_points, plant)
     uncompensated = None
     if not isinstance(run.compensation, NoCompensation):

@@ -117,11 +117,7 @@ def verdict_rows(
 
 
 def weave_speed(planned: Planned) -> float | None:
-    """Travel speed of weaves that is the assigned velocity everywhere [m/s]; None if there is none.
-
-    Args:
-        planned: The plan.
-    """
+    """Travel speed of the weaves if it is the assigned velocity everywhere [m/s], else None."""
     contours, fastest = planned.path.contours, planned.run.limits.speed
     if fastest is not None and any((x.path.speeds > fastest).any() for x in contours):
         return None

@@ -182,18 +182,7 @@ def teach(
     cycle: float,
     arm: Arm | None,
 ) -> SetPoints:
-    """Set-points as of `compensate`, without a check of limits.
-
-    Args:
-        trajectory: As in `compensate`, like the others.
-        servo: See above.
-        options: See above.
-        cycle: See above.
-        arm: See above.
-
-    Raises:
-        ArmContourError: As `compensate`.
-    """
+    """Set-points as of `compensate`, without a check of limits."""
     interval = check_cycle(cycle)
     model, duration = servo.for_joints(trajectory.dof), trajectory.duration
     if interval > max(duration * (1 + SAME), LONGEST_CLOCK):

@@ -112,13 +112,7 @@ def _means(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
 
 
 def _solved(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Set-points of which the command has given means over the intervals that end there.
-
-    Args:
-        means: Means less the position before the first set-point [rad], (n, dof).
-        cycle: Cycle [s].
-        servo: Servo model with values per joint; cubics count as lines.
-    """
+    """Set-points of which the command has given means over the intervals that end there."""
     from scipy.signal import lfilter
 
     set_points = np.empty_like(means)

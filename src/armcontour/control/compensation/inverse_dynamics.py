@@ -100,14 +100,6 @@ def _nearest(
     Of held set-points these are the means over their intervals. Of lines and cubics they are
     weighted by a triangle from the set-point before to the one after; lines are then nearest to the
     command in the mean square. Means are by Simpson's rule in each half.
-
-    Args:
-        points: The command at the set-points' times [rad], (n, dof).
-        halves: The command half an interval before the first of them and after each [rad],
-            (n + 1, dof).
-        hold: The set-point before them [rad], (1, dof).
-        final: The set-point after them [rad], (1, dof).
-        interpolation: As in `ServoModel`; "step" has its time advance of half an interval.
     """
     if interpolation == "step":
         return np.asarray((halves[:-1] + 4 * points + halves[1:]) / 6)

@@ -117,9 +117,6 @@ def default_poles(servo: ServoModel) -> ComplexArray:
     of the plan's acceleration, so it never exceeds the plan's largest acceleration. p is the
     smallest K_v of all joints.
 
-    Args:
-        servo: Servo model of order "second" with gains per joint.
-
     Returns:
         m1, m2 and g of each joint [1/s], (dof, 3).
     """

@@ -173,11 +173,7 @@ def extreme_demands(
 
 
 def _second_order(servo: ServoModel) -> FloatArray:
-    """Velocity loop gains of a servo of order "second" [1/s].
-
-    Raises:
-        InvalidInput: A joint is of another order, or has friction or a cycle.
-    """
+    """Velocity loop gains of a servo of order "second" [1/s]."""
     servo.check_orders("Pole placement, (26),")
     assert servo.kv is not None
     return servo.kv

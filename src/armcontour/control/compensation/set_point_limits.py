@@ -39,12 +39,6 @@ def within_limits(
     If the limits bind, set-points begin earlier and end later, because a compensated command leaves
     and reaches rest faster than its joint.
 
-    Args:
-        set_points: Set-points without these limits.
-        servo: Servo model with values per joint.
-        limits: Limits of commands.
-        arm: The arm, for the contour error; by default that of the plan.
-
     Raises:
         InvalidInput: A limit that is none of commands.
         CompensationError: The plan exceeds limits, or no set-points satisfy them.
@@ -83,16 +77,7 @@ def within_limits(
 
 
 def _refuse_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
-    """Refuse a plan that exceeds bounds, because set-points within them would leave its path.
-
-    Args:
-        set_points: The set-points.
-        bounds: Bounds of the set-points, of some or all orders.
-        share: Allowed excess of velocities and accelerations, relative to the bounds.
-
-    Raises:
-        CompensationError: The plan exceeds a bound.
-    """
+    """Refuse a plan that exceeds bounds, because set-points within them would leave its path."""
     plan, cycle = set_points.trajectory, set_points.cycle
     # Set-points with a time advance end before the plan.
     t = set_points.times(int((plan.duration - set_points.start_time) / cycle) + 3, cycle)

@@ -66,16 +66,7 @@ class Estimate(Result):
     def from_interval(
         cls, name: str, value: float, sd: float, ends: Ends, also: float = 0.0, **others: Any
     ) -> Estimate:
-        """The estimate from its standard deviation and the ends of its interval, less the value.
-
-        Args:
-            name: Name of the parameter; for LOGARITHMIC `sd` and `ends` are those of the logarithm.
-            value: The value.
-            sd: Standard deviation.
-            ends: Lower and upper end.
-            also: Largest standard deviation that is small enough for any value.
-            others: Other fields.
-        """
+        """The estimate from its standard deviation and the ends of its interval, less the value."""
         if name in LOGARITHMIC:
             low, high = (value * math.exp(x) for x in np.clip(ends, -700.0, 700.0))
             sd *= value

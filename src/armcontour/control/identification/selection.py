@@ -135,13 +135,7 @@ def find_lag(stretches: Sequence[LogSegment], longest: float) -> float:
 def select(
     stretches: Sequence[LogSegment], search: Search, *, limited: bool = True
 ) -> Selected | None:
-    """Select the model of a joint; None if none can be judged or all are at their bounds.
-
-    Args:
-        stretches: The joint in the logs.
-        search: Ranges of the search.
-        limited: Whether models with an acceleration limit may be selected.
-    """
+    """Select the model of a joint; None if none can be judged or all are at their bounds."""
     some = _thin(stretches)
     # A model is judged by the parts without which it was fitted.
     if len(_moving_parts(some)) < 2:
@@ -297,13 +291,7 @@ def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
 def predict_parts(
     result: Fit, judged: Sequence[LogSegment] | None = None, limit: Estimate | None = None
 ) -> Selected:
-    """Predict each part by a fit of the others.
-
-    Args:
-        result: The fit of all parts.
-        judged: Stretches that are predicted, by default those of the fit.
-        limit: Acceleration limit in addition to the fit.
-    """
+    """Predict each part by a fit of the others."""
     p, stretches = result.problem, judged or result.problem.stretches
 
     def predict_by(servo: JointServo, s: LogSegment) -> FloatArray:

@@ -338,9 +338,6 @@ class Prediction(Result):
 
         They are 0 at samples that do not count for all joints.
 
-        Args:
-            arm: The arm of the log.
-
         Raises:
             InvalidInput: The arm has another number of joints.
         """
@@ -354,11 +351,7 @@ class Prediction(Result):
         return np.where(self.used.all(axis=1), np.linalg.norm(offsets, axis=1), 0.0)
 
     def to_data(self, arm: Arm | None = None) -> Data:
-        """The errors of all joints; the largest are shown.
-
-        Args:
-            arm: The arm, which gives errors at its tool.
-        """
+        """The errors of all joints; the largest are shown."""
 
         def of_joints(name: str, label: str) -> Row:
             values = getattr(self, name)

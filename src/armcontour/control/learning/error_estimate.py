@@ -148,11 +148,7 @@ class Estimate:
         return float(np.sqrt(np.mean(squares)))
 
     def _unknown(self, deviation: float) -> FloatArray:
-        """An error as probable as the one that noise leaves unknown [rad], (n, dof).
-
-        Args:
-            deviation: Standard deviation of the noise [rad].
-        """
+        """An error as probable as the one that noise leaves unknown [rad], (n, dof)."""
         random, shape = np.random.default_rng(0), self.runs[0].q.shape
         walk = random.normal(size=shape).cumsum(axis=0) * deviation / np.sqrt(self._penalty)
         error = self.lifted.respond(walk)
@@ -160,11 +156,7 @@ class Estimate:
         return self.lifted.smooth(error + white, self._penalty) - error
 
     def correct(self, setbacks: int) -> FloatArray:
-        """Set-points without the error that repeats [rad], (count, dof).
-
-        Args:
-            setbacks: Number of setbacks; each forbids changes that are ten times as slow.
-        """
+        """Set-points without the error that repeats [rad], (count, dof)."""
         if not setbacks:
             return np.asarray(self.runs[0].q + self._change)
         slow = self.lifted.correct(self.removed, self._penalty * SLOWER**setbacks)[0]

@@ -122,15 +122,6 @@ def judge_run(
 ) -> LearningResult:
     """Judge runs by their logs as `learn` does, and learn nothing from them.
 
-    Args:
-        set_points: The set-points of the runs.
-        executed: What the joints did.
-        arm: The nominal arm.
-        servo: The nominal servo.
-        gravity_feedforward: Whether the controller adds the gravity torque.
-        controller: The arm model of the controller.
-        tool: Measured positions of the tool, as `learn` takes them.
-
     Returns:
         A finished lesson of these runs alone, with the set-points of `set_points`.
 
@@ -153,11 +144,7 @@ def judge_run(
 def _see(
     set_points: SetPoints, executed: Runs, nominal: Nominal, tool: Tool
 ) -> tuple[LearningResult, Lifted]:
-    """Runs as learning sees them, with times as the robot has them, before any estimate.
-
-    Raises:
-        InvalidInput: There is no log, or positions of a tool with several.
-    """
+    """Runs as learning sees them, with times as the robot has them, before any estimate."""
     if tool is not None:
         tool = checks.check_sequence("tool", tool, object, "times and positions of the tool", 2)
     logs = executed if isinstance(executed, (list, tuple)) else (executed,)
@@ -358,14 +345,9 @@ def _keep_limits(
     limits: Limits,
     fastest: FloatArray,
 ) -> tuple[FloatArray, str]:
-    """The set-points within limits nearest to wanted ones, (n, dof), and the limit that binds most.
+    """Nearest set-points within the limits, (n, dof), and the most restrictive limit.
 
-    Args:
-        result: The lesson, with its limits of commands.
-        requested: The wanted set-points [rad], (n, dof).
-        best: Those of the best run [rad], (n, dof), which a joint keeps if there are no others.
-        limits: Limits of the controller, with values per joint.
-        fastest: Largest acceleration of the set-points of each joint [rad/s²], (dof,).
+    A joint without a solution keeps its set-points of the best run.
     """
     selected = Limits.only(
         joint_velocity=limits.joint_velocity,

@@ -83,10 +83,6 @@ class Recording(Checked):
 def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Recording:
     """What the joints did.
 
-    Args:
-        executed: An execution of the set-points, a log of the robot, or a recording.
-        set_points: The set-points.
-
     Raises:
         InvalidInput: It is something else, of another number of joints, or of other set-points.
     """
@@ -128,11 +124,7 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
 
 
 def _refuse_many_gaps(recording: Recording) -> None:
-    """Refuse a recording that misses a large share of the run.
-
-    Raises:
-        InvalidInput: Gaps are longer than MOST_MISSED of it, or times come in bursts.
-    """
+    """Refuse a recording that misses a large share of the run."""
     t, source = recording.t, recording.source
     steps = np.diff(t)
     if bursts := describe_bursts(t, source):

@@ -120,12 +120,6 @@ def attempt(
 ) -> Trial:
     """Simulate all logs with some values of the unknowns.
 
-    Args:
-        model: The robot.
-        grids: The logs.
-        values: Values of the unknowns.
-        before: A trial with similar values.
-
     Raises:
         ExecutionError: A joint runs away.
     """
@@ -243,11 +237,6 @@ def moved(model: Model, grids: list[Gridded]) -> BoolArray:
 
 def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
     """Unknowns that the logs would determine if there were only the noise of the encoders.
-
-    Args:
-        model: The robot.
-        grids: The logs.
-        values: Values of the unknowns; they may be far from the true ones.
 
     Raises:
         ExecutionError: A joint runs away.

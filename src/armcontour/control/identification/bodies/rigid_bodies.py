@@ -122,18 +122,7 @@ def _describe(
     restless: BoolArray,
     delays: tuple[float, float],
 ) -> BodyIdentification:
-    """Estimates and notes of a fit.
-
-    Args:
-        model: The robot.
-        grids: The logs.
-        fit: The fit.
-        restless: Unknowns that were fixed because the search did not converge in them.
-        delays: Smallest and largest dead time of the search [s].
-
-    Raises:
-        InvalidInput: The model does not explain the motion.
-    """
+    """Estimates and notes of a fit."""
     explained, values = check_fit(grids, fit.trial), fit.trial.values
     common, *every = _list_estimates(model, grids, fit)
     # Logs show only the sum of J K_v and viscous friction: one of the two is nominal.
