@@ -20,7 +20,7 @@ job = ac.Job(
         ),
     ),
 )
-found = ac.certify(job, goal=ac.CertificateGoal(servo=1e-5))
+found = ac.certify(job, goal=ac.CertificateGoal(servo_error=1e-5))
 error = found.evaluation.contour_error
 print(f"certified in {found.duration:.3f} s, {found.cost * 1e3:.0f} ms more than the optimum")
 print(f"contour error {error.max * 1e3:.4f} mm at most; holds for: {found.model}")

@@ -37,7 +37,7 @@ corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s, dead_time: 4 ms}
 cycle: 10 ms
 runs: {only: {timing: {intervals: 100}, compensation: {method: none}}}
-certificate: {servo: 0.1 mm}
+certificate: {servo_error: 0.1 mm}
 placement: {over: {x: {from: -5 mm, to: 5 mm, places: 2}}, refine: false}
 """,
     "line.csv": "x [mm],y [mm]\n300,200\n330,200\n",
@@ -190,7 +190,12 @@ def instances() -> Iterator[Any]:
     yield from (ac.Analog(name="gas"), ac.Dwell(duration=1.0), ac.Event(name="gas"))
     yield from (ac.Lead(length=1e-3), ac.Pierce(time=0.1), ac.Rapid(), ac.Switch(), ac.Process())
     yield from (ac.Tabs(width=1e-3, count=2), ac.Weave(width=1e-3, pitch=1e-3))
-    yield from (ac.Payload(mass=1.0), ac.CertificateGoal(servo=1e-4), ac.Scene(), scene.Margins())
+    yield from (
+        ac.Payload(mass=1.0),
+        ac.CertificateGoal(servo_error=1e-4),
+        ac.Scene(),
+        scene.Margins(),
+    )
     yield from (scene.Box(size=[0.1, 0.1, 0.1]), scene.Cylinder(radius=0.1, length=0.1))
     yield from (scene.Capsule(radius=0.1, length=0.1), scene.Sphere(radius=0.1))
     yield scene.Mesh(points=np.random.default_rng(0).normal(size=(10, 3)))

@@ -32,7 +32,7 @@ servo: {kp: 25 1/s, kv: 150 1/s}
 cycle: 4 ms
 certificate:
   plant: rigid_body
-  servo: 1 mm
+  servo_error: 1 mm
   box:
     payload: [0 kg, 2 kg]
     payload_known: true
@@ -58,7 +58,7 @@ KEPT = 1e-9
 def outside(drawing: str, cell: str) -> list[str]:
     """Sentences on what a certificate does not hold; none if it holds."""
     job = read_cell(cell, DRAWINGS / drawing)
-    found = ac.certify(job, goal=ac.CertificateGoal(servo=SERVO))
+    found = ac.certify(job, goal=ac.CertificateGoal(servo_error=SERVO))
     arm, limits = job.arm, found.run.limits
     executed = ac.simulate(
         found.set_points, ac.ServoPlant(arm, job.plant_servo, limits), resolution=1e-4
@@ -101,7 +101,7 @@ servo:
   dead_time: {rng.choice([0.0, 0.004])}
   interpolation: {rng.choice(["linear", "cubic"])}
 cycle: {rng.choice([4, 8, 20])} ms
-certificate: {{servo: {10 ** rng.uniform(-6, -4)}}}
+certificate: {{servo_error: {10 ** rng.uniform(-6, -4)}}}
 runs:
   only: {{compensation: {{method: inverse}}}}
 """
@@ -158,7 +158,7 @@ def simulate_rigid_bodies(count: int) -> list[str]:
     """Sentences on robots that are outside of a certificate on rigid bodies; none if it holds."""
     job = parse_job(SQUARE)
     found = ac.certify(replace(job, arm=job.arm.with_dynamics(armature=0.1)))
-    box, budget = found.goal.box, found.goal.servo
+    box, budget = found.goal.box, found.goal.servo_error
     assert box is not None and budget is not None
     unknowns = Unknowns.of(box, found.job.arm, found.job.plant_servo)
     runs = BodyRuns(

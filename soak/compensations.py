@@ -82,7 +82,7 @@ def rows(reserve: float) -> Iterator[str]:
     for name, servos in robots.items():
         found.append(("bodies", name, lambda x: ac.RigidBodyPlant(arm, x), servos))
     for name, true in (("0.2 kg more", loaded), ("friction of 1 N m, 1 N m s/rad", rough)):
-        plant = lambda x, true=true: ac.RigidBodyPlant(true, x, known=arm)  # noqa: E731
+        plant = lambda x, true=true: ac.RigidBodyPlant(true, x, controller=arm)  # noqa: E731
         found.append(("bodies", name, plant, [nominal]))
     for judge, name, plant, servos in found:
         cells = []

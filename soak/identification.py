@@ -201,7 +201,7 @@ def record(
     plan = ac.plan(ac.JointPath.spline(np.stack([HOME, HOME + 0.1])), known)
     set_points = SetPoints(cycle=CYCLE, q=q, trajectory=plan, method="none")
     limits = ac.Limits.only(joint_torque=np.full(len(HOME), 1e4))
-    plant = ac.RigidBodyPlant(true, servo, limits, noise=OF_ROBOTS, seed=seed, known=known)
+    plant = ac.RigidBodyPlant(true, servo, limits, noise=OF_ROBOTS, seed=seed, controller=known)
     done = ac.simulate(set_points, plant)
     n = int((len(q) - 1) * CYCLE / 1e-3) + 1
     at = done.t[:n:every]

@@ -102,7 +102,12 @@ def draw(task, rng, seed):
 
     def plant(run):
         return ac.RigidBodyPlant(
-            true, servo, STRONG.for_joints(dof), noise=noise, known=task.arm, seed=1000 * seed + run
+            true,
+            servo,
+            STRONG.for_joints(dof),
+            noise=noise,
+            controller=task.arm,
+            seed=1000 * seed + run,
         )
 
     return plant, noise
@@ -173,7 +178,12 @@ def wrong_model(task, seed, runs=RUNS):
         if seed % 2:
             return ac.ServoPlant(task.arm, servo, saturation="none")
         return ac.RigidBodyPlant(
-            true, servo, STRONG.for_joints(dof), noise=noise, known=task.arm, seed=1000 * seed + run
+            true,
+            servo,
+            STRONG.for_joints(dof),
+            noise=noise,
+            controller=task.arm,
+            seed=1000 * seed + run,
         )
 
     _, _, errors, lessons = repeat(task, plant, noise, 1.0, rng, runs)

@@ -106,7 +106,7 @@ runs:
 arm: {name: ur5e, tool: {position: [0, 0, 120 mm], rpy: [0, 0, 90 deg]}}
 path: {points: [[0.4, 0.1, 0.3], [0.5, 0.1, 0.3], [0.5, 0.2, 0.3]], orientation: {axis: [0, 0, -1]}}
 servo: {kp: 25.0, kv: 1.5e2}
-runs: {one: {until: 5 s}, two: {limits: {joint_jerk: 100}}}
+runs: {one: {end_time: 5 s}, two: {limits: {joint_jerk: 100}}}
 """,
 )
 

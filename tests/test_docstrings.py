@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from armcontour.robot.scene.scene import MARGINS
 from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
-from armcontour.control.identification.options import DRIVE_CYCLE, LONGEST_DELAY
+from armcontour.control.identification.fit_options import DRIVE_CYCLE, LONGEST_DELAY
 from armcontour.core.text import MOST_LINES, format_table
 from armcontour.files import parse_job
 from armcontour.jobs import PlaceSearch
 from armcontour.planning.path_grid import DEFAULT_INTERVALS
+from armcontour.robot.scene import MARGINS
 from armcontour.studies.placement.judging import Verdict
 from armcontour.studies.placement.moving import Moves
 from armcontour.studies.placement.placement import Place

@@ -86,8 +86,8 @@ GROUPS = [
     *([f"show {{drawings}}/{x} --json"] for x in ("gasket.dxf", "lettering.svg", "pocket.ngc")),
     [f"place {{drawings}}/gasket.dxf --cell ur5e {OVER} --out out"],
     [f"place {{drawings}}/gasket.dxf --cell pmk3s {OVER} --objective manipulability --out out"],
-    ["certify {library}/paper.yaml --run optimal --servo '0.02 mm' --out out"],
-    ["certify {library}/paper.yaml --run optimal --servo '1 nm' --out out"],
+    ["certify {library}/paper.yaml --run optimal --servo-error '0.02 mm' --out out"],
+    ["certify {library}/paper.yaml --run optimal --servo-error '1 nm' --out out"],
     ["certify {library}/paper.yaml --run optimal --total-tolerance '3 mm' --out out"],
     ["identify {tests}/control/identification/kuka_kr300/A.csv --json --out out"],
     [

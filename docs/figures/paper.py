@@ -53,7 +53,7 @@ def conventional() -> Result:
     set_points = ac.compensate(trajectory, SERVO, ac.NoCompensation(), cycle=FINE)
     executed = ac.simulate(set_points, ac.ServoPlant(ARM, SERVO, limits))
     return Result(
-        executed, ac.evaluate(executed, OBJECTIVE, limits=limits, until=CONVENTIONAL_TIME)
+        executed, ac.evaluate(executed, OBJECTIVE, limits=limits, end_time=CONVENTIONAL_TIME)
     )
 
 

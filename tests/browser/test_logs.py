@@ -11,7 +11,7 @@ from armcontour.cli import main
 from armcontour.core.render import number
 from armcontour.files import parse_job
 from armcontour.files.log_file import read_log, read_run_log
-from armcontour.jobs.learning import judge_log
+from armcontour.jobs.run_learning import judge_log
 
 pytestmark = pytest.mark.browser
 DROP = """async ([name, bytes]) => {

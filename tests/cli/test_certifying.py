@@ -42,20 +42,20 @@ def test_certify_writes_everything_that_repeats_it(command, job, tmp_path, done)
 
 
 def test_options_replace_the_keys_of_the_job(job, refused, tmp_path, done):
-    shown = done("certify", job, "--servo", "0.05 mm", "--json")
-    assert json.loads(shown)["certificate"]["goal"]["servo"] == 5e-5
+    shown = done("certify", job, "--servo-error", "0.05 mm", "--json")
+    assert json.loads(shown)["certificate"]["goal"]["servo_error"] == 5e-5
     rows = [
-        (("--servo", "5 kg"), ["--servo"]),
+        (("--servo-error", "5 kg"), ["--servo-error"]),
         (
-            ("--servo", "-0.5 mm"),
-            ["--servo: ", "certificate.servo: must be above zero, but is -0.5 mm."],
+            ("--servo-error", "-0.5 mm"),
+            ["--servo-error: ", "certificate.servo_error: must be above zero, but is -0.5 mm."],
         ),
         (("--plant", "rigid_body"), ["saturation"]),
     ]
     assert refused(tmp_path, rows, codes=(2,), begin=("certify", job)) == []
     rows = [
         (("certify", GASKET, "--cell", "pmk3s"), ["needs a tolerance"]),
-        (("certify", GASKET, "--servo", "0.1 mm"), ["--cell"]),
+        (("certify", GASKET, "--servo-error", "0.1 mm"), ["--cell"]),
     ]
     assert refused(tmp_path, rows, codes=(2,)) == []
 
@@ -71,7 +71,7 @@ def test_a_drawing_of_several_contours_is_certified_in_one_command(tmp_path, don
     out = tmp_path / "gasket"
     # A line and an arc; `python -m soak certificates` certifies the drawings as they are.
     some = [x for name in ("31", "3A") for x in ("--contour", f"handle {name}")]
-    given = ("--cell", "pmk3s", "--servo", "0.1 mm", *some)
+    given = ("--cell", "pmk3s", "--servo-error", "0.1 mm", *some)
     shown = done("certify", GASKET, *given, "--out", out)
     data = summary(out)
     found, run = data["certificate"], data["runs"]["compensated"]

@@ -33,7 +33,7 @@ CLUSTER = "--cluster tcp://127.0.0.1:1"
 NEEDS = {
     "experiment": (
         "mujoco",
-        ["run bodies.yaml --out out", "certify job.yaml --servo 1mm --plant rigid_body"],
+        ["run bodies.yaml --out out", "certify job.yaml --servo-error 1mm --plant rigid_body"],
     ),
     "drawings": ("ezdxf", ["show a.dxf", "run a.dxf --cell ur5e --out out"]),
     "ros": ("rosbags.typesys", ["check a.mcap --arm pmk3s", "run job.yaml -o out --export mcap"]),
@@ -42,7 +42,7 @@ NEEDS = {
         [
             f"batch plan.yaml -o out {CLUSTER}",
             f"place job.yaml -o out --over x:0mm..1mm,2 {CLUSTER}",
-            f"certify job.yaml --servo 1mm {CLUSTER}",
+            f"certify job.yaml --servo-error 1mm {CLUSTER}",
         ],
     ),
     "studio": ("uvicorn", ["studio --no-open"]),

@@ -12,7 +12,7 @@ from armcontour.cli.run_command import run_job
 from armcontour.files import read_job
 from armcontour.files.set_point_file import read_taught
 from armcontour.files.stored_run import read_run
-from armcontour.jobs.learning import plan_run
+from armcontour.jobs.run_learning import plan_run
 from armcontour.simulation import simulate
 
 DEGREES = np.degrees(1.0)

@@ -95,7 +95,7 @@ def test_any_key_of_the_job_is_set(tmp_path, run, refused):
         (("--tolerance", "1 s"), ["--tolerance: job.yaml: corners.tolerance: must be"]),
         (("--set", "limits.speed=1", "--speed", "1 m/s"), ["--speed and --set limits.speed"]),
         (("--set", "limits.speed"), ["--set: 'limits.speed' sets no key: write one such as"]),
-        (("--set", "runs.plan.until=1"), ["--set: job.yaml: runs.plan.until names no run"]),
+        (("--set", "runs.plan.end_time=1"), ["--set: job.yaml: runs.plan.end_time names no run"]),
         # The tolerance is not what is wrong.
         (
             ("--set", "path.points=[[1, 2]]", "--tolerance", "1 mm"),
@@ -212,8 +212,8 @@ def test_other_texts_are_refused_with_the_option():
         with pytest.raises(InvalidInput, match=words):
             read_option("--speed", text, Speed)
     # The unit is that of the text.
-    with pytest.raises(InvalidInput, match="^--servo: must be above zero, but is -0.5 mm.$"):
-        read_option("--servo", " -0.5 mm ", Tolerance)
+    with pytest.raises(InvalidInput, match="^--servo-error: must be above zero, but is -0.5 mm.$"):
+        read_option("--servo-error", " -0.5 mm ", Tolerance)
 
 
 @pytest.mark.parametrize("line", [["--help"], ["check", "--help"]])

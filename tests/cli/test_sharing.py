@@ -9,7 +9,7 @@ path: {points: [[0.30, 0.20], [0.32, 0.20], [0.32, 0.21]]}
 limits: {speed: 0.15 m/s, joint_acceleration: 2}
 corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
-certificate: {servo: 0.3 mm}
+certificate: {servo_error: 0.3 mm}
 runs: {only: {compensation: {method: inverse}, timing: {intervals: 100}}}
 """
 OVER = ("--over", "x: -30 mm .. 30 mm, 3", "--no-refine")

@@ -56,8 +56,8 @@ def test_a_file_becomes_a_program_where_its_frame_lies(folder):
 
 
 def test_a_file_of_one_plain_contour_is_a_job_of_one_path(folder):
-    plain = job(folder, path=PLAIN_FILE, runs={"one": {"until": "9 s"}})
-    assert plain.program.path.length == pytest.approx(0.1) and plain.runs[0].until == 9.0
+    plain = job(folder, path=PLAIN_FILE, runs={"one": {"end_time": "9 s"}})
+    assert plain.program.path.length == pytest.approx(0.1) and plain.runs[0].end_time == 9.0
     rest = job(folder, "process: {resume_at: 30 mm}", path=PLAIN_FILE)
     single = prepare(rest.program, rest.process).single_path
     assert single.length == pytest.approx(0.07)
@@ -147,7 +147,7 @@ path: {frame: {position: [0.3, 0.1, 1 mm]}} => path.frame ... z = 0
 path: {frame: {position: [0.3, 0.1, 0], rpy: [0.1, 0, 0]}} => path.frame
 path: {orientation: {axis: [0, 0, -1]}} => path.orientation ... in space
 process: {approach: 5 mm} => in the plane
-runs: {one: {until: 9 s}} => until is for a job with a single path
+runs: {one: {end_time: 9 s}} => end_time is for a job with a single path
 name: "x\e]52;c;cHduZWQ=\e\\" => name of a job has the character U+001B
 process: {switch: {name: "a\a"}} => process.switch: The name of a switch
 """

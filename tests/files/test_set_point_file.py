@@ -18,7 +18,7 @@ from armcontour.files.json_text import data_json
 from armcontour.files.lesson_file import read_lesson, write_lesson
 from armcontour.files.set_point_file import LESSON, read_taught
 from armcontour.jobs import run
-from armcontour.jobs.learning import plan_run
+from armcontour.jobs.run_learning import plan_run
 from armcontour.motion import SetPoints
 from armcontour.robot.servo import ServoModel
 

@@ -59,9 +59,9 @@ class Bench:
     def conventional(self, what):
         if what == "T":
             return self.conventional_plan.duration
-        until = self.conventional_plan.duration if what == "rms_of_the_motion" else 12.06
+        end_time = self.conventional_plan.duration if what == "rms_of_the_motion" else 12.06
         done = self.executed("conventional", "even", "none", 2e-4, None)
-        found = ac.evaluate(done, self.objective, until=until)
+        found = ac.evaluate(done, self.objective, end_time=end_time)
         error = found.contour_error
         rms = {"rms": error.rms * MM, "rms_of_the_motion": error.rms * MM}
         return {**rms, "settled": found.settled, "max": error.max * MM}[what]

@@ -9,7 +9,7 @@ from tests.loaded_robot import loaded_robot
 
 import armcontour as ac
 from armcontour.files import parse_job
-from armcontour.jobs.learning import (
+from armcontour.jobs.run_learning import (
     LearningStudy,
     feeds_gravity_forward,
     learn_run,

@@ -15,7 +15,7 @@ from armcontour.core.progress import Step
 from armcontour.files.cell import read_cell
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Rounding, run, warnings_of
-from armcontour.jobs.planning import plan_one, prepare_and_round
+from armcontour.jobs.run_plan import plan_one, prepare_and_round
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
 LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)
@@ -143,8 +143,8 @@ def test_what_makes_no_job_is_refused():
     refused((lambda: run(job(auto, *TWO, far)), "Contour E7", "PMK-3s"), kind=Unreachable)
     refused(
         (lambda: run(job(auto, timing=ac.Paper())), "Run compensated", "optimal", "paper"),
-        (lambda: job(Process(), until=3.0), "until is for a job with a single path"),
-        (lambda: run(job(led, Contour(path=BEND), until=3.0)), "until"),
+        (lambda: job(Process(), end_time=3.0), "end_time is for a job with a single path"),
+        (lambda: run(job(led, Contour(path=BEND), end_time=3.0)), "end_time"),
         (lambda: run(job(Process(resume_at=1.0))), "resumed at 1 m"),
     )
 
@@ -210,7 +210,7 @@ def test_runs_share_their_tracing_and_find_their_own_leads():
 
 def test_a_job_of_a_path_is_one_of_its_program():
     program = Program(moves=(Contour(path=BEND),))
-    by_path = dataclasses.replace(job(Process(), Contour(path=BEND), until=3.0), path=BEND)
+    by_path = dataclasses.replace(job(Process(), Contour(path=BEND), end_time=3.0), path=BEND)
     by_program = dataclasses.replace(by_path, path=program)
     for x in (by_path, by_program):
         assert x.program.path is BEND
@@ -218,7 +218,7 @@ def test_a_job_of_a_path_is_one_of_its_program():
     assert first.path.single_path is not None
     np.testing.assert_array_equal(first.set_points.q, second.set_points.q)
     for x in (first, second):
-        assert x.evaluation.until == 3.0 and len(x.evaluation.contours) == 1
+        assert x.evaluation.end_time == 3.0 and len(x.evaluation.contours) == 1
 
 
 DRAWINGS = FilePath(__file__).parents[2] / "examples" / "drawings"

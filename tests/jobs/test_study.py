@@ -18,7 +18,7 @@ from armcontour.core.frames import from_rpy
 from armcontour.files import parse_job
 from armcontour.jobs import Experiment, Rounding, build_plant, prepare_and_round, run
 from armcontour.jobs.job import choose_run
-from armcontour.jobs.quantities import angular_speed, planned_torques
+from armcontour.jobs.plan_quantities import angular_speed, planned_torques
 from armcontour.planning.tracing.tracer import trace_all
 
 
@@ -30,7 +30,7 @@ def job(arm, objective, servo, limits):
         compensation=ac.PolePlacement(poles=[-100.0, -100.0, -100.0]),
         limits=limits,
         rounding=Rounding(tolerance=5e-3),
-        until=6.0,
+        end_time=6.0,
     )
     slow = limits.replace(speed=0.04)
     methods = {"timing": ac.Conventional(), "compensation": ac.NoCompensation()}
@@ -64,7 +64,7 @@ def test_run_is_all_arrows_one_by_one(job, study):
         trajectory = ac.plan(ac.trace(path, job.arm), job.arm, this.limits, this.timing)
         set_points = ac.compensate(trajectory, job.servo, this.compensation, cycle=this.cycle)
         execution = ac.simulate(set_points, ac.ServoPlant(job.arm, job.plant_servo, this.limits))
-        asked = {"objective": job.path, "limits": this.limits, "until": this.until}
+        asked = {"objective": job.path, "limits": this.limits, "end_time": this.end_time}
         evaluation = ac.evaluate(execution, path, **asked)
         assert found.run is this
         np.testing.assert_array_equal(found.path.path.breaks, path.breaks)
@@ -74,7 +74,7 @@ def test_run_is_all_arrows_one_by_one(job, study):
         assert found.evaluation.contour_error.rms == evaluation.contour_error.rms
         assert found.evaluation.objective_error.max == evaluation.objective_error.max
         assert found.evaluation.corners == evaluation.corners
-        assert found.evaluation.until == evaluation.until
+        assert found.evaluation.end_time == evaluation.end_time
         np.testing.assert_array_equal(found.evaluation.saturated, evaluation.saturated)
 
 
@@ -89,7 +89,7 @@ def test_an_experiment_is_the_same_set_points_on_rigid_bodies(job):
     found = study.runs["proposed"]
     plant = ac.RigidBodyPlant(job.arm, job.plant_servo, this.limits, noise=1e-6, seed=3)
     execution = ac.simulate(found.set_points, plant)
-    asked = {"objective": job.path, "limits": this.limits, "until": this.until}
+    asked = {"objective": job.path, "limits": this.limits, "end_time": this.end_time}
     evaluation = ac.evaluate(execution, found.path, **asked)
     np.testing.assert_array_equal(found.experiment.execution.q, execution.q)
     assert found.experiment.evaluation.contour_error.rms == evaluation.contour_error.rms
@@ -103,7 +103,7 @@ def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
     load, coulomb = ac.Payload(mass=2.0), [6, 6, 4, 1.5, 1.5, 1.5]
     unknown = Experiment(payload=load, armature=0.1, viscous=8.0, coulomb=coulomb)
     plant = build_plant(unknown, arm, servo)
-    assert plant.chain.payload is load and plant.known_chain is arm.chain
+    assert plant.chain.payload is load and plant.controller_chain is arm.chain
     assert (plant.chain.armature == 0.1).all() and (plant.chain.viscous == 8.0).all()
     np.testing.assert_array_equal(plant.chain.coulomb, coulomb)
     np.testing.assert_array_equal(plant.chain.masses, arm.chain.masses)
@@ -112,7 +112,7 @@ def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
     # It replaces the payload that the controller knows, and leaves out what is not given.
     known = arm.with_tool(arm.chain.tool, ac.Payload(mass=3.0))
     empty = build_plant(Experiment(payload=ac.Payload(mass=0.0)), known, servo)
-    assert empty.chain.payload.mass == 0.0 and empty.known_chain.payload.mass == 3.0
+    assert empty.chain.payload.mass == 0.0 and empty.controller_chain.payload.mass == 3.0
     rigid = build_plant(Experiment(), arm, servo)
     assert rigid.chain is arm.chain and Experiment().unknown == ""
     assert rigid.joint_stiffness is None and rigid.joint_damping is None

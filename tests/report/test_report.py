@@ -21,7 +21,7 @@ from armcontour.core.frames import Frame
 from armcontour.core.render import number
 from armcontour.files import parse_job
 from armcontour.jobs import run
-from armcontour.jobs.learning import LearningStudy, learn_run, plan_run
+from armcontour.jobs.run_learning import LearningStudy, learn_run, plan_run
 from armcontour.report import render_report, sections, write_report
 from armcontour.report.figure import Node, make_subplots, make_trace, render_page, to_json
 from armcontour.report.sections import clearance

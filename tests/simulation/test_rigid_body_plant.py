@@ -243,27 +243,27 @@ LOAD_WEIGHT = 3.0 * G * LENGTH
 
 def test_a_payload_that_the_controller_does_not_know_lets_the_arm_sag():
     loaded = pendulum(payload=LOAD)
-    held = run(loaded, [[0.3]], known=pendulum())
+    held = run(loaded, [[0.3]], controller=pendulum())
     at = held.q[0, 0]
     # What is fed forward is lacking the load: K (u - q) = g_true(q) - g_known(q).
     assert at == pytest.approx(0.3 - LOAD_WEIGHT * np.cos(at) / STIFFNESS, abs=1e-12)
     np.testing.assert_allclose(held.q, at, atol=1e-9)
     np.testing.assert_allclose(held.torque, (WEIGHT + LOAD_WEIGHT) * np.cos(at), rtol=1e-6)
-    end = run(loaded, swing(0.8), known=pendulum()).q[-1, 0]
+    end = run(loaded, swing(0.8), controller=pendulum()).q[-1, 0]
     assert end - 0.8 == pytest.approx(-LOAD_WEIGHT * np.cos(end) / STIFFNESS, rel=1e-4)
     # A controller that adds nothing lacks all of it, whatever it knows.
-    without = run(loaded, [[0.3]], known=pendulum(), gravity_feedforward=False).q[0, 0]
+    without = run(loaded, [[0.3]], controller=pendulum(), gravity_feedforward=False).q[0, 0]
     weight = (WEIGHT + LOAD_WEIGHT) * np.cos(without)
     assert without == pytest.approx(0.3 - weight / STIFFNESS, abs=1e-12)
     # And one that knows of a load that is not there lifts the arm.
-    lifted = run(pendulum(), [[0.3]], known=loaded).q[0, 0]
+    lifted = run(pendulum(), [[0.3]], controller=loaded).q[0, 0]
     assert lifted == pytest.approx(0.3 + LOAD_WEIGHT * np.cos(lifted) / STIFFNESS, abs=1e-12)
 
 
 def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
     drives = pendulum(gravity=WEIGHTLESS, armature=[0.4])
     nominal = pendulum(gravity=WEIGHTLESS)
-    simulated = plant(drives, known=nominal, step=1e-4)
+    simulated = plant(drives, controller=nominal, step=1e-4)
     np.testing.assert_allclose(simulated.nominal_inertia, INERTIA)
     assert simulated.arm is drives
     done = ac.simulate(taught_data(swing()), simulated, resolution=0.004)
@@ -271,9 +271,11 @@ def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
     n = len(swing())
     np.testing.assert_allclose(done.q[:n], expected.q[:n], atol=3e-6)
     given = ac.ServoModel(kp=KP, kv=KV, inertia=0.7)
-    np.testing.assert_allclose(ac.RigidBodyPlant(drives, given, known=nominal).nominal_inertia, 0.7)
+    np.testing.assert_allclose(
+        ac.RigidBodyPlant(drives, given, controller=nominal).nominal_inertia, 0.7
+    )
     # A drive that is rated for accelerations is rated for the bodies that its maker knew of.
-    rated = plant(drives, ac.Limits.only(joint_acceleration=4.0), known=nominal)
+    rated = plant(drives, ac.Limits.only(joint_acceleration=4.0), controller=nominal)
     np.testing.assert_allclose(rated.torque_limit, 4.0 * INERTIA)
 
 
@@ -412,7 +414,7 @@ def test_drives_that_are_too_weak_are_errors(fails):
     loaded = pendulum(payload=LOAD)
     assert run(loaded, [[0.0]], slow).torque[0, 0] > 10.0 * INERTIA
     words = ("takes 14.71 N m to be held", "beside gravity feed-forward", "at most 6 N m")
-    fails(partial(run, loaded, [[0.0]], slow, known=pendulum()), *words)
+    fails(partial(run, loaded, [[0.0]], slow, controller=pendulum()), *words)
     falling = swing(-np.pi / 2, start=np.pi / 2)
     fails(partial(run, pendulum(viscous=[5.0]), falling, weak), "rests ", limit="joint_torque")
 
@@ -437,8 +439,8 @@ def test_refused(refuses, monkeypatch):
         (partial(plant, pendulum(), kp=[1.0, 2.0]), "kp has 2 values"),
         (partial(plant, pendulum(), one_way), "joint_acceleration"),
         (partial(plant, light), "Joint 1 (hinge) turns no inertia"),
-        (partial(plant, pendulum(), known=two_link()), "its controller knows has 2"),
-        (partial(plant, pendulum(), known=pendulum(masses=None)), "pendulum are not known"),
+        (partial(plant, pendulum(), controller=two_link()), "its controller knows has 2"),
+        (partial(plant, pendulum(), controller=pendulum(masses=None)), "pendulum are not known"),
         (partial(run, pendulum(), np.zeros((4, 3))), "for 3 joints"),
         (partial(run, pendulum(), swing(), resolution=1e-4), "coarser"),
         (partial(ac.RigidBodyPlant, two_link(), first), "of order second"),

@@ -5,7 +5,7 @@ import pytest
 from tools.studio_page import write_job
 
 import armcontour as ac
-from armcontour.jobs.learning import plan_run
+from armcontour.jobs.run_learning import plan_run
 
 TRUE = ac.ServoModel(kp=24.0, kv=140.0)
 HEAD = "t [s],command 1 [rad],command 2 [rad],measured 1 [rad],measured 2 [rad]"

@@ -13,7 +13,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.render import cells
 from armcontour.files import parse_job, ros_files
 from armcontour.files.log_file import read_log, read_run_log
-from armcontour.jobs.learning import judge_log
+from armcontour.jobs.run_learning import judge_log
 from armcontour.studio.disk import state_folder
 from armcontour.studio.tasks.working import do
 from armcontour.studio.uploads import MOST_LOGS

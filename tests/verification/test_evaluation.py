@@ -118,15 +118,15 @@ def test_errors_are_weighted_by_time_until_a_given_one(arm):
     t = np.concatenate([np.linspace(0, 0.1, 101), [10.0]])
     tool = np.tile((0.3, 0.2), (102, 1))
     tool[-2:] += (0, 1e-3)
-    found = ac.evaluate(by_hand(arm, t, tool), LINE, until=10.0).contour_error
+    found = ac.evaluate(by_hand(arm, t, tool), LINE, end_time=10.0).contour_error
     assert found.rms == pytest.approx(1e-3 * np.sqrt(9.9005 / 10), rel=1e-4)
     off = ALONG + np.outer(np.minimum(T, 1.0), (0, 1e-3))
-    for until in (0.5, 2.0, 8.0):
-        found = ac.evaluate(by_hand(arm, T, off), LINE, until=until)
-        error, most = found.contour_error, min(until, 1.0)
-        assert found.until == until and error.t[-1] == until
+    for end_time in (0.5, 2.0, 8.0):
+        found = ac.evaluate(by_hand(arm, T, off), LINE, end_time=end_time)
+        error, most = found.contour_error, min(end_time, 1.0)
+        assert found.end_time == end_time and error.t[-1] == end_time
         assert error.max == pytest.approx(1e-3 * most, rel=1e-6)
-        expected = 1e-3 * np.sqrt((most**3 / 3 + max(until - 1, 0.0)) / until)
+        expected = 1e-3 * np.sqrt((most**3 / 3 + max(end_time - 1, 0.0)) / end_time)
         assert error.rms == pytest.approx(expected, rel=1e-3)
 
 
@@ -145,9 +145,9 @@ def test_the_tool_is_settled_when_it_stays_slow_and_errors_are_covered_until_the
     # Never before the end of the plan, as where the tool slows down to its end or stands still.
     for tool in (np.tile((0.3, 0.2), (len(T), 1)), creeping.tool):
         found = ac.evaluate(by_hand(arm, T, tool), LINE)
-        assert found.duration == found.settled == found.until == 2.0
+        assert found.duration == found.settled == found.end_time == 2.0
     found = ac.evaluate(replace(done, set_points=set_points), LINE)
-    assert found.duration == 0.5 and found.until == found.settled == 2.0
+    assert found.duration == 0.5 and found.end_time == found.settled == 2.0
 
 
 def test_the_largest_error_counts_until_the_joints_rest_and_the_mean_until_the_tool_is_slow(arm):
@@ -157,11 +157,11 @@ def test_the_largest_error_counts_until_the_joints_rest_and_the_mean_until_the_t
     laws = (LapLaw(breaks=np.array([0.0, 1.0]), q=done.q[:2], dq=done.dq[:1], ddq=done.dq[:1]),)
     plan = replace(done.set_points, trajectory=ac.Trajectory(laws=laws, method="hand"))
     found = ac.evaluate(replace(done, set_points=plan), LINE)
-    assert found.until == found.settled == pytest.approx(1.0, abs=0.011)
+    assert found.end_time == found.settled == pytest.approx(1.0, abs=0.011)
     error = found.contour_error
     assert error.max == pytest.approx(5e-4, rel=1e-3) and error.t_max == T[-1]
     assert error.rms < 5e-6
-    given = ac.evaluate(replace(done, set_points=plan), LINE, until=1.5).contour_error
+    given = ac.evaluate(replace(done, set_points=plan), LINE, end_time=1.5).contour_error
     assert (given.max, given.t_max) == (pytest.approx(2.5e-4, rel=0.03), 1.5)
     assert given.rms == pytest.approx(2.5e-4 / 3, rel=0.03)
 
@@ -236,8 +236,8 @@ def test_refused(arm, refuses):
     done = by_hand(arm, T, ALONG)
     three = ac.Limits.only(joint_acceleration=[1, 2, 3])
     for path, options, words in (
-        (LINE, {"until": 0.0}, "above zero"),
-        (LINE, {"until": np.nan}, "finite"),
+        (LINE, {"end_time": 0.0}, "above zero"),
+        (LINE, {"end_time": np.nan}, "finite"),
         (LINE, {"limits": three}, "joint_acceleration has 3 values"),
         (ac.Path.polyline([(0, 0, 0), (1, 0, 0)]), {}, "the path has 3"),
     ):

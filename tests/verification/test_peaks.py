@@ -58,9 +58,9 @@ def figures(found):
     return [x.max for x in e]
 
 
-def largest(executed, path, until=np.inf):
+def largest(executed, path, end_time=np.inf):
     """The largest distance of samples from a path that does not come near itself [m]."""
-    return path.project(executed.tool[executed.t <= until]).distance.max()
+    return path.project(executed.tool[executed.t <= end_time]).distance.max()
 
 
 RUNS = dict(
@@ -101,7 +101,7 @@ def test_no_sample_between_is_higher(
     coarse, fine = executions(trajectory, plant, cycle, method, resolution)
     found, finer = (ac.evaluate(x, path, objective=objective) for x in (coarse, fine))
     for error, of in ((found.contour_error, path), (found.objective_error, objective)):
-        assert largest(fine, of, found.until) <= error.max * (1 + AGREE) + 1e-12
+        assert largest(fine, of, found.end_time) <= error.max * (1 + AGREE) + 1e-12
     np.testing.assert_allclose(figures(found), figures(finer), rtol=AGREE, atol=1e-11)
     roundings = ([y.rounding for y in x.corners] for x in (found, finer))
     np.testing.assert_allclose(*roundings, rtol=AGREE, atol=5e-9)

@@ -135,7 +135,7 @@ def test_a_program_of_one_contour_is_worth_what_its_path_is():
     assert first.limit_ratios == second.limit_ratios
     assert first.time_at_limit == second.time_at_limit
     for found in (first, second):
-        assert found.until == found.settled > alone.set_points.trajectory.duration
+        assert found.end_time == found.settled > alone.set_points.trajectory.duration
         assert [x.max for x in found.contours] == [found.contour_error.max]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from armcontour.core.errors import InvalidInput
 from armcontour.core.result import Row
 from armcontour.core.text import suggest
-from armcontour.jobs.axes import UNITS
+from armcontour.jobs.place_search import UNITS
 
 # What is done with each job: each more than the one before, or something else.
 TEACH, RUN, CERTIFY = RISING = ("teach", "run", "certify")
@@ -118,7 +118,7 @@ def figures_of(found: Any, names: Iterable[str], work: str) -> tuple[float | Non
         names: The columns.
         work: What was done.
     """
-    from armcontour.jobs.results import judging_rows
+    from armcontour.jobs.job_result import judging_rows
 
     rows: list[Row] = []
     if work != PLACE:

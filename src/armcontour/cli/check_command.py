@@ -259,8 +259,8 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
     """
     from armcontour.core.errors import InvalidInput
     from armcontour.jobs.job import find_run
-    from armcontour.jobs.planning import path_inputs
     from armcontour.jobs.reuse import comparable
+    from armcontour.jobs.run_plan import path_inputs
 
     if run_name is not None:
         return find_run(job, run_name)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from armcontour.core.checks import FloatArray
     from armcontour.files import ResultFolder
     from armcontour.jobs import Job, RunResult
-    from armcontour.jobs.learning import JudgedStudy, LearningStudy
+    from armcontour.jobs.run_learning import JudgedStudy, LearningStudy
     from armcontour.motion import Log, SetPoints
 
 Found = TypeVar("Found", "JudgedStudy", "LearningStudy")
@@ -112,7 +112,7 @@ def _learn(
     progress: Progress,
 ) -> LearningStudy:
     """Read the job, plan its run, and learn from the log of a robot."""
-    from armcontour.jobs.learning import LearningStudy, learn_run, plan_run
+    from armcontour.jobs.run_learning import LearningStudy, learn_run, plan_run
 
     job = open_job(file, job_options, subprogress(progress, "reading"))
     plan = plan_run(job, x.run_name, progress=progress)
@@ -130,7 +130,7 @@ def _judge(
     progress: Progress,
 ) -> JudgedStudy:
     """Read the job, plan its run, and judge the log of a robot."""
-    from armcontour.jobs.learning import judge_log, plan_run
+    from armcontour.jobs.run_learning import judge_log, plan_run
 
     job = open_job(file, job_options, subprogress(progress, "reading"))
     plan = plan_run(job, x.run_name, progress=progress)

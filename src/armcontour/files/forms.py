@@ -22,8 +22,7 @@ from armcontour.core.quantities import (
     Ratio,
 )
 from armcontour.geometry import SegmentLimits
-from armcontour.jobs.axes import AXES
-from armcontour.jobs.place_search import POINTS, PlaceSearch
+from armcontour.jobs.place_search import AXES, POINTS, PlaceSearch
 from armcontour.program import Event, Lead, Process
 from armcontour.robot.chain import Payload
 from armcontour.simulation.robustness.uncertainty import Uncertainty

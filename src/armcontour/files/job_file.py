@@ -316,7 +316,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
             limits=limits,
             rounding=corners,
             cycle=cycle,
-            until=model.until,
+            end_time=model.end_time,
             experiment=experiment,
             accuracy=job.accuracy,
         )

@@ -39,7 +39,7 @@ GROUPS = {
     ),
     "Part": ("path.frame", "path.repeat", "path"),
     "Servo": ("servo", "cycle", "plant"),
-    "Run": ("timing", "compensation", "duration", "until"),
+    "Run": ("timing", "compensation", "duration", "end_time"),
     "Cell": ("scene", "ignore_collisions"),
     "Name, certificate, placement": ("name", "title", "certificate", "placement", "experiment"),
 }

@@ -361,13 +361,14 @@ class RunModel(SharedModel):
     Args:
         timing: How the path is timed.
         compensation: How the servo's delay is compensated.
-        until: End of the time over which errors are evaluated [s]; by default when all joints rest.
+        end_time: End of the time over which errors are evaluated [s]; by default when all joints
+            rest.
         duration: Time of the motion from start to end [s]; by default the shortest.
     """
 
     timing: Timing = FASTEST
     compensation: Compensation = INVERSE
-    until: Interval | None = None
+    end_time: Interval | None = None
     duration: Interval | None = None
 
 

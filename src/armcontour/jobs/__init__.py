@@ -10,9 +10,9 @@ _HOME = {
     "improvements": "Advice Improvement",
     "job": "Job Rounding Run",
     "place_search": "PlaceSearch",
-    "planned": "Planned ShapingGain",
-    "planning": "plan_one prepare_and_round",
-    "results": "ExperimentResult JobResult RunResult warnings_of",
+    "planned_run": "Planned ShapingGain",
+    "run_plan": "plan_one prepare_and_round",
+    "job_result": "ExperimentResult JobResult RunResult warnings_of",
     "study": "STEPS run steps_of",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

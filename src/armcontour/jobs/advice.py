@@ -17,10 +17,10 @@ from armcontour.core.render import split
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.improvements import Advice, Improvement
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.planned import Planned
-from armcontour.jobs.planning import plan_one
-from armcontour.jobs.results import JobResult, RunResult
+from armcontour.jobs.job_result import JobResult, RunResult
+from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import Reuse
+from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.study import compute_set_points, simulate_run
 from armcontour.jobs.verdict import farthest, judge, weave_speed
 from armcontour.motion import Method
@@ -73,27 +73,18 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
     """Find the changes of a run that save most time; of a run that is not kept, those that repair.
 
     Each change is planned and simulated.
-
-    Args:
-        job: The job.
-        result: One of its runs, simulated.
-        progress: Called before each change is planned, with the share that is done.
     """
     tell, steps = subprogress(progress), advising(job, result)
     while True:
         try:
             tell(Step((STEP,), done=next(steps)))
         except StopIteration as end:
-            found: Advice = end.value
-            return found
+            advice: Advice = end.value
+            return advice
 
 
 def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
     """The steps of `advise`, each of which plans one change.
-
-    Args:
-        job: As of `advise`.
-        result: As of `advise`.
 
     Yields:
         The share that is done.
@@ -110,25 +101,20 @@ def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
         likely = sorted(_savings(job, result), key=lambda x: -x[0].worth)[:MOST_PLANNED]
         groups = list(map(iter, likely))
         none = "No single change of a limit, the corners or the order makes the motion faster."
-    least = -inf if repairs else LEAST * result.trajectory.duration
+    smallest = -inf if repairs else LEAST * result.trajectory.duration
     for k, group in enumerate(groups):
         for x in group:
             yield k / len(groups)
             tried = _try(x, result, reuse)
-            if tried is not None and tried.saved > least and tried.kept is not False:
+            if tried is not None and tried.saved > smallest and tried.kept is not False:
                 helpful.append(tried)
                 break
-    found = tuple(sorted(helpful, key=lambda x: -x.saved))[:MOST_LISTED]
-    return Advice(improvements=found, note="" if found else none)
+    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MOST_LISTED]
+    return Advice(improvements=suggestions, note="" if suggestions else none)
 
 
 def advised(study: JobResult, progress: Progress | None = None) -> JobResult:
-    """A study with the advice on each of its runs.
-
-    Args:
-        study: The study, simulated.
-        progress: As of `advise`, with the names of the runs before the step.
-    """
+    """A study with the advice on each of its runs."""
     runs = {
         name: replace(x, advice=advise(study.job, x, subprogress(progress, name)))
         for name, x in study.runs.items()
@@ -136,15 +122,10 @@ def advised(study: JobResult, progress: Progress | None = None) -> JobResult:
     return replace(study, runs=MappingProxyType(runs))
 
 
-def is_small(job: Job, most: int = SMALL) -> bool:
-    """Whether changes of a job are planned within a few seconds.
-
-    Args:
-        job: The job.
-        most: Largest number of segments in all its runs.
-    """
+def is_small(job: Job, maximum: int = SMALL) -> bool:
+    """Whether changes of a job are planned within a few seconds."""
     segments = sum(len(x.path) for x in job.program.contours)
-    return segments * len(job.runs) <= most and not any(x.is_shaped for x in job.runs)
+    return segments * len(job.runs) <= maximum and not any(x.is_shaped for x in job.runs)
 
 
 def _try(x: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
@@ -174,7 +155,7 @@ def _contour_errors(job: Job, planned: Planned) -> list[float]:
     if run.judge is not None:
         plant = build_plant(run.judge, job.arm, job.plant_servo, run.limits)
     executed = simulate_run(job, set_points, plant)
-    return [x.max for x in evaluate(executed, planned.path, until=run.until).contours]
+    return [x.max for x in evaluate(executed, planned.path, end_time=run.end_time).contours]
 
 
 def _rounded(value: float, digits: int = 3) -> float:
@@ -244,16 +225,16 @@ def _raised_limit(
     words, condition = f"the {kind}", IF_PROCESS
     raised = np.array(value, dtype=np.float64)
     bounds = raised.reshape(raised.size if joint is None else len(raised), -1)
-    own = bounds[joint or 0]
-    old = float(np.abs(own).min())
-    own[:] = [np.sign(x) * _rounded(abs(x) * RAISED) for x in own]
+    limit = bounds[joint or 0]
+    old = float(np.abs(limit).min())
+    limit[:] = [np.sign(x) * _rounded(abs(x) * RAISED) for x in limit]
     if joint is not None:
         words, condition = f"joint {joint + 1} {kind}", IF_DRIVE
     yield _Candidate(
-        label=f"Raise {words} {_steps(old, float(np.abs(own).min()), UNITS[name])}",
+        label=f"Raise {words} {_steps(old, float(np.abs(limit).min()), UNITS[name])}",
         edits=((f"limits.{name}", raised.tolist()),),
         job=job,
-        run=replace(run, limits=run.limits.replace(**{name: raised if raised.ndim else own[0]})),
+        run=replace(run, limits=run.limits.replace(**{name: raised if raised.ndim else limit[0]})),
         worth=worth,
         condition=condition,
     )

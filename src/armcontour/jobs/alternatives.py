@@ -50,19 +50,13 @@ NO_SHAPES = (
 
 
 def alternatives(
-    job: Job, this: Run, traced: Tracing, progress: Progress
+    job: Job, run: Run, traced: Tracing, progress: Progress
 ) -> Iterator[tuple[Tracing, tuple[str, ...]]]:
     """Joint paths of a program, the fastest first, then those that are found to keep clear.
 
     Contours are followed in another configuration, or with another turn about a tool axis that is
     free. Rapids go back along the tool axis, move, and approach along it; or through postures that
     a search finds.
-
-    Args:
-        job: The job.
-        this: The run.
-        traced: The fastest joint paths.
-        progress: Called with the step "clearance" and the share that is done.
 
     Yields:
         Joint paths, and sentences on what is different, or why nothing looks at the clearance. The
@@ -82,7 +76,7 @@ def alternatives(
     yield traced, notes
     cell, others = job.cell, list[str]()
     if (reached := _reach(traced, cell)) < np.inf:
-        other = _other_start(job, this, traced, reached, progress)
+        other = _other_start(job, run, traced, reached, progress)
         if other is None:
             return
         if _reach(other, cell) < np.inf:
@@ -91,11 +85,11 @@ def alternatives(
             return
         traced = other
         others.append(OTHER)
-    around = _rapids_around(job, this, traced, cell, progress)
+    around = _rapids_around(job, run, traced, cell, progress)
     count = sum(x is not y for x, y in zip(around.steps, traced.steps, strict=True))
     if count:
-        what = "1 rapid goes" if count == 1 else f"{count} rapids go"
-        others.append(f"{what} around what the direct way would come too near to")
+        message = "1 rapid goes" if count == 1 else f"{count} rapids go"
+        others.append(f"{message} around what the direct way would come too near to")
     if others:
         yield around, tuple(dict.fromkeys((*others, *notes)))
 
@@ -118,11 +112,7 @@ def _has_pairs(job: Job) -> bool:
 
 
 def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
-    """Whether a contour keeps clear and above the base; None if no configuration is chosen.
-
-    Args:
-        job: The job.
-    """
+    """Whether a contour keeps clear and above the base; None if no configuration is chosen."""
     chosen = job.seed is None and isinstance(job.arm, SerialArm)
     if not chosen or not _is_looked_at(job):
         return None
@@ -149,10 +139,10 @@ def _about_tool(arm: Arm) -> tuple[str, ...]:
     """What the shape of the tool is, if nobody gave it."""
     if arm.chain is None or not np.linalg.norm(arm.chain.tool.position) > SHORT:
         return ()
-    own = [] if arm.shapes is None else [x for x in arm.shapes.shapes if x.tool]
-    if not own:
+    tools = [] if arm.shapes is None else [x for x in arm.shapes.shapes if x.tool]
+    if not tools:
         return ("the tool has no shape, so nothing looked at how near it comes: arm.tool.shapes",)
-    if not own[0].assumed:
+    if not tools[0].assumed:
         return ()
     return (
         f"the tool is taken as a capsule with a radius of {number(ASSUMED_RADIUS, 'm')}, from the "
@@ -166,11 +156,6 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
 
     Rapids might go around what is in their way, so that contours are what a user has to change.
 
-    Args:
-        job: The job.
-        program: The program.
-        trajectory: Its plan.
-
     Raises:
         Collision: A move comes too near to something; times are those of the whole motion.
     """
@@ -183,29 +168,29 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
             called = contour_called(contour, number)
         moves.append((called if x.kind == "contour" else f"{x.kind} after {called}", x))
     for name, x in sorted(moves, key=lambda move: move[1].kind != "contour"):
-        found = None if x.trajectory is None else job.cell.check(x.trajectory)
-        if found is not None and not found.kept:
+        clearance = None if x.trajectory is None else job.cell.check(x.trajectory)
+        if clearance is not None and not clearance.kept:
             with error_context(name):
-                found.later(x.t[0]).refuse()
+                clearance.later(x.t[0]).refuse()
     job.cell.check(trajectory).refuse()
 
 
-def _rapids_around(job: Job, this: Run, traced: Tracing, cell: Cell, progress: Progress) -> Tracing:
+def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Progress) -> Tracing:
     """Joint paths whose rapids go around what they would come too near to, as far as is found."""
     steps = []
     for k, x in enumerate(traced.steps):
         progress(Step(("clearance",), k / len(traced.steps)))
         path = x.joint_path
         if path is not None and not traced.is_contour(x) and not cell.keeps(path):
-            found = _rapid_around(job.arm, this, cell, path)
-            if found is not None:
-                x = dataclasses.replace(x, joint_path=found)
+            detour = _rapid_around(job.arm, run, cell, path)
+            if detour is not None:
+                x = dataclasses.replace(x, joint_path=detour)
         steps.append(x)
     return dataclasses.replace(traced, steps=tuple(steps))
 
 
 def _other_start(
-    job: Job, this: Run, traced: Tracing, reached: float, progress: Progress
+    job: Job, run: Run, traced: Tracing, reached: float, progress: Progress
 ) -> Tracing | None:
     """Joint paths from another start: the fastest whose contours keep clear, or those farthest.
 
@@ -215,24 +200,24 @@ def _other_start(
         return None
     program, farthest, cell = traced.program, None, job.cell
     first = next(x.path for x in program.moves if isinstance(x, Contour))
-    bounds = this.limits.for_joints(job.arm.dof)
+    bounds = run.limits.for_joints(job.arm.dof)
     for starts in _starts(job.arm.with_limits(bounds), first):
         best: tuple[float, Tracing | None] = (np.inf, None)
         clear = [x for x in starts if cell.keeps(_rest(x))]
         for k, q in enumerate(clear):
             progress(Step(("clearance",), k / len(clear)))
             try:
-                found = trace_program(program, job.arm, this.limits, seed=q)
+                tracing = trace_program(program, job.arm, run.limits, seed=q)
             except ArmContourError:
                 continue
-            least = sum(bound_duration(x, bounds) for x in found.joint_paths)
-            if least >= best[0]:
+            bound = sum(bound_duration(x, bounds) for x in tracing.joint_paths)
+            if bound >= best[0]:
                 continue
-            reach = _reach(found, cell)
+            reach = _reach(tracing, cell)
             if reach == np.inf:
-                best = least, found
+                best = bound, tracing
             elif reach > reached:
-                farthest, reached = found, reach
+                farthest, reached = tracing, reach
         if best[1] is not None:
             return best[1]
     return farthest
@@ -273,7 +258,7 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
     yield turned
 
 
-def _rapid_around(arm: Arm, this: Run, cell: Cell, path: JointPath) -> JointPath | None:
+def _rapid_around(arm: Arm, run: Run, cell: Cell, path: JointPath) -> JointPath | None:
     """A joint path with the same ends that keeps clear; None if none is found."""
     from armcontour.verification.clearance.clear_path import connect, through
 
@@ -282,12 +267,12 @@ def _rapid_around(arm: Arm, this: Run, cell: Cell, path: JointPath) -> JointPath
         return None
     if isinstance(arm, SerialArm):
         for height in RETRACTS:
-            up, down = _retract(arm, this, first, height), _retract(arm, this, last, height)
+            up, down = _retract(arm, run, first, height), _retract(arm, run, last, height)
             if up is not None and down is not None:
-                found = through(cell, np.concatenate([up, down[::-1]]))
-                if found is not None:
-                    return found
-    ranges = this.limits.for_joints(arm.dof).joint_range(arm.dof)
+                rapid = through(cell, np.concatenate([up, down[::-1]]))
+                if rapid is not None:
+                    return rapid
+    ranges = run.limits.for_joints(arm.dof).joint_range(arm.dof)
     return connect(cell, first, last, ranges)
 
 
@@ -296,19 +281,12 @@ def _rest(q: FloatArray) -> Trajectory:
     return Trajectory(laws=(dwell_law(q, 1.0),), method=REST)
 
 
-def _retract(arm: SerialArm, this: Run, q: FloatArray, height: float) -> FloatArray | None:
-    """Joint positions on the way back along the tool axis, (n, dof); None if out of reach.
-
-    Args:
-        arm: The arm.
-        this: The run.
-        q: Joint positions at the start [rad], (dof,).
-        height: Length of the way [m].
-    """
+def _retract(arm: SerialArm, run: Run, q: FloatArray, height: float) -> FloatArray | None:
+    """Joint positions on the way back along the tool axis, (n, dof); None if out of reach."""
     point, rotation = (x[0] for x in arm.pose(q[None]))
     line = Path.polyline([point, point - height * rotation[:, 2]])
     try:
-        way = trace(line.oriented(rotation), arm, limits=this.limits, seed=q)
+        retraction = trace(line.oriented(rotation), arm, limits=run.limits, seed=q)
     except ArmContourError:
         return None
-    return way(np.linspace(0.0, way.length, PLACES))
+    return retraction(np.linspace(0.0, retraction.length, PLACES))

@@ -29,24 +29,18 @@ def analog_outputs(
     value is that of the planned tool speed while the process is at work on a contour and no output
     that `Analog.follows` names is off, and the value of `Analog.off` otherwise.
 
-    Args:
-        program: The program that was planned, with rounded corners.
-        trajectory: Its plan.
-        process: The process with the outputs.
-        limits: Limits of the plan; their speed is the assigned velocity where contours have none.
-
     Raises:
         InvalidInput: An output depends on the assigned velocity, and a contour has none.
     """
     check_speeds(program, process, limits)
     states = _States(trajectory, process)
-    found: dict[str, Values] = {}
+    functions: dict[str, Values] = {}
     for name in process.analog_names:
         # Contours of a layer without the output get None.
         outputs = [_output(process.of_layer(x.layer), name) for x in program.contours]
-        off = next(x.off for own in process.variants if (x := _output(own, name)) is not None)
-        found[name] = partial(_values, program, trajectory, states, limits, outputs, off)
-    return found
+        idle = next(x.off for own in process.variants if (x := _output(own, name)) is not None)
+        functions[name] = partial(_values, program, trajectory, states, limits, outputs, idle)
+    return functions
 
 
 def _output(process: Process, name: str) -> Analog | None:
@@ -56,11 +50,6 @@ def _output(process: Process, name: str) -> Analog | None:
 
 def check_speeds(program: Program, process: Process, limits: Limits) -> None:
     """Refuse analog outputs that depend on the assigned velocity of a contour that has none.
-
-    Args:
-        program: The program as it is drawn, or prepared.
-        process: The process with the outputs, and with the speeds of layers.
-        limits: Limits, whose speed is the assigned velocity where contours have none.
 
     Raises:
         InvalidInput: There is such an output.
@@ -86,27 +75,27 @@ def _values(
     states: _States,
     limits: Limits,
     outputs: Sequence[Analog | None],
-    off: float,
+    idle: float,
     t: FloatArray,
 ) -> FloatArray:
     """Values of an output at increasing times [s]; `outputs` has it for each contour, or None."""
     times = np.asarray(t, dtype=np.float64)
-    values = np.full(len(times), float(off))
+    values = np.full(len(times), float(idle))
     spans = trajectory.contour_spans
     for contour, span, output in zip(program.contours, spans, outputs, strict=True):
         if output is None:
             continue
-        own = states.process.of_layer(contour.layer)
-        begin, end = _times_on(span, own)
+        process = states.process.of_layer(contour.layer)
+        begin, end = _times_on(span, process)
         # The output leads the tool by its lead time.
         lead = output.lead_time
         first, last = np.searchsorted(times, [begin - lead, end - lead])
-        here = np.clip(times[first:last] + lead, begin, end)
-        if len(here):
-            s = trajectory.s(here) - span.s[0]
-            speeds = _tool_speeds(contour, s, trajectory.s(here, 1))
+        inside = np.clip(times[first:last] + lead, begin, end)
+        if len(inside):
+            s = trajectory.s(inside) - span.s[0]
+            speeds = _tool_speeds(contour, s, trajectory.s(inside, 1))
             worth = _worth(output, speeds, _full_speeds(contour, s, limits, output))
-            on = states.on(contour.layer, output, np.clip(here, *span.t))
+            on = states.on(contour.layer, output, np.clip(inside, *span.t))
             values[first:last] = np.where(on, worth, output.off)
     return values
 
@@ -142,8 +131,8 @@ def _full_speeds(
     """Tool speeds at which an output has its full value, at arc lengths of a contour [m/s]."""
     if output.speed is not None:
         return output.speed
-    most = np.inf if limits.speed is None else limits.speed
-    return np.asarray(np.fmin(contour.path.speeds, most)[contour.path.locate(s)])
+    fastest = np.inf if limits.speed is None else limits.speed
+    return np.asarray(np.fmin(contour.path.speeds, fastest)[contour.path.locate(s)])
 
 
 class _States:

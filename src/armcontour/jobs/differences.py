@@ -11,11 +11,6 @@ from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other")) -> Table:
     """The figures of two runs that matter first, and the time of each limit, with differences.
 
-    Args:
-        one: What the one run says.
-        other: What the other run says.
-        names: What they are called.
-
     Returns:
         A row for each figure: what it is, both values and their difference, the first less the
         second.
@@ -30,10 +25,10 @@ def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other"
 
 def _pairs(one: Data, other: Data) -> Iterator[tuple[Row, Row]]:
     """Rows of both results of one name, and of one thing that takes time."""
-    known = {x.name: x for x in other.shown(FIRST)}
+    others = {x.name: x for x in other.shown(FIRST)}
     for x in one.shown(FIRST):
-        if x.name in known:
-            yield x, known[x.name]
+        if x.name in others:
+            yield x, others[x.name]
     times = [
         {y["name"]: y["time"] for x in data.tables if x.name == "time" for y in x.as_dicts()}
         for data in (one, other)

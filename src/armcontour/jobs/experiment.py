@@ -96,9 +96,6 @@ class Experiment(Checked):
     def for_joints(self, dof: int) -> Experiment:
         """The same experiment with one value per joint.
 
-        Args:
-            dof: Number of joints.
-
         Raises:
             InvalidInput: The number of values is not 1 or `dof`.
         """
@@ -112,14 +109,14 @@ class Experiment(Checked):
     @property
     def unknown(self) -> str:
         """What the robot has and its controller does not know, in words; empty if nothing."""
-        found = [] if self.payload is None else [f"a payload of {self.payload.mass:g} kg"]
+        parts = [] if self.payload is None else [f"a payload of {self.payload.mass:g} kg"]
         for name, (unit, words) in PER_JOINT.items():
             values = getattr(self, name)
             if values is not None:
                 # One value for all joints is said once.
-                said = values if np.ptp(values) else values.ravel()[:1]
-                found.append(f"{words} {', '.join(f'{x:g}' for x in said.ravel())} {unit}")
-        return "; ".join(found)
+                listed = values if np.ptp(values) else values.ravel()[:1]
+                parts.append(f"{words} {', '.join(f'{x:g}' for x in listed.ravel())} {unit}")
+        return "; ".join(parts)
 
 
 def build_plant(
@@ -131,12 +128,6 @@ def build_plant(
     else those of the arm, and the joint stiffness of the experiment. Its controller knows only the
     arm: J of its loops (unless the servo gives one), gravity feed-forward, and torque limits that
     follow from acceleration limits.
-
-    Args:
-        experiment: Options of the plant, and what the robot has that its controller does not know.
-        arm: The arm as plans, compensation and the controller know it.
-        servo: Gains of the robot's drives.
-        limits: Limits with the joint torques that saturate; the arm's own by default.
 
     Raises:
         InvalidInput: The arm has no masses, or values do not fit the arm.
@@ -156,7 +147,7 @@ def build_plant(
         friction=experiment.friction,
         noise=experiment.noise,
         seed=experiment.seed,
-        known=arm,
+        controller=arm,
         joint_stiffness=experiment.joint_stiffness,
         joint_damping=experiment.joint_damping,
     )

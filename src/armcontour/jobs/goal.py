@@ -23,8 +23,8 @@ class CertificateGoal(Checked):
     Args:
         tolerance: Largest distance of the tool from the objective path [m]. The part that servo and
             cycle do not use goes to the corners. None keeps the corners of the run.
-        servo: Largest contour error from servo and cycle [m], over the whole box if
-            there is one. None sets no limit of its own; then a tolerance is needed.
+        servo_error: Largest contour error from servo and cycle [m], over the whole box if there is
+            one. None sets no limit of its own; then a tolerance is needed.
         rms: Largest root mean square of the contour error over time, of the nominal robot [m].
         plant: Robots that must keep the goal: "servo" is an independent servo on each joint, and
             "rigid_body" is the arm's rigid bodies, for jobs of one contour, with or without dwells.
@@ -41,14 +41,14 @@ class CertificateGoal(Checked):
         slowest: Largest duration of a certified plan, as a multiple of the uncertified optimum.
 
     Raises:
-        InvalidInput: Neither tolerance nor servo, a number that is not above zero, or a box or a
-            saturation that is not for this plant.
+        InvalidInput: Neither tolerance nor servo_error, a number that is not above zero, or a box
+            or a saturation that is not for this plant.
     """
 
     tolerance: Annotated[Tolerance | None, About("--total-tolerance")] = field(
         default=None, kw_only=False
     )
-    servo: Annotated[Tolerance | None, About("--servo")] = None
+    servo_error: Annotated[Tolerance | None, About("--servo-error")] = None
     rms: Tolerance | None = None
     plant: Annotated[str, Choice(PLANTS), About("--plant")] = "servo"
     saturation: Annotated[str, Choice(SATURATION)] = "refuse"
@@ -61,16 +61,16 @@ class CertificateGoal(Checked):
     slowest: PlainNumber = 2.0
 
     def _check_together(self) -> None:
-        if self.tolerance is None and self.servo is None:
+        if self.tolerance is None and self.servo_error is None:
             raise InvalidInput(
                 "A certificate needs a tolerance, the largest distance from the objective path, "
-                "or servo, the largest contour error of the execution, or both: give them by the "
-                "key `certificate` of the job, such as certificate: {servo: 0.05 mm}, or on the "
-                "command line by --servo (certify takes --total-tolerance too)."
+                "or servo_error, the largest contour error of the execution, or both: give them by "
+                "the key `certificate` of the job, such as certificate: {servo_error: 0.05 mm}, or "
+                "on the command line by --servo-error (certify takes --total-tolerance too)."
             )
-        if self.tolerance is not None and (self.servo or 0.0) >= self.tolerance:
+        if self.tolerance is not None and (self.servo_error or 0.0) >= self.tolerance:
             raise InvalidInput(
-                f"servo is {self.servo:g} m, but must be below the tolerance of "
+                f"servo_error is {self.servo_error:g} m, but must be below the tolerance of "
                 f"{self.tolerance:g} m: the corners need a part of the tolerance."
             )
         checks.raise_if(

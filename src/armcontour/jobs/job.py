@@ -126,8 +126,8 @@ class Rounding(Checked):
         """The given tolerances and iterations of the shape free, by their names."""
         names = {x.name for x in fields(self)} & {x.name for x in fields(Shaped)}
         values = {name: getattr(self, name) for name in names}
-        given = {name: x for name, x in values.items() if x is not None}
-        return {**given, "angular_tolerance": self.angular_tolerance}
+        specified = {name: x for name, x in values.items() if x is not None}
+        return {**specified, "angular_tolerance": self.angular_tolerance}
 
     @property
     def options(self) -> Shaped:
@@ -175,11 +175,7 @@ class Rounding(Checked):
             _ = self.options
 
     def _check_single(self, key: str) -> None:
-        """Refuse tolerances of single corners without a tolerance of the others, and a free shape.
-
-        Raises:
-            InvalidInput: There are such tolerances.
-        """
+        """Check `at`: it needs a tolerance for the other corners, and arcs as the shape."""
         if not self.at:
             return
         if self.free:
@@ -193,11 +189,7 @@ class Rounding(Checked):
             )
 
     def _check_continuity(self, timing: str, key: str) -> None:
-        """Refuse a continuity of the corners that shape or timing do not have.
-
-        Raises:
-            InvalidInput: Such a continuity, or a tolerance of transitions without one.
-        """
+        """Refuse a continuity of the corners that shape or timing do not have."""
         if self.transition_tolerance is not None and (self.free or self.continuity == TANGENT):
             raise InvalidInput(
                 f"{key}.transition_tolerance is for corners with continuity: curvature: leave it "
@@ -235,7 +227,7 @@ class Run(Checked):
         compensation: Options of `compensate`.
         rounding: How corners are rounded; None keeps sharp corners.
         cycle: Cycle [s].
-        until: End of the time over which errors are evaluated [s]; None is when all joints rest.
+        end_time: End of the time over which errors are evaluated [s]; None is when all joints rest.
         experiment: Options of a simulation on rigid bodies; None simulates none.
         accuracy: Largest distance of the tool from the drawing with which the run counts as kept
             [m]. By default corners may take their tolerances, and the contour error a tenth of the
@@ -252,7 +244,7 @@ class Run(Checked):
     compensation: CompensationOptions = INVERSE
     rounding: Rounding | None = None
     cycle: float = DEFAULT_CYCLE
-    until: Interval | None = None
+    end_time: Interval | None = None
     experiment: Experiment | None = None
     accuracy: Distance | None = None
 
@@ -268,11 +260,11 @@ class Run(Checked):
             program: The program, as it is drawn or prepared.
 
         Raises:
-            InvalidInput: The run has `until`, and the program is no single path.
+            InvalidInput: The run has `end_time`, and the program is no single path.
         """
-        if self.until is not None and program.single_path is None:
+        if self.end_time is not None and program.single_path is None:
             raise InvalidInput(
-                "until is for a job with a single path: errors of a program are evaluated while "
+                "end_time is for a job with a single path: errors of a program are evaluated while "
                 "the process is on."
             )
 
@@ -303,10 +295,10 @@ class Run(Checked):
         """Largest distance of transitions from the objective [m]; 0 makes none."""
         if self.continuity != CURVATURE or self.rounding is None:
             return 0.0
-        given, most = self.rounding.transition_tolerance, self.rounding.tolerance
-        if given is not None:
-            return given
-        return min(TRANSITION_TOLERANCE, math.inf if most is None else most)
+        specified, maximum = self.rounding.transition_tolerance, self.rounding.tolerance
+        if specified is not None:
+            return specified
+        return min(TRANSITION_TOLERANCE, math.inf if maximum is None else maximum)
 
     @property
     def duration(self) -> float | None:
@@ -396,12 +388,12 @@ class Job(Checked):
     def __str__(self) -> str:
         """What is followed by what, and the runs."""
         x = self.program
-        what = f"{count_noun(len(x.contours), 'contour')}, {digits(x.length)} m"
+        summary = f"{count_noun(len(x.contours), 'contour')}, {digits(x.length)} m"
         return format_table(
             f"Job {self.name}: {self.title}" if self.title != self.name else f"Job {self.name}",
             [
                 ("arm", str(self.arm)),
-                ("path", f"{what}, {x.source}" if x.source else what),
+                ("path", f"{summary}, {x.source}" if x.source else summary),
                 *((f"run {x.name}", self._words(x)) for x in self.runs),
                 ("obstacles", "" if self.scene is None else f"{len(self.scene.obstacles)}"),
                 ("certificate", "" if self.certificate is None else "asked for"),
@@ -444,12 +436,6 @@ def find_run(job: Job, name: str) -> Run:
 
 def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
     """The run of a name, or the only run.
-
-    Args:
-        job: The job.
-        name: Name of the run; None for the only one.
-        done: What is done with it, as in "certified".
-        among: Runs that come into question without a name, if there are any; all by default.
 
     Raises:
         InvalidInput: There is no such run, or there are several.

@@ -2,16 +2,154 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Annotated, Any
 
+import numpy as np
+
 from armcontour.core import checks
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import About, Choice
-from armcontour.jobs.axes import FARTHEST, read_axes, read_uncertainty
 from armcontour.robot.scene import BASE, PART
+
+# The axes, with their units; in a grid the last one changes fastest.
+UNITS = {"x": "m", "y": "m", "z": "m", "yaw": "rad", "tilt": "rad"}
+AXES = tuple(UNITS)
+LENGTHS = AXES[:3]
+# In the plane of a planar arm.
+IN_PLANE = ("x", "y", "yaw")
+# Largest number of places of a grid: about 0.5 kB each, and an hour of bounds.
+MOST_PLACES = 500_000
+# Decimals of places in SI units.
+DIGITS = 12
+# Places, uncertainties and the anchor are no farther away than this [m, rad]: more is a mistake in
+# a unit or a digit, and rounds.
+FARTHEST = {"m": 1e4, "rad": 1e3}
+# Ends of a range of angles count as the same direction within this [rad].
+SAME_DIRECTION = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Axis:
+    """One axis of a grid.
+
+    Args:
+        name: "x", "y", "z", "yaw" or "tilt".
+        values: The places on it, increasing [m, rad], (n,).
+        whole_turn: Whether they go around, so that the first one follows the last.
+    """
+
+    name: str
+    values: FloatArray
+    whole_turn: bool = False
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        return UNITS[self.name]
+
+    @property
+    def step(self) -> float:
+        """Distance of neighbouring places; 0 for a single one."""
+        return float(np.diff(self.values).max()) if len(self.values) > 1 else 0.0
+
+
+def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, ...]:
+    """The axes of a grid, in the order of `AXES`.
+
+    Raises:
+        InvalidInput: No axis, an unknown one, an empty range, or too many places.
+    """
+    names = AXES if dimension == 3 else IN_PLANE
+    if not isinstance(over, Mapping) or not over:
+        raise InvalidInput(
+            "over names the axes along which to place, each with its range and number of places, "
+            "such as over={'x': (-0.1, 0.1, 11)}; in a job file they are the key placement.over."
+        )
+    for name in over:
+        _refuse_axis(name, names, "over")
+    axes = tuple(_axis(x, over[x]) for x in names if x in over)
+    count = math.prod(len(x.values) for x in axes)
+    if count > MOST_PLACES:
+        raise InvalidInput(
+            f"over has {count:,} places, but at most {MOST_PLACES:,} are compared: take fewer "
+            "steps, and refine around the best place.",
+            needed=count,
+            allowed=MOST_PLACES,
+        )
+    return axes
+
+
+def read_uncertainty(deviations: Mapping[str, float], dimension: int) -> dict[str, float]:
+    """By how much a part may be off its place, of some axes [m, rad]; zeros are left out.
+
+    Raises:
+        InvalidInput: An unknown axis, or a value below zero.
+    """
+    names = AXES if dimension == 3 else IN_PLANE
+    for name in deviations:
+        _refuse_axis(name, names, "uncertainty")
+    sizes = {
+        name: checks.check_range(
+            f"uncertainty of {name}", deviations[name], 0, FARTHEST[UNITS[name]], UNITS[name]
+        )
+        for name in names
+        if name in deviations
+    }
+    return {name: size for name, size in sizes.items() if size}
+
+
+def corners_of(uncertainty: Mapping[str, float]) -> list[dict[str, float]]:
+    """The corners of the box of an uncertainty, as differences [m, rad]; none without one."""
+    if not uncertainty:
+        return []
+    signs = product((-1.0, 1.0), repeat=len(uncertainty))
+    return [
+        {name: sign * size for sign, (name, size) in zip(of, uncertainty.items(), strict=True)}
+        for of in signs
+    ]
+
+
+def _refuse_axis(name: str, names: tuple[str, ...], label: str) -> None:
+    """Refuse an axis that is not there."""
+    if name not in names:
+        plane = " for an arm in the plane" if name in AXES else ""
+        raise InvalidInput(f"{label} has no axis {name!r}{plane}: axes are {', '.join(names)}.")
+
+
+def _axis(name: str, limits: Sequence[Any]) -> Axis:
+    """An axis: a whole turn ends before its start, as both are one direction."""
+    if isinstance(limits, str) or len(limits) != 3:
+        raise InvalidInput(
+            f"over {name} takes the first value, the last value and the number of places, such as "
+            "(-0.1, 0.1, 11)."
+        )
+    unit = UNITS[name]
+    far = FARTHEST[unit]
+    low, high = (checks.check_range(f"over {name}", x, -far, far, unit) for x in limits[:2])
+    count = checks.check_int(f"number of places along {name}", limits[2], 1, MOST_PLACES)
+    if low > high:
+        raise InvalidInput(
+            f"The range of {name} from {low:g} to {high:g} {unit} is empty: give the smaller value "
+            "first.",
+            needed=low,
+            allowed=high,
+        )
+    if (low == high) != (count == 1):
+        raise InvalidInput(
+            f"{count} place{'s' * (count != 1)} along {name} from {low:g} to {high:g} {unit}: give "
+            "two places or more of a range, or the same value twice and one place."
+        )
+    whole = unit == "rad" and abs(high - low - 2 * np.pi) < SAME_DIRECTION
+    # Without the rounding errors of steps: 0 is 0.
+    values = np.round(np.linspace(low, high, count, endpoint=not whole), DIGITS) + 0.0
+    return Axis(name=name, values=checks.frozen_array(values), whole_turn=whole)
+
 
 DURATION, MANIPULABILITY, CLEARANCE, TORQUE = "duration", "manipulability", "clearance", "torque"
 OBJECTIVES = (DURATION, MANIPULABILITY, CLEARANCE, TORQUE)

@@ -32,38 +32,26 @@ class Reuse:
         made_of: Any,
         make: Callable[[], T],
         *,
-        most: int | None = None,
+        maximum: int | None = None,
         samples: Callable[[T], int] = lambda value: 0,
     ) -> T:
-        """The result of a step: that of an earlier call with the same inputs, or a new one.
-
-        Args:
-            step: Name of the step.
-            made_of: All inputs of the step, comparable.
-            make: Does the step.
-            most: Number of results of the step in the cache; by default that of all steps.
-            samples: Number of samples that a result has.
-        """
-        known = self._known.setdefault(step, [])
-        for k, (before, value) in enumerate(known):
+        """The result of a step: that of an earlier call with the same inputs, or a new one."""
+        entries = self._known.setdefault(step, [])
+        for k, (before, value) in enumerate(entries):
             if before == made_of:
-                known.insert(0, known.pop(k))
-                found: T = value
-                return found
+                entries.insert(0, entries.pop(k))
+                result: T = value
+                return result
         value = make()
-        known.insert(0, (made_of, value))
-        del known[self.size if most is None else most :]
-        while len(known) > 1 and sum(samples(x) for _, x in known) > MOST_SAMPLES:
-            del known[-1]
+        entries.insert(0, (made_of, value))
+        del entries[self.size if maximum is None else maximum :]
+        while len(entries) > 1 and sum(samples(x) for _, x in entries) > MOST_SAMPLES:
+            del entries[-1]
         return value
 
 
 def comparable(value: Any) -> Any:
-    """A value whose fields are numbers and arrays, as something that can be compared.
-
-    Args:
-        value: The value: a dataclass, an array, a mapping, a tuple, or what can be compared itself.
-    """
+    """A value whose fields are numbers and arrays, as something that can be compared."""
     if isinstance(value, np.ndarray):
         return value.shape, value.tobytes()
     if dataclasses.is_dataclass(value):

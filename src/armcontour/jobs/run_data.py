@@ -14,7 +14,7 @@ from armcontour.core.render import number, plain
 from armcontour.core.result import VERDICT, Row, Table
 from armcontour.core.text import count_noun, list_some
 from armcontour.geometry import RoundedPath, ShapedPath
-from armcontour.jobs.quantities import Torques, angular_speed, assumed_numbers
+from armcontour.jobs.plan_quantities import Torques, angular_speed, assumed_numbers
 from armcontour.motion import Execution, Span, Trajectory
 from armcontour.program import Contour, Program
 from armcontour.program.preparing import PIERCE
@@ -32,23 +32,18 @@ def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
 
 
 def field_rows(name: str, value: Any) -> Iterator[Row]:
-    """The fields of a dataclass for files, with the units of their annotations.
-
-    Args:
-        name: Begin of their names.
-        value: The dataclass; None gives a row without a value.
-    """
+    """The fields of a dataclass for files, with the units of their annotations."""
     if value is None:
         yield Row(name, None)
         return
     kind: Any = type(value)
-    known = quantities(kind)
+    units = quantities(kind)
     for x in fields(value):
         inner, key = getattr(value, x.name), f"{name}.{x.name}"
         if is_dataclass(inner):
             yield from field_rows(key, inner)
             continue
-        yield Row(key, inner, known[x.name].unit if x.name in known else "")
+        yield Row(key, inner, units[x.name].unit if x.name in units else "")
 
 
 def torque_rows(
@@ -90,7 +85,7 @@ def plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
     yield from _robot("robot", plant.chain)
     yield Row("robot.joint_stiffness", plant.joint_stiffness, "N m/rad")
     yield Row("robot.joint_damping", plant.joint_damping, "N m s/rad")
-    yield from _robot("controller", plant.known_chain)
+    yield from _robot("controller", plant.controller_chain)
 
 
 def _robot(name: str, chain: Chain) -> Iterator[Row]:
@@ -148,20 +143,20 @@ def move_table(
         errors: The contour error of every contour; empty without an execution.
     """
     contours = iter(zip(path.contours, starts, strict=True))
-    known = iter(errors)
+    remaining = iter(errors)
     rows = []
     for x in trajectory.spans:
-        more: tuple[Any, ...] = (None,) * 7
+        profile: tuple[Any, ...] = (None,) * 7
         if x.kind == "contour":
             contour, resume_at = next(contours)
-            error = next(known, None)
-            own = contour.path
-            more = (
+            error = next(remaining, None)
+            geometry = contour.path
+            profile = (
                 *(contour.name, contour.layer, contour.closed, x.work, resume_at),
-                _outcome(own) if isinstance(own, ShapedPath) else None,
+                _outcome(geometry) if isinstance(geometry, ShapedPath) else None,
                 None if error is None else plain(error.to_data()),
             )
-        rows.append((x.kind, x.t, x.s, *more))
+        rows.append((x.kind, x.t, x.s, *profile))
     return Table(
         "moves",
         columns(
@@ -185,13 +180,7 @@ def pierce_length(x: Contour) -> float:
 
 
 def program_rows(trajectory: Trajectory, path: Program, objective: Program) -> Iterator[Row]:
-    """How much of a program is work, how much the ways between.
-
-    Args:
-        trajectory: The plan.
-        path: The program that the tool follows.
-        objective: The program as drawn.
-    """
+    """How much of a program is work, how much the ways between."""
     spans = trajectory.spans
     works = [x.work for x in trajectory.contour_spans if x.work is not None]
     rapids, dwells = ([x for x in spans if x.kind == kind] for kind in ("rapid", "dwell"))

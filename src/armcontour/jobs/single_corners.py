@@ -17,63 +17,56 @@ from armcontour.program import Process, Program
 SAME_DIRECTION = 1e-6
 
 
-def corner_waypoints(given: Path, prepared: Path) -> IntArray:
+def corner_waypoints(path: Path, prepared: Path) -> IntArray:
     """The waypoints that the vertices of a prepared path are, matched by place and directions.
 
     A process changes the vertices of a path: it adds leads, moves the start, and runs on past it.
-
-    Args:
-        given: The path as it was given.
-        prepared: The path with what a process adds.
 
     Returns:
         For every vertex between segments of the prepared path the number of its waypoint, from 1,
         or 0 if it is none, (vertices,).
     """
-    numbers, points, before, after = _waypoints(given)
-    found = np.zeros(len(prepared) - 1, dtype=np.intp)
-    if np.array_equal(prepared.vertices, given.vertices):
+    numbers, points, before, after = _waypoints(path)
+    waypoints = np.zeros(len(prepared) - 1, dtype=np.intp)
+    if np.array_equal(prepared.vertices, path.vertices):
         # Nothing was added: while a point is dragged this is asked often.
-        inside = np.isin(given.waypoints, np.arange(1, len(given)))
-        kept = _numbers(given)[inside]
-        found[given.waypoints[inside] - 1] = np.where(np.isin(kept, numbers), kept, 0)
-        return found
-    if not len(found) or not len(points):
-        return found
+        inside = np.isin(path.waypoints, np.arange(1, len(path)))
+        numbers_inside = _numbers(path)[inside]
+        waypoints[path.waypoints[inside] - 1] = np.where(
+            np.isin(numbers_inside, numbers), numbers_inside, 0
+        )
+        return waypoints
+    if not len(waypoints) or not len(points):
+        return waypoints
     from armcontour.geometry.near_points import pairs_within
 
-    places = prepared.vertices[1:-1]
+    vertices = prepared.vertices[1:-1]
     ahead, behind = prepared.segments.end_tangents[:-1], prepared.tangents[1:]
-    for j, k in zip(*pairs_within(places, points, REPEATED_POINT), strict=True):
+    for j, k in zip(*pairs_within(vertices, points, REPEATED_POINT), strict=True):
         forwards = _alike(ahead[j], before[k]) and _alike(behind[j], after[k])
         # An open contour may be run from its end.
         if forwards or (_alike(ahead[j], -after[k]) and _alike(behind[j], -before[k])):
-            found[j] = numbers[k]
-    return found
+            waypoints[j] = numbers[k]
+    return waypoints
 
 
 def corner_tolerances(
-    given: Path, prepared: Path, tolerance: float, single: Mapping[int, float]
+    path: Path, prepared: Path, tolerance: float, single: Mapping[int, float]
 ) -> FloatArray:
     """The tolerances of all vertices between segments of a prepared path [m], (vertices,).
 
     Args:
-        given: The path as it was given.
+        path: The path as it was given.
         prepared: The path with what a process adds.
         tolerance: The tolerance of corners without one of their own [m].
         single: Tolerances by the numbers of waypoints, from 1 [m].
     """
-    numbers = corner_waypoints(given, prepared)
+    numbers = corner_waypoints(path, prepared)
     return np.array([single.get(int(k), tolerance) for k in numbers])
 
 
 def check_corners(program: Program, process: Process, numbers: Sequence[int]) -> None:
     """Refuse numbers of waypoints at which a path has no corner.
-
-    Args:
-        program: The program as it was given.
-        process: What is added to it.
-        numbers: The numbers, from 1.
 
     Raises:
         InvalidInput: There is such a number; or the program has several contours, or a process that
@@ -93,25 +86,20 @@ def check_corners(program: Program, process: Process, numbers: Sequence[int]) ->
             "one of them out."
         )
     path = program.contours[0].path
-    known, *_ = _waypoints(path)
+    corners, *_ = _waypoints(path)
     count = len(path.waypoints) + len(path.merged)
     for number in numbers:
-        if number not in known:
+        if number not in corners:
             raise InvalidInput(f"corners.at: {_why_not(number, count, path)}.")
 
 
-def check_found(given: Path, program: Program, numbers: Sequence[int]) -> None:
+def check_found(path: Path, program: Program, numbers: Sequence[int]) -> None:
     """Refuse the start of a closed path as a corner, if the prepared path does start there.
-
-    Args:
-        given: The path as it was given.
-        program: The prepared program.
-        numbers: Numbers of waypoints with a tolerance of their own, from 1.
 
     Raises:
         InvalidInput: The number 1 is among them, and no contour passes the first waypoint.
     """
-    if 1 in numbers and not any(1 in corner_waypoints(given, x.path) for x in program.contours):
+    if 1 in numbers and not any(1 in corner_waypoints(path, x.path) for x in program.contours):
         raise InvalidInput(
             "corners.at: the path starts and ends at waypoint 1, so that this corner is not "
             "rounded: move the start by process.begin, or add process.overlap."
@@ -131,9 +119,9 @@ def _waypoints(path: Path) -> tuple[IntArray, FloatArray, FloatArray, FloatArray
     closed = np.linalg.norm(vertices[-1] - vertices[0]) <= REPEATED_POINT
     # The start of a closed path has the number 1 only.
     turned[0], turned[-1] = turned[0] and closed, False
-    kept = turned[path.waypoints]
-    at = path.waypoints[kept]
-    return numbers[kept], vertices[at], ahead[at], behind[at]
+    mask = turned[path.waypoints]
+    points = path.waypoints[mask]
+    return numbers[mask], vertices[points], ahead[points], behind[points]
 
 
 def _numbers(path: Path) -> IntArray:

@@ -17,10 +17,10 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.planned import Planned
-from armcontour.jobs.planning import ROUNDING, SHAPING, explain_plan, plan_one
-from armcontour.jobs.results import ExperimentResult, JobResult, RunResult
+from armcontour.jobs.job_result import ExperimentResult, JobResult, RunResult
+from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import Reuse
+from armcontour.jobs.run_plan import ROUNDING, SHAPING, explain_plan, plan_one
 from armcontour.motion import Execution, Method, SetPoints, Trajectory
 from armcontour.planning import check_jerk_support
 from armcontour.program import Program
@@ -53,17 +53,17 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
     """
     plants = _plants(job, simulate)
     reuse, done = Reuse(len(job.runs)), dict[str, RunResult]()
-    for this in job.runs:
-        tell = subprogress(progress, this.name)
-        with error_context(f"Run {this.name}"):
-            planned = plan_one(job, this, reuse, tell)
+    for each in job.runs:
+        tell = subprogress(progress, each.name)
+        with error_context(f"Run {each.name}"):
+            planned = plan_one(job, each, reuse, tell)
             tell(Step(("compensation",)))
-            set_points = compute_set_points(job, this, planned.trajectory)
+            set_points = compute_set_points(job, each, planned.trajectory)
             simulated: dict[str, Any] = {}
             if simulate:
-                simulated = _simulate(job, planned, set_points, plants.get(this.name), tell)
+                simulated = _simulate(job, planned, set_points, plants.get(each.name), tell)
                 simulated["explanation"] = explain_plan(job, planned.trajectory, reuse)
-            done[this.name] = RunResult.of(
+            done[each.name] = RunResult.of(
                 planned, set_points=set_points, servo=job.servo, **simulated
             )
     return JobResult(job=job, runs=MappingProxyType(done))
@@ -73,10 +73,6 @@ def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
     """The simulated robots of the experiments, by the names of the runs.
 
     What is known to fail is refused before any work, which can take minutes.
-
-    Raises:
-        ArmContourError: A timing method that keeps no limits of jerk where there are some, or an
-            experiment that cannot be simulated.
     """
     plants = {}
     for x in job.runs:
@@ -97,33 +93,33 @@ def _simulate(
     progress: Progress,
 ) -> dict[str, Any]:
     """Fields of a `RunResult`: how the servo executes set-points, and rigid bodies if given."""
-    this, path, objective = planned.run, planned.path, planned.objective
+    run, path, objective = planned.run, planned.path, planned.objective
     progress(Step(("execution",)))
     executed = simulate_run(job, set_points)
     progress(Step(("evaluation",)))
-    found: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "execution": executed,
-        "evaluation": evaluate_run(this, executed, path, objective),
+        "evaluation": evaluate_run(run, executed, path, objective),
         "executed_clearance": _executed_clearance(job, planned, executed),
     }
     if plant is None:
-        return found
+        return fields
     progress(Step((EXPERIMENT,)))
     try:
         with error_context(EXPERIMENT):
-            judged = simulate_rigid_bodies(job, this, set_points, path, objective, plant)
-            return {**found, "experiment": judged}
+            judged = simulate_rigid_bodies(job, run, set_points, path, objective, plant)
+            return {**fields, "experiment": judged}
     except ExecutionError as error:
-        return {**found, "failure": error}
+        return {**fields, "failure": error}
 
 
-def compute_set_points(job: Job, this: Run, trajectory: Trajectory) -> SetPoints:
+def compute_set_points(job: Job, run: Run, trajectory: Trajectory) -> SetPoints:
     """Compensate the plan of a run for the servo's delay.
 
     Raises:
         CompensationError: The method cannot compensate this delay.
     """
-    return teach(trajectory, job.servo, this.compensation, cycle=this.cycle, arm=job.arm)
+    return teach(trajectory, job.servo, run.compensation, cycle=run.cycle, arm=job.arm)
 
 
 def simulate_run(job: Job, set_points: SetPoints, plant: RigidBodyPlant | None = None) -> Execution:
@@ -138,19 +134,14 @@ def simulate_run(job: Job, set_points: SetPoints, plant: RigidBodyPlant | None =
     return simulate(set_points, plant, resolution=max(RESOLUTION, plant.step))
 
 
-def evaluate_run(this: Run, executed: Execution, path: Program, objective: Program) -> Evaluation:
+def evaluate_run(run: Run, executed: Execution, path: Program, objective: Program) -> Evaluation:
     """Evaluate the executed motion of a run, with the use of its limits."""
-    return evaluate(executed, path, objective=objective, until=this.until, limit_use=True)
+    return evaluate(executed, path, objective=objective, end_time=run.end_time, limit_use=True)
 
 
-def _executed_clearance(job: Job, found: Planned, executed: Execution) -> Clearance | None:
-    """How far the arm stays from itself and from its cell when the servo executes a plan.
-
-    Raises:
-        Collision: Bodies touch, and the job does not ignore this. What only comes nearer than its
-            margin is a warning, as the plan keeps the margin.
-    """
-    if found.clearance is None:
+def _executed_clearance(job: Job, planned: Planned, executed: Execution) -> Clearance | None:
+    """How far the arm stays from itself and from its cell when the servo executes a plan."""
+    if planned.clearance is None:
         return None
     near = job.cell.check(executed)
     if any(x.high <= 0 for x in near.too_near) and not job.ignore_collisions:
@@ -161,40 +152,31 @@ def _executed_clearance(job: Job, found: Planned, executed: Execution) -> Cleara
 
 def simulate_rigid_bodies(
     job: Job,
-    this: Run,
+    run: Run,
     set_points: SetPoints,
     path: Program,
     objective: Program,
     plant: RigidBodyPlant,
 ) -> ExperimentResult:
-    """Execute set-points on the simulated rigid bodies of the arm.
-
-    Args:
-        job: The job.
-        this: A run with an experiment.
-        set_points: The set-points.
-        path: The program that the tool follows.
-        objective: The program with sharp corners.
-        plant: The simulated robot of the run's experiment.
-    """
+    """Execute set-points on the simulated rigid bodies of the arm."""
     executed = simulate_run(job, set_points, plant)
     uncompensated = None
-    if not isinstance(this.compensation, NoCompensation):
-        plain = replace(this, compensation=NoCompensation())
+    if not isinstance(run.compensation, NoCompensation):
+        plain = replace(run, compensation=NoCompensation())
         with suppress(ExecutionError):
             done = simulate_run(job, compute_set_points(job, plain, set_points.trajectory), plant)
-            uncompensated = evaluate(done, path, until=this.until)
+            uncompensated = evaluate(done, path, end_time=run.end_time)
     return ExperimentResult(
         plant=plant,
         execution=executed,
-        evaluation=evaluate_run(this, executed, path, objective),
+        evaluation=evaluate_run(run, executed, path, objective),
         uncompensated=uncompensated,
     )
 
 
-def steps_of(this: Run, *, simulated: bool = True) -> tuple[str, ...]:
+def steps_of(run: Run, *, simulated: bool = True) -> tuple[str, ...]:
     """Names of the steps of a run, in order."""
     steps = STEPS if simulated else TEACHING
-    if this.is_shaped:
+    if run.is_shaped:
         steps = (SHAPING, *steps[1:])
-    return steps if this.experiment is None or not simulated else (*steps, EXPERIMENT)
+    return steps if run.experiment is None or not simulated else (*steps, EXPERIMENT)

@@ -9,7 +9,7 @@ from armcontour.core.render import number
 from armcontour.core.result import JUDGED, VERDICT, Row
 
 if TYPE_CHECKING:
-    from armcontour.jobs.planned import Planned
+    from armcontour.jobs.planned_run import Planned
 
 # By default a contour may be off its path by this share of the smallest tolerance of its corners.
 DEFAULT_ACCURACY = 0.1
@@ -51,8 +51,8 @@ def allowed_error(planned: Planned) -> float | None:
     run = planned.run
     if run.accuracy is not None:
         return max(run.accuracy - (planned.rounding_error or 0.0), 0.0)
-    least = None if run.rounding is None else run.rounding.least_tolerance
-    return None if least is None else least * DEFAULT_ACCURACY
+    smallest = None if run.rounding is None else run.rounding.least_tolerance
+    return None if smallest is None else smallest * DEFAULT_ACCURACY
 
 
 def farthest(planned: Planned, errors: Sequence[float]) -> tuple[float | None, float]:
@@ -85,8 +85,8 @@ def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
     if tolerance is not None and rounding > tolerance * (1 + ROUNDING):
         return False, f"corners may be {number(tolerance, 'm')} off the drawing"
     if run.accuracy is not None:
-        kept = sum(filter(None, farthest(planned, errors))) <= run.accuracy * (1 + ROUNDING)
-        return kept, f"{number(run.accuracy, 'm')} off the drawing is allowed"
+        satisfied = sum(filter(None, farthest(planned, errors))) <= run.accuracy * (1 + ROUNDING)
+        return satisfied, f"{number(run.accuracy, 'm')} off the drawing is allowed"
     if max(errors) <= allowed:
         return True, ""
     return False, f"the servo may be {number(allowed, 'm')} off, a tenth of the smallest tolerance"
@@ -102,10 +102,10 @@ def verdict_rows(
         errors: Largest contour error of each contour [m]; None without a simulation.
         failure: Why the run was not completed.
     """
-    kept, note = (None, "") if errors is None else judge(planned, errors)
+    satisfied, note = (None, "") if errors is None else judge(planned, errors)
     if failure:
-        kept, note = False, failure
-    yield Row("kept", kept, JUDGED, "verdict", note, VERDICT)
+        satisfied, note = False, failure
+    yield Row("kept", satisfied, JUDGED, "verdict", note, VERDICT)
     if errors is not None:
         # With an accuracy the parts have no limits of their own.
         free = planned.run.accuracy is not None
@@ -117,16 +117,12 @@ def verdict_rows(
 
 
 def weave_speed(planned: Planned) -> float | None:
-    """Travel speed of weaves that is the assigned velocity everywhere [m/s]; None if there is none.
-
-    Args:
-        planned: The plan.
-    """
-    contours, most = planned.path.contours, planned.run.limits.speed
-    if most is not None and any((x.path.speeds > most).any() for x in contours):
+    """Travel speed of the weaves if it is the assigned velocity everywhere [m/s], else None."""
+    contours, fastest = planned.path.contours, planned.run.limits.speed
+    if fastest is not None and any((x.path.speeds > fastest).any() for x in contours):
         return None
-    known = [x.woven.frequency * x.woven.pitch for x in contours if x.woven is not None]
-    return next((x for x in known if x > 0), None)
+    speeds = [x.woven.frequency * x.woven.pitch for x in contours if x.woven is not None]
+    return next((x for x in speeds if x > 0), None)
 
 
 def time_limit_row(planned: Planned) -> Iterator[Row]:

@@ -21,7 +21,7 @@ from armcontour.report.sections.batch import BatchView
 from armcontour.verification import Evaluation
 
 if TYPE_CHECKING:
-    from armcontour.jobs.learning import LearningStudy
+    from armcontour.jobs.run_learning import LearningStudy
     from armcontour.studies.certification import Certificate
     from armcontour.studies.placement import Placement
 

@@ -99,7 +99,7 @@ class RigidBodyPlant(LimitedPlant):
         noise: Standard deviation of measured joint positions [rad], independent in every step.
             Measured velocities have no noise, because the filters of drives are not known.
         seed: Seed of the noise, the same in every run.
-        known: The arm as its controller knows it, for J, for the gravity torque and for torque
+        controller: The arm as its controller knows it, for J, for the gravity torque and for torque
             limits that follow from acceleration limits: for example without a payload that nobody
             told it of. By default the arm itself.
         joint_stiffness: K, stiffness between each drive and its link [N m/rad], one for all joints
@@ -116,7 +116,7 @@ class RigidBodyPlant(LimitedPlant):
         torque_limit: Torque limits [N m], (dof,); infinite without limits.
 
     Raises:
-        InvalidInput: The arm or `known` has no masses, gains or limits do not fit the arm, the
+        InvalidInput: The arm or `controller` has no masses, gains or limits do not fit the arm, the
             servo is not of second order or has friction, cycle or acceleration limit, the step is
             outside STEPS, the noise is too large, a drive with a spring has no inertia, or mujoco
             is not installed.
@@ -137,17 +137,17 @@ class RigidBodyPlant(LimitedPlant):
         friction: bool = True,
         noise: PositionNoise = 0.0,
         seed: Annotated[int, AtLeast(0)] = 0,
-        known: Arm | None = None,
+        controller: Arm | None = None,
         joint_stiffness: Annotated[npt.ArrayLike, STIFFNESS] | None = None,
         joint_damping: Annotated[npt.ArrayLike, DAMPING] | None = None,
     ) -> None:
         self.arm = arm
         self.chain = _bodies(arm)
-        self.known_chain = self.chain if known is None else _bodies(known)
-        if len(self.known_chain) != arm.dof:
+        self.controller_chain = self.chain if controller is None else _bodies(controller)
+        if len(self.controller_chain) != arm.dof:
             raise InvalidInput(
                 f"The arm {arm.name} has {arm.dof} joints, but the arm that its controller knows "
-                f"has {len(self.known_chain)}."
+                f"has {len(self.controller_chain)}."
             )
         self.servo = servo.for_joints(arm.dof)
         self.servo.check_orders("A rigid-body plant", integrator=True)
@@ -167,7 +167,7 @@ class RigidBodyPlant(LimitedPlant):
         self.reference = arm.limits.middle(arm.dof)
         own_inertia = self.servo.inertia
         self.nominal_inertia = (
-            _nominal(self.known_chain, self.reference) if own_inertia is None else own_inertia
+            _nominal(self.controller_chain, self.reference) if own_inertia is None else own_inertia
         )
         self.limits = limits
         vars(self).update(self._drives(None))
@@ -176,7 +176,7 @@ class RigidBodyPlant(LimitedPlant):
     def _drives(self, planned: Limits | None) -> dict[str, Any]:
         """What saturates, by the names of the attributes, with the limits of a plan."""
         resolved = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
-        torques = _torques(resolved, self.arm.limits, self.known_chain)
+        torques = _torques(resolved, self.arm.limits, self.controller_chain)
         # A limit that stands for accelerations bounds the torque for motion alone; a torque limit
         # bounds the sum of the torques for motion and against gravity.
         return {
@@ -437,8 +437,8 @@ class _Robot:
         # The controller's model with a state at rest, for computing the torques of gravity.
         self.known_model = (
             self.model
-            if plant.known_chain is plant.chain and springs is None
-            else mujoco_model.build(plant.known_chain, step, friction=False)
+            if plant.controller_chain is plant.chain and springs is None
+            else mujoco_model.build(plant.controller_chain, step, friction=False)
         )
         self.still = self.mujoco.MjData(self.known_model)
         self.rng = np.random.default_rng(plant.seed)

@@ -111,8 +111,8 @@ def tool_lines(
 def _figures(executed: Executed) -> Data:
     """Figures of the execution, as an evaluation has them."""
     planned, execution, errors = executed.planned, executed.execution, executed.errors
-    until, limits = planned.run.until, planned.run.limits
-    end = executed.settled if until is None else until
+    end_time, limits = planned.run.end_time, planned.run.limits
+    end = executed.settled if end_time is None else end_time
     return Data(
         "Preview",
         (

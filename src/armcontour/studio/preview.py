@@ -26,9 +26,9 @@ from armcontour.geometry import Path
 from armcontour.jobs import Experiment, Job, Run
 from armcontour.jobs.alternatives import below_base
 from armcontour.jobs.experiment import build_plant
-from armcontour.jobs.planned import Planned
-from armcontour.jobs.planning import explain_plan, plan_one
+from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.reuse import LARGE_RESULTS, Reuse, comparable
+from armcontour.jobs.run_plan import explain_plan, plan_one
 from armcontour.jobs.study import compute_set_points, simulate_run
 from armcontour.motion import Execution, SetPoints
 from armcontour.planning import Optimal, intervals_of
@@ -248,16 +248,16 @@ class CoarsePlanner:
                 "execution",
                 (set_points, servos[1], comparable(this.limits), comparable(bodies)),
                 lambda: _execute_judged(job, this, set_points, bodies),
-                most=LARGE_RESULTS,
+                maximum=LARGE_RESULTS,
                 samples=lambda x: len(x.t),
             )
             if moving and planned.path.single_path is not None:
                 execution = _with_fewer_samples(execution)
             pieces, errors, settled = get(
                 "evaluation",
-                (execution, planned.path, this.until),
-                lambda: _contour_errors(execution, planned.path, this.until),
-                most=LARGE_RESULTS,
+                (execution, planned.path, this.end_time),
+                lambda: _contour_errors(execution, planned.path, this.end_time),
+                maximum=LARGE_RESULTS,
                 samples=lambda x: len(x[1].t),
             )
         return Executed(
@@ -341,11 +341,11 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
 
 
 def _contour_errors(
-    execution: Execution, path: Program, until: float | None
+    execution: Execution, path: Program, end_time: float | None
 ) -> tuple[tuple[ContourExecution, ...], ErrorProfile, float]:
     """The execution along each contour, the contour error, and when the tool is at rest [s]."""
     settled = settling_time(execution, execution.tool_speed)
-    pieces = tuple(pieces_of(execution, path, None, until))
+    pieces = tuple(pieces_of(execution, path, None, end_time))
     return pieces, ErrorProfile.join([x.contour_error for x in pieces]), settled
 
 

@@ -51,8 +51,9 @@ class ContourExecution:
         path: The path that the tool was to follow.
         objective: The path before rounding, or None if unknown.
         which: The samples of the piece.
-        until: End of the piece [s].
-        rms_until: End of the time over which root mean squares are taken [s]; by default `until`.
+        end_time: End of the piece [s].
+        rms_until: End of the time over which root mean squares are taken [s]; by default
+            `end_time`.
         since: Its start [s]; by default that of its first sample.
         beyond: Index after the last sample at which the tool may still be on the path.
         work: Places between which parts of the path count that the tool leaves out [m].
@@ -64,7 +65,7 @@ class ContourExecution:
     path: Path
     objective: Path | None
     which: slice
-    until: float
+    end_time: float
     beyond: int
     work: tuple[float, float]
     before_work: tuple[float, float] | None = None
@@ -195,7 +196,7 @@ class ContourExecution:
         """Cornering deviations at the corners of the objective path; empty if unknown."""
         if self.objective is None or self.off_objective is None:
             return ()
-        judged = self.t <= self.until
+        judged = self.t <= self.end_time
         return corner_deviations(
             self.tool[judged],
             self.objective,
@@ -331,12 +332,12 @@ class ContourExecution:
         peak = None
         if self._is_told and measure is not None:
             since = float(self.t[0]) if self.since is None else self.since
-            until = min(self.until, float(self.executed.t[-1]))
-            peak = find_peak(self.t, values, measure, since=since, until=until, hidden=hidden)
+            end_time = min(self.end_time, float(self.executed.t[-1]))
+            peak = find_peak(self.t, values, measure, since=since, end_time=end_time, hidden=hidden)
         if peak is not None:
             peak = peak._replace(s=peak.s + self.offset)
         return ErrorProfile.over_time(
-            self.t, values, s + self.offset, self.until, side, peak, self.rms_until
+            self.t, values, s + self.offset, self.end_time, side, peak, self.rms_until
         )
 
     def _between(self, i: int, t: FloatArray) -> FloatArray | None:
@@ -401,34 +402,34 @@ def common_delay(executed: Execution) -> float:
     return best[1]
 
 
-def evaluated_times(executed: Execution, until: float | None) -> tuple[float, float]:
+def evaluated_times(executed: Execution, end_time: float | None) -> tuple[float, float]:
     """Ends of the times that largest values and root mean squares of a single path cover [s]."""
-    if until is not None:
-        return until, until
+    if end_time is not None:
+        return end_time, end_time
     # Rest at the end would reduce the root mean square, but a slow tool can still leave the path.
     end = settling_time(executed, executed.tool_speed)
     return max(end, float(executed.t[-1])), end
 
 
 def pieces_of(
-    executed: Execution, path: Program, objective: Program | None, until: float | None
+    executed: Execution, path: Program, objective: Program | None, end_time: float | None
 ) -> list[ContourExecution]:
     """Split an execution into its contours, each while the process is at work on it.
 
-    A single path is one piece, from the first set-point to `until`.
+    A single path is one piece, from the first set-point to `end_time`.
 
     Args:
         executed: The execution.
         path: The program that was planned.
         objective: The program before rounding, or None if unknown.
-        until: End of the evaluation of a single path [s]; None is until all joints are at rest,
+        end_time: End of the evaluation of a single path [s]; None is until all joints are at rest,
             with root mean squares until the tool is slower than `REST_SPEED`.
 
     Raises:
         InvalidInput: The execution or the objective has another number of contours than the path.
     """
     spans = executed.set_points.trajectory.contour_spans
-    last, rms_until = evaluated_times(executed, until)
+    last, rms_until = evaluated_times(executed, end_time)
     count = len(spans)
     if len(path.contours) != count:
         raise InvalidInput(
@@ -453,7 +454,7 @@ def pieces_of(
             objective=None if first is None else first.path,
             which=which,
             since=begin,
-            until=end,
+            end_time=end,
             rms_until=None if path.single_path is None else rms_until,
             beyond=following,
             work=contour.at_work,

@@ -126,25 +126,25 @@ class ErrorProfile(Result, Checked):
         t: FloatArray,
         values: FloatArray,
         s: FloatArray,
-        until: float,
+        end_time: float,
         side: FloatArray | None = None,
         peak: Peak | None = None,
         rms_until: float | None = None,
     ) -> ErrorProfile:
-        """Make the profile from the first time to `until`; the last value is kept to the end.
+        """Make the profile from the first time to `end_time`; the last value is kept to the end.
 
         Args:
             t: Times [s], (n,).
             values: Errors [m or rad], (n,).
             s: Arc length of the nearest point of the path [m], (n,).
-            until: End of the profile [s].
+            end_time: End of the profile [s].
             side: 1 to the left of the path, -1 to its right, (n,); None for errors without a side.
             peak: A higher value between the times, which becomes one of the values, but does not
                 count for the RMS; or None.
-            rms_until: End of the time over which the RMS is taken [s]; by default `until`.
+            rms_until: End of the time over which the RMS is taken [s]; by default `end_time`.
         """
-        times, (weighted,) = _cut(t, until if rms_until is None else rms_until, values)
-        t, (values, s) = _cut(t, until, values, s)
+        times, (weighted,) = _cut(t, end_time if rms_until is None else rms_until, values)
+        t, (values, s) = _cut(t, end_time, values, s)
         span = float(times[-1] - times[0])
         # A profile without duration has one value.
         square = np.trapezoid(weighted**2, times) / span if span > 0 else weighted[-1] ** 2
@@ -221,7 +221,7 @@ def find_peak(
     measure: Measure,
     *,
     since: float,
-    until: float,
+    end_time: float,
     hidden: Hidden | None = None,
 ) -> Peak | None:
     """Find a value that is higher than those of all samples.
@@ -232,7 +232,7 @@ def find_peak(
         measure: Gives errors and places at times between sample i and the next one; i may be -1,
             or n - 1. None where the motion is not known.
         since: Nothing before this time counts [s].
-        until: Nothing after this time counts [s].
+        end_time: Nothing after this time counts [s].
         hidden: Samples between each of which and the next one the error can be higher though no
             sample shows it, and by how much [m or rad].
 
@@ -241,7 +241,7 @@ def find_peak(
     """
     if len(t) < 3 or (t[1:] <= t[:-1]).any():
         return None
-    counts = slice(0, int(t.searchsorted(until, side="right")))
+    counts = slice(0, int(t.searchsorted(end_time, side="right")))
     sampled = float(values[counts].max(initial=-np.inf))
     best, peak = sampled, None
     high, _, bound = _tops(t, values)
@@ -256,7 +256,7 @@ def find_peak(
         bound = np.append(bound, (values[sharp] + values[sharp + 1]) / 2 + excess)
     # What is beyond the first and the last sample goes on as beside it.
     for i, a, b in ((-1, 0, 1), (len(t) - 1, -1, -2)):
-        end = since - t[0] if i < 0 else until - t[-1]
+        end = since - t[0] if i < 0 else end_time - t[-1]
         if (end < 0) == (i < 0) and end != 0:
             rise = abs((values[b] - values[a]) / (t[b] - t[a]) * end)
             high, bound = np.append(high, i), np.append(bound, values[a] + 2 * rise)
@@ -265,7 +265,7 @@ def find_peak(
             break
         i = int(high[k])
         first = max(float(t[i]) if i >= 0 else since, since)
-        last = min(float(t[i + 1]) if i + 1 < len(t) else until, until)
+        last = min(float(t[i + 1]) if i + 1 < len(t) else end_time, end_time)
         if first < last:
             higher = _climb(first, last, partial(measure, i), best)
             if higher is not None:

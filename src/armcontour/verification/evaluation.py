@@ -45,8 +45,8 @@ class Evaluation(Result, Checked):
     Args:
         duration: Planned time of the motion [s].
         settled: Time after which the tool stays below 1 mm/s [s].
-        until: End of the time over which root mean squares are taken [s]; largest errors cover the
-            time until all joints are at rest, unless `evaluate` was given an end.
+        end_time: End of the time over which root mean squares are taken [s]; largest errors cover
+            the time until all joints are at rest, unless `evaluate` was given an end.
         contour_error: Distance from the tool to its place on the path [m].
         coverage_error: Largest distance from a place of the path to the tool: a part of the path
             that the tool does not reach counts.
@@ -93,7 +93,7 @@ class Evaluation(Result, Checked):
 
     duration: float
     settled: float
-    until: float
+    end_time: float
     contour_error: ErrorProfile
     coverage_error: Coverage
     tracking_error: ErrorProfile
@@ -137,7 +137,7 @@ class Evaluation(Result, Checked):
         return (
             duration_row(self.duration),
             settled_row(self.settled),
-            Row("until", self.until, "s"),
+            Row("end_time", self.end_time, "s"),
             *error_rows("contour_error", "contour error", self.contour_error, FIRST, FIRST),
             *error_rows("coverage_error", "path missed", self.coverage_error),
             *error_rows("tracking_error", "tracking error", self.tracking_error, most=FILE),
@@ -264,14 +264,14 @@ def evaluate(
     *,
     objective: Path | Program | None = None,
     limits: Limits | None = None,
-    until: Interval | None = None,
+    end_time: Interval | None = None,
     limit_use: bool = False,
 ) -> Evaluation:
     """Evaluate an execution against the path that it was to follow.
 
-    Root mean squares are weighted by time, from the first set-point to `until`; after its end the
-    execution stands still. In a program, every contour is judged while the process is planned to be
-    at work on it, and nothing is judged between contours. A single path is judged from start to
+    Root mean squares are weighted by time, from the first set-point to `end_time`; after its end
+    the execution is at rest. In a program, every contour is judged while the process is planned to
+    be at work on it, and nothing is judged between contours. A single path is judged from start to
     end.
 
     Args:
@@ -280,30 +280,31 @@ def evaluate(
         objective: The path or program before rounding or shaping; needed for `objective_error`,
             `objective_coverage_error` and `corners`.
         limits: Limits in place of those of the plan.
-        until: End of the time that errors cover [s]. By default largest errors cover the whole
+        end_time: End of the time that errors cover [s]. By default largest errors cover the whole
             execution, and root mean squares the time until the planned motion has ended and the
             tool stays below 1 mm/s. Not allowed for a program of more than one path.
         limit_use: Whether `time_at_limit` and `limit_ratios` are computed, which takes longer than
             all errors together; without it they are None.
 
     Raises:
-        InvalidInput: The path has another dimension than the arm, `until` is not above zero, or the
-            program was not planned.
+        InvalidInput: The path has another dimension than the arm, `end_time` is not above zero, or
+            the program was not planned.
     """
     program, before = Program.of(path, "evaluate needs a Path or a Program"), None
     if objective is not None:
         before = Program.of(objective, "evaluate needs a Path or a Program as its objective")
-    if until is not None and program.single_path is None:
+    if end_time is not None and program.single_path is None:
         raise InvalidInput(
-            "until is for one path: the contours of a program are judged while they are worked on."
+            "end_time is for one path: the contours of a program are judged while the process is "
+            "on."
         )
     trajectory = executed.set_points.trajectory
     bounds = resolve_limits("evaluate", executed.arm, limits, trajectory.limits)
     t, speed, duration = executed.t, executed.tool_speed, trajectory.duration
     moved = (t >= 0) & (t <= duration)
     settled = settling_time(executed, speed)
-    _, end = evaluated_times(executed, until)
-    pieces = pieces_of(executed, program, before, until)
+    _, end = evaluated_times(executed, end_time)
+    pieces = pieces_of(executed, program, before, end_time)
     contours = tuple(x.contour_error for x in pieces)
     shares = [x.speed_shares(bounds.speed) for x in pieces]
     ratio = max(float(x.max()) for x in shares)
@@ -314,7 +315,7 @@ def evaluate(
     return Evaluation(
         duration=duration,
         settled=settled,
-        until=end,
+        end_time=end,
         contour_error=ErrorProfile.join(contours),
         coverage_error=max((x.coverage_error for x in pieces), key=lambda x: x.max),
         tracking_error=ErrorProfile.join([x.tracking_error() for x in pieces]),

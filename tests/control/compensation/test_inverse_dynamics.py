@@ -209,8 +209,8 @@ def test_every_joint_stands_still_first(heavy):
 
 def test_a_load_that_the_controller_does_not_know_can_be_known_to_the_set_points(heavy):
     loaded = with_chain(heavy, payload=ac.Payload(mass=2.0, center=(0.02, 0.0, 0.1)))
-    plant = strong(loaded, known=heavy)
-    assert off(loaded, plant=plant, known=heavy) < 3e-5 < 1e-3 < off(loaded, plant=plant)
+    plant = strong(loaded, controller=heavy)
+    assert off(loaded, plant=plant, controller=heavy) < 3e-5 < 1e-3 < off(loaded, plant=plant)
 
 
 def test_friction_is_compensated_but_not_at_rest(heavy):

@@ -35,7 +35,7 @@ def loaded(arm, *, seed=0, dead_time=0.0, noise=0.0):
         ac.Limits.only(joint_torque=1e3).for_joints(2),
         noise=noise,
         seed=seed,
-        known=arm,
+        controller=arm,
     )
 
 

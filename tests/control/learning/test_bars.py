@@ -63,7 +63,7 @@ def in_space(runs):
 
     def robot(seed):
         real = SERVO.replace(kp=[25.0, 24.0, 26.0, 23.0, 25.0, 25.5])
-        return ac.RigidBodyPlant(true, real, arm.limits, noise=1e-5, seed=seed, known=arm)
+        return ac.RigidBodyPlant(true, real, arm.limits, noise=1e-5, seed=seed, controller=arm)
 
     return teach(set_points, arm, robot, path, objective, runs)
 

@@ -209,14 +209,14 @@ def test_the_controller_may_know_another_arm(arm, set_points):
     )
     bare = loaded._copy(chain=loaded.chain.replace(payload=None))
     plan = set_points.trajectory
-    right = ac.compensate(plan, SERVO, ac.InverseDynamics(known=bare), arm=loaded)
+    right = ac.compensate(plan, SERVO, ac.InverseDynamics(controller=bare), arm=loaded)
     robot = ac.RigidBodyPlant(
-        loaded, SERVO, ac.Limits.only(joint_torque=1e3).for_joints(2), known=bare
+        loaded, SERVO, ac.Limits.only(joint_torque=1e3).for_joints(2), controller=bare
     )
     done = ac.simulate(right, robot)
     found = {}
     for known in (bare, None):
-        lesson = ac.learn(right, done, arm=loaded, servo=SERVO, known=known)
+        lesson = ac.learn(right, done, arm=loaded, servo=SERVO, controller=known)
         off = lesson.lifted.expected(right.q) - lesson.lifted.planned - lesson.runs[0].error
         found[known] = np.abs(off).max()
     assert found[bare] < 0.02 * found[None]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.control.learning.lifted import Lifted, Nominal
+from armcontour.control.learning.lifted_model import Lifted, Nominal
 from armcontour.motion import SetPoints
 
 

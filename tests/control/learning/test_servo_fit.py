@@ -69,7 +69,7 @@ def test_a_right_model_is_kept():
     strong = ac.Limits.only(joint_torque=1e3).for_joints(2)
     for noise in (0.0, 1e-6, 1e-4):
         done = ac.simulate(
-            set_points, ac.RigidBodyPlant(arm, SERVO, strong, known=arm, noise=noise)
+            set_points, ac.RigidBodyPlant(arm, SERVO, strong, controller=arm, noise=noise)
         )
         lesson = ac.learn(set_points, done, arm=arm, servo=SERVO)
         assert lesson.misfits == (0.0, 0.0) and lesson.delay == 0.0

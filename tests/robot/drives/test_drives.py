@@ -111,16 +111,16 @@ def test_the_response_is_that_of_the_plant(arm, gravity):
 def test_a_payload_that_the_controller_does_not_know(arm):
     """Command and response of a loaded arm, whose controller holds and scales for the bare one."""
     loaded = ac.load_arm("ur5e", payload=ac.Payload(mass=2.0))
-    drives = Drives(arm=loaded, servo=SERVO, known=arm)
+    drives = Drives(arm=loaded, servo=SERVO, controller=arm)
     assert (drives.inertia == Drives(arm=arm, servo=SERVO).inertia).all()
     q = drives.command(*(swing(T, order) for order in range(3)))
-    plant = ac.RigidBodyPlant(loaded, SERVO, STRONG, known=arm, step=1e-4)
+    plant = ac.RigidBodyPlant(loaded, SERVO, STRONG, controller=arm, step=1e-4)
     done, moved = (simulate(x, plant, arm) for x in (q, q + CHANGE))
     assert np.abs(done.q - swing(done.t, 0)).max() < 5e-5
     n = min(len(done.t), len(moved.t))
     found = moved.q[:n] - done.q[:n]
     at = regular_times(0.0, done.t[n - 1], 1e-3)
-    response = respond_along(swing, at, loaded, SERVO, known=arm)
+    response = respond_along(swing, at, loaded, SERVO, controller=arm)
     expected = response.to_torque(command_at(CHANGE, at) * response.gain)
     rows = np.searchsorted(done.t[:n], at)
     assert np.abs(found[rows] - expected).max() < 3e-3 * np.abs(found).max()

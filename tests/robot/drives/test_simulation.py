@@ -86,7 +86,7 @@ def test_small_torques_move_the_simulated_robot_as_its_response_says(arm, set_po
 
 def test_a_load_that_sags_is_held_by_friction_where_it_starts(arm, known):
     """Friction carries what the controller does not know of, up to what friction can give."""
-    drives = Drives(arm=arm, servo=SERVO, known=known)
+    drives = Drives(arm=arm, servo=SERVO, controller=known)
     t = np.linspace(0, 1.0, 501)
     command = np.tile(HOME, (len(t), 1))
     found = simulate(drives, command, t, command)

@@ -37,26 +37,26 @@ def leading(mac, job):
     return ac.compensate(mac, SERVO, ac.Inverse(), cycle=CYCLE), *job[1:]
 
 
-def reference(set_points, path, arm, servo, limits, until=None, resolution=1e-3):
+def reference(set_points, path, arm, servo, limits, end_time=None, resolution=1e-3):
     executed = ac.simulate(set_points, ac.ServoPlant(arm, servo, limits), resolution=resolution)
-    return executed, ac.evaluate(executed, path, until=until)
+    return executed, ac.evaluate(executed, path, end_time=end_time)
 
 
-def agrees(found, set_points, path, arm, servo, limits, until=None, resolution=1e-3):
+def agrees(found, set_points, path, arm, servo, limits, end_time=None, resolution=1e-3):
     for i in range(len(found)):
         own = found.servo(i, servo)
-        executed, judged = reference(set_points, path, arm, own, limits, until, resolution)
+        executed, judged = reference(set_points, path, arm, own, limits, end_time, resolution)
         error = judged.contour_error
         assert (found.rms[i], found.max[i]) == pytest.approx((error.rms, error.max), rel=1e-3)
-        assert found.until[i] == pytest.approx(judged.until, abs=3e-3)
-        if servo.order == "second" and until is None:
+        assert found.end_time[i] == pytest.approx(judged.end_time, abs=3e-3)
+        if servo.order == "second" and end_time is None:
             bounds = np.array(limits.for_joints(arm.dof).acceleration_bounds(arm.dof))
             ratio = (executed.demand_range / bounds).max()
             assert found.demand_ratio[i] == pytest.approx(ratio, rel=1e-4)
             longest = executed.saturated_time.max()
             # A demand without steps touches its limit for long, by rounding or not at all.
             slack = 2e-2 if servo.interpolation == "cubic" else 2e-3
-            assert found.saturated[i] * found.until[i] == pytest.approx(longest, abs=slack)
+            assert found.saturated[i] * found.end_time[i] == pytest.approx(longest, abs=slack)
 
 
 SERVOS = {
@@ -89,20 +89,20 @@ def test_executions_are_those_of_the_servo_plant(kind, job):
         assert (found.rms[0], found.max[0]) == pytest.approx(nominal, rel=1e-4)
 
 
-@pytest.mark.parametrize(("since", "until"), [(0.5, 1.7), (0.1234, 0.8765), (2.0, 2.1)])
-def test_errors_between_two_times(job, since, until):
+@pytest.mark.parametrize(("since", "end_time"), [(0.5, 1.7), (0.1234, 0.8765), (2.0, 2.1)])
+def test_errors_between_two_times(job, since, end_time):
     """As on a contour of a program, whose set-points starts with what leads to it."""
     set_points, path, arm, servo, limits = job
-    found = spread(*job, Uncertainty(gains=0.1), samples=4, seed=3, since=since, until=until)
+    found = spread(*job, Uncertainty(gains=0.1), samples=4, seed=3, since=since, end_time=end_time)
     for i in range(4):
         plant = ac.ServoPlant(arm, found.servo(i, servo), limits)
         # Looked at as often as the spread is: between that, errors of micrometres differ by more.
         executed = ac.simulate(set_points, plant, resolution=2e-3)
         off = path.project(executed.tool).distance
-        inside = executed.t[(executed.t > since) & (executed.t < until)]
-        t = np.concatenate([[since], inside, [until]])
+        inside = executed.t[(executed.t > since) & (executed.t < end_time)]
+        t = np.concatenate([[since], inside, [end_time]])
         error = np.interp(t, executed.t, off)
-        rms = np.sqrt(np.trapezoid(error**2, t) / (until - since))
+        rms = np.sqrt(np.trapezoid(error**2, t) / (end_time - since))
         assert (found.rms[i], found.max[i]) == pytest.approx((rms, error.max()), rel=1e-3)
 
 
@@ -122,8 +122,12 @@ def test_saturated_executions_and_other_limits_and_periods(mac, job):
 
 
 def test_errors_cover_the_time_asked_for_and_all_between_results(leading):
-    for until in (5.0, 7.0):
-        agrees(spread(*leading, Uncertainty(gains=0.1), samples=4, until=until), *leading, until)
+    for end_time in (5.0, 7.0):
+        agrees(
+            spread(*leading, Uncertainty(gains=0.1), samples=4, end_time=end_time),
+            *leading,
+            end_time,
+        )
     set_points, path, arm, servo, limits = leading
     found = spread(*leading, Uncertainty(gains=0.2), samples=3)
     for i in range(3):
@@ -187,7 +191,7 @@ def test_seeds(job):
 def test_a_dead_time_that_joints_share_draws_the_same_contour(job):
     set_points, path, arm, _, limits = job
     own = set_points, path, arm, SERVO.replace(dead_time=4e-3), limits
-    shared = spread(*own, Uncertainty(dead_time=2e-3), samples=8, until=6.0)
+    shared = spread(*own, Uncertainty(dead_time=2e-3), samples=8, end_time=6.0)
     assert shared.names == ("dead time",)
     assert (shared.dead_time[:, 0] == shared.dead_time[:, 1]).all()
     np.testing.assert_allclose(shared.max, shared.nominal_max, rtol=1e-4)
@@ -324,7 +328,7 @@ def test_refusals(job, refuses):
         (Uncertainty(payload=1.0), lag, path, {}),
         (Uncertainty(), servo, flat, {}),
         *((Uncertainty(), servo, path, x) for x in ({"samples": 0}, {"threads": 0})),
-        (Uncertainty(), servo, path, {"since": 1.0, "until": 0.5}),
+        (Uncertainty(), servo, path, {"since": 1.0, "end_time": 0.5}),
         (Uncertainty(), lambda: ac.ServoModel(kp=1e9, kv=1e300), path, {}),
     ):
 

@@ -105,7 +105,7 @@ def placed():
 
 
 def certified():
-    found = ac.certify(gasket(), goal=CertificateGoal(servo=0.02e-3))
+    found = ac.certify(gasket(), goal=CertificateGoal(servo_error=0.02e-3))
     return render_report(found.study, certificate=found)
 
 

@@ -14,7 +14,7 @@ corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s, dead_time: 2 ms}
 certificate:
   plant: rigid_body
-  servo: 0.3 mm
+  servo_error: 0.3 mm
   samples: 50
   bodies: 3
   corners: 4

@@ -111,7 +111,7 @@ TROUBLES = {
         cycle="20 ms", runs={"only": {"compensation": {"method": "inverse"}}},
     ),
     "The certificate fails": changed(
-        command="armcontour certify job.yaml --servo '0.01 um'",
+        command="armcontour certify job.yaml --servo-error '0.01 um'",
         runs={"only": {"compensation": {"method": "pole_placement"}}},
     ),
     "A number without a unit": drawn("", "--speed 50"),

@@ -20,7 +20,7 @@ servo: {{kp: 25 1/s, kv: 150 1/s}}
 cycle: 4 ms
 runs:
   only: {{compensation: {{method: {method}}}}}
-certificate: {{servo: {servo}}}
+certificate: {{servo_error: {servo}}}
 """
 ENDS, SPEEDS = [0.300, 0.312, 0.318, 0.330], [0.15, 0.02, 0.10]
 

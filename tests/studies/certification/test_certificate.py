@@ -51,7 +51,7 @@ limits: {speed: 0.2914771, joint_acceleration: 5.5179714}
 corners: {tolerance: 0.13197796 mm}
 servo: {kp: 20.8143967, kv: 181.493, dead_time: 4 ms, interpolation: cubic}
 cycle: 4 ms
-certificate: {servo: 0.6866 mm}
+certificate: {servo_error: 0.6866 mm}
 runs:
   only: {compensation: {method: none}}
 """
@@ -64,7 +64,7 @@ def job(kind, cycle="4 ms", method="inverse", servo="", more=""):
 
 @pytest.fixture(scope="module")
 def certified():
-    more = "certificate: {servo: 2 um, rms: 0.5 um}\nexperiment: {}"
+    more = "certificate: {servo_error: 2 um, rms: 0.5 um}\nexperiment: {}"
     return ac.certify(job(PAPER, more=more))
 
 
@@ -75,7 +75,7 @@ def judged(found, loaded=False):
     executed = ac.simulate(found.set_points, plant, resolution=1e-4)
     result = ac.evaluate(executed, found.path.path, objective=found.job.path, limits=limits)
     assert not ac.check(found.trajectory, arm, limits, points=20, seed=1).violated
-    assert result.contour_error.max <= found.goal.servo
+    assert result.contour_error.max <= found.goal.servo_error
     assert loaded or (executed.peak_demand <= 0.72 * (1 + 1e-6)).all()
     return result
 
@@ -114,20 +114,20 @@ def test_without_compensation_a_tool_is_slowed_until_it_keeps_its_budget():
 def test_the_papers_job_with_pole_placement_and_every_ten_milliseconds():
     found = ac.certify(
         job(PAPER, method="pole_placement"),
-        goal=ac.CertificateGoal(servo=5e-6, saturation="report"),
+        goal=ac.CertificateGoal(servo_error=5e-6, saturation="report"),
     )
     result = judged(found, loaded=True)
     assert found.duration <= 5.33 and result.settled <= 5.40 and found.trials == 1
     assert result.saturated.max() > 0.1  # and that is said
     assert found.evaluation.saturated.max() == pytest.approx(result.saturated.max(), rel=1e-9)
-    found = ac.certify(job(PAPER, cycle="10 ms"), goal=ac.CertificateGoal(servo=5e-6))
+    found = ac.certify(job(PAPER, cycle="10 ms"), goal=ac.CertificateGoal(servo_error=5e-6))
     assert found.duration <= 5.40 and judged(found).speed <= 0.15 * (1 + 1e-3)
 
 
 @pytest.mark.parametrize("more", ["ki: 6 1/s", "ki: 6 1/s, drive_cycle: 4 ms"])
 def test_a_cascade_keeps_its_budget(more):
     line = LINE.replace("kv: 150 1/s", f"kv: 150 1/s, {more}")
-    found = ac.certify(parse_job(line), goal=ac.CertificateGoal(servo=2e-5))
+    found = ac.certify(parse_job(line), goal=ac.CertificateGoal(servo_error=2e-5))
     assert 0 < judged(found).contour_error.max <= 2e-5
 
 
@@ -136,7 +136,7 @@ def test_limits_of_jerk_are_kept():
     limits = base.runs[0].limits.replace(joint_jerk=36.0)
     found = ac.certify(
         replace(base, runs=(replace(base.runs[0], limits=limits),)),
-        goal=ac.CertificateGoal(servo=2e-6),
+        goal=ac.CertificateGoal(servo_error=2e-6),
     )
     result = judged(found)
     # Slower by what linear interpolation adds to a uniform acceleration, 0.25 % at 4 ms.
@@ -151,7 +151,7 @@ def test_limits_of_jerk_are_kept():
 # tests/slow has boxes and held set-points of the paper's job.
 def test_held_set_points():
     held = job(SHORT, cycle="1 ms", servo=", interpolation: step")
-    found = ac.certify(held, goal=ac.CertificateGoal(servo=1e-5, saturation="report"))
+    found = ac.certify(held, goal=ac.CertificateGoal(servo_error=1e-5, saturation="report"))
     assert judged(found, loaded=True).saturated.max() > 0
     assert found.duration <= 1.03 * found.uncertified.duration
     assert found.budget.sampling > 50 * found.budget.servo
@@ -159,7 +159,9 @@ def test_held_set_points():
 
 def test_gains_ten_percent_off():
     box = Uncertainty(gains=0.1)
-    found = ac.certify(job(SHORT), goal=ac.CertificateGoal(servo=0.5e-3, box=box, samples=300))
+    found = ac.certify(
+        job(SHORT), goal=ac.CertificateGoal(servo_error=0.5e-3, box=box, samples=300)
+    )
     assert found.uncertified.box > 2e-3 and found.duration <= 1.02 * found.uncertified.duration
     shared = (
         found.set_points,
@@ -178,15 +180,16 @@ def test_dead_times_that_err():
     late = job(SHORT, servo=", dead_time: 40 ms")
     # Shared by all joints, it costs nothing.
     found = ac.certify(
-        late, goal=ac.CertificateGoal(servo=2e-6, box=Uncertainty(dead_time=2e-3), samples=200)
+        late,
+        goal=ac.CertificateGoal(servo_error=2e-6, box=Uncertainty(dead_time=2e-3), samples=200),
     )
     assert found.duration <= 1.002 * found.uncertified.duration
     assert found.spread.within(2e-6) == 1.0
     box = Uncertainty(dead_time=2e-3, dead_time_shared=False)
-    found = ac.certify(late, goal=ac.CertificateGoal(servo=0.06e-3, box=box, samples=200))
+    found = ac.certify(late, goal=ac.CertificateGoal(servo_error=0.06e-3, box=box, samples=200))
     assert found.spread.within(0.06e-3) == 1.0 and found.uncertified.box > 0.06e-3
     with pytest.raises(ac.NotRealizable) as caught:
-        ac.certify(late, goal=ac.CertificateGoal(servo=0.03e-3, box=box, slowest=1.2))
+        ac.certify(late, goal=ac.CertificateGoal(servo_error=0.03e-3, box=box, slowest=1.2))
     error = caught.value
     assert error.limit == "contour error" and error.allowed == 0.03e-3
     # What can be reached in that time is between the two.
@@ -214,7 +217,7 @@ def test_a_command_keeps_to_joint_velocities(refuses):
     slow = replace(slow, runs=(replace(run, limits=limits),))
     set_points = ac.compensate(plan, slow.servo, ac.Inverse())
     refuses(lambda: check_commands(set_points, limits), ac.CompensationError, "joint_velocity")
-    found = ac.certify(slow, goal=ac.CertificateGoal(servo=2e-6))
+    found = ac.certify(slow, goal=ac.CertificateGoal(servo_error=2e-6))
     check_commands(found.set_points, limits)
     assert found.duration > plan.duration
     assert found.evaluation.contour_error.max <= 2e-6
@@ -222,13 +225,13 @@ def test_a_command_keeps_to_joint_velocities(refuses):
 
 def test_stops_at_sharp_corners_stay():
     sharp = parse_job(LINE.replace("[0.40, 0.20]]", "[0.40, 0.20], [0.40, 0.25]]"))
-    found = ac.certify(sharp, goal=ac.CertificateGoal(servo=2e-6))
+    found = ac.certify(sharp, goal=ac.CertificateGoal(servo_error=2e-6))
     assert found.trajectory.speed_at([0.1]) < 1e-8
     assert found.budget.rounding == 0.0
     assert found.evaluation.contour_error.max <= 2e-6
     assert found.evaluation.demand_ratio.max() <= 1 + 1e-6
     slot = ac.Path.polyline([(0.30, 0.15), (0.40, 0.15), (0.40, 0.25), (0.30, 0.25)])
-    found = ac.certify(replace(job(PAPER), path=slot), goal=ac.CertificateGoal(servo=1e-5))
+    found = ac.certify(replace(job(PAPER), path=slot), goal=ac.CertificateGoal(servo_error=1e-5))
     assert (judged(found).demand_ratio <= 1 + 1e-6).all()
     assert found.cost < 0.03
 
@@ -242,20 +245,20 @@ def test_what_binds_is_said(refuses):
         (parse_job(lags), 1e-6, 1.05, ("compensate the lag of the servo",), error),
         (job(SHORT), 1e-3, 1.0001, ("larger slowest",), acceleration),
     ):
-        call = partial(ac.certify, this, goal=CertificateGoal(servo=servo, slowest=slowest))
+        call = partial(ac.certify, this, goal=CertificateGoal(servo_error=servo, slowest=slowest))
         refuses(call, ac.NotRealizable, *words, **data)
 
 
 def test_a_budget_has_room_for_what_the_servo_model_does_not_explain(refuses):
     this = job(SHORT, servo=", model_error: 0.1 mrad")
-    found = ac.certify(this, goal=CertificateGoal(servo=0.2e-3))
+    found = ac.certify(this, goal=CertificateGoal(servo_error=0.2e-3))
     budget, result = found.budget, judged(found)
     expected = ac.evaluate(found.execution, found.path.path).model_error[1]
     assert budget.model_error == pytest.approx(expected, rel=1e-4) and expected > 3e-5
     assert result.contour_error.max + budget.model_error <= 0.2e-3
     assert budget.executed == budget.servo + budget.sampling + budget.model_error
     assert budget.left == 0.2e-3 - budget.executed >= 0
-    more = ac.certify(job(SHORT), goal=CertificateGoal(servo=0.2e-3 - budget.model_error))
+    more = ac.certify(job(SHORT), goal=CertificateGoal(servo_error=0.2e-3 - budget.model_error))
     assert more.duration == pytest.approx(found.duration, rel=1e-3)
     # The condition is stated, and the joint that exceeds the motion of the logs is named.
     assert "bounded for motion" in found.condition and "joint" not in found.condition
@@ -264,7 +267,7 @@ def test_a_budget_has_room_for_what_the_servo_model_does_not_explain(refuses):
     beyond = ac.certify(job(SHORT, servo=f", model_error: 0.1 mrad, {logged}"), goal=found.goal)
     fastest = np.abs(beyond.trajectory(beyond.trajectory.breaks, 1)[:, 1]).max()
     assert f"joint 2 has {fastest / 1e-3:.3g} times" in beyond.condition
-    call = partial(ac.certify, this, goal=CertificateGoal(servo=2e-5))
+    call = partial(ac.certify, this, goal=CertificateGoal(servo_error=2e-5))
     words = "The servo model does not explain errors of up to", "allow more"
     refuses(call, ac.NotRealizable, *words, limit="contour error", allowed=2e-5)
 
@@ -274,15 +277,15 @@ def test_what_cannot_be_asked_is_refused_before_the_search(refuses):
     two = replace(this, runs=(this.runs[0], replace(this.runs[0], name="second")))
 
     def certify(*given, **of_goal):
-        ac.certify(*given, goal=CertificateGoal(servo=2e-6, **of_goal), progress=pytest.fail)
+        ac.certify(*given, goal=CertificateGoal(servo_error=2e-6, **of_goal), progress=pytest.fail)
 
     for call, words in (
         (partial(ac.certify, this), "tolerance"),
         (partial(certify, this, "other"), "'other'"),
         (partial(certify, two), "only, second"),
-        (partial(CertificateGoal, servo=1e-3, tolerance=1e-3), "must be below the tolerance"),
-        (partial(CertificateGoal, servo=1e-3, slowest=1.0), "slowest must be above 1"),
-        (partial(CertificateGoal, servo=1e-3, saturation="maybe"), "refuse, report"),
+        (partial(CertificateGoal, servo_error=1e-3, tolerance=1e-3), "must be below the tolerance"),
+        (partial(CertificateGoal, servo_error=1e-3, slowest=1.0), "slowest must be above 1"),
+        (partial(CertificateGoal, servo_error=1e-3, saturation="maybe"), "refuse, report"),
         (partial(certify, job(SHORT), box=Uncertainty(payload=0.5)), "carries only 0 kg"),
         (partial(certify, job(SHORT), box=Uncertainty(jitter=2e-3)), "jitter of 0.002 s"),
         (
@@ -318,16 +321,20 @@ def test_the_summary_repeats_it(certified):
 
 
 def test_it_comes_out_the_same_again():
-    one, again = (ac.certify(job(SHORT), goal=ac.CertificateGoal(servo=2e-6)) for _ in range(2))
+    one, again = (
+        ac.certify(job(SHORT), goal=ac.CertificateGoal(servo_error=2e-6)) for _ in range(2)
+    )
     np.testing.assert_array_equal(again.set_points.q, one.set_points.q)
     assert again.trials < 30
 
 
 def test_goals_of_job_files(refuses):
-    keys = "certificate: {tolerance: 5 mm, servo: 2 um, run: only, samples: 50, seed: 3, box: {"
+    keys = (
+        "certificate: {tolerance: 5 mm, servo_error: 2 um, run: only, samples: 50, seed: 3, box: {"
+    )
     text = LINE + keys + "gains: 10 %, dead_time: 2 ms, shared: false, jitter: 0.1 ms}}\n"
     goal = parse_job(text).certificate
-    assert (goal.tolerance, goal.servo, goal.run) == (5e-3, pytest.approx(2e-6), "only")
+    assert (goal.tolerance, goal.servo_error, goal.run) == (5e-3, pytest.approx(2e-6), "only")
     assert (goal.samples, goal.seed, goal.saturation) == (50, 3, "refuse")
     box = goal.box
     assert float(box.gains) == pytest.approx(0.1) and not box.dead_time_shared
@@ -346,7 +353,7 @@ def test_goals_of_job_files(refuses):
 def test_errors_of_one_path_count_until_the_tool_rests():
     # A late drive is still on its way when the plan has ended.
     late = job(SHORT, servo=", dead_time: 4 ms", method="pole_placement")
-    found = ac.certify(late, goal=ac.CertificateGoal(servo=1e-4))
+    found = ac.certify(late, goal=ac.CertificateGoal(servo_error=1e-4))
     of_contour, of_all = found.contours[0].error, found.evaluation.contour_error
     assert (of_contour.max, of_contour.rms) == (of_all.max, of_all.rms)
     # No error exceeds the certified one until all joints rest, although the tool leaves the path

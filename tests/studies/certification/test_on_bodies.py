@@ -25,7 +25,7 @@ corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s, dead_time: 2 ms}
 certificate:
   plant: rigid_body
-  servo: 0.3 mm
+  servo_error: 0.3 mm
   samples: 500
   bodies: 3
   corners: 4
@@ -98,7 +98,7 @@ def test_a_nominal_robot_alone():
 def test_what_the_budget_cannot_hold_is_refused_with_its_parts():
     job = parse_job(JOB)
     with pytest.raises(ac.NotRealizable) as raised:
-        ac.certify(job, goal=replace(job.certificate, servo=0.02e-3, slowest=1.2))
+        ac.certify(job, goal=replace(job.certificate, servo_error=0.02e-3, slowest=1.2))
     # The largest part first, which more knowledge of the robot would reduce.
     parts = re.search(r"its parts are (\w+) ([0-9.]+) mm, (\w+) ([0-9.]+) mm", str(raised.value))
     assert {parts[1], parts[3]} <= {"payload", "friction", "kp", "kv", "sampling"}
@@ -115,7 +115,7 @@ path: {points: [[0.30, 0.20], [0.34, 0.20], [0.34, 0.24]]}
 limits: {speed: 0.05 m/s, joint_acceleration: 2}
 corners: {tolerance: 0.25 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
-certificate: {servo: 0.5 mm, plant: rigid_body}
+certificate: {servo_error: 0.5 mm, plant: rigid_body}
 runs:
   only: {compensation: {method: inverse_dynamics}, timing: {intervals: 400}}
 """
@@ -126,7 +126,7 @@ arm: ur5e
 path: {orientation: {axis: [0, 0, -1]}, points: [[0.45, 0, 0.2], [0.5, 0, 0.2]]}
 limits: {speed: 0.05 m/s, joint_acceleration: 6.4}
 servo: {kp: 25 1/s, kv: 150 1/s}
-certificate: {servo: 0.5 mm, plant: rigid_body}
+certificate: {servo_error: 0.5 mm, plant: rigid_body}
 experiment: {gravity_feedforward: false}
 runs:
   only: {compensation: {method: pole_placement}, timing: {intervals: 100}}

@@ -41,13 +41,13 @@ def job(method="inverse", moves=MOVES, process=LEADS):
 
 def quick(process=LEADS):
     """A job that is certified without a search: the plan at the full limit holds 0.1 mm."""
-    goal = CertificateGoal(servo=0.1e-3, saturation="report")
+    goal = CertificateGoal(servo_error=0.1e-3, saturation="report")
     return replace(job("pole_placement", process=process), certificate=goal)
 
 
 @pytest.fixture(scope="module")
 def certified():
-    return ac.certify(job(), goal=ac.CertificateGoal(servo=2e-6))
+    return ac.certify(job(), goal=ac.CertificateGoal(servo_error=2e-6))
 
 
 def executed(found, servo=None):
@@ -101,7 +101,7 @@ def test_a_servo_that_lags_gets_a_pause_before_the_next_contour():
     slow = job("none", process=Process())
     limits = slow.runs[0].limits.replace(speed=0.01)
     slow = replace(slow, runs=(replace(slow.runs[0], limits=limits),))
-    found = ac.certify(slow, goal=ac.CertificateGoal(servo=0.1e-3, slowest=4.0))
+    found = ac.certify(slow, goal=ac.CertificateGoal(servo_error=0.1e-3, slowest=4.0))
     _, result = executed(found)
     assert max(x.max for x in result.contours) <= 0.1e-3
     assert 0.02 < found.pauses < 0.5
@@ -116,7 +116,7 @@ def test_a_servo_that_lags_gets_a_pause_before_the_next_contour():
 
 def test_contours_that_saturate_do_not_stop_the_rapid_after_them():
     found = ac.certify(
-        job(process=Process()), goal=ac.CertificateGoal(servo=3e-3, saturation="report")
+        job(process=Process()), goal=ac.CertificateGoal(servo_error=3e-3, saturation="report")
     )
     _, result = executed(found)
     assert result.saturated.max() > 0.1
@@ -128,7 +128,7 @@ def test_contours_that_saturate_do_not_stop_the_rapid_after_them():
 
 def test_robots_of_a_box_hold_the_goal_on_every_contour():
     box = Uncertainty(gains=0.05)
-    found = ac.certify(job(), goal=ac.CertificateGoal(servo=0.5e-3, box=box, samples=100))
+    found = ac.certify(job(), goal=ac.CertificateGoal(servo_error=0.5e-3, box=box, samples=100))
     servo, limits = found.job.plant_servo, found.run.limits
     for k, x in enumerate(found.contours):
         assert x.spread.within(0.5e-3) == 1.0 and x.corners.max.max() <= 0.5e-3
@@ -138,13 +138,13 @@ def test_robots_of_a_box_hold_the_goal_on_every_contour():
         assert result.contours[k].max == pytest.approx(worst, rel=2e-3)
         assert x.budget.executed == max(worst, x.spread.max.max())
         # Other robots than those of the certificate.
-        times = {"since": x.work[0] - x.t[0], "until": x.work[1] - x.t[0]}
+        times = {"since": x.work[0] - x.t[0], "end_time": x.work[1] - x.t[0]}
         shared = (x.set_points, x.path, found.job.arm, servo, limits, box)
         assert spread(*shared, samples=100, seed=7, **times).max.max() <= 0.5e-3
 
 
 def test_a_refusal_names_the_contour(certified, refuses):
-    call = partial(ac.certify, job(), goal=ac.CertificateGoal(servo=1e-10, slowest=1.05))
+    call = partial(ac.certify, job(), goal=ac.CertificateGoal(servo_error=1e-10, slowest=1.05))
     data = {"limit": "contour error", "allowed": 1e-10}
     refuses(call, ac.NotRealizable, "contour bend", "contour error comes down to", **data)
     refuses(lambda: certified.derating, ac.InvalidInput, "2 contours")
@@ -152,7 +152,7 @@ def test_a_refusal_names_the_contour(certified, refuses):
 
 def test_a_total_tolerance_holds_for_all_contours_alike():
     found = ac.certify(
-        quick(process=Process()), goal=ac.CertificateGoal(tolerance=1e-3, servo=0.1e-3)
+        quick(process=Process()), goal=ac.CertificateGoal(tolerance=1e-3, servo_error=0.1e-3)
     )
     _, result = executed(found)
     assert result.objective_error.max <= 1e-3

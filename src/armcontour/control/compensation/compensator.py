@@ -92,7 +92,7 @@ class InverseDynamics(CompensationOptions):
     Args:
         gravity_feedforward: Whether the controller adds the gravity torque; by default it does, in
             a job as in its experiment.
-        known: The arm as its controller knows it, for example without a payload that was found
+        controller: The arm as its controller knows it, for example without a payload that was found
             later; by default the nominal arm.
 
     Raises:
@@ -101,7 +101,7 @@ class InverseDynamics(CompensationOptions):
 
     method = "inverse_dynamics"
     gravity_feedforward: Annotated[bool | None, About()] = None
-    known: Arm | None = None
+    controller: Arm | None = None
 
 
 @checks.explain_calls
@@ -182,18 +182,7 @@ def teach(
     cycle: float,
     arm: Arm | None,
 ) -> SetPoints:
-    """Set-points as of `compensate`, without a check of limits.
-
-    Args:
-        trajectory: As in `compensate`, like the others.
-        servo: See above.
-        options: See above.
-        cycle: See above.
-        arm: See above.
-
-    Raises:
-        ArmContourError: As `compensate`.
-    """
+    """Set-points as of `compensate`, without a check of limits."""
     interval = check_cycle(cycle)
     model, duration = servo.for_joints(trajectory.dof), trajectory.duration
     if interval > max(duration * (1 + SAME), LONGEST_CLOCK):
@@ -222,7 +211,7 @@ def teach(
     )
     if options.command_limits is None:
         return set_points
-    from armcontour.control.compensation.nearest import within_limits
+    from armcontour.control.compensation.set_point_limits import within_limits
 
     return within_limits(set_points, model, options.command_limits, arm)
 
@@ -247,7 +236,7 @@ def _set_points(
         from armcontour.control.compensation.inverse_dynamics import inverse_dynamics
 
         fed = options.gravity_feedforward is not False
-        start, q = inverse_dynamics(trajectory, servo, cycle, arm, fed, options.known)
+        start, q = inverse_dynamics(trajectory, servo, cycle, arm, fed, options.controller)
     else:
         from armcontour.control.compensation.set_points import inverse
 

@@ -53,21 +53,21 @@ def for_feedforward(
     prompt = frictionless.without_feedforward().for_joints(plain.shape[1])
     want = _means(np.concatenate([plain, np.tile(plain[-1], (rows, 1))]), cycle, prompt)
     start = plain[0]
-    found = _solved(want - start, cycle, servo) + start
+    set_points = _solved(want - start, cycle, servo) + start
     if servo.interpolation == "cubic":
         for _ in range(MOST_CORRECTIONS):
-            error = want - _means(found, cycle, frictionless)
-            found += _solved(error, cycle, servo)
+            error = want - _means(set_points, cycle, frictionless)
+            set_points += _solved(error, cycle, servo)
             if np.abs(error).max() <= EXACT:
                 break
-    moves = np.flatnonzero((np.abs(found - plain[-1]) > SETTLED).any(axis=1))
+    moves = np.flatnonzero((np.abs(set_points - plain[-1]) > SETTLED).any(axis=1))
     length = max(done, moves[-1] + 2 if len(moves) else 0)
     if length > done + allowed:
-        found = found[: done + allowed]
-        return found, _fade(found[done:], plain[-1], cycle, servo)
-    found = found[:length]
-    found[-1] = plain[-1]
-    return np.asarray(found), None
+        set_points = set_points[: done + allowed]
+        return set_points, _fade(set_points[done:], plain[-1], cycle, servo)
+    set_points = set_points[:length]
+    set_points[-1] = plain[-1]
+    return np.asarray(set_points), None
 
 
 def tail_duration(servo: ServoModel, duration: float) -> float:
@@ -92,8 +92,8 @@ def _fade(tail: FloatArray, last: FloatArray, cycle: float, servo: ServoModel) -
     tail += left_out[1:]
     if servo.ki.any():
         # An integrator overshoots afterwards.
-        more = int(np.ceil(SETTLING_OF_INTEGRATORS / (servo.slowest * cycle)))
-        left_out = np.pad(left_out, ((0, more), (0, 0)), mode="edge")
+        extra = int(np.ceil(SETTLING_OF_INTEGRATORS / (servo.slowest * cycle)))
+        left_out = np.pad(left_out, ((0, extra), (0, 0)), mode="edge")
     still = np.zeros(tail.shape[1])
     prompt = servo.replace(dead_time=still, friction=still)
     run = Simulation(left_out, cycle, prompt).run(0, len(left_out) - 1, still, still)
@@ -112,30 +112,26 @@ def _means(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
 
 
 def _solved(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Set-points of which the command has given means over the intervals that end there.
-
-    Args:
-        means: Means less the position before the first set-point [rad], (n, dof).
-        cycle: Cycle [s].
-        servo: Servo model with values per joint; cubics count as lines.
-    """
+    """Set-points of which the command has given means over the intervals that end there."""
     from scipy.signal import lfilter
 
-    found = np.empty_like(means)
+    set_points = np.empty_like(means)
     held = servo.interpolation == "step"
     for j, (a, b) in enumerate(zip(*servo.lead, strict=True)):
         # Shares of the velocity and acceleration of the command, in differences of set-points.
         first, second = a / cycle, b / cycle**2
         if held:
             # The interval that ends at a set-point holds the one before it.
-            found[:-1, j] = lfilter([1.0], [1 + first, -first], means[1:, j])
-            found[-1, j] = means[-1, j]
+            set_points[:-1, j] = lfilter([1.0], [1 + first, -first], means[1:, j])
+            set_points[-1, j] = means[-1, j]
             continue
-        line, bend = np.array([0.5 + first, 0.5 - first]), second * np.array([1.0, -2.0, 1.0])
+        line, curvature = np.array([0.5 + first, 0.5 - first]), second * np.array([1.0, -2.0, 1.0])
         shares = np.ones(1)
         if servo.ki[j]:
             # The integrator acts against acceleration feed-forward.
             share, shares = integrator_filter(servo.ki[j], cycle, servo.drive_cycle)
-            line, bend = np.convolve(line, shares), np.convolve(bend, share)
-        found[:, j] = lfilter(shares, np.polynomial.polynomial.polyadd(line, bend), means[:, j])
-    return found
+            line, curvature = np.convolve(line, shares), np.convolve(curvature, share)
+        set_points[:, j] = lfilter(
+            shares, np.polynomial.polynomial.polyadd(line, curvature), means[:, j]
+        )
+    return set_points

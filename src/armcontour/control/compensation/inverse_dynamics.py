@@ -34,7 +34,7 @@ def inverse_dynamics(
     cycle: float,
     arm: Arm | None,
     gravity_feedforward: bool = True,
-    known: Arm | None = None,
+    controller: Arm | None = None,
 ) -> tuple[float, FloatArray]:
     """Set-points by the inverse of `Drives`.
 
@@ -44,7 +44,7 @@ def inverse_dynamics(
         cycle: Cycle [s].
         arm: The nominal arm, with masses.
         gravity_feedforward: Whether the controller adds the gravity torque.
-        known: The arm as its controller knows it, as in `Drives`.
+        controller: The arm as its controller knows it, as in `Drives`.
 
     Returns:
         Time of the first set-point [s], and set-points [rad], (n, dof).
@@ -61,7 +61,9 @@ def inverse_dynamics(
         raise InvalidInput(
             f"The arm {arm.name} has {arm.dof} joints, but the trajectory has {trajectory.dof}."
         )
-    drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, known=known)
+    drives = Drives(
+        arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, controller=controller
+    )
     ends = trajectory([0.0]), trajectory([trajectory.duration], side="left")
     still = np.zeros((1, arm.dof))
     # At rest friction is not known, and none is assumed: the drives hold the arm against gravity.
@@ -78,12 +80,12 @@ def inverse_dynamics(
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
         t = np.append(times.inside, trajectory.duration + times.after_end + tail)
-        found = final
+        commands = final
         if len(t):
             exact = at(np.append(t[0] - [cycle, cycle / 2], np.stack([t, t + cycle / 2], 1)))
             set_points = _nearest(exact[2::2], exact[1::2], hold, final, servo.interpolation)
-            found = np.concatenate([set_points, final])
-        return found[:, joints]
+            commands = np.concatenate([set_points, final])
+        return commands[:, joints]
 
     return advance_set_points(
         trajectory, time_advances(servo, cycle), cycle, command, hold=hold[0], from_rest=True
@@ -98,14 +100,6 @@ def _nearest(
     Of held set-points these are the means over their intervals. Of lines and cubics they are
     weighted by a triangle from the set-point before to the one after; lines are then nearest to the
     command in the mean square. Means are by Simpson's rule in each half.
-
-    Args:
-        points: The command at the set-points' times [rad], (n, dof).
-        halves: The command half an interval before the first of them and after each [rad],
-            (n + 1, dof).
-        hold: The set-point before them [rad], (1, dof).
-        final: The set-point after them [rad], (1, dof).
-        interpolation: As in `ServoModel`; "step" has its time advance of half an interval.
     """
     if interpolation == "step":
         return np.asarray((halves[:-1] + 4 * points + halves[1:]) / 6)

@@ -13,7 +13,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.control.compensation._filter import run_filter
 from armcontour.control.compensation.set_points import (
     SETTLING,
     SetPointTimes,
@@ -23,9 +22,89 @@ from armcontour.control.compensation.set_points import (
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError, InvalidInput
+from armcontour.core.kernels import compiled
 from armcontour.motion import Trajectory, quintic
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import GAINS, MOST_TIME_CONSTANTS
+
+# Largest step of the Taylor series of the filter's state, in shortest time constants of the filter.
+LARGEST_STEP = 0.25
+# Terms after which the series converges to rounding errors, for inputs up to fifth order; and the
+# share of the state below which they are none.
+TERMS = 22
+NOTHING = 1e-20
+
+
+@compiled()
+def run_filter(
+    width: FloatArray,
+    coefficients: FloatArray,
+    damping: FloatArray,
+    rate: FloatArray,
+    fastest: FloatArray,
+    start: FloatArray,
+) -> FloatArray:
+    """States of `x''' / p³ + d2 x'' / p² + d1 x' / p + x = q` at the ends of all intervals.
+
+    Args:
+        width: Lengths of the intervals [s], (n,).
+        coefficients: Coefficients of the input in powers of x = u / width, (n, 6, dof).
+        damping: d1 and d2 of each joint, (dof, 2).
+        rate: p of each joint [1/s], (dof,).
+        fastest: Absolute value of the filter's largest pole of each joint [1/s], (dof,).
+        start: Input value before the first interval, at which the filter is at rest, (dof,).
+
+    Returns:
+        x, x' / p and x'' / p² at the n + 1 ends of the intervals, (n + 1, dof, 3).
+    """
+    n, dof = len(width), len(rate)
+    states = np.empty((n + 1, dof, 3))
+    series = np.empty((TERMS + 1, 3))
+    now, local = np.empty(3), np.empty(6)
+    for j in range(dof):
+        p, d1, d2 = rate[j], damping[j, 0], damping[j, 1]
+        now[0], now[1], now[2] = start[j], 0.0, 0.0
+        for c in range(3):
+            states[0, j, c] = now[c]
+        for i in range(n):
+            steps = max(int(np.ceil(width[i] * fastest[j] / LARGEST_STEP)), 1)
+            h = width[i] / steps
+            for step in range(steps):
+                # The input over this step in powers of v = u / h.
+                x0 = step / steps
+                share = 1.0 / steps
+                for k in range(6):
+                    local[k] = 0.0
+                for k in range(5, -1, -1):
+                    for m in range(5, 0, -1):
+                        local[m] = local[m] * x0 + local[m - 1] * share
+                    local[0] = local[0] * x0 + coefficients[i, k, j]
+                x1, x2, x3 = now[0], now[1], now[2]
+                negligible = NOTHING * (abs(x1) + abs(x2) + abs(x3) + abs(local[0]))
+                terms = TERMS
+                for k in range(TERMS):
+                    series[k, 0], series[k, 1], series[k, 2] = x1, x2, x3
+                    source = local[k] if k < 6 else 0.0
+                    scale = p * h / (k + 1)
+                    x1, x2, x3 = (
+                        scale * x2,
+                        scale * x3,
+                        scale * (source - x1 - d1 * x2 - d2 * x3),
+                    )
+                    if k > 5 and abs(x1) + abs(x2) + abs(x3) <= negligible:
+                        terms = k + 1
+                        break
+                series[terms, 0], series[terms, 1], series[terms, 2] = x1, x2, x3
+                x1 = x2 = x3 = 0.0
+                for k in range(terms, -1, -1):
+                    x1 += series[k, 0]
+                    x2 += series[k, 1]
+                    x3 += series[k, 2]
+                now[0], now[1], now[2] = x1, x2, x3
+            for c in range(3):
+                states[i + 1, j, c] = now[c]
+    return states
+
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -37,9 +116,6 @@ def default_poles(servo: ServoModel) -> ComplexArray:
     joint's K_v. An equal lag of all joints causes no contour error. The demand is a weighted mean
     of the plan's acceleration, so it never exceeds the plan's largest acceleration. p is the
     smallest K_v of all joints.
-
-    Args:
-        servo: Servo model of order "second" with gains per joint.
 
     Returns:
         m1, m2 and g of each joint [1/s], (dof, 3).
@@ -108,14 +184,14 @@ def _set_points(
     q, dq, ddq = trajectory.motion(knots[:-1])
     end, dend, ddend = trajectory.motion(knots[1:], side="left")
     moving = quintic(np.diff(knots), (q, dq, ddq), (end, dend, ddend))
-    rest = np.zeros((len(after), *moving.shape[1:]))
-    rest[:, 0] = end[-1]
-    motion, width = np.concatenate([moving, rest]), np.concatenate([np.diff(knots), after])
+    dwell = np.zeros((len(after), *moving.shape[1:]))
+    dwell[:, 0] = end[-1]
+    motion, width = np.concatenate([moving, dwell]), np.concatenate([np.diff(knots), after])
     states, lead, rate, damping = run_poles(servo.kv, placed, width, motion, motion[0, 0])
-    at = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
-    x1, x2, x3 = np.moveaxis(states[at], 2, 0)
+    indices = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
+    x1, x2, x3 = np.moveaxis(states[indices], 2, 0)
     # Each quintic begins at its knot; the last rest has no further one.
-    source = motion[np.minimum(at, len(motion) - 1), 0]
+    source = motion[np.minimum(indices, len(motion) - 1), 0]
     x4 = source - x1 - damping[:, 0] * x2 - damping[:, 1] * x3
     y, dy, ddy = x1 + lead * x2, rate * (x2 + lead * x3), rate**2 * (x3 + lead * x4)
     set_points = servo.command(y, dy, ddy)

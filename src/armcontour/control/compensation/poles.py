@@ -65,8 +65,10 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
     placed = check_poles(poles, len(kv))
     x, c = transfer(kv, placed)
     # F G = (x s + c0) / (s³ + c2 s² + c1 s + c0).
-    at = 1j * np.geomspace(1e-3, 1e3, TIMES)[:, None] * np.abs(placed).max(axis=1)
-    size = np.abs((x * at + c[0]) / (at**3 + c[2] * at**2 + c[1] * at + c[0]))
+    frequency = 1j * np.geomspace(1e-3, 1e3, TIMES)[:, None] * np.abs(placed).max(axis=1)
+    magnitude = np.abs(
+        (x * frequency + c[0]) / (frequency**3 + c[2] * frequency**2 + c[1] * frequency + c[0])
+    )
     slowest, fastest = np.abs(placed.real).min(), np.abs(placed).max()
     times = np.append(0.0, np.geomspace(1e-4 / fastest, FOLLOWED / slowest, TIMES))
     ones = np.zeros((TIMES, 6, len(placed)))
@@ -75,7 +77,7 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
     step = moved[:, :, 0] + lead * moved[:, :, 1]
     return PoleBehaviour(
         lag=(c[1] - x) / c[0],
-        peaking=np.maximum(size.max(axis=0), 1.0),
+        peaking=np.maximum(magnitude.max(axis=0), 1.0),
         demand=np.abs(np.diff(step, axis=0)).sum(axis=0),
     )
 
@@ -171,11 +173,7 @@ def extreme_demands(
 
 
 def _second_order(servo: ServoModel) -> FloatArray:
-    """Velocity loop gains of a servo of order "second" [1/s].
-
-    Raises:
-        InvalidInput: A joint is of another order, or has friction or a cycle.
-    """
+    """Velocity loop gains of a servo of order "second" [1/s]."""
     servo.check_orders("Pole placement, (26),")
     assert servo.kv is not None
     return servo.kv

@@ -107,12 +107,12 @@ def advance_set_points(
     early = int(np.floor(whole + SNAP)) + 1 if from_rest else int(np.ceil(whole - SNAP))
     start = trajectory(0.0) if hold is None else hold
     columns: dict[int, FloatArray] = {}
-    for own in np.unique(lead):
-        joints = np.flatnonzero(lead == own)
-        times = set_point_times(trajectory, cycle, min(float(own) - early * cycle, 0.0))
+    for advance in np.unique(lead):
+        joints = np.flatnonzero(lead == advance)
+        times = set_point_times(trajectory, cycle, min(float(advance) - early * cycle, 0.0))
         still = np.tile(start[joints], (times.before, 1))
-        found = np.concatenate([still, command(times, joints)])
-        columns |= dict(zip(joints.tolist(), found.T, strict=True))
+        column = np.concatenate([still, command(times, joints)])
+        columns |= dict(zip(joints.tolist(), column.T, strict=True))
     length = max(len(x) for x in columns.values())
     # A joint whose command ends earlier keeps its last set-point.
     padded = [
@@ -150,10 +150,10 @@ def inverse(trajectory: Trajectory, servo: ServoModel, cycle: float) -> tuple[fl
         q, dq, ddq = _means(trajectory, t, cycle, servo.drive_cycle / 2)
         q, ends = np.concatenate([q, tail + final]), np.concatenate([dq, tail])
         ddq = without_integral(ends, np.concatenate([ddq, tail]), servo, cycle)
-        found = servo.command(q, ends, ddq)
-        inside = found[: len(t)]
+        commands = servo.command(q, ends, ddq)
+        inside = commands[: len(t)]
         inside -= BIAS[servo.interpolation] * _bends(inside, trajectory, t, cycle)
-        return np.concatenate([found, final])[:, joints]
+        return np.concatenate([commands, final])[:, joints]
 
     return advance_set_points(
         trajectory, time_advances(servo, cycle), cycle, command, from_rest=True

@@ -4,10 +4,10 @@ from armcontour.control.identification.bodies.body_identification import (
     BodyIdentification,
     BodyJoint,
 )
-from armcontour.control.identification.bodies.identifying import identify_bodies
+from armcontour.control.identification.bodies.rigid_bodies import identify_bodies
 from armcontour.control.identification.estimates import Estimate
-from armcontour.control.identification.options import BodyFit, FitOptions, ServoFit
-from armcontour.control.identification.results import (
+from armcontour.control.identification.fit_options import BodyFit, FitOptions, ServoFit
+from armcontour.control.identification.servo_identification import (
     Identification,
     JointIdentification,
     Judgement,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.control.identification.fit import allowed_deviation
+from armcontour.control.identification.least_squares import allowed_deviation
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
@@ -64,18 +64,9 @@ class Estimate(Result):
 
     @classmethod
     def from_interval(
-        cls, name: str, value: float, sd: float, ends: Ends, also: float = 0.0, **more: Any
+        cls, name: str, value: float, sd: float, ends: Ends, also: float = 0.0, **others: Any
     ) -> Estimate:
-        """The estimate from its standard deviation and the ends of its interval, less the value.
-
-        Args:
-            name: Name of the parameter; for LOGARITHMIC `sd` and `ends` are those of the logarithm.
-            value: The value.
-            sd: Standard deviation.
-            ends: Lower and upper end.
-            also: Largest standard deviation that is small enough for any value.
-            more: Other fields.
-        """
+        """The estimate from its standard deviation and the ends of its interval, less the value."""
         if name in LOGARITHMIC:
             low, high = (value * math.exp(x) for x in np.clip(ends, -700.0, 700.0))
             sd *= value
@@ -84,7 +75,7 @@ class Estimate(Result):
         if not math.isfinite(sd):
             low = high = math.nan
         sure = bool(sd <= allowed_deviation(value, also))
-        fields: dict[str, Any] = {"unit": UNITS[name], "determined": sure, **more}
+        fields: dict[str, Any] = {"unit": UNITS[name], "determined": sure, **others}
         return cls(name=name, value=value, sd=sd, low=low, high=high, **fields)
 
     @property

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.control.identification.fitting import split_logs
-from armcontour.control.identification.results import (
+from armcontour.control.identification.joint_fit import split_logs
+from armcontour.control.identification.servo_identification import (
     JointIdentification,
     Judgement,
     rounded,
@@ -50,20 +50,20 @@ class _Motion:
         self, choice: Sequence[str], longest: float, weight: FloatArray, arm: Arm | None
     ) -> tuple[float, FloatArray]:
         """RMS contour error, and RMS deviation of each joint from the contour [rad]."""
-        rest = np.stack([self.rest[c][:, j] for j, c in enumerate(choice)], axis=1)
-        moved, late = self.command + rest, self.t
+        residual = np.stack([self.rest[c][:, j] for j, c in enumerate(choice)], axis=1)
+        moved, times = self.command + residual, self.t
         if arm is not None:
             reach = (longest + BEYOND) / float(np.median(np.diff(self.t)))
             both = arm.tool_position(self.command), arm.tool_position(moved)
-            squares, places = find_nearest(*both, int(np.ceil(reach)))
-            late = np.interp(places, np.arange(len(places)), self.t)
+            squares, positions = find_nearest(*both, int(np.ceil(reach)))
+            times = np.interp(positions, np.arange(len(positions)), self.t)
         elif len(weight) > 1:
             both = self.command * weight, moved * weight
-            late = late - find_delay([(late, *both)], -BEYOND, longest + BEYOND)
-        off = moved - interpolate(late, self.t, self.command)
+            times = times - find_delay([(times, *both)], -BEYOND, longest + BEYOND)
+        deviations = moved - interpolate(times, self.t, self.command)
         if arm is None:
-            squares = np.sum((off * weight) ** 2, axis=1)
-        each = np.sqrt(np.mean(off[self.use] ** 2, axis=0))
+            squares = np.sum((deviations * weight) ** 2, axis=1)
+        each = np.sqrt(np.mean(deviations[self.use] ** 2, axis=0))
         return float(np.sqrt(np.mean(squares[self.use]))), each
 
 
@@ -89,7 +89,7 @@ def judge(
     delays = _joint_delays(logs, longest)
     motions = [_prepare(logs, i, joints, longest) for i in range(len(logs))]
     every = [np.concatenate([x.rest[y] for x in motions]) for y in ("none", "delay")]
-    lags, late = (np.sqrt(np.mean(x**2, axis=0)) for x in every)
+    lags, delayed = (np.sqrt(np.mean(x**2, axis=0)) for x in every)
     weight = 1 / np.maximum(lags, max(FLOOR * float(lags.max()), TINY))
 
     def deviations(choice: Sequence[str]) -> list[tuple[float, FloatArray]]:
@@ -104,11 +104,11 @@ def judge(
     choice = ["model" if x.written else "none" for x in joints]
     for j, x in enumerate(joints):
         if x.note:
-            others = ("none", "delay") if late[j] <= WEAK * lags[j] else ("none",)
+            others = ("none", "delay") if delayed[j] <= WEAK * lags[j] else ("none",)
             choice = min((choice, *([*choice[:j], y, *choice[j + 1 :]] for y in others)), key=cost)
     done = deviations(choice)
     errors = np.array([(y[0], x[0]) for x, y in zip(done, none, strict=True)])
-    before, left = errors.T
+    before, after = errors.T
     shares = [x[1] / np.maximum(y[1], TINY) for x, y in zip(done, none, strict=True)]
     noises = np.nan_to_num(np.array([x.noise for x in joints]))
     if arm is None:
@@ -118,7 +118,9 @@ def judge(
         noise = float(np.sqrt(np.mean(np.sum(moves**2, axis=(1, 2)))))
     judgement = Judgement(
         programs=count_programs(logs),
-        ratio=float(np.max(np.where(left > NOISES * noise, left / np.maximum(before, TINY), 0.0))),
+        ratio=float(
+            np.max(np.where(after > NOISES * noise, after / np.maximum(before, TINY), 0.0))
+        ),
         errors=errors,
     )
     written = []
@@ -139,27 +141,27 @@ def _prepare(
     every = max(int(STEP / log.interval * (1 + 1e-6)), 1)
     delays = _joint_delays([x for k, x in enumerate(logs) if k != i] or logs, longest)
     model = np.stack([x.rests[i] if x.rests else np.full(len(log.t), np.nan) for x in joints], 1)
-    known = np.isfinite(model)
-    use = (known | ~known.any(axis=0)).all(axis=1)
+    predicted = np.isfinite(model)
+    use = (predicted | ~predicted.any(axis=0)).all(axis=1)
     use = use if use.any() else np.full(len(use), True)
-    late = [interpolate(log.t - x, log.t, log.command[:, [j]]) for j, x in enumerate(delays)]
-    rest = {
+    delayed = [interpolate(log.t - x, log.t, log.command[:, [j]]) for j, x in enumerate(delays)]
+    residuals = {
         "none": log.measured - log.command,
-        "delay": log.measured - np.concatenate(late, axis=1),
-        "model": np.where(known, model, 0.0),
+        "delay": log.measured - np.concatenate(delayed, axis=1),
+        "model": np.where(predicted, model, 0.0),
     }
     some = slice(None, None, every)
-    centred = {name: (x - x[use].mean(axis=0))[some] for name, x in rest.items()}
+    centred = {name: (x - x[use].mean(axis=0))[some] for name, x in residuals.items()}
     return _Motion(log.t[some] - log.t[0], log.command[some], use[some], centred)
 
 
 def _joint_delays(logs: Sequence[Log], longest: float) -> FloatArray:
     """Delay of each joint with the smallest tracking error [s], (dof,)."""
-    found = []
+    delays = []
     for j in range(logs[0].dof):
         motions = [(x.t, x.command[:, [j]], x.measured[:, [j]]) for x in logs]
-        found.append(find_delay(motions, 0.0, longest))
-    return np.array(found)
+        delays.append(find_delay(motions, 0.0, longest))
+    return np.array(delays)
 
 
 def find_delay(
@@ -176,9 +178,9 @@ def find_delay(
     for _ in range(STEPS):
         above = below = 0.0
         for t, command, q in motions:
-            off = q - interpolate(t - delay, t, command)
+            errors = q - interpolate(t - delay, t, command)
             rate = interpolate(t - delay, t, np.gradient(command, t, axis=0))
-            above -= float(np.sum((off - off.mean(axis=0)) * rate))
+            above -= float(np.sum((errors - errors.mean(axis=0)) * rate))
             below += float(np.sum(rate**2))
         delay = float(np.clip(delay + above / max(below, TINY), low, high))
     return delay
@@ -188,14 +190,16 @@ def count_programs(logs: Sequence[Log]) -> int:
     """Number of logs whose commands differ from those of all earlier logs."""
 
     def is_same(one: Log, other: Log) -> bool:
-        off = one.command - interpolate(one.t - one.t[0], other.t - other.t[0], other.command)
-        most = np.maximum(np.ptp(one.command, axis=0), np.ptp(other.command, axis=0))
-        return bool((np.ptp(off, axis=0) <= SAME * most).all())
+        difference = one.command - interpolate(
+            one.t - one.t[0], other.t - other.t[0], other.command
+        )
+        ranges = np.maximum(np.ptp(one.command, axis=0), np.ptp(other.command, axis=0))
+        return bool((np.ptp(difference, axis=0) <= SAME * ranges).all())
 
-    found: list[Log] = []
+    programs: list[Log] = []
     for x in logs:
-        found += [] if any(is_same(x, y) for y in found) else [x]
-    return len(found)
+        programs += [] if any(is_same(x, y) for y in programs) else [x]
+    return len(programs)
 
 
 def find_nearest(
@@ -212,14 +216,14 @@ def find_nearest(
         Squared distances, and places in samples, (n,) each.
     """
     n = len(curve)
-    nearest, places, rows = np.full(n, np.inf), np.zeros(n), np.arange(n)
+    nearest, positions, rows = np.full(n, np.inf), np.zeros(n), np.arange(n)
     edges = np.diff(curve, axis=0)
     lengths = np.maximum(np.sum(edges**2, axis=1), TINY)
     for k in range(-reach, reach + 1):
         start = np.clip(rows + k, 0, n - 2)
-        edge, off = edges[start], points - curve[start]
-        share = np.clip(np.sum(off * edge, axis=1) / lengths[start], 0.0, 1.0)
-        found = np.sum((off - share[:, None] * edge) ** 2, axis=1)
-        places = np.where(found < nearest, start + share, places)
-        nearest = np.minimum(found, nearest)
-    return nearest, places
+        edge, offset = edges[start], points - curve[start]
+        share = np.clip(np.sum(offset * edge, axis=1) / lengths[start], 0.0, 1.0)
+        squares = np.sum((offset - share[:, None] * edge) ** 2, axis=1)
+        positions = np.where(squares < nearest, start + share, positions)
+        nearest = np.minimum(squares, nearest)
+    return nearest, positions

@@ -53,20 +53,20 @@ def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray])
         rests: Residuals at the samples of each log, nan where they do not count [rad].
     """
     every: dict[str, list[FloatArray]] = {}
-    left, pitches = [], []
-    for log, rest in zip(logs, rests, strict=True):
-        use = np.isfinite(rest)
+    residuals, pitches = [], []
+    for log, errors in zip(logs, rests, strict=True):
+        use = np.isfinite(errors)
         if not use.any():
             continue
         for name, columns in _patterns(log, j).items():
             some = columns[use]
             every.setdefault(name, []).append(some - some.mean(axis=0))
-        left.append(rest[use] - rest[use].mean())
-        both = left[-1], log.command[use, j]
+        residuals.append(errors[use] - errors[use].mean())
+        both = residuals[-1], log.command[use, j]
         pitches.append([_middle_frequency(x, log.interval) for x in both])
-    if not left:
+    if not residuals:
         return ""
-    residual = np.concatenate(left)
+    residual = np.concatenate(residuals)
     shares = {x: _explained(residual, np.concatenate(y)) for x, y in every.items()}
     name = max(shares, key=shares.__getitem__)
     fast, slow = np.mean(pitches, axis=0)
@@ -87,14 +87,14 @@ def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray])
 
 def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:
     """Largest velocities [rad/s] and accelerations [rad/s²] of commands, (dof,) each."""
-    found = []
+    sizes = []
     for log in logs:
         some = slice(None, None, max(round(SMOOTHED / log.interval), 1))
         rates = np.gradient(log.command[some], log.t[some], axis=0)
-        bends = np.gradient(rates, log.t[some], axis=0)
-        found.append([np.abs(x).max(axis=0) for x in (rates, bends)])
-    most = np.max(found, axis=0)
-    return most[0], most[1]
+        accelerations = np.gradient(rates, log.t[some], axis=0)
+        sizes.append([np.abs(x).max(axis=0) for x in (rates, accelerations)])
+    largest = np.max(sizes, axis=0)
+    return largest[0], largest[1]
 
 
 def scale_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) -> FloatArray:
@@ -110,21 +110,21 @@ def scale_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) ->
     from scipy.optimize import nnls
 
     rows, squares = [], []
-    for log, rest in zip(logs, rests, strict=True):
-        use = np.isfinite(rest)
+    for log, errors in zip(logs, rests, strict=True):
+        use = np.isfinite(errors)
         rate = np.gradient(log.command[:, j], log.t)
         columns = (np.ones(len(rate)), rate, np.gradient(rate, log.t))
         rows.append(np.stack(columns, axis=1)[use] ** 2)
-        squares.append(rest[use] ** 2)
+        squares.append(errors[use] ** 2)
     every, values = np.concatenate(rows), np.concatenate(squares)
     scale = np.maximum(np.linalg.norm(every, axis=0), 1e-300)
-    found, expected = np.zeros(3), np.full(len(values), max(float(values.mean()), 1e-300))
+    parts, expected = np.zeros(3), np.full(len(values), max(float(values.mean()), 1e-300))
     # Squares scatter in proportion to their expectation.
     for _ in range(REWEIGHTED):
         q, r = np.linalg.qr(every / scale / expected[:, None])
-        found = nnls(r, q.T @ (values / expected))[0] / scale
-        expected = np.maximum(every @ found, 1e-6 * expected.max())
-    return np.asarray(np.sqrt(found))
+        parts = nnls(r, q.T @ (values / expected))[0] / scale
+        expected = np.maximum(every @ parts, 1e-6 * expected.max())
+    return np.asarray(np.sqrt(parts))
 
 
 def find_residuals(log: Log, j: int) -> FloatArray:
@@ -138,24 +138,24 @@ def find_residuals(log: Log, j: int) -> FloatArray:
 def _patterns(log: Log, j: int) -> dict[str, FloatArray]:
     """Columns of each pattern at the samples of a log, (n, 1) or more."""
     rates = np.gradient(log.command, log.t, axis=0)
-    bends = np.gradient(rates, log.t, axis=0)
+    accelerations = np.gradient(rates, log.t, axis=0)
     q, rate = log.command[:, j], rates[:, j]
-    found = {
+    columns = {
         "velocity": rate[:, None],
         "sign": np.tanh(rate / max(SLIDING * float(np.abs(rate).max()), 1e-30))[:, None],
         "position": np.stack([np.sin(q), np.cos(q)], axis=1),
     }
     for k, name in enumerate(log.joint_names):
         if k != j:
-            found[name] = np.stack([rates[:, k], bends[:, k]], axis=1)
-    return found
+            columns[name] = np.stack([rates[:, k], accelerations[:, k]], axis=1)
+    return columns
 
 
 def _explained(residual: FloatArray, columns: FloatArray) -> float:
     """Share of the squared residuals that columns explain by least squares."""
     scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    rest = residual - scaled @ np.linalg.lstsq(scaled, residual, rcond=None)[0]
-    return 1.0 - float(rest @ rest) / max(float(residual @ residual), 1e-300)
+    remaining = residual - scaled @ np.linalg.lstsq(scaled, residual, rcond=None)[0]
+    return 1.0 - float(remaining @ remaining) / max(float(residual @ residual), 1e-300)
 
 
 def _middle_frequency(x: FloatArray, interval: float) -> float:
@@ -196,8 +196,8 @@ def resolution(y: FloatArray) -> float:
     if len(steps) < 2:
         return 0.0
     step = float(np.min(steps))
-    off = np.abs(steps / step - np.rint(steps / step))
-    return step if np.all(off < STEP_ROUNDING * np.maximum(steps / step, 1.0)) else 0.0
+    differences = np.abs(steps / step - np.rint(steps / step))
+    return step if np.all(differences < STEP_ROUNDING * np.maximum(steps / step, 1.0)) else 0.0
 
 
 def correlation_length(residuals: FloatArray) -> float:

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour.control.identification.estimates import UNITS, Estimate
-from armcontour.control.identification.fit import allowed_deviation
-from armcontour.control.identification.fitting import (
+from armcontour.control.identification.joint_fit import (
     REACH,
     LogSegment,
     Model,
@@ -19,6 +18,7 @@ from armcontour.control.identification.fitting import (
     fit,
     predict,
 )
+from armcontour.control.identification.least_squares import allowed_deviation
 from armcontour.control.identification.selection import (
     GAIN,
     KP,
@@ -109,11 +109,11 @@ def find_saturation(stretches: Sequence[LogSegment]) -> Saturation | None:
             continue
         acceleration, (demanded, error) = motion.derive(2, k), demand
         excess = np.sign(values) * (demanded - acceleration)
-        most = float(np.percentile(np.abs(acceleration), TOP))
-        least = max(EXCESS * most, ERRORS * error)
+        top = float(np.percentile(np.abs(acceleration), TOP))
+        threshold = max(EXCESS * top, ERRORS * error)
         clipped = np.full(len(values), False)
         for i, j in _spans(plateaus):
-            clipped[i:j] = np.median(excess[i:j]) > least
+            clipped[i:j] = np.median(excess[i:j]) > threshold
         if np.mean(clipped) < LEAST_SHARE:
             continue
         time = float(np.sum(clipped)) * motion.interval
@@ -178,8 +178,8 @@ def select_between(
 
 def _error(stretches: Sequence[LogSegment], servo: JointServo, drive_cycle: float) -> float:
     """Sum of the squared errors of a servo of second order, weighted by motion [rad²]."""
-    off = [s.y - predict(s, servo, "second", drive_cycle) for s in stretches]
-    return sum(float(s.weight @ x**2) for s, x in zip(stretches, off, strict=True))
+    errors = [s.y - predict(s, servo, "second", drive_cycle) for s in stretches]
+    return sum(float(s.weight @ x**2) for s, x in zip(stretches, errors, strict=True))
 
 
 class _Motion:
@@ -209,8 +209,8 @@ class _Motion:
 
     def window(self, order: int) -> int:
         """Samples before and after that a derivative needs, 0 if it is noise."""
-        most = min(round(LONGEST / self.interval), max(len(x) for x in self.positions) // 4)
-        for k in range(1, most + 1):
+        longest = min(round(LONGEST / self.interval), max(len(x) for x in self.positions) // 4)
+        for k in range(1, longest + 1):
             top = float(np.percentile(np.abs(self.derive(order, k)), TOP))
             if self.noise(order, k) < NOISY * top:
                 return k
@@ -223,7 +223,7 @@ class _Motion:
         """
         if np.sum(free) < FEWEST_FREE:
             return None
-        acceleration, found = self.derive(2, k), None
+        acceleration, best = self.derive(2, k), None
         position, velocity = self.derive(0, k), self.derive(1, k)
         for delay in np.linspace(0.0, LATEST, DELAYS):
             every = zip(self.times, self.stretches, strict=True)
@@ -234,20 +234,20 @@ class _Motion:
             gains = np.linalg.lstsq(columns[free], acceleration[free], rcond=1e-10)[0]
             values = columns @ gains
             error = float(np.sqrt(np.mean((values - acceleration)[free] ** 2)))
-            if found is None or error < found[1]:
-                found = values, error
-        return found
+            if best is None or error < best[1]:
+                best = values, error
+        return best
 
     def at_samples(self, mask: BoolArray, k: int) -> tuple[BoolArray, ...]:
         """A mask of derivatives at the samples of each stretch."""
-        found, done = [], 0
+        masks, done = [], 0
         for t, s in zip(self.times, self.stretches, strict=True):
-            own = np.full(len(t), False)
+            times_mask = np.full(len(t), False)
             count = max(len(t) - 2 * k, 0)
-            own[k : k + count] = mask[done : done + count]
+            times_mask[k : k + count] = mask[done : done + count]
             done += count
-            found.append(own[np.rint((s.command.t - t[0]) / self.interval).astype(np.intp)])
-        return tuple(found)
+            masks.append(times_mask[np.rint((s.command.t - t[0]) / self.interval).astype(np.intp)])
+        return tuple(masks)
 
 
 def _filter(order: int, k: int, interval: float) -> FloatArray:
@@ -261,18 +261,18 @@ def _find_plateaus(values: FloatArray, noise: float, interval: float) -> tuple[f
     """The limit of a derivative, and the runs of samples at it."""
     sizes = np.abs(values)
     limit, width = float(np.percentile(sizes, TOP)), SIGMAS * noise
-    found = np.full(len(sizes), False)
+    plateaus = np.full(len(sizes), False)
     for share in (RANGE, RANGE / 2, *[EQUAL] * 5):
         near = np.abs(sizes - limit) <= max(share * limit, width)
         if not near.any():
-            return limit, found
+            return limit, plateaus
         limit = float(np.median(sizes[near]))
     near = np.abs(sizes - limit) <= max(EQUAL * limit, width)
     fewest = max(FEWEST_EQUAL, round(SHORTEST / interval))
     for sign in (1.0, -1.0):
         for i, j in _spans(near & (np.sign(values) == sign)):
-            found[i:j] = j - i >= fewest
-    return limit, found
+            plateaus[i:j] = j - i >= fewest
+    return limit, plateaus
 
 
 def _spans(mask: BoolArray) -> list[tuple[int, int]]:

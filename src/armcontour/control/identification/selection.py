@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour.control.identification.estimates import Estimate
-from armcontour.control.identification.fitting import (
+from armcontour.control.identification.joint_fit import (
     ROUNDING,
     Fit,
     LogSegment,
@@ -123,25 +123,19 @@ class Selected:
 def find_lag(stretches: Sequence[LogSegment], longest: float) -> float:
     """The pure delay with the smallest tracking error [s], on a grid of about 1 ms."""
 
-    def left(lag: float) -> float:
-        off = [s.y - s.command.at(s.command.t - lag) for s in stretches]
+    def remaining_error(lag: float) -> float:
+        errors = [s.y - s.command.at(s.command.t - lag) for s in stretches]
         return sum(
-            float(np.var(x[s.use]) * s.use.sum()) for x, s in zip(off, stretches, strict=True)
+            float(np.var(x[s.use]) * s.use.sum()) for x, s in zip(errors, stretches, strict=True)
         )
 
-    return float(min(np.linspace(0.0, longest, int(longest / 1e-3) + 2), key=left))
+    return float(min(np.linspace(0.0, longest, int(longest / 1e-3) + 2), key=remaining_error))
 
 
 def select(
     stretches: Sequence[LogSegment], search: Search, *, limited: bool = True
 ) -> Selected | None:
-    """Select the model of a joint; None if none can be judged or all are at their bounds.
-
-    Args:
-        stretches: The joint in the logs.
-        search: Ranges of the search.
-        limited: Whether models with an acceleration limit may be selected.
-    """
+    """Select the model of a joint; None if none can be judged or all are at their bounds."""
     some = _thin(stretches)
     # A model is judged by the parts without which it was fitted.
     if len(_moving_parts(some)) < 2:
@@ -184,18 +178,18 @@ class _Trials:
         """Fit one more model; it becomes the best one if it is better."""
         problem, best = Problem(model, self.stretches, self.search), self.best
         starts = [problem.guess(x, self.lag) for x in self._starts(model)]
-        found = fit(problem, starts, 30 if KI in model.free else 60)
-        hopeless = best and found.cost > SAME**2 * best.fit.cost
+        result = fit(problem, starts, 30 if KI in model.free else 60)
+        hopeless = best and result.cost > SAME**2 * best.fit.cost
         if KI in model.free and not hopeless:
             # Loops that differ in both gains by an exchange have the same poles.
-            servo = found.servo
+            servo = result.servo
             other = servo._replace(kp=servo.ki, ki=servo.kp)._asdict()
             exchanged = fit(problem, [problem.guess(other, servo.dead_time)], 30)
-            found = min(found, exchanged, key=lambda x: x.cost)
-        self.fits[model] = found
-        if hopeless or is_implausible(found):
+            result = min(result, exchanged, key=lambda x: x.cost)
+        self.fits[model] = result
+        if hopeless or is_implausible(result):
             return
-        self.tried.append(predict_parts(found))
+        self.tried.append(predict_parts(result))
         if best is None or self.tried[-1].is_better(best):
             self.best = self.tried[-1]
 
@@ -204,9 +198,9 @@ class _Trials:
         if self.best is None:
             return False
         lag = np.concatenate([(s.y - s.command.u)[s.use] for s in self.best.stretches])
-        known = {KI, ACCELERATION} & set(self.best.fit.problem.model.free)
+        supported = {KI, ACCELERATION} & set(self.best.fit.problem.model.free)
         explains = self.best.rms < EXPLAINED * np.std(lag)
-        return bool(explains and (ACCELERATION not in model.free or known))
+        return bool(explains and (ACCELERATION not in model.free or supported))
 
     def prune(self) -> None:
         """Leave out the optional parameters without which the best model is as good."""
@@ -214,15 +208,15 @@ class _Trials:
             assert self.best is not None
             best = self.best.fit
             order, free = best.problem.model
-            rest = tuple(y for y in free if y != x)
+            remaining = tuple(y for y in free if y != x)
             # Acceleration feed-forward needs velocity feed-forward.
-            if rest == free or (x == FEED and ACCELERATION in free):
+            if remaining == free or (x == FEED and ACCELERATION in free):
                 continue
-            problem = Problem(Model(order, rest), self.stretches, self.search)
-            found = fit(problem, [problem.guess(best.servo._asdict(), best.servo.dead_time)])
-            if is_implausible(found) or found.cost > WORSE * best.cost:
+            problem = Problem(Model(order, remaining), self.stretches, self.search)
+            result = fit(problem, [problem.guess(best.servo._asdict(), best.servo.dead_time)])
+            if is_implausible(result) or result.cost > WORSE * best.cost:
                 continue
-            poorer = predict_parts(found)
+            poorer = predict_parts(result)
             if not self.best.is_better(poorer):
                 self.best = poorer
 
@@ -240,23 +234,23 @@ class _Trials:
         if KI in free or not new:
             return loops
         poorer = self.fits[Model(order, tuple(x for x in free if x not in new))]
-        known = poorer.servo._asdict()
+        initial = poorer.servo._asdict()
         if LIMIT not in new:
-            return [known]
+            return [initial]
         # If a joint saturates much, the fit without a limit and its lag are of no use.
         tops = [max(_acceleration(s, x) for s in self.stretches) for x in ACCELERATING]
         loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
-        return [{**x, LIMIT: a} for x in (known, *loops) for a in (*tops, 3 * max(tops))]
+        return [{**x, LIMIT: a} for x in (initial, *loops) for a in (*tops, 3 * max(tops))]
 
 
-def is_implausible(found: Fit) -> bool:
+def is_implausible(result: Fit) -> bool:
     """Whether a loop has parameters at their bounds, or hardly any damping."""
-    low, high = found.at_bounds()
-    servo = found.servo
+    low, high = result.at_bounds()
+    servo = result.servo
     ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < DAMPING
-    lead = {FEED} if ACCELERATION in found.problem.model.free else set()
-    at = high & {KP, KV, KI, FEED, ACCELERATION, LIMIT} or low & ({KP, KV, KI, LIMIT} | lead)
-    return bool(ringing or at)
+    lead = {FEED} if ACCELERATION in result.problem.model.free else set()
+    bounded = high & {KP, KV, KI, FEED, ACCELERATION, LIMIT} or low & ({KP, KV, KI, LIMIT} | lead)
+    return bool(ringing or bounded)
 
 
 def _thin(stretches: Sequence[LogSegment]) -> Sequence[LogSegment]:
@@ -265,13 +259,13 @@ def _thin(stretches: Sequence[LogSegment]) -> Sequence[LogSegment]:
     every = int(COARSE / interval * (1 + 1e-6))
     if every < 2 or not stretches[0].command.linear:
         return stretches
-    found = [x.cut(0, len(x.y), every) for x in stretches]
-    for one, full in zip(found, stretches, strict=True):
-        off = one.command.at(full.command.t) - full.command.u
+    thinned = [x.cut(0, len(x.y), every) for x in stretches]
+    for one, full in zip(thinned, stretches, strict=True):
+        difference = one.command.at(full.command.t) - full.command.u
         rough = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
-        if np.sqrt(np.mean(off**2)) > THIN * rough or len(one.y) < FEWEST:
+        if np.sqrt(np.mean(difference**2)) > THIN * rough or len(one.y) < FEWEST:
             return stretches
-    return found
+    return thinned
 
 
 def _moving_parts(stretches: Sequence[LogSegment]) -> IntArray:
@@ -295,42 +289,36 @@ def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
 
 
 def predict_parts(
-    found: Fit, judged: Sequence[LogSegment] | None = None, limit: Estimate | None = None
+    result: Fit, judged: Sequence[LogSegment] | None = None, limit: Estimate | None = None
 ) -> Selected:
-    """Predict each part by a fit of the others.
-
-    Args:
-        found: The fit of all parts.
-        judged: Stretches that are predicted, by default those of the fit.
-        limit: Acceleration limit in addition to the fit.
-    """
-    p, stretches = found.problem, judged or found.problem.stretches
+    """Predict each part by a fit of the others."""
+    p, stretches = result.problem, judged or result.problem.stretches
 
     def predict_by(servo: JointServo, s: LogSegment) -> FloatArray:
         return predict(s, limited_servo(servo, limit), p.model.order, p.search.drive_cycle)
 
     # Parts without motion are predicted by the fit of all.
-    unseen = [predict_by(found.servo, s) for s in stretches]
+    unseen = [predict_by(result.servo, s) for s in stretches]
     errors, motions, without = [], [], []
     for k in _moving_parts(stretches):
         others = [replace(s, use=s.use & (s.part != k)) for s in p.stretches]
-        kept = [i for i, s in enumerate(others) if s.use.any()]
-        other = Problem(p.model, [others[i] for i in kept], p.search)
-        servo = fit(other, [p.select(found.x, kept)], REFITTED).servo
+        indices = [i for i, s in enumerate(others) if s.use.any()]
+        other = Problem(p.model, [others[i] for i in indices], p.search)
+        servo = fit(other, [p.select(result.x, indices)], REFITTED).servo
         without.append(servo)
         squares = motion = 0.0
         for i, s in enumerate(stretches):
-            own = s.part == k
-            if own.any():
+            mask = s.part == k
+            if mask.any():
                 q = predict_by(servo, s)
-                unseen[i][own] = q[own]
-                weight = s.weight[own] * s.use[own]
-                squares += float(np.sum(weight * (q - s.y)[own] ** 2))
+                unseen[i][mask] = q[mask]
+                weight = s.weight[mask] * s.use[mask]
+                squares += float(np.sum(weight * (q - s.y)[mask] ** 2))
                 motion += float(np.sum(weight))
         errors.append(squares / motion)
         motions.append(motion)
     return Selected(
-        fit=found,
+        fit=result,
         stretches=stretches,
         unseen=unseen,
         errors=np.array(errors),

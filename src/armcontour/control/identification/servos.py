@@ -9,7 +9,14 @@ from functools import partial
 
 import numpy as np
 
-from armcontour.control.identification.fitting import (
+from armcontour.control.identification.fit_options import (
+    MODELS,
+    ServoFit,
+    choose_interpolation,
+    dead_times,
+    list_logs,
+)
+from armcontour.control.identification.joint_fit import (
     MRAD,
     LogSegment,
     Search,
@@ -18,13 +25,6 @@ from armcontour.control.identification.fitting import (
     split_logs,
 )
 from armcontour.control.identification.judgement import WEAK, judge
-from armcontour.control.identification.options import (
-    MODELS,
-    ServoFit,
-    choose_interpolation,
-    dead_times,
-    list_logs,
-)
 from armcontour.control.identification.residuals import (
     describe_residuals,
     find_residuals,
@@ -32,14 +32,14 @@ from armcontour.control.identification.residuals import (
     resolution,
     scale_residuals,
 )
-from armcontour.control.identification.results import (
+from armcontour.control.identification.saturation import find_saturation, select_between
+from armcontour.control.identification.selection import Selected, find_lag, select
+from armcontour.control.identification.servo_identification import (
     Identification,
     JointIdentification,
     rounded,
     write_servo,
 )
-from armcontour.control.identification.saturation import find_saturation, select_between
-from armcontour.control.identification.selection import Selected, find_lag, select
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
@@ -117,11 +117,11 @@ def identify(
     for j, name in enumerate(first.joint_names):
         tell(Step((name,)))
         joints.append(identify_joint(every, j, interpolation, search))
-    found, judgement = judge(every, joints, interpolation, search.longest, arm)
+    judged, judgement = judge(every, joints, interpolation, search.longest, arm)
     return Identification(
         logs=every,
         interpolation=interpolation,
-        joints=found,
+        joints=judged,
         drive_cycle=search.drive_cycle,
         judgement=judgement,
     )
@@ -142,49 +142,52 @@ def identify_joint(
     joint = JointIdentification(name=name)
     if why := _why_none(stretches):
         return _without_model(joint, stretches, f"{name} has no model: {why}")
-    saturation, found = find_saturation(stretches), None
+    saturation, selected = find_saturation(stretches), None
     if saturation is not None:
-        found = select_between(stretches, saturation, search)
-    poor = found is not None and found.rms > NOISES * found.fit.noise
+        selected = select_between(stretches, saturation, search)
+    poor = selected is not None and selected.rms > NOISES * selected.fit.noise
     # What is left beside a limit may tell little of the servo; models have no limit of velocity.
-    if found is None or (poor and saturation is not None and saturation.kind == "acceleration"):
+    if selected is None or (poor and saturation is not None and saturation.kind == "acceleration"):
         whole = select(stretches, search)
-        found = min(filter(None, (found, whole)), key=partial(_error, stretches), default=None)
+        selected = min(
+            filter(None, (selected, whole)), key=partial(_error, stretches), default=None
+        )
     motion = _rms([s.y for s in stretches], stretches)[0]
-    if found is None or found.rms > MISREAD * motion:
+    if selected is None or selected.rms > MISREAD * motion:
         for log in logs:
             check_units(log, search.longest, j)
-    if found is None:
-        left = [find_residuals(x, j) for x in logs]
+    if selected is None:
+        residuals = [find_residuals(x, j) for x in logs]
         note = (
             f"{name} has no model: gains (up to {search.fastest:g} 1/s) or feed-forward end at the "
-            f"bounds of their ranges. {describe_residuals(logs, j, left)}"
+            f"bounds of their ranges. {describe_residuals(logs, j, residuals)}"
         )
         return _without_model(joint, stretches, note)
-    servo = JointServo(*(rounded(x) for x in found.servo))
-    order, noise = found.fit.problem.model.order, found.fit.noise
+    servo = JointServo(*(rounded(x) for x in selected.servo))
+    order, noise = selected.fit.problem.model.order, selected.fit.noise
     file = [s.y - predict(s, servo, order, search.drive_cycle) for s in stretches]
-    unseen = [s.y - q for s, q in zip(found.stretches, found.unseen, strict=True)]
-    error, of = _judge(unseen, found.stretches)
-    worst = max((error, of), _judge(file, stretches), key=lambda x: x[0] / x[1])
+    unseen = [s.y - q for s, q in zip(selected.stretches, selected.unseen, strict=True)]
+    error, tracking = _judge(unseen, selected.stretches)
+    worst = max((error, tracking), _judge(file, stretches), key=lambda x: x[0] / x[1])
     interval = max(float(np.median(np.diff(s.command.t))) for s in stretches)
     unknown_cycle = 0.0 if search.drive_cycle else max(interval, USUAL_CYCLE)
-    limit = {} if found.limit is None else {found.limit.name: found.limit}
+    limit = {} if selected.limit is None else {selected.limit.name: selected.limit}
     step = max(resolution(s.y) for s in stretches)
-    effective = not is_white(found.fit.problem.residuals(found.fit.x) / MRAD, step)
-    rivals = found.rivals if effective else ()
+    effective = not is_white(selected.fit.problem.residuals(selected.fit.x) / MRAD, step)
+    rivals = selected.rivals if effective else ()
     rests = [np.full(len(x.t), np.nan) for x in logs]
-    for s, off in zip(found.stretches, unseen, strict=True):
+    for s, errors in zip(selected.stretches, unseen, strict=True):
         t = logs[s.log].t - logs[s.log].t[s.start]
         some = (t >= s.command.t[s.use][0]) & (t <= s.command.t[-1])
-        rests[s.log][some] = np.interp(t[some], s.command.t, off)
+        rests[s.log][some] = np.interp(t[some], s.command.t, errors)
     joint = replace(
         joint,
-        parameters=estimate_parameters(found.fit, found.without, unknown_cycle, rivals) | limit,
+        parameters=estimate_parameters(selected.fit, selected.without, unknown_cycle, rivals)
+        | limit,
         effective=effective,
         saturation=f"{saturation.describe(name)}, which the fit allows for." if saturation else "",
         unseen_rms=error,
-        share=error / of,
+        share=error / tracking,
         noise=noise,
         rests=tuple(rests),
         scaling=scale_residuals(logs, j, rests),
@@ -195,20 +198,20 @@ def identify_joint(
             "its servo: record more motion at lower accelerations."
         )
         return _without_model(replace(joint, saturation=""), stretches, note)
-    note, more, share = "", "", worst[0] / worst[1]
+    note, advice, share = "", "", worst[0] / worst[1]
     if worst[0] > max(SHARE * worst[1], NOISES * noise):
         note = (
             f"where it was not fitted, {share:.0%} of the tracking error remain "
             f"({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} mrad RMS)"
         )
-        more = f" {describe_residuals(logs, j, rests)}"
-    if note and (share > WEAK or found.rms > SHARE * motion):
-        most = f"{WEAK:.0%}" if share > WEAK else f"{SHARE:.0%} of the motion"
-        note = f"{name} has no model: {note}, more than {most}.{more}"
+        advice = f" {describe_residuals(logs, j, rests)}"
+    if note and (share > WEAK or selected.rms > SHARE * motion):
+        allowed = f"{WEAK:.0%}" if share > WEAK else f"{SHARE:.0%} of the motion"
+        note = f"{name} has no model: {note}, more than {allowed}.{advice}"
         return _without_model(joint, stretches, note)
-    note = f"The model of {name} is weak: {note}, more than {SHARE:.0%}.{more}" if note else ""
+    note = f"The model of {name} is weak: {note}, more than {SHARE:.0%}.{advice}" if note else ""
     joint = replace(joint, note=note, tracking_rms=_rms(_lags(stretches), stretches)[0])
-    used = np.concatenate([x[s.use] for x, s in zip(unseen, found.stretches, strict=True)])
+    used = np.concatenate([x[s.use] for x, s in zip(unseen, selected.stretches, strict=True)])
     return write_servo(
         joint, stretches, servo, order, search.drive_cycle, float(np.abs(used).max())
     )
@@ -218,31 +221,31 @@ def _without_model(
     joint: JointIdentification, stretches: Sequence[LogSegment], note: str
 ) -> JointIdentification:
     """The joint of order "unknown", whose error is its tracking error about the mean."""
-    found = write_servo(joint, stretches, JointServo(math.inf))
-    return replace(found, note=note, tracking_rms=found.rms)
+    written = write_servo(joint, stretches, JointServo(math.inf))
+    return replace(written, note=note, tracking_rms=written.rms)
 
 
-def _error(stretches: Sequence[LogSegment], found: Selected) -> float:
+def _error(stretches: Sequence[LogSegment], selected: Selected) -> float:
     """RMS error of a model over all samples [rad]."""
-    order, drive_cycle = found.fit.problem.model.order, found.fit.problem.search.drive_cycle
-    return _rms([s.y - predict(s, found.servo, order, drive_cycle) for s in stretches], stretches)[
-        0
-    ]
+    order, drive_cycle = selected.fit.problem.model.order, selected.fit.problem.search.drive_cycle
+    return _rms(
+        [s.y - predict(s, selected.servo, order, drive_cycle) for s in stretches], stretches
+    )[0]
 
 
-def _judge(off: Sequence[FloatArray], stretches: Sequence[LogSegment]) -> tuple[float, float]:
+def _judge(errors: Sequence[FloatArray], stretches: Sequence[LogSegment]) -> tuple[float, float]:
     """Error and tracking error of the log with the largest share, RMS [rad].
 
     Those of a single log are weighted by motion, because some of its parts may stand.
     """
     logs = sorted({s.log for s in stretches if s.weight.any()})
-    single, found, lags = int(len(logs) == 1), [], _lags(stretches)
+    single, pairs, lags = int(len(logs) == 1), [], _lags(stretches)
     for k in logs:
-        own = [i for i, s in enumerate(stretches) if s.log == k]
-        some = [stretches[i] for i in own]
-        error = _rms([off[i] for i in own], some, centred=False)[single]
-        found.append((error, max(_rms([lags[i] for i in own], some)[single], LEAST_LAG)))
-    return max(found, key=lambda x: x[0] / x[1])
+        indices = [i for i, s in enumerate(stretches) if s.log == k]
+        some = [stretches[i] for i in indices]
+        error = _rms([errors[i] for i in indices], some, centred=False)[single]
+        pairs.append((error, max(_rms([lags[i] for i in indices], some)[single], LEAST_LAG)))
+    return max(pairs, key=lambda x: x[0] / x[1])
 
 
 def _lags(stretches: Sequence[LogSegment]) -> list[FloatArray]:
@@ -281,5 +284,5 @@ def _why_none(stretches: Sequence[LogSegment]) -> str:
 
 def changes_velocity(t: FloatArray, x: FloatArray) -> bool:
     """Whether positions [rad] over times [s] are more than a straight line and noise, (n,) each."""
-    off = x - np.polyval(np.polyfit(t, x, 1), t)
-    return bool(np.std(off) > STILL * white_noise(x) and np.ptp(off) > LEAST_BEND)
+    errors = x - np.polyval(np.polyfit(t, x, 1), t)
+    return bool(np.std(errors) > STILL * white_noise(x) and np.ptp(errors) > LEAST_BEND)

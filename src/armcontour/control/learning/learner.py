@@ -9,10 +9,15 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.control.learning import aligning
-from armcontour.control.learning.estimating import UNTESTED, Estimate, model_error, smooth_error
-from armcontour.control.learning.lesson import LearningResult, LearningRun, Recording, record
-from armcontour.control.learning.lifted import Lifted, Nominal, rms
+from armcontour.control.learning import alignment
+from armcontour.control.learning.error_estimate import UNTESTED, Estimate, model_error, smooth_error
+from armcontour.control.learning.learning_result import (
+    LearningResult,
+    LearningRun,
+    Recording,
+    record,
+)
+from armcontour.control.learning.lifted_model import Lifted, Nominal, rms
 from armcontour.control.learning.servo_fit import fit_servo
 from armcontour.core import checks
 from armcontour.core.bounded_differences import differences
@@ -63,7 +68,7 @@ def learn(
     servo: ServoModel,
     limits: Limits | None = None,
     gravity_feedforward: bool = True,
-    known: Arm | None = None,
+    controller: Arm | None = None,
     tool: Tool = None,
 ) -> LearningResult:
     """Set-points for the next run, from those of the last run and what the joints did.
@@ -83,7 +88,8 @@ def learn(
         limits: Limits of the controller, as in `compensate`. Without `limits`, set-points keep
             those of the plan, unless set-points of the last run exceed them already.
         gravity_feedforward: Whether the controller adds the torque against gravity.
-        known: The arm as its controller knows it, if `arm` has what was found since, as a payload.
+        controller: The arm model of the controller, if `arm` has been updated since, for example
+            by an identified payload.
         tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
             [m], (m, dimension), from a tracker. With an execution the times are those of its plan;
             otherwise the tracker has a clock of its own, and a tool that is late on its whole way
@@ -94,11 +100,13 @@ def learn(
         InvalidInput: The log is not of this set-points, or not fit to learn from.
         CompensationError: The set-points of the last run exceed the limits.
     """
-    seen, lifted = _see(set_points, executed, Nominal(arm, servo, gravity_feedforward, known), tool)
-    for run in seen.runs:
-        aligning.check_set_points(run)
+    result, lifted = _see(
+        set_points, executed, Nominal(arm, servo, gravity_feedforward, controller), tool
+    )
+    for run in result.runs:
+        alignment.check_set_points(run)
     return _next_lesson(
-        seen, lifted, set_points if isinstance(set_points, LearningResult) else None, limits
+        result, lifted, set_points if isinstance(set_points, LearningResult) else None, limits
     )
 
 
@@ -109,19 +117,10 @@ def judge_run(
     arm: Arm,
     servo: ServoModel,
     gravity_feedforward: bool = True,
-    known: Arm | None = None,
+    controller: Arm | None = None,
     tool: Tool = None,
 ) -> LearningResult:
     """Judge runs by their logs as `learn` does, and learn nothing from them.
-
-    Args:
-        set_points: The set-points of the runs.
-        executed: What the joints did.
-        arm: The nominal arm.
-        servo: The nominal servo.
-        gravity_feedforward: Whether the controller adds the gravity torque.
-        known: The arm as its controller knows it.
-        tool: Measured positions of the tool, as `learn` takes them.
 
     Returns:
         A finished lesson of these runs alone, with the set-points of `set_points`.
@@ -129,21 +128,23 @@ def judge_run(
     Raises:
         InvalidInput: The log is not of this set-points, or not fit to be judged.
     """
-    seen, lifted = _see(set_points, executed, Nominal(arm, servo, gravity_feedforward, known), tool)
-    found = Estimate(lifted, seen.runs)
+    result, lifted = _see(
+        set_points, executed, Nominal(arm, servo, gravity_feedforward, controller), tool
+    )
+    estimate = Estimate(lifted, result.runs)
     return replace(
-        seen, predicted=found.expected, noise=found.noise, best=found.best, repeats=found.repeats
+        result,
+        predicted=estimate.expected,
+        noise=estimate.noise,
+        best=estimate.best,
+        repeats=estimate.repeats,
     )
 
 
 def _see(
     set_points: SetPoints, executed: Runs, nominal: Nominal, tool: Tool
 ) -> tuple[LearningResult, Lifted]:
-    """Runs as learning sees them, with times as the robot has them, before any estimate.
-
-    Raises:
-        InvalidInput: There is no log, or positions of a tool with several.
-    """
+    """Runs as learning sees them, with times as the robot has them, before any estimate."""
     if tool is not None:
         tool = checks.check_sequence("tool", tool, object, "times and positions of the tool", 2)
     logs = executed if isinstance(executed, (list, tuple)) else (executed,)
@@ -160,7 +161,7 @@ def _see(
     else:
         set_points, lifted, misfits = _fit_model(set_points, logs, nominal)
     fitted = lifted.nominal.servo
-    seen = LearningResult(
+    result = LearningResult(
         cycle=set_points.cycle, q=set_points.q, trajectory=set_points.trajectory,
         method=set_points.method, start_time=set_points.start_time,
         command_limits=set_points.command_limits, servo=fitted, misfits=misfits, lifted=lifted,
@@ -168,7 +169,7 @@ def _see(
         delay=float((fitted.dead_time - servo.dead_time).max()),
         predicted=0.0, noise=0.0, best=0, repeats=0.0, finished=True, reason="learned nothing",
     )  # fmt: skip
-    return seen, lifted
+    return result, lifted
 
 
 def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
@@ -179,8 +180,8 @@ def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
     """
     servo = servo.replace(friction=0.0).for_joints(arm.dof)
     if servo.drive_cycle and arm.has_bodies and servo.replace(drive_cycle=0.0).is_plain("second"):
-        late = np.minimum(servo.dead_time + servo.drive_cycle / 2, LONGEST_DEAD_TIME)
-        servo = servo.replace(drive_cycle=0.0, dead_time=late)
+        dead_time = np.minimum(servo.dead_time + servo.drive_cycle / 2, LONGEST_DEAD_TIME)
+        servo = servo.replace(drive_cycle=0.0, dead_time=dead_time)
     loop = np.isfinite(servo.kp)
     orders = np.broadcast_to(servo.order, loop.shape)
     return servo.replace(
@@ -204,12 +205,12 @@ def _fit_model(
     errors, noises, interval = [], [], np.inf
     for log in logs:
         recording = record(log, set_points)
-        seen = aligning.align(recording, lifted, set_points)
+        aligned = alignment.align(recording, lifted, set_points)
         if not recording.in_plan_time and recording.command is None:
             return set_points, lifted, (0.0, 0.0)
-        noises.append(seen.noise)
+        noises.append(aligned.noise)
         interval = min(interval, recording.interval)
-        errors.append(seen.measured - seen.expected)
+        errors.append(aligned.measured - aligned.expected)
     lead = lifted.reaching(set_points.q) - lifted.planned
     noise = np.mean(noises, axis=0)
     variance = float(np.mean(model_error(noise, lead)))
@@ -229,12 +230,12 @@ def _judge_run(
     expected = None
     if isinstance(set_points, LearningResult) and not recording.exact:
         before = set_points.runs[set_points.best]
-        before_moved, more = (
+        before_moved, added = (
             lifted.respond(x - set_points.runs[0].q) for x in (before.q, set_points.q)
         )
         error = smooth_error(lifted, before.error, before.noise, before_moved)
-        expected = lifted.planned + error + more - before_moved
-    aligned = aligning.align(recording, lifted, set_points, expected)
+        expected = lifted.planned + error + added - before_moved
+    aligned = alignment.align(recording, lifted, set_points, expected)
     offset, rate, expected, measured, noise, shift, outliers = aligned
     error = measured - lifted.planned
     # Noise of positions in the joints' loops: exact positions show it in the command that explains
@@ -247,82 +248,84 @@ def _judge_run(
     noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
     if tool is not None:
         clock = (offset, rate) if recording.in_plan_time else None
-        error, more = aligning.add_tool(tool, lifted, error, clock)
-        noise = np.hypot(noise, more)
+        error, added = alignment.add_tool(tool, lifted, error, clock)
+        noise = np.hypot(noise, added)
     moved: FloatArray | float = 0.0
     if isinstance(set_points, LearningResult):
         moved = lifted.respond(set_points.q - set_points.runs[0].q)
-    smooth, at = smooth_error(lifted, error, noise, moved), offset + rate * recording.t
+    smooth, plan_times = smooth_error(lifted, error, noise, moved), offset + rate * recording.t
     return LearningRun(
         q=set_points.q, error=error, noise=noise, loop_noise=in_loop,
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
         offset=offset, rate=rate, source=recording.source,
         predicted=set_points.predicted if isinstance(set_points, LearningResult) else None,
-        set_points_off=aligning.set_points_off(at, recording.command, set_points),
+        set_points_off=alignment.set_points_off(plan_times, recording.command, set_points),
         encoder_shift=shift, outliers=outliers,
         **lifted.judge(smooth)._asdict(),
     )  # fmt: skip
 
 
 def _next_lesson(
-    seen: LearningResult, lifted: Lifted, last: LearningResult | None, limits: Limits | None
+    result: LearningResult, lifted: Lifted, last: LearningResult | None, limits: Limits | None
 ) -> LearningResult:
     """The lesson after the runs that were seen and those of the last lesson."""
     none: tuple[tuple[LearningRun, ...], int, bool] = ((), 0, False)
     earlier, setbacks, done = (last.runs, last.setbacks, last.finished) if last else none
-    runs = (*earlier, *seen.runs)
-    known = Estimate(lifted, runs)
-    best = runs[known.best]
+    runs = (*earlier, *result.runs)
+    estimate = Estimate(lifted, runs)
+    best = runs[estimate.best]
     before = min((x.rms for x in earlier), default=np.inf)
-    now = rms(np.array([x.rms for x in seen.runs]))
-    is_setback = now > before + SURE * known.resolution and not done
+    now = rms(np.array([x.rms for x in result.runs]))
+    is_setback = now > before + SURE * estimate.resolution and not done
     setbacks += is_setback
-    step = HALF**setbacks * (known.step if earlier else 1.0)
-    own = _limits_to_keep(seen, limits)
-    check_commands(replace(seen, q=best.q), own)
-    first = _accelerations(runs[0].q, seen.cycle)
+    step = HALF**setbacks * (estimate.step if earlier else 1.0)
+    limits_kept = _limits_to_keep(result, limits)
+    check_commands(replace(result, q=best.q), limits_kept)
+    first = _accelerations(runs[0].q, result.cycle)
     fastest = ROUGHER * np.maximum(first, RESTING * first.max())
-    if own.joint_acceleration is not None:
-        slowest = np.minimum(*np.abs(own.acceleration_bounds(lifted.dof)))
+    if limits_kept.joint_acceleration is not None:
+        slowest = np.minimum(*np.abs(limits_kept.acceleration_bounds(lifted.dof)))
         fastest = np.maximum(slowest, fastest)
-    wanted = best.q + step * (known.correct(setbacks) - best.q)
-    q, reason = _keep_limits(seen, wanted, best.q, own, fastest)
+    requested = best.q + step * (estimate.correct(setbacks) - best.q)
+    q, reason = _keep_limits(result, requested, best.q, limits_kept, fastest)
     # Learning slows down from run to run, as noise and friction take a larger share.
-    rest = FITTED if any(seen.misfits) else UNTESTED
-    rest = max(known.off, float(np.sqrt(min(now / before, 1.0)))) if earlier else rest
-    left = lifted.judge(rest * known.removed).rms
-    lost = lifted.respond(wanted - q)
-    left += lifted.judge(lost).rms + (1 - step) * known.repeats
-    predicted = float(np.linalg.norm([left, known.differs / np.sqrt(len(runs)), known.noise]))
-    end = _reason_to_finish(known, setbacks, is_setback)
-    early = last is None and seen.delay >= seen.cycle
-    if reason and not (end or early) and rms(q - best.q) < NO_GAIN * rms(wanted - best.q):
+    fraction = FITTED if any(result.misfits) else UNTESTED
+    fraction = max(estimate.off, float(np.sqrt(min(now / before, 1.0)))) if earlier else fraction
+    remaining = lifted.judge(fraction * estimate.removed).rms
+    lost = lifted.respond(requested - q)
+    remaining += lifted.judge(lost).rms + (1 - step) * estimate.repeats
+    predicted = float(
+        np.linalg.norm([remaining, estimate.differs / np.sqrt(len(runs)), estimate.noise])
+    )
+    end = _reason_to_finish(estimate, setbacks, is_setback)
+    early = last is None and result.delay >= result.cycle
+    if reason and not (end or early) and rms(q - best.q) < NO_GAIN * rms(requested - best.q):
         end = f"nothing was learned, because {reason}"
-    finished, averaged = bool(end), known.is_noise and known.differs > 0
+    finished, averaged = bool(end), estimate.is_noise and estimate.differs > 0
     return replace(
-        seen, runs=runs, method="learning", setbacks=setbacks, finished=finished,
+        result, runs=runs, method="learning", setbacks=setbacks, finished=finished,
         reason=end or reason,
         q=best.q if finished and not averaged else q,
-        predicted=known.expected if finished else min(predicted, known.expected),
-        noise=known.noise, best=known.best, repeats=known.repeats,
+        predicted=estimate.expected if finished else min(predicted, estimate.expected),
+        noise=estimate.noise, best=estimate.best, repeats=estimate.repeats,
     )  # fmt: skip
 
 
-def _limits_to_keep(seen: LearningResult, limits: Limits | None) -> Limits:
+def _limits_to_keep(result: LearningResult, limits: Limits | None) -> Limits:
     """The limits that lessons keep; of the plan's those only that its set-points kept."""
-    own = seen.trajectory.limits_for(seen.command_limits if limits is None else limits)
-    return own.of_tool if limits is None and describe_excess(seen) else own
+    selected = result.trajectory.limits_for(result.command_limits if limits is None else limits)
+    return selected.of_tool if limits is None and describe_excess(result) else selected
 
 
-def _reason_to_finish(known: Estimate, setbacks: int, is_setback: bool) -> str:
+def _reason_to_finish(estimate: Estimate, setbacks: int, is_setback: bool) -> str:
     """Why no further lesson is expected to reduce the error; empty if one may."""
-    if known.is_noise:
+    if estimate.is_noise:
         return "what remains is noise"
-    if is_setback and setbacks >= SETBACKS_OFF and known.off > MOST_OFF:
-        if known.runs[known.best].rms < PROVEN * known.runs[0].rms:
+    if is_setback and setbacks >= SETBACKS_OFF and estimate.off > MOST_OFF:
+        if estimate.runs[estimate.best].rms < PROVEN * estimate.runs[0].rms:
             return "what remains does not repeat"
         return (
-            f"the last change made the error larger, and its effect differs by {known.off:.0%} "
+            f"the last change made the error larger, and its effect differs by {estimate.off:.0%} "
             "from that of the servo model, so identify the servo"
         )
     if setbacks >= MOST_SETBACKS:
@@ -336,32 +339,31 @@ def _accelerations(q: FloatArray, cycle: float) -> FloatArray:
 
 
 def _keep_limits(
-    seen: LearningResult, wanted: FloatArray, best: FloatArray, limits: Limits, fastest: FloatArray
+    result: LearningResult,
+    requested: FloatArray,
+    best: FloatArray,
+    limits: Limits,
+    fastest: FloatArray,
 ) -> tuple[FloatArray, str]:
-    """The set-points within limits nearest to wanted ones, (n, dof), and the limit that binds most.
+    """Nearest set-points within the limits, (n, dof), and the most restrictive limit.
 
-    Args:
-        seen: The lesson, with its limits of commands.
-        wanted: The wanted set-points [rad], (n, dof).
-        best: Those of the best run [rad], (n, dof), which a joint keeps if there are no others.
-        limits: Limits of the controller, with values per joint.
-        fastest: Largest acceleration of the set-points of each joint [rad/s²], (dof,).
+    A joint without a solution keeps its set-points of the best run.
     """
-    own = Limits.only(
+    selected = Limits.only(
         joint_velocity=limits.joint_velocity,
         joint_acceleration=fastest,
         joint_lower=limits.joint_lower,
         joint_upper=limits.joint_upper,
     )
-    bounds = command_bounds(own, len(fastest))
-    if seen.command_limits is not None:
-        others = command_bounds(seen.command_limits, len(fastest))
+    bounds = command_bounds(selected, len(fastest))
+    if result.command_limits is not None:
+        others = command_bounds(result.command_limits, len(fastest))
         bounds = np.stack(
             [np.maximum(bounds[:, 0], others[:, 0]), np.minimum(bounds[:, 1], others[:, 1])], axis=1
         )
-    worst = excess(wanted, seen.cycle, bounds)
+    worst = excess(requested, result.cycle, bounds)
     if worst is None:
-        return wanted, ""
+        return requested, ""
     name, j = BY_ORDER[worst[0]] or "range", worst[2]
-    q = nearest_commands(wanted, seen.cycle, bounds, best)[0]
+    q = nearest_commands(requested, result.cycle, bounds, best)[0]
     return q, f"the {name} of the set-points of joint {j + 1} limits the step"

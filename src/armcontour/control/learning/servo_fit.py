@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from armcontour.control.learning.lifted import Lifted
+from armcontour.control.learning.lifted_model import Lifted
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.motion import SetPoints
 from armcontour.robot.servo import ServoModel
@@ -84,22 +84,22 @@ def fit_servo(
     # Without changes, and with each feed-forward.
     dof, starts = lifted.dof, np.zeros((1 + len(STARTS), len(fit.spread)))
     starts[1:, dof : 2 * dof] = np.subtract.outer(STARTS, fit.nominal.velocity_feedforward)
-    found = min((coarse.solve(x, FIRST) for x in np.unique(starts, axis=0)), key=coarse.cost)
+    best = min((coarse.solve(x, FIRST) for x in np.unique(starts, axis=0)), key=coarse.cost)
     # The search at all times is short from the penalty at few times.
-    before, fit.penalty = 0.0, few.choose_penalty(coarse.rest(found), variance, NO_DISTURBANCE)
+    before, fit.penalty = 0.0, few.choose_penalty(coarse.rest(best), variance, NO_DISTURBANCE)
     for _ in range(ROUNDS):
-        fit.penalty = lifted.choose_penalty(fit.rest(found), variance, fit.penalty)
+        fit.penalty = lifted.choose_penalty(fit.rest(best), variance, fit.penalty)
         if fit.penalty == before:
             break
-        before, found = fit.penalty, fit.solve(found, NEXT)
+        before, best = fit.penalty, fit.solve(best, NEXT)
     # The nominal servo with the most probable friction.
-    alone, of = starts[0], slice(2 * dof, 3 * dof)
-    columns = fit.derivatives(alone)[:, of]
-    alone[of] -= np.linalg.lstsq(columns, fit.residuals(alone), rcond=None)[0]
-    if fit.cost(alone) - fit.cost(found) <= LEAST_GAIN * dof:
+    alone, friction = starts[0], slice(2 * dof, 3 * dof)
+    columns = fit.derivatives(alone)[:, friction]
+    alone[friction] -= np.linalg.lstsq(columns, fit.residuals(alone), rcond=None)[0]
+    if fit.cost(alone) - fit.cost(best) <= LEAST_GAIN * dof:
         return lifted.nominal.servo, (0.0, 0.0)
-    before, after = (float(np.sqrt(fit.rest(x).var(axis=0).mean())) for x in (alone, found))
-    return fit.servo(found), (before, after)
+    before, after = (float(np.sqrt(fit.rest(x).var(axis=0).mean())) for x in (alone, best))
+    return fit.servo(best), (before, after)
 
 
 class _Fit:
@@ -135,7 +135,7 @@ class _Fit:
         b, a, _, *c = x[:-1].reshape(-1, self.dof)
         nominal = self.nominal
         # A servo with acceleration feed-forward has velocity feed-forward, too.
-        least = np.where(nominal.acceleration_feedforward > 0, LEAST_F, 0.0)
+        smallest = np.where(nominal.acceleration_feedforward > 0, LEAST_F, 0.0)
         # Loops with a cycle are unstable with larger gains.
         low, high = GAINS[0], 1 / nominal.drive_cycle if nominal.drive_cycle else GAINS[1]
         kv = nominal.kv
@@ -146,7 +146,7 @@ class _Fit:
             kp=np.clip(nominal.kp / (1 + b), low, np.maximum(nominal.kp, high)),
             kv=kv,
             velocity_feedforward=np.clip(
-                (nominal.velocity_feedforward + a) / (1 + b), least, MOST_F
+                (nominal.velocity_feedforward + a) / (1 + b), smallest, MOST_F
             ),
             dead_time=np.clip(nominal.dead_time + x[-1], 0.0, LONGEST_DEAD_TIME),
         )
@@ -177,8 +177,8 @@ class _Fit:
         """Deviations whose values are independent, with the standard deviation 1, (m, cases)."""
         change, response = self.lifted.correct(error, self.penalty)
         jumps = np.sqrt(self.penalty) * np.diff(change, axis=0)
-        found = np.concatenate([error + response, jumps]).reshape(-1, error.shape[2])
-        return np.asarray(found / self.deviation)
+        whitened = np.concatenate([error + response, jumps]).reshape(-1, error.shape[2])
+        return np.asarray(whitened / self.deviation)
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Whitened deviations, and parameters relative to their standard deviations."""
@@ -198,40 +198,42 @@ class _Fit:
             ddq = lifted.as_seen(ddq)
             causes.append(-ddq / (nominal.kp * nominal.kv))
         each = [x[:, :, None] * np.eye(dof) for x in causes]
-        late = -with_feedforward[:, :, None]
-        parts = lifted.respond_to(np.concatenate([*each, late], axis=2))
-        own = friction[:, :, None] * np.eye(dof)
-        parts = np.concatenate([parts[:, :, : 2 * dof], own, parts[:, :, 2 * dof :]], axis=2)
+        by_delay = -with_feedforward[:, :, None]
+        parts = lifted.respond_to(np.concatenate([*each, by_delay], axis=2))
+        by_friction = friction[:, :, None] * np.eye(dof)
+        parts = np.concatenate(
+            [parts[:, :, : 2 * dof], by_friction, parts[:, :, 2 * dof :]], axis=2
+        )
         return np.vstack([-self.whiten(parts), np.diag(1 / self.spread)])
 
     def solve(self, x: FloatArray, steps: int) -> FloatArray:
         """The most probable parameters, searched from x by the Levenberg-Marquardt method."""
-        least, most, free = 1 / MOST_FACTOR - 1, MOST_FACTOR - 1, np.inf
-        lower = np.repeat([least, 0.0, -free, least], self.dof)[: len(x) - 1]
+        smallest, largest, free = 1 / MOST_FACTOR - 1, MOST_FACTOR - 1, np.inf
+        lower = np.repeat([smallest, 0.0, -free, smallest], self.dof)[: len(x) - 1]
         lower[self.dof : 2 * self.dof] = -self.nominal.velocity_feedforward
-        upper = np.repeat([most, MOST_FACTOR, free, most], self.dof)[: len(x) - 1]
+        upper = np.repeat([largest, MOST_FACTOR, free, largest], self.dof)[: len(x) - 1]
         lower = np.append(lower, -self.nominal.dead_time.min()) - 1e-9
         upper = np.append(upper, LONGEST_DELAY) + 1e-9
-        rest = self.residuals(x)
-        cost, damping = float(rest @ rest), DAMPING
+        residuals = self.residuals(x)
+        cost, damping = float(residuals @ residuals), DAMPING
         for _ in range(steps):
             slope = self.derivatives(x)
-            square, down = slope.T @ slope, slope.T @ rest
+            square, down = slope.T @ slope, slope.T @ residuals
             while damping < MOST_DAMPING:
                 factor = np.linalg.cholesky(square + damping * np.diag(np.diag(square))).T
-                wanted = -np.linalg.solve(factor.T, down)
-                step = lsq_linear(factor, wanted, (lower - x, upper - x)).x
+                target = -np.linalg.solve(factor.T, down)
+                step = lsq_linear(factor, target, (lower - x, upper - x)).x
                 if -step @ (2 * down + square @ step) < SETTLED:
                     return x
                 there = x + step
-                rest = self.residuals(there)
-                found = float(rest @ rest)
-                if found < cost:
+                residuals = self.residuals(there)
+                trial_cost = float(residuals @ residuals)
+                if trial_cost < cost:
                     break
                 damping *= 10
             else:
                 return x
-            gained, x, cost, damping = cost - found, there, found, damping / 10
+            gained, x, cost, damping = cost - trial_cost, there, trial_cost, damping / 10
             if gained < SETTLED:
                 return x
         return x

@@ -8,7 +8,7 @@ from armcontour.core.render import figure, number
 from armcontour.core.result import Data, Row
 from armcontour.core.text import capitalise, count_noun, list_some
 from armcontour.jobs import JobResult, RunResult, warnings_of
-from armcontour.jobs.quantities import assumed_numbers
+from armcontour.jobs.plan_quantities import assumed_numbers
 from armcontour.planning.explanation import BETWEEN, NAMES
 from armcontour.report.drawing import draw_plan
 from armcontour.report.section import Front, Section, Table, side_by_side, tiles

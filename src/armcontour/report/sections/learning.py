@@ -25,7 +25,7 @@ from armcontour.report.style import (
 )
 
 if TYPE_CHECKING:
-    from armcontour.jobs.learning import LearningStudy
+    from armcontour.jobs.run_learning import LearningStudy
 
 # Height of the figures [px].
 HEIGHT = 360

@@ -14,7 +14,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.render import LIMITS, number
 from armcontour.core.result import Row
 from armcontour.jobs import JobResult, RunResult
-from armcontour.jobs.results import unknown_notes
+from armcontour.jobs.job_result import unknown_notes
 from armcontour.jobs.verdict import allowed_error
 from armcontour.planning.explanation import Binding
 from armcontour.report.drawing import kind_of, word_of

@@ -162,7 +162,7 @@ def _arm(study: JobResult) -> Any:
     """Animation of the arm along the executed motions."""
     colours = run_colours(study.runs)
     last = max(float(x.motion.t[-1]) for x in study.runs.values())
-    ends = [x.evaluation.until for x in study.runs.values() if x.evaluation is not None]
+    ends = [x.evaluation.end_time for x in study.runs.values() if x.evaluation is not None]
     last = min([last, *([max(ends)] if ends else [])])
     times = np.linspace(0, last, FRAMES)
     arms = {name: _arm_points(x.motion, times) for name, x in study.runs.items()}

@@ -31,8 +31,8 @@ class Drives:
         arm: The nominal arm, with masses.
         servo: Servo of order "second".
         gravity_feedforward: Whether the controller adds the gravity torque.
-        known: The arm as its controller knows it, for g and J: for example without a payload that
-            was found later. By default the arm itself.
+        controller: The arm model of the controller, for g and J, for example without a payload that
+            was identified later. By default the arm itself.
 
     Attributes:
         inertia: J, the servo's inertia, or else the nominal inertia of the known arm [kg m²],
@@ -47,7 +47,7 @@ class Drives:
     arm: Arm
     servo: ServoModel
     gravity_feedforward: bool = True
-    known: Arm | None = None
+    controller: Arm | None = None
     inertia: FloatArray = field(init=False)
     damping: FloatArray = field(init=False)
     stiffness: FloatArray = field(init=False)
@@ -56,21 +56,21 @@ class Drives:
         servo = self.servo.for_joints(self.arm.dof)
         servo.check_orders("The inverse dynamics of rigid bodies", integrator=True)
         assert servo.kv is not None
-        if self.known is not None and self.known.dof != self.arm.dof:
+        if self.controller is not None and self.controller.dof != self.arm.dof:
             raise InvalidInput(
                 f"The arm {self.arm.name} has {self.arm.dof} joints, but the arm that its "
-                f"controller knows has {self.known.dof}."
+                f"controller knows has {self.controller.dof}."
             )
-        inertia = nominal_inertia(self.as_known) if servo.inertia is None else servo.inertia
+        inertia = nominal_inertia(self.controller_arm) if servo.inertia is None else servo.inertia
         object.__setattr__(self, "servo", servo)
         object.__setattr__(self, "inertia", checks.frozen_array(inertia))
         object.__setattr__(self, "damping", checks.frozen_array(inertia * servo.kv))
         object.__setattr__(self, "stiffness", checks.frozen_array(inertia * servo.kv * servo.kp))
 
     @property
-    def as_known(self) -> Arm:
+    def controller_arm(self) -> Arm:
         """The arm as its controller knows it."""
-        return self.arm if self.known is None else self.known
+        return self.arm if self.controller is None else self.controller
 
     def command(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray, step: float = np.inf
@@ -116,7 +116,9 @@ class Drives:
     def inertial_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """`moving_torque` without friction [N m], (n, dof)."""
         torque = self.arm.dynamics.torque(q, dq, ddq)
-        return torque - self.as_known.dynamics.gravity(q) if self.gravity_feedforward else torque
+        return (
+            torque - self.controller_arm.dynamics.gravity(q) if self.gravity_feedforward else torque
+        )
 
     def linear(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray
@@ -131,13 +133,13 @@ class Drives:
             ddq: Joint accelerations [rad/s²], (n, dof).
         """
         # Gravity of the arm that the controller knows cancels.
-        fed, differs = self.gravity_feedforward, self.known is not None
+        fed, differs = self.gravity_feedforward, self.controller is not None
         stiffness, damping, mass = self.arm.dynamics.derivatives(
             q, dq, ddq, gravity=differs or not fed
         )
         if fed and differs:
             still = np.zeros_like(q)
-            stiffness = stiffness - self.as_known.dynamics.derivatives(q, still, still)[0]
+            stiffness = stiffness - self.controller_arm.dynamics.derivatives(q, still, still)[0]
         viscous = np.asarray(self.arm.dynamics.chain.viscous)
         return mass, damping + np.diag(self.damping + viscous), stiffness + np.diag(self.stiffness)
 

@@ -288,7 +288,7 @@ def respond_along(
     servo: ServoModel,
     *,
     gravity_feedforward: bool = True,
-    known: Arm | None = None,
+    controller: Arm | None = None,
 ) -> Response:
     """The response of the nominal robot around a motion.
 
@@ -302,14 +302,16 @@ def respond_along(
         arm: The nominal arm.
         servo: The nominal servo.
         gravity_feedforward: Whether the controller adds the gravity torque.
-        known: The arm as its controller knows it, as in `Drives`.
+        controller: The arm as its controller knows it, as in `Drives`.
 
     Raises:
         InvalidInput: The gains do not fit the arm.
     """
     joint_servo = servo.for_joints(arm.dof)
     if arm.has_bodies and servo.is_plain("second"):
-        drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, known=known)
+        drives = Drives(
+            arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, controller=controller
+        )
         rates = (motion(t, order) for order in range(3))
         mass, damping, stiffness = linear_along(drives, t, *rates)
         gain = drives.stiffness

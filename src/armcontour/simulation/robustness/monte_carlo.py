@@ -74,7 +74,7 @@ class MonteCarloResult(Result, Checked):
     Args:
         max: Largest contour error of each execution [m], (n,).
         rms: Root mean square over time of the contour error [m], (n,).
-        until: End of the time over which `rms` is taken [s], (n,).
+        end_time: End of the time over which `rms` is taken [s], (n,).
         saturated: Fraction of this time in which the joint that saturates longest is saturated,
             (n,).
         demand_ratio: Largest share of the acceleration limit in its direction that a joint would
@@ -90,7 +90,7 @@ class MonteCarloResult(Result, Checked):
 
     max: FloatArray
     rms: FloatArray
-    until: FloatArray
+    end_time: FloatArray
     saturated: FloatArray
     demand_ratio: FloatArray
     kp: FloatArray
@@ -176,7 +176,7 @@ def spread(
     samples: Annotated[int, AtLeast(1, 10**7)] = 1000,
     seed: Seed = 0,
     since: Time | None = None,
-    until: Interval | None = None,
+    end_time: Interval | None = None,
     threads: Workers | None = None,
 ) -> MonteCarloResult:
     """Execute set-points on robots with random errors (Monte Carlo), each as `ServoPlant` does.
@@ -195,7 +195,7 @@ def spread(
         since: Start of the time over which contour errors are evaluated [s]; by default the first
             set-point. Set-points of one contour of a program may start before it, with what
             leads to it.
-        until: End of that time [s]; by default when the planned motion has ended and the tool is
+        end_time: End of that time [s]; by default when the planned motion has ended and the tool is
             at rest.
         threads: Number of threads; by default the number of processors.
 
@@ -207,7 +207,7 @@ def spread(
     checks.check_count(
         f"The spread over {samples} samples", samples * (3 * arm.dof + 1), "take fewer samples"
     )
-    model = _Model(set_points, path, arm, servo, limits, box, since, until)
+    model = _Model(set_points, path, arm, servo, limits, box, since, end_time)
     unit = np.random.default_rng(seed).uniform(-1, 1, size=(samples, 3 * arm.dof + 1))
     return model.executed(unit, seed, threads or os.cpu_count() or 1)
 
@@ -222,7 +222,7 @@ def worst_corner(
     box: Uncertainty,
     *,
     since: Time | None = None,
-    until: Interval | None = None,
+    end_time: Interval | None = None,
     threads: Workers | None = None,
 ) -> MonteCarloResult:
     """Execute set-points on robots in the corners of a box, without jitter.
@@ -233,7 +233,7 @@ def worst_corner(
 
     Arguments and exceptions are those of `spread`.
     """
-    model = _Model(set_points, path, arm, servo, limits, box, since, until)
+    model = _Model(set_points, path, arm, servo, limits, box, since, end_time)
     use = threads or os.cpu_count() or 1
     k = int(model.varies.sum())
     if 2**k <= MOST_CORNERS:
@@ -274,7 +274,7 @@ class _Model:
         limits: Limits | None,
         box: Uncertainty,
         since: float | None,
-        until: float | None,
+        end_time: float | None,
     ) -> None:
         dof = arm.dof
         self.set_points, self.box, self.dof, self.second = (
@@ -301,7 +301,7 @@ class _Model:
         resolved = resolve_limits("spread", arm, limits, set_points.trajectory.limits)
         lower, upper = self.servo.saturate(*resolved.acceleration_bounds(dof))
         duration = set_points.trajectory.duration
-        end = duration if until is None else until
+        end = duration if end_time is None else end_time
         steps = self._steps()
         last = set_points.start_time + len(set_points.q) * set_points.cycle
         begin = set_points.start_time if since is None else since
@@ -309,7 +309,7 @@ class _Model:
             raise InvalidInput(
                 f"Errors cover no time: they start at {begin:g} s and end at {end:g} s."
             )
-        fixed, patience = until is not None, last + PATIENCE
+        fixed, patience = end_time is not None, last + PATIENCE
         clock = Clock(set_points.start_time, set_points.cycle, steps, begin, end, fixed, patience)
         kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
         line = _line(path, set_points, arm, self._lag())
@@ -368,7 +368,7 @@ class _Model:
         parts = [batch(0)]
         with ThreadPoolExecutor(threads) as pool:
             parts += pool.map(batch, range(BATCH, len(rows), BATCH))
-        rms, largest, until, saturated, ratio = np.concatenate(parts).T
+        rms, largest, end_time, saturated, ratio = np.concatenate(parts).T
         if np.isnan(rms).any():
             i = int(np.argmax(np.isnan(rms)))
             raise ExecutionError(
@@ -379,7 +379,7 @@ class _Model:
         return MonteCarloResult(
             rms=rms[:-1],
             max=largest[:-1],
-            until=until[:-1],
+            end_time=end_time[:-1],
             saturated=saturated[:-1],
             demand_ratio=ratio[:-1],
             kp=kp[:-1],

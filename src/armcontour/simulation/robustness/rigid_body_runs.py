@@ -50,7 +50,7 @@ class BodyRuns:
             errors: Errors of the unknowns, (k,).
         """
         arm, known, servo = self.unknowns.robot(errors)
-        return RigidBodyPlant(arm, servo, self.limits, known=known, **self.options)
+        return RigidBodyPlant(arm, servo, self.limits, controller=known, **self.options)
 
     def trace(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | str:
         """Execute on one robot, with results over time.
@@ -149,12 +149,12 @@ def spread_on_bodies(
     rows = list(np.concatenate([np.zeros((1, len(unknowns))), errors]))
     results = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
     results = _all(runs, rows, results)
-    largest, rms, until, saturated, ratio = np.array(results).T
+    largest, rms, end_time, saturated, ratio = np.array(results).T
     servos = [unknowns.robot(x)[2] for x in errors]
     return MonteCarloResult(
         max=largest[1:],
         rms=rms[1:],
-        until=until[1:],
+        end_time=end_time[1:],
         saturated=saturated[1:],
         demand_ratio=ratio[1:],
         kp=np.array([x.kp for x in servos]).reshape(-1, unknowns.arm.dof),

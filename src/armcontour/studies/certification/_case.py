@@ -16,7 +16,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.planned import Planned
+from armcontour.jobs.planned_run import Planned
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.planning.program_tracing import Tracing
 from armcontour.program import Contour, Program

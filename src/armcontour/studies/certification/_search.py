@@ -382,12 +382,12 @@ def execute_servos(
         samples: Number of robots that are drawn; None is the corners of the box.
     """
     assert case.box is not None and span.trajectory is not None and span.work is not None
-    since, until = None, None
+    since, end_time = None, None
     if case.program.single_path is None:
-        since, until = (x - span.t[0] for x in span.work)
+        since, end_time = (x - span.t[0] for x in span.work)
     stretch = case.stretch(set_points, span.t, span.trajectory)
     path = case.program.contours[number].path
     own = stretch, path, case.arm, case.servo, case.limits, case.box
     if samples is None:
-        return worst_corner(*own, since=since, until=until)
-    return spread(*own, samples=samples, seed=case.goal.seed, since=since, until=until)
+        return worst_corner(*own, since=since, end_time=end_time)
+    return spread(*own, samples=samples, seed=case.goal.seed, since=since, end_time=end_time)

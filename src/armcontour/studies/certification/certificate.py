@@ -17,10 +17,10 @@ from armcontour.core.text import count_noun, short_repr
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job, Run
-from armcontour.jobs.results import ExperimentResult, JobResult, RunResult
+from armcontour.jobs.job_result import ExperimentResult, JobResult, RunResult
 from armcontour.jobs.run_data import field_rows, warning_rows
+from armcontour.jobs.run_warnings import beyond_logs
 from armcontour.jobs.verdict import ROUNDING, off_drawing, time_limit_row
-from armcontour.jobs.warnings import beyond_logs
 from armcontour.motion import Execution, JointPath, SetPoints, Trajectory
 from armcontour.planning import Tracing, explain
 from armcontour.program import Program

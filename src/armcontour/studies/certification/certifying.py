@@ -20,8 +20,8 @@ from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job, Run, choose_run
-from armcontour.jobs.planning import plan_one
 from armcontour.jobs.reuse import Reuse
+from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
 from armcontour.motion import Method, SetPoints
 from armcontour.planning import Optimal, check_jerk_support
@@ -200,14 +200,16 @@ def _fastest(
     free = this.rounding is not None and this.rounding.free
     bent = free or any(shape_part(x.path) > 0 for x in base.program.contours)
     if goal.tolerance is None or not bent:
-        budget = goal.servo or goal.tolerance
+        budget = goal.servo_error or goal.tolerance
         assert budget is not None
         if least >= deadline:
             return base, None, least
         alone = search(replace(base, servo_allowed=budget))
         return base, alone, alone[0].trajectory.duration
     tightest = _tightest(this, goal)
-    budgets = [x * tightest for x in SERVO_SHARES] if goal.servo is None else [goal.servo]
+    budgets = (
+        [x * tightest for x in SERVO_SHARES] if goal.servo_error is None else [goal.servo_error]
+    )
     if np.isfinite(deadline):
         least = min(least, *(case_of(x).planned.trajectory.duration for x in budgets))
         if least >= deadline:
@@ -295,7 +297,7 @@ def _refuse_start(case: Case) -> None:
     """
     (contour,) = case.program.contours
     off = _bodies.rest_at_start(case, contour.path, case.teach(case.planned.trajectory))
-    allowed = case.goal.servo or case.goal.tolerance
+    allowed = case.goal.servo_error or case.goal.tolerance
     assert allowed is not None
     work = case.work_of(contour)
     if (work is None or work[0] <= 0) and off > allowed:

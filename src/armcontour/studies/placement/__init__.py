@@ -1,7 +1,6 @@
 """Placement: where on the table a part, or the base of an arm, lies best."""
 
-from armcontour.jobs.axes import AXES, UNITS, Axis
-from armcontour.jobs.place_search import MIDDLE, OBJECTIVES, ORIGIN, WHAT
+from armcontour.jobs.place_search import AXES, MIDDLE, OBJECTIVES, ORIGIN, UNITS, WHAT, Axis
 from armcontour.studies.placement.judging import KINDS, Verdict
 from armcontour.studies.placement.moving import Moves, place_job
 from armcontour.studies.placement.placement import Place, Placement

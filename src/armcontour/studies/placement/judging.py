@@ -12,12 +12,11 @@ import numpy as np
 from armcontour.core.errors import ArmContourError, NotRealizable
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
-from armcontour.jobs.axes import corners_of
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.place_search import CLEARANCE, DURATION, MANIPULABILITY, TORQUE
-from armcontour.jobs.planning import plan_one, trace_one
-from armcontour.jobs.quantities import torques_at
+from armcontour.jobs.place_search import CLEARANCE, DURATION, MANIPULABILITY, TORQUE, corners_of
+from armcontour.jobs.plan_quantities import torques_at
 from armcontour.jobs.reuse import Reuse
+from armcontour.jobs.run_plan import plan_one, trace_one
 from armcontour.motion import Trajectory
 from armcontour.planning import Optimal, Tracing, with_reserve
 from armcontour.planning.duration_bound import bound_duration

@@ -10,8 +10,8 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, exp
-from armcontour.jobs.axes import LENGTHS
 from armcontour.jobs.job import Job
+from armcontour.jobs.place_search import LENGTHS
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import BASE, PART, Obstacle, Scene

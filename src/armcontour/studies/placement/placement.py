@@ -17,9 +17,8 @@ from armcontour.core.frames import Frame, quaternions
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import short_repr
-from armcontour.jobs.axes import UNITS, Axis
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.place_search import DURATION
+from armcontour.jobs.place_search import DURATION, UNITS, Axis
 from armcontour.robot.scene import PART
 from armcontour.studies.placement.judging import COMPARED, Verdict
 from armcontour.studies.placement.moving import Moves, place_job

@@ -16,10 +16,19 @@ from armcontour.core.errors import InvalidInput, NotRealizable, Unreachable, err
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, subprogress
 from armcontour.core.quantities import Workers
-from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
 from armcontour.jobs.job import Job, Run, choose_run
-from armcontour.jobs.place_search import CLEARANCE, DURATION, MIDDLE, TORQUE, PlaceSearch
-from armcontour.jobs.planning import prepare_and_round
+from armcontour.jobs.place_search import (
+    CLEARANCE,
+    DURATION,
+    LENGTHS,
+    MIDDLE,
+    TORQUE,
+    Axis,
+    PlaceSearch,
+    read_axes,
+    read_uncertainty,
+)
+from armcontour.jobs.run_plan import prepare_and_round
 from armcontour.planning import Optimal
 from armcontour.program import Process, Program
 from armcontour.robot import SerialArm

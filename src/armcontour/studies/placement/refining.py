@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from armcontour.core.progress import Progress, Step
-from armcontour.jobs.axes import Axis
+from armcontour.jobs.place_search import Axis
 from armcontour.studies.placement.judging import Judge, Verdict
 from armcontour.studies.placement.searching import shown
 

@@ -24,7 +24,7 @@ def figures(x: Request) -> Frame:
     """Figures of a full run, or what the run refuses and where."""
     from armcontour.core.render import frame
     from armcontour.jobs.advice import advising, is_small
-    from armcontour.jobs.results import judging_rows
+    from armcontour.jobs.job_result import judging_rows
     from armcontour.studio.picture import time_header
     from armcontour.studio.preview import Tier
     from armcontour.studio.refusals import refusal_header

@@ -20,12 +20,12 @@ from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
-    from armcontour.jobs.learning import LearningStudy
+    from armcontour.jobs.run_learning import LearningStudy
 
 
 def measured(x: Request) -> Frame:
     """The plan against the last log: contour errors, and the measured motion of the tool."""
-    from armcontour.jobs.learning import judge_last
+    from armcontour.jobs.run_learning import judge_last
     from armcontour.studio.executed import tool_lines
 
     logs = read_logs(x)
@@ -64,7 +64,7 @@ def learn(x: Request) -> Frame:
 
 def learned(x: Request) -> LearningStudy:
     """What the logs of successive runs teach."""
-    from armcontour.jobs.learning import learn_logs
+    from armcontour.jobs.run_learning import learn_logs
 
     return learn_logs(x.whole_job, x.run, read_logs(x), x.progress)
 

@@ -11,7 +11,7 @@ import numpy as np
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.progress import Step
 from armcontour.jobs import PlaceSearch
-from armcontour.jobs.axes import LENGTHS
+from armcontour.jobs.place_search import LENGTHS
 from armcontour.robot.scene import BASE
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame

@@ -69,5 +69,5 @@ def planar(armature):
     )
     q = np.array([0.4, 1.2]) + (set_points(3, 4.0) - HOME)[:, :2]
     servo = nominal_servo().replace(kp=np.array([26.0, 24.0]), dead_time=5e-3)
-    log = record(true, servo, q, known=nominal)
+    log = record(true, servo, q, controller=nominal)
     return ac.identify_bodies(log, nominal, nominal_servo(), NOMINAL), coulomb

@@ -7,8 +7,8 @@ import pytest
 
 import armcontour as ac
 from armcontour import identify_bodies
-from armcontour.control.identification.bodies.grid import Gridded
-from armcontour.control.identification.bodies.model import Model
+from armcontour.control.identification.bodies.body_model import Model
+from armcontour.control.identification.bodies.log_grid import Gridded
 from armcontour.control.identification.bodies.output_error import attempt, derivatives
 from armcontour.core.errors import InvalidInput
 from armcontour.motion import Log
@@ -48,7 +48,7 @@ def arm(nominal):
 def log(arm, nominal):
     """Four seconds at 250 Hz; the controller does not know of the payload."""
     servo = nominal_servo().replace(kp=KP, dead_time=6e-3)
-    return record(arm, servo, set_points(0, 4.0), known=nominal)
+    return record(arm, servo, set_points(0, 4.0), controller=nominal)
 
 
 @pytest.fixture(scope="module")

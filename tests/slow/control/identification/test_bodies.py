@@ -30,7 +30,7 @@ def nominal():
 @pytest.fixture(scope="module")
 def log(nominal):
     servo = nominal_servo().replace(kp=KP, dead_time=6e-3)
-    return record(true_arm(nominal), servo, set_points(0, 6.0), known=nominal)
+    return record(true_arm(nominal), servo, set_points(0, 6.0), controller=nominal)
 
 
 def test_exchanged_columns_explain_nothing(log, nominal):

@@ -9,10 +9,10 @@ from armcontour.simulation.robustness.monte_carlo import Uncertainty, spread
 
 
 def test_every_millisecond():
-    found = ac.certify(job(PAPER, cycle="1 ms"), goal=ac.CertificateGoal(servo=2e-6))
+    found = ac.certify(job(PAPER, cycle="1 ms"), goal=ac.CertificateGoal(servo_error=2e-6))
     assert found.duration <= 5.345 and judged(found).speed <= 0.15 * (1 + 1e-3)
     held = job(PAPER, cycle="1 ms", servo=", interpolation: step")
-    found = ac.certify(held, goal=ac.CertificateGoal(servo=1e-5, saturation="report"))
+    found = ac.certify(held, goal=ac.CertificateGoal(servo_error=1e-5, saturation="report"))
     assert judged(found, loaded=True).saturated.max() > 0 and found.duration <= 6.5
     assert found.budget.sampling > 100 * found.budget.servo
 
@@ -28,7 +28,7 @@ def test_every_millisecond():
 def test_robots_of_a_box(servo, budget, box, slowest, samples):
     found = ac.certify(
         job(PAPER, servo=servo),
-        goal=ac.CertificateGoal(servo=budget, box=Uncertainty(**box), samples=samples),
+        goal=ac.CertificateGoal(servo_error=budget, box=Uncertainty(**box), samples=samples),
     )
     assert found.duration <= slowest and found.spread.within(budget) == 1.0
     shared = (

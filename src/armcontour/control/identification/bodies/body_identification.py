@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.control.identification.bodies.model import CENTER
+from armcontour.control.identification.bodies.body_model import CENTER
 from armcontour.control.identification.estimates import Estimate, IdentifiedJoints, JointEstimates
 from armcontour.core.errors import InvalidInput
 from armcontour.core.render import number

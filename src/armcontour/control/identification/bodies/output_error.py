@@ -8,10 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.control.identification.bodies.grid import Gridded, noise_of
-from armcontour.control.identification.bodies.model import CENTER, LEAST_MASS, SHIFT, Model
+from armcontour.control.identification.bodies.body_model import CENTER, LEAST_MASS, SHIFT, Model
+from armcontour.control.identification.bodies.log_grid import Gridded, noise_of
 from armcontour.control.identification.estimates import LOGARITHMIC
-from armcontour.control.identification.fit import Precision, allowed_deviation, normalize, solve
+from armcontour.control.identification.least_squares import (
+    Precision,
+    allowed_deviation,
+    normalize,
+    solve,
+)
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.sampling import interpolate
@@ -115,12 +120,6 @@ def attempt(
 ) -> Trial:
     """Simulate all logs with some values of the unknowns.
 
-    Args:
-        model: The robot.
-        grids: The logs.
-        values: Values of the unknowns.
-        before: A trial with similar values.
-
     Raises:
         ExecutionError: A joint runs away.
     """
@@ -143,14 +142,14 @@ def attempt(
 
 def derivatives(model: Model, grids: list[Gridded], trial: Trial) -> FloatArray:
     """Derivatives of the positions by the unknowns at all samples, (samples, dof, unknowns)."""
-    found = []
+    parts = []
     for x, motion in zip(grids, trial.motions, strict=True):
         delay = float(trial.values[-1]) + model.lag
-        early, late = (x.command(delay + s * SHIFT) for s in (-1, 1))
-        lead, slope = (early + late) / 2 - motion.q, (early - late) / (2 * SHIFT)
+        early, later = (x.command(delay + s * SHIFT) for s in (-1, 1))
+        lead, slope = (early + later) / 2 - motion.q, (early - later) / (2 * SHIFT)
         torque = model.torques(trial.values, motion, lead, slope)
-        found.append(x.sampled(motion.to_torque(torque)))
-    return np.concatenate(found)
+        parts.append(x.sampled(motion.to_torque(torque)))
+    return np.concatenate(parts)
 
 
 def fit(
@@ -169,8 +168,8 @@ def fit(
         ExecutionError: The robot cannot be simulated at the start.
     """
     gains = model.are(*LOGARITHMIC)
-    least = np.where(model.are(*POSITIVE), 0.0, -np.inf)
-    low = np.where(gains, values - np.log(LARGEST_FACTOR), least)
+    lowest = np.where(model.are(*POSITIVE), 0.0, -np.inf)
+    low = np.where(gains, values - np.log(LARGEST_FACTOR), lowest)
     high = np.where(gains, values + np.log(LARGEST_FACTOR), np.inf)
     trial, ends = attempt(model, grids, values), ~free
     scatter = trial.scatter
@@ -186,28 +185,28 @@ def fit(
     def residuals(x: FloatArray) -> FloatArray:
         """Nan where the robot cannot be simulated."""
         try:
-            left = move(x).residuals
+            errors = move(x).residuals
         except (ExecutionError, InvalidInput):
             return np.array([np.nan])
-        return np.asarray(-(np.concatenate(left) / scatter).ravel())
+        return np.asarray(-(np.concatenate(errors) / scatter).ravel())
 
     def slopes(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found = derivatives(model, grids, move(x)) / scatter[:, None]
-        return residuals(x), found[:, :, free].reshape(-1, len(x))
+        columns = derivatives(model, grids, move(x)) / scatter[:, None]
+        return residuals(x), columns[:, :, free].reshape(-1, len(x))
 
     for _ in range(SEARCHES if free.any() else 0):
         bounds = low[free], high[free]
-        found = solve(residuals, slopes, trial.values[free], bounds, MOST_SIMULATIONS, near)
-        before, scatter, ends = scatter, move(found.x).scatter, ~free
-        ends[free] = found.active_mask != 0
+        solution = solve(residuals, slopes, trial.values[free], bounds, MOST_SIMULATIONS, near)
+        before, scatter, ends = scatter, move(solution.x).scatter, ~free
+        ends[free] = solution.active_mask != 0
         if (np.abs(scatter / before - 1) < SAME_SCATTER).all():
             break
     jacobian = derivatives(model, grids, trial) / scatter[:, None]
-    errors, left = np.concatenate(trial.residuals) / scatter, np.zeros(len(free))
+    errors, remaining = np.concatenate(trial.residuals) / scatter, np.zeros(len(free))
     columns, size = normalize(jacobian[:, :, ~ends].reshape(errors.size, -1))
-    left[~ends] = np.linalg.lstsq(columns, errors.ravel(), rcond=1e-6)[0] / size
+    remaining[~ends] = np.linalg.lstsq(columns, errors.ravel(), rcond=1e-6)[0] / size
     return OutputError(
-        trial=trial, free=free, jacobian=jacobian, residuals=errors, scatter=scatter, left=left
+        trial=trial, free=free, jacobian=jacobian, residuals=errors, scatter=scatter, left=remaining
     )
 
 
@@ -222,9 +221,9 @@ def allowed(model: Model, values: FloatArray) -> FloatArray:
         "payload_mass": MASS,
         "dead_time": DELAY,
     }
-    least = np.select([model.are(x) for x in also], list(also.values()))
-    found = allowed_deviation(np.where(model.relative, 1.0, values), least)
-    return np.where(model.are(*CENTER), AWAY * mass, found)
+    smallest = np.select([model.are(x) for x in also], list(also.values()))
+    deviations = allowed_deviation(np.where(model.relative, 1.0, values), smallest)
+    return np.where(model.are(*CENTER), AWAY * mass, deviations)
 
 
 def moved(model: Model, grids: list[Gridded]) -> BoolArray:
@@ -239,29 +238,24 @@ def moved(model: Model, grids: list[Gridded]) -> BoolArray:
 def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
     """Unknowns that the logs would determine if there were only the noise of the encoders.
 
-    Args:
-        model: The robot.
-        grids: The logs.
-        values: Values of the unknowns; they may be far from the true ones.
-
     Raises:
         ExecutionError: A joint runs away.
     """
     jacobian = derivatives(model, grids, attempt(model, grids, values))
     scaled = jacobian / noise_of(grids)[:, None]
-    known = Precision.of(scaled.reshape(-1, len(values)))
+    precision = Precision.of(scaled.reshape(-1, len(values)))
     # A load that is not known yet counts as 1 kg.
     bold = np.where(model.are("payload_mass"), np.maximum(values, 1.0), values)
     limit = allowed(model, bold) * np.where(model.are(*LOGARITHMIC), 1.0, 2.0)
-    return determined(model, known, moved(model, grids), limit)
+    return determined(model, precision, moved(model, grids), limit)
 
 
-def determined(model: Model, known: Precision, free: BoolArray, limit: FloatArray) -> BoolArray:
+def determined(model: Model, precision: Precision, free: BoolArray, limit: FloatArray) -> BoolArray:
     """Unknowns that logs determine; the worst becomes nominal until all others are determined.
 
     Args:
         model: The robot.
-        known: The precision of a fit.
+        precision: The precision of a fit.
         free: Unknowns that are sought, (unknowns,).
         limit: Largest standard deviations, (unknowns,).
     """
@@ -269,7 +263,7 @@ def determined(model: Model, known: Precision, free: BoolArray, limit: FloatArra
     trust = np.where(model.are(*LOGARITHMIC), TRUSTED, 1.0)
     while free.any():
         with np.errstate(invalid="ignore", divide="ignore"):
-            worse = np.where(free, known.sd(free) / limit, 0.0)
+            worse = np.where(free, precision.sd(free) / limit, 0.0)
         worse[np.isnan(worse)] = math.inf
         if worse.max() <= 1.0:
             break
@@ -284,29 +278,29 @@ def with_mass(model: Model, free: BoolArray) -> BoolArray:
     return ~model.are(*CENTER) | has_mass
 
 
-def doubts(model: Model, grids: list[Gridded], found: OutputError) -> FloatArray:
+def doubts(model: Model, grids: list[Gridded], fit: OutputError) -> FloatArray:
     """Bias of the unknowns, to first order, due to two assumptions of the model, (unknowns,).
 
     It is the change of the estimates if commands had their bends between the samples instead of at
     them, or held set-points came an interval sooner, and if the drives' cycle were half as long
     again. Without it, 95 % intervals contained the truth in 60 to 80 % of the cases.
     """
-    drives = model.drives(found.trial.values)
-    delay = float(found.trial.values[-1]) + model.lag
+    drives = model.drives(fit.trial.values)
+    delay = float(fit.trial.values[-1]) + model.lag
     changes = []
-    for x, motion in zip(grids, found.trial.motions, strict=True):
+    for x, motion in zip(grids, fit.trial.motions, strict=True):
         command = x.command(delay)
         sooner = x.command(delay - x.log.interval) if x.held else x.bent_command(delay)
         rate = (x.command(delay - SHIFT) - x.command(delay + SHIFT)) / (2 * SHIFT)
-        late = drives.stiffness * (motion.dq - rate) + drives.damping * motion.ddq
-        torque = np.stack([drives.stiffness * (sooner - command), model.lag / 2 * late], axis=-1)
+        delayed = drives.stiffness * (motion.dq - rate) + drives.damping * motion.ddq
+        torque = np.stack([drives.stiffness * (sooner - command), model.lag / 2 * delayed], axis=-1)
         changes.append(x.sampled(motion.to_torque(torque)))
-    change = np.concatenate(changes) / found.scatter[:, None]
-    shift = np.zeros(len(found.free))
-    if found.free.any():
-        a = found.jacobian[:, :, found.free].reshape(found.residuals.size, -1)
+    change = np.concatenate(changes) / fit.scatter[:, None]
+    shift = np.zeros(len(fit.free))
+    if fit.free.any():
+        a = fit.jacobian[:, :, fit.free].reshape(fit.residuals.size, -1)
         both = np.linalg.lstsq(a, change.reshape(len(a), 2), rcond=None)[0]
-        shift[found.free] = np.abs(both).sum(axis=1)
+        shift[fit.free] = np.abs(both).sum(axis=1)
     return shift
 
 
@@ -320,15 +314,15 @@ def choose_model(models: list[Model], grids: list[Gridded]) -> tuple[Model, Tria
     for model in models:
         start = np.array(model.nominal)
         try:
-            found = fit(model, grids, start, seen(model, grids, start), COARSE_NEAR).trial
+            trial = fit(model, grids, start, seen(model, grids, start), COARSE_NEAR).trial
         except ExecutionError as error:
             why = error
             continue
-        if (found.scatter < ALL_NOISE * noise_of(grids)).all():
-            return model, found
-        scatter = found.scatter if best is None else best[1].scatter
-        if best is None or found.cost(scatter) < (1 - SURELY) * best[1].cost(scatter):
-            best = model, found
+        if (trial.scatter < ALL_NOISE * noise_of(grids)).all():
+            return model, trial
+        scatter = trial.scatter if best is None else best[1].scatter
+        if best is None or trial.cost(scatter) < (1 - SURELY) * best[1].cost(scatter):
+            best = model, trial
     if best is None:
         raise why
     return best
@@ -347,17 +341,17 @@ def fit_determined(
     """
     free, restless = seen(model, grids, values), np.zeros(len(values), dtype=bool)
     while True:
-        found = fit(model, grids, np.where(free, values, model.nominal), free)
-        values = found.trial.values
-        precision = found.precision
-        known = determined(model, precision, free, allowed(model, values))
-        if (known == free).all():
+        result = fit(model, grids, np.where(free, values, model.nominal), free)
+        values = result.trial.values
+        precision = result.precision
+        accepted = determined(model, precision, free, allowed(model, values))
+        if (accepted == free).all():
             sd = np.maximum(precision.sd(free), 1e-300)
-            known = free & ~(np.abs(found.left) > REST * sd)
-            restless |= free & ~known
-            if (known == free).all():
-                return found, restless
-        free = known & with_mass(model, known)
+            accepted = free & ~(np.abs(result.left) > REST * sd)
+            restless |= free & ~accepted
+            if (accepted == free).all():
+                return result, restless
+        free = accepted & with_mass(model, accepted)
 
 
 def check_fit(grids: list[Gridded], trial: Trial) -> FloatArray:
@@ -366,14 +360,14 @@ def check_fit(grids: list[Gridded], trial: Trial) -> FloatArray:
     Raises:
         InvalidInput: The model does not explain the motion of a joint.
     """
-    left = np.zeros(grids[0].log.dof)
-    lags, ranges = 0 * left, 0 * left
+    errors = np.zeros(grids[0].log.dof)
+    lags, ranges = 0 * errors, 0 * errors
     for x, residuals in zip(grids, trial.residuals, strict=True):
         # The model need not explain the noise of the encoders.
-        left += np.sum(residuals**2, axis=0) - len(residuals) * x.noise**2
+        errors += np.sum(residuals**2, axis=0) - len(residuals) * x.noise**2
         lags += np.sum((interpolate(x.log.t[x.rows], x.log.t, x.log.command) - x.measured) ** 2, 0)
         ranges = np.maximum(ranges, np.ptp(x.log.command, axis=0))
-    explained = np.asarray(1 - np.maximum(left, 0.0) / np.maximum(lags, 1e-300))
+    explained = np.asarray(1 - np.maximum(errors, 0.0) / np.maximum(lags, 1e-300))
     poor = (ranges > MOVES) & (explained < EXPLAINS)
     if poor.any():
         j = int(np.argmin(np.where(poor, explained, np.inf)))

@@ -11,12 +11,14 @@ from typing import Any, Self
 from armcontour.core.text import capitalise
 from armcontour.geometry import ShapedPath, count_full_stops
 from armcontour.geometry.shaped import SHAPED, doubt_search
-from armcontour.jobs import warnings
-from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops
+from armcontour.jobs import run_warnings
 from armcontour.jobs.job import Run
-from armcontour.jobs.quantities import (
+from armcontour.jobs.plan_quantities import (
+    CURVATURE_JUMPS,
+    JerkStop,
     Torques,
     Weaving,
+    jerk_stops,
     planned_torques,
     weavings,
 )
@@ -48,15 +50,17 @@ class ShapingGain:
     @staticmethod
     def of(program: Program) -> ShapingGain | None:
         """What shaping gained in a program; None if it has no shaped contour."""
-        found = [x.path.outcome for x in program.contours if isinstance(x.path, ShapedPath)]
-        if not found:
+        outcomes = [x.path.outcome for x in program.contours if isinstance(x.path, ShapedPath)]
+        if not outcomes:
             return None
-        won = [x.start for x in found]
-        common = [name for name in found[0].durations if all(name in x.durations for x in found)]
+        won = [x.start for x in outcomes]
+        common = [
+            name for name in outcomes[0].durations if all(name in x.durations for x in outcomes)
+        ]
         return ShapingGain(
             starts={name: won.count(name) for name in dict.fromkeys(won)},
-            durations={name: sum(x.durations[name] for x in found) for name in common},
-            iterations=max(max(len(x.history) - 1, 0) for x in found),
+            durations={name: sum(x.durations[name] for x in outcomes) for name in common},
+            iterations=max(max(len(x.history) - 1, 0) for x in outcomes),
         )
 
     @property
@@ -100,9 +104,9 @@ class Planned:
     explanation: Explanation | None = None
 
     @classmethod
-    def of(cls, planned: Planned, **more: Any) -> Self:
+    def of(cls, planned: Planned, **changes: Any) -> Self:
         """A plan with more values, which may replace its own."""
-        return cls(**{x.name: getattr(planned, x.name) for x in fields(Planned)} | more)
+        return cls(**{x.name: getattr(planned, x.name) for x in fields(Planned)} | changes)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -112,22 +116,22 @@ class Planned:
     def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
         run, trajectory = self.run, self.trajectory
         yield from self.path.notes
-        yield from warnings.capped(self.objective, run)
+        yield from run_warnings.capped(self.objective, run)
         yield compare_limits(run.limits, self.arm)
-        yield from warnings.stops(self.jerk_stops)
+        yield from run_warnings.stops(self.jerk_stops)
         # In a given duration contours are slower than assigned on purpose.
         if run.duration is None:
             ends_only = bool(self.jerk_stops)
-            yield from warnings.slow(self.path, trajectory, run, ends_only=ends_only)
+            yield from run_warnings.slow(self.path, trajectory, run, ends_only=ends_only)
         yield from (x.sentence for x in self.weaves if x.differs)
-        yield from warnings.collisions(self.clearance, executed, self.avoided)
-        yield from warnings.coarse(trajectory, run)
+        yield from run_warnings.collisions(self.clearance, executed, self.avoided)
+        yield from run_warnings.coarse(trajectory, run)
 
     @property
     def rounding_error(self) -> float | None:
         """Largest distance of the path from the objective, at corners [m]; None as drawn."""
-        known = (getattr(x.path, "deviation", None) for x in self.path.contours)
-        return max((x for x in known if x is not None), default=None)
+        deviations = (getattr(x.path, "deviation", None) for x in self.path.contours)
+        return max((x for x in deviations if x is not None), default=None)
 
     @property
     def tolerance(self) -> float | None:
@@ -162,10 +166,10 @@ class Planned:
         if isinstance(self.run.timing, Conventional):
             # It goes through corners at its uniform speed.
             return {}
-        found: Counter[str] = Counter()
+        stops: Counter[str] = Counter()
         for x in self.path.contours:
-            found.update(count_full_stops(x.path))
-        return dict(sorted(found.items()))
+            stops.update(count_full_stops(x.path))
+        return dict(sorted(stops.items()))
 
     @property
     def stops_note(self) -> str | None:
@@ -173,13 +177,13 @@ class Planned:
 
         Of these there is a warning.
         """
-        found = self._stops_of_path
-        count = sum(found.values())
+        stops = self._stops_of_path
+        count = sum(stops.values())
         if not count:
             return None
-        what = "1 full stop" if count == 1 else f"{count} full stops"
-        why = ", ".join(f"{n} {reason}" for reason, n in found.items())
-        return f"Run {self.run.name}: {what} inside contours ({why})."
+        label = "1 full stop" if count == 1 else f"{count} full stops"
+        why = ", ".join(f"{n} {reason}" for reason, n in stops.items())
+        return f"Run {self.run.name}: {label} inside contours ({why})."
 
     @cached_property
     def weaves(self) -> tuple[Weaving, ...]:
@@ -212,10 +216,10 @@ class Planned:
     @property
     def shape_note(self) -> str | None:
         """A sentence on what shaping gained; None if the run shapes no contour."""
-        found = self.shaped
-        if found is None:
+        gain = self.shaped
+        if gain is None:
             return None
         early = "".join(
             f" {capitalise(x)}" for x in doubt_search(x.path for x in self.path.contours)
         )
-        return f"Run {self.run.name}: {found}.{early}"
+        return f"Run {self.run.name}: {gain}.{early}"

@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour._version import __version__
 from armcontour.control.identification.estimates import IdentifiedJoints, JointEstimates
-from armcontour.control.identification.fitting import LogSegment, predict, split_logs
+from armcontour.control.identification.joint_fit import LogSegment, predict, split_logs
 from armcontour.control.identification.residuals import fastest_motion
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
@@ -106,10 +106,10 @@ class JointIdentification(JointEstimates):
         """How the error grows with the motion, as a sentence; empty without a model."""
         if not np.isfinite(self.scaling).all():
             return ""
-        rest, rate, bend = (number(x, "rad") for x in self.scaling)
+        still, rate, acceleration = (number(x, "rad") for x in self.scaling)
         return (
-            f"Error where not fitted: {rest} at rest, {rate} per rad/s, {bend} per rad/s² (RMS, "
-            "squares add)."
+            f"Error where not fitted: {still} at rest, {rate} per rad/s, "
+            f"{acceleration} per rad/s² (RMS, squares add)."
         )
 
     @property
@@ -165,20 +165,20 @@ class Identification(IdentifiedJoints):
 
     def to_data(self) -> Data:
         """Whether the servo can be trusted, then every joint and its parameters."""
-        said = self.judgement
+        result = self.judgement
         count = f"{sum(x.written for x in self.joints)} of {count_noun(len(self.joints), 'joint')}"
-        doubt = "" if said.trusted else "compensation may be worse than none"
+        doubt = "" if result.trusted else "compensation may be worse than none"
         sole = "judged on one program only, provisional: record a different one"
         return Data(
             f"Servo models of {count} from {self.source}",
             (
-                Row("judgement.trusted", said.trusted, "", "trusted", doubt, VERDICT),
-                Row("judgement.ratio", said.ratio, "1", "contour error left", UNFITTED, VERDICT),
+                Row("judgement.trusted", result.trusted, "", "trusted", doubt, VERDICT),
+                Row("judgement.ratio", result.ratio, "1", "contour error left", UNFITTED, VERDICT),
                 Row(
-                    "judgement.programs", said.programs, "", "programs",
-                    sole * (said.programs == 1), VERDICT,
+                    "judgement.programs", result.programs, "", "programs",
+                    sole * (result.programs == 1), VERDICT,
                 ),
-                Row("judgement.errors", said.errors),
+                Row("judgement.errors", result.errors),
                 Row("version", __version__),
                 Row("logs", [x.source for x in self.logs]),
                 Row("samples", sum(len(x.t) for x in self.logs)),
@@ -203,8 +203,8 @@ class Identification(IdentifiedJoints):
             f"Effective parameters: {names}. The residuals are not white: the model lacks an "
             "effect, and its parameters differ from the settings of the drive."
         )
-        found = [x.saturation for x in self.joints if x.saturation]
-        return (*found, effective) if names else tuple(found)
+        sentences = [x.saturation for x in self.joints if x.saturation]
+        return (*sentences, effective) if names else tuple(sentences)
 
     def servo_model(self) -> ServoModel:
         """The servo as it is written to a file; joints without a model have order "unknown".
@@ -215,11 +215,11 @@ class Identification(IdentifiedJoints):
         if not any(x.written for x in self.joints):
             notes = " ".join(x.note for x in self.joints[:2])
             raise InvalidInput(f"{self.source} determines the servo of no joint. {notes}")
-        given: dict[str, Any] = {
+        parameters: dict[str, Any] = {
             name: [getattr(x.servo, name) for x in self.joints] for name in JointServo._fields
         }
-        if not np.isfinite(given["kv"]).any():
-            given["kv"] = None
+        if not np.isfinite(parameters["kv"]).any():
+            parameters["kv"] = None
         fastest = fastest_motion(self.logs)
         return ServoModel(
             interpolation=self.interpolation,
@@ -230,7 +230,7 @@ class Identification(IdentifiedJoints):
             logged_acceleration=[rounded(x) for x in fastest[1]],
             contour_ratio=float(f"{self.judgement.ratio:.3g}"),
             programs=self.judgement.programs,
-            **given,
+            **parameters,
         )
 
     @checked
@@ -253,8 +253,8 @@ class Identification(IdentifiedJoints):
             )
         positions, used = log.command.copy(), np.full(log.command.shape, False)
         for j, x in enumerate(self.joints):
-            late = float(x.servo.dead_time)
-            for s in split_logs([log], j, self.interpolation, late):
+            delay = float(x.servo.dead_time)
+            for s in split_logs([log], j, self.interpolation, delay):
                 rows = slice(s.start, s.start + len(s.y))
                 positions[rows, j] = predict(s, x.servo, x.order, self.drive_cycle)
                 used[rows, j] = s.use
@@ -281,10 +281,10 @@ def write_servo(
     """
     rms, largest = math.nan, math.pi
     if stretches:
-        off = np.concatenate(
+        errors = np.concatenate(
             [(s.y - predict(s, servo, order, drive_cycle))[s.use] for s in stretches]
         )
-        rms, largest = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
+        rms, largest = float(np.sqrt(np.mean(errors**2))), float(np.abs(errors).max())
     model_error = max(unseen, largest)
     return replace(
         joint, order=order, servo=servo, rms=rms, largest=largest, model_error=model_error
@@ -329,17 +329,14 @@ class Prediction(Result):
     @property
     def tracking_rms(self) -> FloatArray:
         """RMS of measured less commanded positions about their mean [rad], (dof,)."""
-        off = self.log.measured - self.log.command
+        errors = self.log.measured - self.log.command
         count = np.maximum(self.used.sum(axis=0), 1)
-        return _rms(off - np.sum(off * self.used, axis=0) / count, self.used)
+        return _rms(errors - np.sum(errors * self.used, axis=0) / count, self.used)
 
     def tool_errors(self, arm: Arm) -> FloatArray:
         """Distances between the tool at measured and at predicted positions [m], (n,).
 
         They are 0 at samples that do not count for all joints.
-
-        Args:
-            arm: The arm of the log.
 
         Raises:
             InvalidInput: The arm has another number of joints.
@@ -350,15 +347,11 @@ class Prediction(Result):
                 f"{self.log.source} has {self.log.dof} joints, but the arm {arm.name} has "
                 f"{arm.dof}: give the arm of the log."
             )
-        off = arm.tool_position(self.log.measured) - arm.tool_position(self.positions)
-        return np.where(self.used.all(axis=1), np.linalg.norm(off, axis=1), 0.0)
+        offsets = arm.tool_position(self.log.measured) - arm.tool_position(self.positions)
+        return np.where(self.used.all(axis=1), np.linalg.norm(offsets, axis=1), 0.0)
 
     def to_data(self, arm: Arm | None = None) -> Data:
-        """The errors of all joints; the largest are shown.
-
-        Args:
-            arm: The arm, which gives errors at its tool.
-        """
+        """The errors of all joints; the largest are shown."""
 
         def of_joints(name: str, label: str) -> Row:
             values = getattr(self, name)
@@ -371,10 +364,10 @@ class Prediction(Result):
             of_joints("largest", "predicted to, largest"),
         ]
         if arm is not None:
-            off = self.tool_errors(arm)
-            rms = float(np.sqrt(np.mean(off**2)))
+            errors = self.tool_errors(arm)
+            rms = float(np.sqrt(np.mean(errors**2)))
             rows.append(Row("tool.rms", rms, "m", "at the tool, RMS"))
-            rows.append(Row("tool.largest", float(off.max()), "m", "at the tool, largest"))
+            rows.append(Row("tool.largest", float(errors.max()), "m", "at the tool, largest"))
         return Data(f"Prediction of {self.log.source}", tuple(rows))
 
     __repr__ = short_repr

@@ -61,7 +61,7 @@ class Nominal(NamedTuple):
     arm: Arm
     servo: ServoModel
     gravity_feedforward: bool = True
-    known: Arm | None = None
+    controller: Arm | None = None
 
     @property
     def drives(self) -> Drives | None:
@@ -117,8 +117,8 @@ class Lifted:
         self.count, self.dof = set_points.q.shape
         if t is None:
             parts = int(np.ceil(self.cycle / LONGEST_STEP * (1 - 1e-9)))
-            rest = float(nominal.servo.dead_time.max()) + AFTER / float(nominal.servo.kp.min())
-            intervals = self.count - 1 + int(np.ceil(rest / self.cycle))
+            settling = float(nominal.servo.dead_time.max()) + AFTER / float(nominal.servo.kp.min())
+            intervals = self.count - 1 + int(np.ceil(settling / self.cycle))
             step, drive_cycle = self.cycle / parts, nominal.servo.drive_cycle
             # At the times at which the drives compute their loops, where these are not far apart.
             step = drive_cycle if drive_cycle > LONGEST_STEP / 2 else step
@@ -161,18 +161,18 @@ class Lifted:
     @cached_property
     def _terms(self) -> list[_Term]:
         """Terms of the command that reaches the drives, with feed-forward."""
-        servo, found = self.nominal.servo, [_Term(1.0, self.nominal.servo.interpolation, 0.0)]
+        servo, terms = self.nominal.servo, [_Term(1.0, self.nominal.servo.interpolation, 0.0)]
         a, b = servo.lead
         if a.any():
-            found += self._rate_terms(a, 0.0)
+            terms += self._rate_terms(a, 0.0)
         if b.any():
             linear = servo.interpolation == "linear"
-            late, span = (0.0, self.cycle) if linear else (self.step / 2, self.step)
-            late, span = (0.0, servo.drive_cycle) if servo.drive_cycle else (late, span)
-            bends = self._rate_terms(b / span, late)
-            bends += self._rate_terms(-b / span, late - span)
-            found += [x._replace(seen=False) for x in bends]
-        return found
+            shift, span = (0.0, self.cycle) if linear else (self.step / 2, self.step)
+            shift, span = (0.0, servo.drive_cycle) if servo.drive_cycle else (shift, span)
+            bends = self._rate_terms(b / span, shift)
+            bends += self._rate_terms(-b / span, shift - span)
+            terms += [x._replace(seen=False) for x in bends]
+        return terms
 
     def _rate_terms(self, factor: FloatArray | float, shift: float) -> list[_Term]:
         """Terms of a multiple of the command's velocity, mean over one step [1/s].
@@ -192,9 +192,11 @@ class Lifted:
         """Indices of set-points, in the order of `q.ravel()`, and weights, (n dof, 2 or 4) each."""
         key = term.interpolation, term.shift
         if key not in self._weights:
-            at = (self.t[:, None] - self.start - self.nominal.servo.dead_time + term.shift).ravel()
-            index, weight = command_weights(self.count, self.cycle, term.interpolation, at)
-            joint = np.arange(at.size)[:, None] % self.dof
+            times = (
+                self.t[:, None] - self.start - self.nominal.servo.dead_time + term.shift
+            ).ravel()
+            index, weight = command_weights(self.count, self.cycle, term.interpolation, times)
+            joint = np.arange(times.size)[:, None] % self.dof
             self._weights[key] = index * self.dof + joint, weight
         index, weight = self._weights[key]
         if isinstance(term.factor, float):
@@ -203,12 +205,12 @@ class Lifted:
 
     def _command(self, q: FloatArray, terms: Sequence[_Term]) -> FloatArray:
         """The sum of terms for set-points, (n, dof)."""
-        found, values = np.zeros((2, self.planned.size)), q.ravel()
+        sums, values = np.zeros((2, self.planned.size)), q.ravel()
         for term in terms:
             index, weight = self._interpolated(term)
-            found[int(term.seen)] += (weight * values[index]).sum(axis=1)
-        unseen, seen = found.reshape(2, *self.planned.shape)
-        return np.asarray(seen + self.as_seen(unseen))
+            sums[int(term.seen)] += (weight * values[index]).sum(axis=1)
+        unseen, integrated = sums.reshape(2, *self.planned.shape)
+        return np.asarray(integrated + self.as_seen(unseen))
 
     def as_seen(self, command: FloatArray) -> FloatArray:
         """The command to which joints respond as to one that their integrators do not see.
@@ -282,10 +284,10 @@ class Lifted:
         flat = error.reshape(rows, *cases)
         right = np.zeros((len(order), *cases))
         right[:rows] = -(self._left @ flat)
-        found = np.empty_like(right)
-        found[order] = factors.solve(right[order])
-        change = found[rows:].reshape(self.count, self.dof, *cases)
-        return change, (-flat - self._left.T @ found[:rows]).reshape(error.shape)
+        solution = np.empty_like(right)
+        solution[order] = factors.solve(right[order])
+        change = solution[rows:].reshape(self.count, self.dof, *cases)
+        return change, (-flat - self._left.T @ solution[:rows]).reshape(error.shape)
 
     def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
         """The part of an error that a disturbance of the drives explains [rad], (n, dof).
@@ -324,8 +326,8 @@ class Lifted:
         rows = size - self.dof
         jump = csc_array(eye_array(rows, size, k=self.dof) - eye_array(rows, size))
         right = csc_array((n, size))
-        for means, seen in ((self._means, True), (self._unseen, False)):
-            terms = [x for x in self._terms if x.seen == seen]
+        for means, integrated in ((self._means, True), (self._unseen, False)):
+            terms = [x for x in self._terms if x.seen == integrated]
             if terms:
                 index, weight = (
                     np.hstack(x) for x in zip(*map(self._interpolated, terms), strict=True)
@@ -375,11 +377,11 @@ class Lifted:
             variance: Variance of the noise [rad²].
         """
         change, response = self.correct(error, penalty)
-        left = np.sum((error + response) ** 2) + penalty * np.sum(np.diff(change, axis=0) ** 2)
+        squares = np.sum((error + response) ** 2) + penalty * np.sum(np.diff(change, axis=0) ** 2)
         # The determinant is that of `P'P + penalty L'L` but for a factor that does not change.
         size = self._factored(penalty)[2]
         rank = (self.count - 1) * self.dof
-        return float(left / variance + size - rank * np.log(penalty))
+        return float(squares / variance + size - rank * np.log(penalty))
 
     def equivalent_command(self, error: FloatArray) -> FloatArray:
         """The change of the command that reaches the drives and explains an error [rad], (n, dof).
@@ -391,11 +393,13 @@ class Lifted:
         """
         from scipy.signal import lfilter
 
-        found = (self._left @ error.ravel()).reshape(error.shape)
+        command = (self._left @ error.ravel()).reshape(error.shape)
         for j in np.flatnonzero(self._prompt.ki):
-            rest = integrator_filter(self._prompt.ki[j], self.step, self._prompt.drive_cycle)[1]
-            found[:, j] = lfilter([1.0], rest, found[:, j])
-        return np.asarray(found)
+            filter_weights = integrator_filter(
+                self._prompt.ki[j], self.step, self._prompt.drive_cycle
+            )[1]
+            command[:, j] = lfilter([1.0], filter_weights, command[:, j])
+        return np.asarray(command)
 
     def between(self, t: FloatArray, values: FloatArray) -> FloatArray:
         """Values at the model's times, at other times, (m, dof); constant before and after them.
@@ -431,18 +435,18 @@ class Lifted:
             deviation: Deviations from the expected motion [rad], (m, dof).
             noise: Standard deviation of their white noise [rad], (dof,).
         """
-        found = np.asarray(CubicSpline(t, deviation)(np.clip(self.t, t[0], t[-1])))
+        bridged = np.asarray(CubicSpline(t, deviation)(np.clip(self.t, t[0], t[-1])))
         after = np.clip(np.searchsorted(t, self.t), 1, len(t) - 1)
         wide = np.diff(t)[after - 1] > GAP * np.median(np.diff(t))
         missing = wide & (self.t > t[0]) & (self.t < t[-1])
         if not missing.any():
-            return found
-        found[missing] = interpolate(self.t[missing], t, deviation)
-        variance = max(float(np.mean(noise**2)), BRIDGED**2 * float(np.mean(found**2)))
-        penalty = self.choose_penalty(found, variance)
+            return bridged
+        bridged[missing] = interpolate(self.t[missing], t, deviation)
+        variance = max(float(np.mean(noise**2)), BRIDGED**2 * float(np.mean(bridged**2)))
+        penalty = self.choose_penalty(bridged, variance)
         for _ in range(BRIDGES):
-            found[missing] = self.smooth(found, penalty)[missing]
-        return found
+            bridged[missing] = self.smooth(bridged, penalty)[missing]
+        return bridged
 
     def judge(self, error: FloatArray) -> ToolError:
         """Errors of the tool that errors of the joints make.
@@ -454,12 +458,16 @@ class Lifted:
             error: Errors of the joints [rad], (n, dof).
         """
         planned, tool = (self.nominal.arm.tool_position(self.planned + x) for x in (0.0, error))
-        off = np.linalg.norm(tool - planned, axis=1)
-        found = [path.project(tool[which]).distance for path, which in self.plan.paths_at(self.t)]
-        if not found:
-            return ToolError(rms(off), float(off.max()), None, None)
-        contour = np.concatenate(found)
-        return ToolError(rms(off), float(off.max()), rms(contour), float(contour.max()))
+        deviations = np.linalg.norm(tool - planned, axis=1)
+        distances = [
+            path.project(tool[which]).distance for path, which in self.plan.paths_at(self.t)
+        ]
+        if not distances:
+            return ToolError(rms(deviations), float(deviations.max()), None, None)
+        contour = np.concatenate(distances)
+        return ToolError(
+            rms(deviations), float(deviations.max()), rms(contour), float(contour.max())
+        )
 
 
 def rms(values: FloatArray) -> float:

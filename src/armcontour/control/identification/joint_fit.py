@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armcontour.control.identification.estimates import LOGARITHMIC, Estimate
-from armcontour.control.identification.fit import Precision, invert, normalize, solve
+from armcontour.control.identification.least_squares import Precision, invert, normalize, solve
 from armcontour.control.identification.residuals import correlation_length
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import white_noise
@@ -78,16 +78,16 @@ class Search(NamedTuple):
 
     def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
         """Bounds of the parameters of a model, logarithms for LOGARITHMIC, (m,) each."""
-        most = self.fastest
+        fastest = self.fastest
         lead = 3.0 if model.order == "second" else 0.3
         ranges = JointServo(
-            (SLOWEST, most), (0.5, most), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
+            (SLOWEST, fastest), (0.5, fastest), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
             (0.01, 1e5), (0.0, 0.1), (SLOWEST, FASTEST / 10),
         )  # fmt: skip
-        found = np.array([getattr(ranges, x) for x in model.free]).reshape(-1, 2).T
+        bounds = np.array([getattr(ranges, x) for x in model.free]).reshape(-1, 2).T
         logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
-        found[:, logarithmic] = np.log(found[:, logarithmic])
-        return found[0], found[1]
+        bounds[:, logarithmic] = np.log(bounds[:, logarithmic])
+        return bounds[0], bounds[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -156,20 +156,20 @@ def split_logs(
     speeds = []
     for i, a, b in spans:
         t, u = logs[i].t[a:b], logs[i].command[a:b, j]
-        way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(u)))])
-        speeds.append((way - np.interp(t - RECENT, t, way)) / RECENT)
+        travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(u)))])
+        speeds.append((travel - np.interp(t - RECENT, t, travel)) / RECENT)
     every = np.concatenate(speeds) if speeds else np.zeros(1)
     usual = float(np.percentile(every[every > 0], USUAL)) if every.any() else 1.0
     weights = [np.where(x > STANDS * usual, np.minimum(x, usual), 0.0) for x in speeds]
     total, done = max(sum(float(x.sum()) for x in weights), 1e-300), 0.0
     moving = {i for (i, _, _), x in zip(spans, weights, strict=True) if x.any()}
-    found = []
+    segments = []
     for (i, a, b), weight in zip(spans, weights, strict=True):
         t = logs[i].t[a:b] - logs[i].t[a]
         share = (done + np.cumsum(weight)) / total
         done += float(weight.sum())
         part = np.minimum((share * PARTS).astype(np.intp), PARTS - 1)
-        found.append(
+        segments.append(
             LogSegment(
                 log=i,
                 start=a,
@@ -180,7 +180,7 @@ def split_logs(
                 part=part if len(moving) == 1 else np.full(b - a, i),
             ).after(lag)
         )
-    return found
+    return segments
 
 
 class Problem:
@@ -195,8 +195,8 @@ class Problem:
         self.model, self.stretches, self.search = model, stretches, search
         self.m, self.b = len(model.free), BEGINS[model.order] + ("ki" in model.free)
         self.logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
-        own, count = [getattr(SCALES, x) for x in model.free], len(stretches)
-        self.scale = np.concatenate([own, np.tile(BEGIN_SCALES[: self.b], count)])
+        scales, count = [getattr(SCALES, x) for x in model.free], len(stretches)
+        self.scale = np.concatenate([scales, np.tile(BEGIN_SCALES[: self.b], count)])
         self.used = [np.flatnonzero(s.use) for s in stretches]
         free, (low, high) = np.full(self.b * count, np.inf), search.bounds(model)
         self.low, self.high = np.concatenate([low, -free]), np.concatenate([high, free])
@@ -209,23 +209,23 @@ class Problem:
     def servo(self, x: FloatArray) -> JointServo:
         """The servo of parameters (..., m)."""
         values = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x)
-        given = {name: values[..., k] for k, name in enumerate(self.model.free)}
-        return JointServo(**{"kp": np.inf, **given})
+        parameters = {name: values[..., k] for k, name in enumerate(self.model.free)}
+        return JointServo(**{"kp": np.inf, **parameters})
 
     def guess(self, values: dict[str, float], lag: float) -> FloatArray:
         """Unknowns from parameters, with begins as of a pure delay."""
-        own = np.array([values.get(x, 0.0) for x in self.model.free])
-        own = np.where(self.logarithmic, np.log(np.maximum(own, 1e-9)), own)
+        parameters = np.array([values.get(x, 0.0) for x in self.model.free])
+        parameters = np.where(self.logarithmic, np.log(np.maximum(parameters, 1e-9)), parameters)
         begins = []
         for s in self.stretches:
             c = s.command
             offset = float(np.median((s.y - c.at(c.t - lag))[s.use]))
             begins += [offset, float(s.y[0] - offset), s.velocity, 0.0][: self.b]
-        return np.asarray(np.clip(np.concatenate([own, begins]), self.low, self.high))
+        return np.asarray(np.clip(np.concatenate([parameters, begins]), self.low, self.high))
 
-    def select(self, x: FloatArray, kept: Sequence[int]) -> FloatArray:
+    def select(self, x: FloatArray, indices: Sequence[int]) -> FloatArray:
         """The unknowns of a problem with some of the stretches."""
-        begins = x[self.m :].reshape(-1, self.b)[list(kept)]
+        begins = x[self.m :].reshape(-1, self.b)[list(indices)]
         return np.concatenate([x[: self.m], begins.ravel()])
 
     def linearize(
@@ -237,25 +237,25 @@ class Problem:
         """
         m, b = self.m, self.b
         only = np.full(len(x), True) if only is None else only
-        own, later = np.flatnonzero(only[:m]), np.flatnonzero(only[m + 1 : m + b]) + 1
-        after = 1 + len(own)
+        searched, later = np.flatnonzero(only[:m]), np.flatnonzero(only[m + 1 : m + b]) + 1
+        after = 1 + len(searched)
         rows = after + len(later)
         values = np.tile(x[:m], (rows, 1))
-        values[np.arange(1, after), own] += self.steps[own]
-        servo, place, end = self.servo(values), np.cumsum(only), 0
-        every = np.zeros((1 + int(place[-1]), sum(len(k) for k in self.used)))
+        values[np.arange(1, after), searched] += self.steps[searched]
+        servo, column, end = self.servo(values), np.cumsum(only), 0
+        every = np.zeros((1 + int(column[-1]), sum(len(k) for k in self.used)))
         for i, (s, used) in enumerate(zip(self.stretches, self.used, strict=True)):
-            begin, at = np.zeros((rows, len(BEGIN_SCALES))), m + i * b
-            begin[:, :b] = x[at : at + b]
+            begin, first = np.zeros((rows, len(BEGIN_SCALES))), m + i * b
+            begin[:, :b] = x[first : first + b]
             begin[np.arange(after, rows), later] += self.steps[m + later]
             _, q0, dq0, ddq0 = begin.T
             q = follow(s.command, servo, q0, dq0, self.search.drive_cycle, ddq0).take(used, axis=1)
             block, end = every[:, end : end + len(used)], end + len(used)
-            block[place[own]] = (q[1:after] - q[0]) / self.steps[own, None]
-            block[place[at + later]] = (q[after:] - q[0]) / self.steps[m + later, None]
-            if only[at]:
-                block[place[at]] = 1.0
-            block[0] = q[0] + x[at] - s.y[used]
+            block[column[searched]] = (q[1:after] - q[0]) / self.steps[searched, None]
+            block[column[first + later]] = (q[after:] - q[0]) / self.steps[m + later, None]
+            if only[first]:
+                block[column[first]] = 1.0
+            block[0] = q[0] + x[first] - s.y[used]
         every *= MRAD
         if not np.isfinite(every.sum()):
             every = np.nan_to_num(every, nan=MOST)
@@ -271,34 +271,34 @@ class Problem:
         Returns:
             Unknowns, residuals, and normalized derivatives by linear ones within their bounds.
         """
-        own = np.flatnonzero(self.linear)
+        linear = np.flatnonzero(self.linear)
         start, slopes = self.linearize(x, self.linear)
         if np.abs(start).max() >= MOST:  # Diverged: an offset must not hide it.
             return x, start, slopes[:, :0]
-        slopes, size = normalize(slopes * self.scale[own], INVISIBLE)
-        size /= self.scale[own]
+        slopes, size = normalize(slopes * self.scale[linear], INVISIBLE)
+        size /= self.scale[linear]
         square = np.einsum("ki,kj->ij", slopes, slopes)
-        low, high = ((y[own] - x[own]) * size for y in (self.low, self.high))
-        within, step = np.full(len(own), True), np.zeros(len(own))
+        low, high = ((y[linear] - x[linear]) * size for y in (self.low, self.high))
+        within, step = np.full(len(linear), True), np.zeros(len(linear))
         for _ in range(len(LINEAR) + 1):
             inverse = invert(square[np.ix_(within, within)])[0]
             # The second solution removes rounding errors of the first one.
             for _ in range(2):
-                off = start + np.einsum("ki,i->k", slopes, step)
-                step[within] -= inverse @ np.einsum("ki,k->i", slopes[:, within], off)
+                errors = start + np.einsum("ki,i->k", slopes, step)
+                step[within] -= inverse @ np.einsum("ki,k->i", slopes[:, within], errors)
             beyond = (step < low) | (step > high)
             if not beyond.any():
                 break
             step, within = np.clip(step, low, high), within & ~beyond
         best = x.copy()
-        best[own] = np.clip(x[own] + step / size, self.low[own], self.high[own])
+        best[linear] = np.clip(x[linear] + step / size, self.low[linear], self.high[linear])
         return best, start + np.einsum("ki,i->k", slopes, step), slopes[:, within]
 
     def cost(self, x: FloatArray) -> float:
         """Half of the sum of squared residuals with the best linear unknowns [mrad²]."""
         return float(np.sum(self.project(np.clip(x, self.low, self.high))[1] ** 2)) / 2
 
-    def solve(self, start: FloatArray, most: int) -> Any:
+    def solve(self, start: FloatArray, evaluations: int) -> Any:
         """Solve the problem from a start, with at most so many evaluations."""
         searched = np.flatnonzero(~self.linear)
         begin = np.clip(start, self.low, self.high)
@@ -308,8 +308,8 @@ class Problem:
             nonlocal x, linear
             trial = begin.copy()
             trial[searched] = z
-            x, found, linear = self.project(trial)
-            return found
+            x, errors, linear = self.project(trial)
+            return errors
 
         def slopes(z: FloatArray) -> tuple[FloatArray, FloatArray]:
             if (x[searched] != z).any():
@@ -322,10 +322,10 @@ class Problem:
             return every[:, 0], every[:, 1:]
 
         bounds = self.low[searched], self.high[searched]
-        found = solve(residuals, slopes, begin[searched], bounds, most)
-        residuals(found.x)
-        found.x = x
-        return found
+        solution = solve(residuals, slopes, begin[searched], bounds, evaluations)
+        residuals(solution.x)
+        solution.x = x
+        return solution
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -355,17 +355,17 @@ class Fit:
         return set(names[low].tolist()), set(names[high].tolist())
 
 
-def fit(problem: Problem, starts: Sequence[FloatArray], most: int = 60) -> Fit:
+def fit(problem: Problem, starts: Sequence[FloatArray], evaluations: int = 60) -> Fit:
     """Solve a problem from the best of some starts; only the best one of these fits goes on."""
-    few = most
+    few = evaluations
     if len(starts) > 1:
-        few = min(12, most // 4)
+        few = min(12, evaluations // 4)
         count = 4 if "acceleration_limit" in problem.model.free else 2
         starts = sorted(starts, key=problem.cost)[:count]
-    found = min((problem.solve(x, few) for x in starts), key=lambda x: float(x.cost))
-    if few < most and found.status == 0:
-        found = problem.solve(found.x, most)
-    return Fit(problem=problem, x=found.x, cost=float(found.cost))
+    solution = min((problem.solve(x, few) for x in starts), key=lambda x: float(x.cost))
+    if few < evaluations and solution.status == 0:
+        solution = problem.solve(solution.x, evaluations)
+    return Fit(problem=problem, x=solution.x, cost=float(solution.cost))
 
 
 def predict(stretch: LogSegment, servo: JointServo, order: str, drive_cycle: float) -> FloatArray:
@@ -404,7 +404,7 @@ def predict(stretch: LogSegment, servo: JointServo, order: str, drive_cycle: flo
 
 
 def estimate_parameters(
-    found: Fit,
+    fit: Fit,
     without: Sequence[JointServo] = (),
     longest_cycle: float = 0.0,
     rivals: Sequence[JointServo] = (),
@@ -412,20 +412,20 @@ def estimate_parameters(
     """Estimates of the parameters of a fit, by name; no interval for those at a bound.
 
     Args:
-        found: The fit.
+        fit: The fit.
         without: Servos that are fitted without one part of the logs each. Their scatter shows
             what a model does not have, such as other joints.
         longest_cycle: Longest cycle of the drive, if it is unknown [s].
         rivals: Servos of other models that are as good, where none is complete.
     """
-    p, names, bounds = found.problem, found.problem.model.free, set().union(*found.at_bounds())
-    free = np.full(len(found.x), True)
+    p, names, bounds = fit.problem, fit.problem.model.free, set().union(*fit.at_bounds())
+    free = np.full(len(fit.x), True)
     free[: p.m] = [x not in bounds for x in names]
-    residuals, jacobian = p.linearize(found.x)
+    residuals, jacobian = p.linearize(fit.x)
     freedom = max(len(residuals) - int(np.sum(free)), 1)
     variance = float(np.sum(residuals**2)) / freedom * correlation_length(residuals)
     deviations = np.where(free, Precision.of(jacobian, variance).sd(free), math.nan)
-    servo, estimates = found.servo, {}
+    servo, estimates = fit.servo, {}
     cycled = cycled_servo(servo, longest_cycle)
     for name, sd in zip(names, deviations.tolist(), strict=False):
         value, other = getattr(servo, name), getattr(cycled, name)
@@ -441,10 +441,10 @@ def estimate_parameters(
         low, high = min(shift, 0.0) - REACH * sd, max(shift, 0.0) + REACH * sd
         if name not in LOGARITHMIC:
             low = max(low, -value)
-        more: dict[str, Any] = {"also": ALSO.get(name, 0.0)}
+        options: dict[str, Any] = {"also": ALSO.get(name, 0.0)}
         if name == "acceleration_feedforward" and p.model.order == "first":
-            more = {"unit": "s"}
-        estimates[name] = Estimate.from_interval(name, value, sd, (low, high), **more)
+            options = {"unit": "s"}
+        estimates[name] = Estimate.from_interval(name, value, sd, (low, high), **options)
     return estimates
 
 

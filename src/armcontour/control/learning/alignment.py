@@ -10,8 +10,8 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 
-from armcontour.control.learning.lesson import LearningRun, Recording
-from armcontour.control.learning.lifted import Lifted, rms
+from armcontour.control.learning.learning_result import LearningRun, Recording
+from armcontour.control.learning.lifted_model import Lifted, rms
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
@@ -56,25 +56,25 @@ def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray,
         values: Deviations of the joints [rad], (n, dof).
         noise: Standard deviation of their white noise [rad], (dof,).
     """
-    found, bad = values.copy(), np.zeros(values.shape, dtype=np.bool_)
+    cleaned, bad = values.copy(), np.zeros(values.shape, dtype=np.bool_)
     low, high = np.quantile(values, RANGE, axis=0)
     allowed = np.maximum(OUTLIER * noise, SPIKE * (high - low))
     for _ in range(PASSES):
-        padded = np.pad(found, ((2, 2), (0, 0)), mode="edge")
+        padded = np.pad(cleaned, ((2, 2), (0, 0)), mode="edge")
         far, near = padded[:-4] + padded[4:], padded[1:-3] + padded[3:-1]
-        off = np.abs(found - (4 * near - far) / 6)
+        distances = np.abs(cleaned - (4 * near - far) / 6)
         # An outlier spoils the cubics of its neighbours, so only the largest one nearby counts.
-        new = (off > allowed) & (off >= maximum_filter1d(off, 5, axis=0))
+        new = (distances > allowed) & (distances >= maximum_filter1d(distances, 5, axis=0))
         if not new.any():
             break
         bad |= new
         for j in np.flatnonzero(new.any(axis=0)):
             rows = np.arange(len(values))
             good = ~bad[:, j]
-            found[:, j] = np.interp(rows, rows[good], values[good, j])
+            cleaned[:, j] = np.interp(rows, rows[good], values[good, j])
     if bad.mean() > MOST_OUTLIERS:
         return values, 0
-    return found, int(bad.any(axis=1).sum())
+    return cleaned, int(bad.any(axis=1).sum())
 
 
 class Aligned(NamedTuple):
@@ -149,18 +149,18 @@ def align(
     t = offset + rate * recording.t
     moved = rms(expected - expected.mean(axis=0))
     apart = recording.q - lifted.between(t, expected)
-    off = rms(apart)
-    if off > UNLIKE * moved:
+    deviation = rms(apart)
+    if deviation > UNLIKE * moved:
         # How far joints are from where they start needs no order and no unit of columns.
         gone, due = (np.linalg.norm(x - x[0], axis=1)[:, None] for x in (recording.q, expected))
         gone, due = (x / max(float(x.max()), 1e-300) for x in (gone, due))
         start = 0.0 if recording.in_plan_time else coarse_offset(recording.t, gone, lifted.t, due)
-        wanted = lifted.between(recording.t + start, expected)
-        reason = find_misreading(recording.t, recording.q, wanted)
+        shifted = lifted.between(recording.t + start, expected)
+        reason = find_misreading(recording.t, recording.q, shifted)
         reason = reason or "it is a log of another job, of other set-points or of another arm"
         raise InvalidInput(
-            f"{source} is {off:.3g} rad RMS from what the set-points make the arm do, but the "
-            f"whole motion is {moved:.3g} rad RMS: {reason}."
+            f"{source} differs by {deviation:.3g} rad RMS from the motion that the set-points "
+            f"cause, but the whole motion is {moved:.3g} rad RMS: {reason}."
         )
     if abs(rate - 1) > WORST_RATE:
         raise InvalidInput(
@@ -216,10 +216,10 @@ def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoi
     """
     if command is None:
         return 0.0
-    off = command - interpolate(t, set_points.t, set_points.q)
+    differences = command - interpolate(t, set_points.t, set_points.q)
     part = np.floor((t - t[0]) / (AVERAGED * set_points.cycle)).astype(np.intp)
     count = np.bincount(part)
-    means = [np.bincount(part, weights=x)[count > 0] / count[count > 0] for x in off.T]
+    means = [np.bincount(part, weights=x)[count > 0] / count[count > 0] for x in differences.T]
     return float(np.sqrt(np.average(np.square(means).mean(axis=0), weights=count[count > 0])))
 
 
@@ -243,17 +243,17 @@ def fit_to(
     middle, rate = float(t.mean()), 1.0
     centre = coarse_offset(t, values, times, reference) + middle
     for _ in range(STEPS):
-        at = centre + rate * (t - middle)
-        inside = (at >= times[0]) & (at <= times[-1])
+        plan_times = centre + rate * (t - middle)
+        inside = (plan_times >= times[0]) & (plan_times <= times[-1])
         if inside.sum() < 2:
             break
-        rows = slope(at[inside])
-        off = values[inside] - curve(at[inside])
+        rows = slope(plan_times[inside])
+        errors = values[inside] - curve(plan_times[inside])
         # Constant differences of a joint, as of a load that hangs on it, say nothing about time.
         parts = np.stack([rows, rows * (t[inside] - middle)[:, None]], axis=2)
         parts -= parts.mean(axis=0)
-        off = off - off.mean(axis=0)
-        step, *_ = np.linalg.lstsq(parts.reshape(-1, 2), off.ravel(), rcond=None)
+        errors = errors - errors.mean(axis=0)
+        step, *_ = np.linalg.lstsq(parts.reshape(-1, 2), errors.ravel(), rcond=None)
         centre, rate = centre + float(step[0]), rate + float(step[1])
         near = abs(step[0]) < NEAR and abs(step[1]) * np.ptp(t) < NEAR
         if near or abs(rate - 1) > 2 * WORST_RATE:
@@ -280,11 +280,11 @@ def coarse_offset(
     # The arm rests before and after its motion: what was not recorded is as at the edges.
     edge = WORST_RATE * span + max(span - float(np.ptp(t)), 0.0)
     long = np.arange(t[0] - edge, t[-1] + edge + step / 2, step)
-    wanted = interpolate(short, times, reference)
-    given = interpolate(long, t, values) - wanted.mean(axis=0)
-    wanted -= wanted.mean(axis=0)
-    product = fftconvolve(given, wanted[::-1], mode="valid", axes=0).sum(axis=1)
-    squares = np.concatenate([[0.0], np.cumsum((given**2).sum(axis=1))])
+    pattern = interpolate(short, times, reference)
+    padded = interpolate(long, t, values) - pattern.mean(axis=0)
+    pattern -= pattern.mean(axis=0)
+    product = fftconvolve(padded, pattern[::-1], mode="valid", axes=0).sum(axis=1)
+    squares = np.concatenate([[0.0], np.cumsum((padded**2).sum(axis=1))])
     power = squares[len(short) :] - squares[: len(product)]
     k = int(np.argmin(power - 2 * product))
     return float(short[0] - long[k])
@@ -324,12 +324,17 @@ def add_tool(
             f"{arm.dimension} coordinates at each, but have the shape {points.shape} at {t.size} "
             "times."
         )
-    seen = arm.tool_position(lifted.planned + error)
-    offset, rate = clock or fit_to(t, points, lifted.t, seen)
-    at = offset + rate * t
-    check_is_whole("The file of tool positions", at, lifted.plan.duration, 2 * np.diff(at).max())
-    off = lifted.at_times(at, points, seen) - seen
-    largest = float(np.linalg.norm(off, axis=1).max())
+    encoded = arm.tool_position(lifted.planned + error)
+    offset, rate = clock or fit_to(t, points, lifted.t, encoded)
+    plan_times = offset + rate * t
+    check_is_whole(
+        "The file of tool positions",
+        plan_times,
+        lifted.plan.duration,
+        2 * np.diff(plan_times).max(),
+    )
+    offsets = lifted.at_times(plan_times, points, encoded) - encoded
+    largest = float(np.linalg.norm(offsets, axis=1).max())
     if largest > FAR:
         raise InvalidInput(
             f"The measured tool is {1e3 * largest:.4g} mm from where the joints say it is, and "
@@ -338,15 +343,17 @@ def add_tool(
             needed=largest,
             allowed=FAR,
         )
-    noise = float(np.mean(white_noise(points - lifted.between(at, seen), order=4) ** 2))
+    noise = float(np.mean(white_noise(points - lifted.between(plan_times, encoded), order=4) ** 2))
     # Joints are as likely to give way as makes the tool move as it does.
     jacobian = arm.tool_jacobian(lifted.planned)
     transposed = np.swapaxes(jacobian, 1, 2)
     product = jacobian @ transposed
     reach = float(np.trace(product, axis1=1, axis2=2).mean())
-    likely = max(float(np.mean((off**2).sum(axis=1))) / reach, 1e-300)
-    damped = product + noise / likely * np.eye(off.shape[1])
+    likely = max(float(np.mean((offsets**2).sum(axis=1))) / reach, 1e-300)
+    damped = product + noise / likely * np.eye(offsets.shape[1])
     inverse = transposed @ np.linalg.pinv(damped, hermitian=True)
-    found = np.einsum("njd,nd->nj", inverse, off)
+    correction = np.einsum("njd,nd->nj", inverse, offsets)
     spread = np.sqrt(noise * (inverse**2).sum(axis=2).mean(axis=0))
-    return error + found, spread * np.sqrt(max(np.median(np.diff(at)) / lifted.step, 1.0))
+    return error + correction, spread * np.sqrt(
+        max(np.median(np.diff(plan_times)) / lifted.step, 1.0)
+    )

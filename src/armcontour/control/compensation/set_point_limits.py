@@ -39,12 +39,6 @@ def within_limits(
     If the limits bind, set-points begin earlier and end later, because a compensated command leaves
     and reaches rest faster than its joint.
 
-    Args:
-        set_points: Set-points without these limits.
-        servo: Servo model with values per joint.
-        limits: Limits of commands.
-        arm: The arm, for the contour error; by default that of the plan.
-
     Raises:
         InvalidInput: A limit that is none of commands.
         CompensationError: The plan exceeds limits, or no set-points satisfy them.
@@ -59,9 +53,9 @@ def within_limits(
     ramp = float((bounds[2, 1, jerky] / bounds[3, 1, jerky]).max(initial=0.0))
     usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
     for longer_by in (usual, LONGEST_TAIL):
-        more = int(np.ceil(longer_by / cycle))
-        q = np.pad(set_points.q, ((more, more), (0, 0)), mode="edge")
-        found, joint = nearest_commands(q, cycle, bounds)
+        extra = int(np.ceil(longer_by / cycle))
+        q = np.pad(set_points.q, ((extra, extra), (0, 0)), mode="edge")
+        nearest, joint = nearest_commands(q, cycle, bounds)
         if joint is None:
             break
     else:
@@ -74,22 +68,16 @@ def within_limits(
             joint=joint,
         )
     longer = replace(
-        set_points, q=found, start_time=set_points.start_time - more * cycle, command_limits=limits
+        set_points,
+        q=nearest,
+        start_time=set_points.start_time - extra * cycle,
+        command_limits=limits,
     )
-    return replace(longer, limit_cost=_cost(longer, found - q, servo, arm))
+    return replace(longer, limit_cost=_cost(longer, nearest - q, servo, arm))
 
 
 def _refuse_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
-    """Refuse a plan that exceeds bounds, because set-points within them would leave its path.
-
-    Args:
-        set_points: The set-points.
-        bounds: Bounds of the set-points, of some or all orders.
-        share: Allowed excess of velocities and accelerations, relative to the bounds.
-
-    Raises:
-        CompensationError: The plan exceeds a bound.
-    """
+    """Refuse a plan that exceeds bounds, because set-points within them would leave its path."""
     plan, cycle = set_points.trajectory, set_points.cycle
     # Set-points with a time advance end before the plan.
     t = set_points.times(int((plan.duration - set_points.start_time) / cycle) + 3, cycle)
@@ -130,9 +118,9 @@ def _cost(
     run = Simulation(change, set_points.cycle, linear).run(0, len(change) - 1, still, still)
     moved = np.pad(run.states.T[0], ((1, 0), (0, 0)))
     tool = arm.tool_position(plan.with_rests(times) + moved)
-    off = np.concatenate([path.project(tool[which]).distance for path, which in paths])
+    distances = np.concatenate([path.project(tool[which]).distance for path, which in paths])
     return LimitCost(
         deviation=deviation,
-        contour_rms=float(np.sqrt(np.mean(off**2))),
-        contour_max=float(off.max()),
+        contour_rms=float(np.sqrt(np.mean(distances**2))),
+        contour_max=float(distances.max()),
     )

@@ -23,10 +23,10 @@ def allowed_deviation(value: Any, also: Any = 0.0) -> Any:
     return np.maximum(SHARE * np.abs(value), also)
 
 
-def normalize(columns: FloatArray, least: float = 1e-150) -> tuple[FloatArray, FloatArray]:
+def normalize(columns: FloatArray, shortest: float = 1e-150) -> tuple[FloatArray, FloatArray]:
     """Columns of length 1, and their lengths before; columns that are too short become 0."""
-    norms = np.maximum(np.sqrt(np.einsum("ki,ki->i", columns, columns)), least)
-    return columns / norms * (norms > least), norms
+    norms = np.maximum(np.sqrt(np.einsum("ki,ki->i", columns, columns)), shortest)
+    return columns / norms * (norms > shortest), norms
 
 
 def invert(square: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -42,7 +42,7 @@ def solve(
     slopes: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
     start: FloatArray,
     bounds: tuple[FloatArray, FloatArray],
-    most: int,
+    evaluations: int,
     near: float = 1e-9,
 ) -> Any:
     """Solve a bounded least-squares problem by `scipy.optimize.least_squares`.
@@ -55,7 +55,7 @@ def solve(
         slopes: The residuals, and their derivatives (n, m).
         start: Unknowns at the start.
         bounds: Bounds of the unknowns.
-        most: Largest number of evaluations.
+        evaluations: Largest number of evaluations.
         near: Share of the sum of squares below which a reduction ends the search.
     """
     from scipy.optimize import least_squares
@@ -72,7 +72,7 @@ def solve(
     # Unknowns without any effect overflow in the solver's search for a step.
     with np.errstate(over="ignore"):
         return least_squares(
-            size, start, triangle, bounds=bounds, x_scale="jac", max_nfev=most,
+            size, start, triangle, bounds=bounds, x_scale="jac", max_nfev=evaluations,
             ftol=near, xtol=1e-10, gtol=1e-12,
         )  # fmt: skip
 
@@ -114,15 +114,15 @@ class Precision(NamedTuple):
             jacobian: Derivatives of the residuals, (samples, dof, unknowns).
             residuals: Residuals, (samples, dof).
         """
-        known = cls.of(jacobian.reshape(-1, jacobian.shape[2]))
-        unit = jacobian / known.size
+        independent = cls.of(jacobian.reshape(-1, jacobian.shape[2]))
+        unit = jacobian / independent.size
         # Samples without information take no time.
         weights = np.sum(unit**2, axis=(1, 2))
         clock = (np.cumsum(weights) - weights / 2) / max(float(np.sum(weights)), 1e-300)
         lines = max(min(LINES, len(clock) // PER_LINE), 2)
         waves = np.sqrt(2) * np.cos(np.pi * np.outer(clock, np.arange(1, lines + 1)))
         amplitudes = np.einsum("sjp,sj->ps", unit, residuals) @ waves
-        return known._replace(scores=amplitudes @ amplitudes.T / lines, freedom=lines)
+        return independent._replace(scores=amplitudes @ amplitudes.T / lines, freedom=lines)
 
     @property
     def quantile(self) -> float:

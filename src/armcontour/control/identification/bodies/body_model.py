@@ -61,20 +61,20 @@ class Model:
         object.__setattr__(self, "inertia", Drives(arm=self.arm, servo=self.servo).inertia)
         chain, load = self.arm.dynamics.chain, self.load
         kv = np.asarray(self.servo.kv)
-        known: dict[str, Any] = {"kp": np.log(self.servo.kp)}
-        known |= {"viscous": chain.viscous} if self.keep_kv else {"kv": np.log(kv)}
-        known |= {
+        initial: dict[str, Any] = {"kp": np.log(self.servo.kp)}
+        initial |= {"viscous": chain.viscous} if self.keep_kv else {"kv": np.log(kv)}
+        initial |= {
             "coulomb": chain.coulomb,
             "payload_mass": load.mass,
             **dict.fromkeys(CENTER, 0.0),
             "armature": 1.0 if self.scales else np.zeros(self.arm.dof),
             "dead_time": float(np.mean(self.servo.dead_time)),
         }
-        values = [np.atleast_1d(x) for x in known.values()]
-        names = np.repeat(list(known), [len(x) for x in values])
+        values = [np.atleast_1d(x) for x in initial.values()]
+        names = np.repeat(list(initial), [len(x) for x in values])
         joints = [
-            np.arange(len(x)) if y in OF_JOINTS and np.ndim(known[y]) else np.full(len(x), -1)
-            for y, x in zip(known, values, strict=True)
+            np.arange(len(x)) if y in OF_JOINTS and np.ndim(initial[y]) else np.full(len(x), -1)
+            for y, x in zip(initial, values, strict=True)
         ]
         nominal = checks.frozen_array(np.concatenate(values))
         for name, x in (("names", names), ("joints", np.concatenate(joints)), ("nominal", nominal)):
@@ -101,8 +101,8 @@ class Model:
 
     def value(self, values: FloatArray, name: str) -> FloatArray:
         """The values of the unknowns of one name, (joints, axes or 1,); empty if not sought."""
-        found = values[self.names == name]
-        return np.asarray(np.exp(found) if name in LOGARITHMIC else found)
+        selected = values[self.names == name]
+        return np.asarray(np.exp(selected) if name in LOGARITHMIC else selected)
 
     def payload(self, values: FloatArray) -> Payload:
         """The payload: the nominal one with another mass and centre, with the same inertia."""
@@ -139,7 +139,7 @@ class Model:
             arm=self.with_bodies(values),
             servo=self.servo.replace(**changes),
             gravity_feedforward=self.gravity != "none",
-            known=self.arm if self.gravity == "nominal" else None,
+            controller=self.arm if self.gravity == "nominal" else None,
         )
 
     def torques(
@@ -156,15 +156,15 @@ class Model:
         drives = self.drives(values)
         load, each = self._load_torques(drives, motion), np.eye(self.arm.dof)
         spring = drives.stiffness * (lead + self.lag * motion.dq)
-        late = motion.dq - self.lag * motion.ddq
+        delayed = motion.dq - self.lag * motion.ddq
         # Without friction so far, it would act against the velocity.
         slow = np.clip(motion.dq / CREEP, -1.0, 1.0)
         friction = np.sign(motion.friction) * ~motion.held
         slides = np.where(motion.friction.any(axis=0), friction, slow)
         scaled = -np.asarray(self.arm.dynamics.chain.armature) * motion.ddq
-        found = {
+        columns = {
             "kp": spring[..., None] * each,
-            "kv": (spring - drives.damping * late)[..., None] * each,
+            "kv": (spring - drives.damping * delayed)[..., None] * each,
             "viscous": -motion.dq[..., None] * each,
             "coulomb": -slides[..., None] * each,
             "payload_mass": -load[:, :, :1],
@@ -172,7 +172,7 @@ class Model:
             "armature": scaled[..., None] if self.scales else -motion.ddq[..., None] * each,
             "dead_time": -(drives.stiffness * slope)[..., None],
         }
-        return np.concatenate([found[x] for x in dict.fromkeys(self.names.tolist())], axis=2)
+        return np.concatenate([columns[x] for x in dict.fromkeys(self.names.tolist())], axis=2)
 
     def _load_torques(self, drives: Drives, motion: Simulation) -> FloatArray:
         """Joint torques per mass of the payload and per mass times deviation of its centre.
@@ -184,17 +184,17 @@ class Model:
         dynamics, nominal = drives.arm.dynamics, self.load.center
         load, tip = dynamics.chain.payload, dynamics.chain.tip
         center = nominal if load is None else load.center
-        found = dynamics.last_body_regressor(
+        regressor = dynamics.last_body_regressor(
             motion.q, motion.dq, motion.ddq, gravity=self.gravity != "loaded"
         )
         # Mass, first moments and inertia of the last body per mass and moment of the payload.
         per = np.zeros((10, 4))
-        place, away = tip.position + tip.rotation @ center, tip.rotation @ (center - nominal)
-        per[0, 0], per[1:4, 0], per[1:4, 1:] = 1.0, place - away, tip.rotation
-        per[4:, 0] = _inertia(place, place - 2 * away)
+        position, away = tip.position + tip.rotation @ center, tip.rotation @ (center - nominal)
+        per[0, 0], per[1:4, 0], per[1:4, 1:] = 1.0, position - away, tip.rotation
+        per[4:, 0] = _inertia(position, position - 2 * away)
         for i in range(3):
-            per[4:, 1 + i] = 2 * _inertia(place, tip.rotation[:, i])
-        return np.asarray(found @ per)
+            per[4:, 1 + i] = 2 * _inertia(position, tip.rotation[:, i])
+        return np.asarray(regressor @ per)
 
 
 def _inertia(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -11,8 +11,8 @@ from armcontour.control.identification.bodies.body_identification import (
     BodyIdentification,
     BodyJoint,
 )
-from armcontour.control.identification.bodies.grid import Gridded
-from armcontour.control.identification.bodies.model import CENTER, LEAST_MASS, OF_JOINTS, Model
+from armcontour.control.identification.bodies.body_model import CENTER, LEAST_MASS, OF_JOINTS, Model
+from armcontour.control.identification.bodies.log_grid import Gridded
 from armcontour.control.identification.bodies.output_error import (
     POSITIVE,
     OutputError,
@@ -23,7 +23,7 @@ from armcontour.control.identification.bodies.output_error import (
     moved,
 )
 from armcontour.control.identification.estimates import LOGARITHMIC, UNITS, Estimate
-from armcontour.control.identification.options import (
+from armcontour.control.identification.fit_options import (
     GRAVITIES,
     BodyFit,
     choose_interpolation,
@@ -98,9 +98,9 @@ def identify_bodies(
         check_fit(coarse, near)
         tell(Step(("fit",)))
         grids = [Gridded.of(x, interpolation, settled) for x in every]
-        found, restless = fit_determined(model, grids, near.values)
+        fit, restless = fit_determined(model, grids, near.values)
         delays = dead_times(every, options.longest_dead_time)
-        return _describe(model, grids, found, restless, delays)
+        return _describe(model, grids, fit, restless, delays)
     except (ExecutionError, InvalidInput) as error:
         names = ", ".join(dict.fromkeys(x.source for x in every))
         positions = ((x.t - x.t[0], y) for x in every for y in (*x.command.T, *x.measured.T))
@@ -118,40 +118,31 @@ def identify_bodies(
 def _describe(
     model: Model,
     grids: list[Gridded],
-    found: OutputError,
+    fit: OutputError,
     restless: BoolArray,
     delays: tuple[float, float],
 ) -> BodyIdentification:
-    """Estimates and notes of a fit.
-
-    Args:
-        model: The robot.
-        grids: The logs.
-        found: The fit.
-        restless: Unknowns that were fixed because the search did not converge in them.
-        delays: Smallest and largest dead time of the search [s].
-
-    Raises:
-        InvalidInput: The model does not explain the motion.
-    """
-    explained, values = check_fit(grids, found.trial), found.trial.values
-    common, *every = _list_estimates(model, grids, found)
+    """Estimates and notes of a fit."""
+    explained, values = check_fit(grids, fit.trial), fit.trial.values
+    common, *every = _list_estimates(model, grids, fit)
     # Logs show only the sum of J K_v and viscous friction: one of the two is nominal.
     tied, nominal = "kv", np.asarray(model.servo.kv)
     if not model.keep_kv:
         tied, nominal = "viscous", np.asarray(model.arm.dynamics.chain.viscous)
     joints = []
     for j, name in enumerate(model.arm.joint_names):
-        own = every[j] | {tied: Estimate(name=tied, unit=UNITS[tied], value=float(nominal[j]))}
+        estimates = every[j] | {
+            tied: Estimate(name=tied, unit=UNITS[tied], value=float(nominal[j]))
+        }
         rests = []
-        for x, left in zip(grids, found.trial.residuals, strict=True):
+        for x, errors in zip(grids, fit.trial.residuals, strict=True):
             rests.append(np.full(len(x.log.t), np.nan))
-            rests[-1][x.rows] = left[:, j]
+            rests[-1][x.rows] = errors[:, j]
         joints.append(
             BodyJoint(
                 name=name,
-                parameters={x: own[x] for x in OF_JOINTS if x in own},
-                rms=float(found.trial.scatter[j]),
+                parameters={x: estimates[x] for x in OF_JOINTS if x in estimates},
+                rms=float(fit.trial.scatter[j]),
                 explained=float(explained[j]),
                 rests=tuple(rests),
             )
@@ -192,16 +183,16 @@ def identified(model: Model, values: FloatArray) -> tuple[Arm, ServoModel]:
 
 
 def _list_estimates(
-    model: Model, grids: list[Gridded], found: OutputError
+    model: Model, grids: list[Gridded], fit: OutputError
 ) -> list[dict[str, Estimate]]:
     """Estimates of the robot, and of each joint, by name; what is not determined is nominal."""
-    known, doubt = found.precision, doubts(model, grids, found)
-    values, covariance = found.trial.values, known.covariance(found.free)
+    precision, doubt = fit.precision, doubts(model, grids, fit)
+    values, covariance = fit.trial.values, precision.covariance(fit.free)
     m = int(np.argmax(model.are("payload_mass")))
     mass, centers = float(values[m]), dict(zip(CENTER, model.load.center.tolist(), strict=True))
     estimates: list[dict[str, Estimate]] = [{} for _ in range(1 + model.arm.dof)]
     for k, (name, j) in enumerate(zip(model.names.tolist(), model.joints.tolist(), strict=True)):
-        value, free, bias = float(values[k]), bool(found.free[k]), float(doubt[k])
+        value, free, bias = float(values[k]), bool(fit.free[k]), float(doubt[k])
         # The estimate is a linear function of the unknowns.
         row = np.eye(len(values))[k]
         if name in CENTER:
@@ -218,7 +209,7 @@ def _list_estimates(
         one = Estimate(name=name, unit=unit, value=value)
         if free:
             sd = math.sqrt(max(float(row @ covariance @ row), 0.0))
-            reach = known.quantile * sd + bias
+            reach = precision.quantile * sd + bias
             ends = -min(reach, value) if name in POSITIVE else -reach, reach
             sd = math.hypot(sd, bias)
             one = Estimate.from_interval(name, value, sd, ends, unit=unit, determined=True)

@@ -12,8 +12,8 @@ from armcontour.core.render import figure, number
 from armcontour.core.text import count_noun, list_some
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
-from armcontour.jobs.jerk_stops import JerkStop
 from armcontour.jobs.job import Run
+from armcontour.jobs.plan_quantities import JerkStop
 from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.command_limits import describe_excess
 from armcontour.planning import Conventional
@@ -52,7 +52,7 @@ def capped(program: Program, run: Run) -> Iterator[str]:
     tolerances: Callable[[Path], FloatArray] = (
         (lambda x: x.tolerances) if run.is_shaped else _at_corners
     )
-    for what, key, unit, cap, values in (
+    for label, key, unit, cap, values in (
         ("speed", "limits.speed", "m/s", run.limits.speed, lambda x: x.speeds),
         ("corner tolerance", "corners.tolerance", "m", tolerance, tolerances),
     ):
@@ -62,17 +62,19 @@ def capped(program: Program, run: Run) -> Iterator[str]:
         }
         above = [name for name, x in largest.items() if cap is not None and x > cap * (1 + SAME)]
         if above and cap is not None:
-            asked = max(largest[x] for x in above)
+            requested = max(largest[x] for x in above)
             yield (
-                f"the {what} of up to {number(asked, unit)} of {list_some(above, MOST_NAMES)} "
+                f"the {label} of up to {number(requested, unit)} of {list_some(above, MOST_NAMES)} "
                 f"is capped at {number(cap, unit)} by {key}: raise {key} to have it."
             )
 
 
 def _at_corners(path: Path) -> FloatArray:
     """Tolerances of the corners of a path by its segments [m]; NaN where there is none."""
-    own = path.tolerances
-    return np.where(path.turns > TANGENT_TOLERANCE, np.fmin(own[:-1], own[1:]), np.nan)
+    tolerances = path.tolerances
+    return np.where(
+        path.turns > TANGENT_TOLERANCE, np.fmin(tolerances[:-1], tolerances[1:]), np.nan
+    )
 
 
 def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool) -> Iterator[str]:
@@ -97,18 +99,18 @@ def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool)
             if not ends_only and not isinstance(run.timing, Conventional):
                 slow += _missed_speed(name, x.path, span.trajectory, run)
     if slow:
-        _, what, advice = min(slow)
+        _, label, advice = min(slow)
         others = f" (the slowest of {len(slow)} places)" if len(slow) > 1 else ""
         yield (
-            f"{what}{others}: {advice}reduce the assigned velocity, or raise the limit that the "
+            f"{label}{others}: {advice}reduce the assigned velocity, or raise the limit that the "
             "report shows as active."
         )
 
 
 def assigned_speed(contour: Contour, s: float, side: str, run: Run) -> float:
     """The assigned velocity of a contour at an arc length [m/s], on one side of a vertex."""
-    most = np.inf if run.limits.speed is None else run.limits.speed
-    return float(np.fmin(contour.path.speeds[contour.path.locate(s, side=side)], most))
+    fastest = np.inf if run.limits.speed is None else run.limits.speed
+    return float(np.fmin(contour.path.speeds[contour.path.locate(s, side=side)], fastest))
 
 
 def slow_ends(
@@ -173,13 +175,7 @@ def stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
 def collisions(
     planned: Clearance | None, executed: Clearance | None, avoided: tuple[str, ...]
 ) -> Iterator[str]:
-    """Warnings for collisions that are ignored or not checked, and for links below the base.
-
-    Args:
-        planned: The clearance of the plan; None if it is not known.
-        executed: The clearance of the execution; None without one.
-        avoided: Without a clearance, sentences on why it is not known.
-    """
+    """Warnings for collisions that are ignored or not checked, and for links below the base."""
     if planned is None:
         yield from avoided
         return
@@ -262,15 +258,9 @@ def not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> Itera
 
 
 def worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> Iterator[str]:
-    """A warning for a compensation that increases the contour error on the arm's bodies.
-
-    Args:
-        run: The run.
-        judged: Evaluation on rigid bodies.
-        uncompensated: That of the same plan without compensation.
-    """
-    found, without = judged.contour_error, uncompensated.contour_error
-    if found.rms <= without.rms and found.max <= without.max:
+    """A warning for a compensation that increases the contour error on the arm's bodies."""
+    compensated, without = judged.contour_error, uncompensated.contour_error
+    if compensated.rms <= without.rms and compensated.max <= without.max:
         return
     why = "it is for the servo model, not for bodies: compensation: {method: inverse_dynamics}"
     if isinstance(run.compensation, InverseDynamics):
@@ -280,21 +270,18 @@ def worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> 
         )
     if run.experiment is not None and run.experiment.unknown:
         why += f"; nor does it know what the robot has: {run.experiment.unknown}"
-    rms, most, *others = (figure(x) for error in (found, without) for x in error.to_data().shown())
+    rms, largest, *others = (
+        figure(x) for error in (compensated, without) for x in error.to_data().shown()
+    )
     yield (
-        f"on rigid bodies the contour error is {rms} RMS, {most} at most; without compensation "
+        f"on rigid bodies the contour error is {rms} RMS, {largest} at most; without compensation "
         f"{' and '.join(others)}. The compensation {run.compensation.method} makes it worse, "
         f"as {why}."
     )
 
 
 def beyond_logs(servo: ServoModel, trajectory: Trajectory) -> str:
-    """A warning for motion beyond that of the logs of the servo's identification, or empty.
-
-    Args:
-        servo: The servo.
-        trajectory: The plan.
-    """
+    """A warning for motion beyond that of the logs of the servo's identification, or empty."""
     if servo.model_error is None or servo.logged_velocity is None:
         return ""
     t = np.union1d(trajectory.breaks, np.linspace(0.0, trajectory.duration, LOOKS))

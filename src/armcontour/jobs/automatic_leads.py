@@ -12,8 +12,8 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, error_context
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.planned import Planned
-from armcontour.jobs.warnings import SAME_SPEED, assigned_speed
+from armcontour.jobs.planned_run import Planned
+from armcontour.jobs.run_warnings import SAME_SPEED, assigned_speed
 from armcontour.planning import Optimal
 from armcontour.program import Contour, Leads, Process, Program, arrange, prepare
 from armcontour.robot import PlanarTwoLink
@@ -32,25 +32,20 @@ UNLED = ("lead_in", "lead_out", "pierce", "kerf")
 PlanOne = Callable[..., Planned]
 
 
-def automatic_leads(job: Job, this: Run, plan: PlanOne) -> list[Leads]:
+def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
     """The shortest leads with which the tool has full speed where the process goes on and off.
 
     Full speed is the assigned velocity. If no lead within the arm's reach gives the assigned
     velocity, full speed is the largest speed that a lead gives. Corners of the shape free count as
     arcs here, because several leads are tried, and shaping takes long.
 
-    Args:
-        job: The job.
-        this: The run.
-        plan: `plan_one`, without a check of the clearance.
-
     Returns:
         The lengths of lead-in and lead-out per contour [m]; 0 where the length is not automatic.
     """
-    rounding = None if this.rounding is None else this.rounding.with_arcs
-    assert isinstance(this.timing, Optimal)
-    timing = dataclasses.replace(this.timing, duration=None)
-    this = dataclasses.replace(this, rounding=rounding, timing=timing)
+    rounding = None if run.rounding is None else run.rounding.with_arcs
+    assert isinstance(run.timing, Optimal)
+    timing = dataclasses.replace(run.timing, duration=None)
+    run = dataclasses.replace(run, rounding=rounding, timing=timing)
     process = job.process
     unled: dict[str, Any] = dict.fromkeys(UNLED)
     plain = dataclasses.replace(
@@ -61,55 +56,55 @@ def automatic_leads(job: Job, this: Run, plan: PlanOne) -> list[Leads]:
         order="drawn",
         by_layer={layer: {**given, **unled} for layer, given in process.by_layer.items()},
     )
-    gain = LEAST_GAIN if this.limits.jerk_limits else SAME_SPEED
-    found = []
+    gain = LEAST_GAIN if run.limits.jerk_limits else SAME_SPEED
+    leads = []
     contours = prepare(arrange(job.program, process), plain).contours
     if isinstance(job.arm, PlanarTwoLink) and job.configuration is None:
         # The first contour chooses the branch for all of them.
-        first = plan(job, this, objective=Program(moves=contours[:1]))
+        first = plan(job, run, objective=Program(moves=contours[:1]))
         job = dataclasses.replace(
             job, configuration=job.arm.configuration_of(first.trajectory(0.0))
         )
     for x in contours:
         contour = dataclasses.replace(x, events=(), work=None)
-        own = process.of_layer(x.layer)
+        process_of_layer = process.of_layer(x.layer)
         lengths = []
         for lead, s, side, name in (
-            (own.lead_in, 0.0, "right", "before"),
-            (own.lead_out, x.path.length, "left", "after"),
+            (process_of_layer.lead_in, 0.0, "right", "before"),
+            (process_of_layer.lead_out, x.path.length, "left", "after"),
         ):
             automatic = lead is not None and lead.length is None
-            speeds = partial(_lead_speeds, plan, job, this, contour, name)
+            speeds = partial(_lead_speeds, plan, job, run, contour, name)
             with error_context("leads"):
-                assigned = assigned_speed(x, s, side, this)
+                assigned = assigned_speed(x, s, side, run)
                 lengths.append(_shortest_lead(speeds, assigned, gain) if automatic else 0.0)
-        found.append(Leads(before=lengths[0], after=lengths[1]))
-    return found
+        leads.append(Leads(before=lengths[0], after=lengths[1]))
+    return leads
 
 
 def _lead_speeds(
-    plan: PlanOne, job: Job, this: Run, contour: Contour, name: str, length: float
+    plan: PlanOne, job: Job, run: Run, contour: Contour, name: str, length: float
 ) -> FloatArray | None:
     """Speeds along the lead "before" or "after" a contour that is planned alone [m/s].
 
     They are at evenly spaced places, from the end where the tool rests to the contour. None if the
     arm does not reach that end, but may reach that of a shorter lead.
     """
-    own = job.process.of_layer(contour.layer)
+    process = job.process.of_layer(contour.layer)
     used = "lead_in" if name == "before" else "lead_out"
-    ends = Process(begin="drawn", up=own.up, **{used: getattr(own, used)})
+    ends = Process(begin="drawn", up=process.up, **{used: getattr(process, used)})
     leads = dataclasses.replace(Leads(before=0.0, after=0.0), **{name: length})
     try:
         alone = prepare(Program(moves=(contour,)), ends, [leads])
-        planned = plan(job, this, objective=alone)
+        planned = plan(job, run, objective=alone)
     except ArmContourError:
         if length <= SHORTEST_LEAD:
             raise
         return None
     (only,) = planned.path.contours
     assert only.work is not None
-    rest, work = (0.0, only.work[0]) if name == "before" else (only.path.length, only.work[1])
-    return np.asarray(planned.trajectory.speed_at(np.linspace(rest, work, PLACES)))
+    still, work = (0.0, only.work[0]) if name == "before" else (only.path.length, only.work[1])
+    return np.asarray(planned.trajectory.speed_at(np.linspace(still, work, PLACES)))
 
 
 def _shortest_lead(
@@ -118,43 +113,37 @@ def _shortest_lead(
     """The shortest lead [m] with the assigned velocity, or with the largest speed of any lead.
 
     A long lead shows in which share of it the tool gets fast enough, which is the next length.
-
-    Args:
-        speeds: Gives the speeds along a lead of a length [m], as `_lead_speeds`.
-        assigned: The assigned velocity [m/s].
-        gain: Twice the length must give the assigned velocity, or more speed by this share at
-            least, or it is not taken.
     """
     # Half of the tolerance of `slow_ends`, so that no warning is given for the result.
     enough = assigned * (1 - SAME_SPEED / 2)
     long, beyond = FIRST_LEAD, LONGEST_LEAD
-    while (found := speeds(long)) is None:
+    while (lead_speeds := speeds(long)) is None:
         long, beyond = long / 2, long
     # A longer lead, until the speed suffices, does not grow or the arm does not reach: `short` has
     # a speed that is too low.
     short, low = 0.0, enough
-    while found[-1] < enough and long < SHORT_ENOUGH * beyond:
+    while lead_speeds[-1] < enough and long < SHORT_ENOUGH * beyond:
         length = min(2 * long, (long + beyond) / 2)
         longer = speeds(length)
         if longer is None:
             beyond = length
-        elif longer[-1] < min(enough, found[-1] * (1 + gain)) and length == 2 * long:
+        elif longer[-1] < min(enough, lead_speeds[-1] * (1 + gain)) and length == 2 * long:
             break
         else:
-            short, low, long, found = long, found[-1], length, longer
-    enough = min(enough, found[-1] * (1 - SAME_SPEED / 2))
+            short, low, long, lead_speeds = long, lead_speeds[-1], length, longer
+    enough = min(enough, lead_speeds[-1] * (1 - SAME_SPEED / 2))
     # A shorter one: along lines and on arcs, speeds grow with the root of the length. Where they
     # grow less, as at the end of an acceleration with a limit of jerk, steps are doubled.
     step = 0.0
     while True:
-        share = np.argmax(found >= enough) / (PLACES - 1)
+        share = np.argmax(lead_speeds >= enough) / (PLACES - 1)
         length = LONGER * max(short * (enough / low) ** 2, share * long)
         length = max(length, min(short + step, (short + long) / 2))
         if length >= SHORT_ENOUGH * long:
             return long
         tried = speeds(length)
         if tried is not None and tried[-1] >= enough:
-            long, found, step = length, tried, 0.0
+            long, lead_speeds, step = length, tried, 0.0
         else:
             step = 2 * (length - short) if short else 0.0
             short, low = length, enough if tried is None else tried[-1]

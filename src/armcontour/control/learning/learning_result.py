@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from armcontour.control.learning.lifted import Lifted
+from armcontour.control.learning.lifted_model import Lifted
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
@@ -83,22 +83,21 @@ class Recording(Checked):
 def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Recording:
     """What the joints did.
 
-    Args:
-        executed: An execution of the set-points, a log of the robot, or a recording.
-        set_points: The set-points.
-
     Raises:
         InvalidInput: It is something else, of another number of joints, or of other set-points.
     """
     if isinstance(executed, Execution):
-        own = executed.set_points
-        same = own.q.shape == set_points.q.shape and own.cycle == set_points.cycle
-        if not same or np.abs(own.q - set_points.q).max() > SAME:
+        executed_points = executed.set_points
+        same = (
+            executed_points.q.shape == set_points.q.shape
+            and executed_points.cycle == set_points.cycle
+        )
+        if not same or np.abs(executed_points.q - set_points.q).max() > SAME:
             raise InvalidInput(
                 "The execution is one of other set-points: give the set-points that were executed."
             )
-        found = Recording(
-            t=executed.t + set_points.start_time - own.start_time,
+        recording = Recording(
+            t=executed.t + set_points.start_time - executed_points.start_time,
             # Encoders of drives see the motors.
             q=executed.q if executed.motor_q is None else executed.motor_q,
             in_plan_time=True,
@@ -106,30 +105,26 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
             source="the execution",
         )
     elif isinstance(executed, Log):
-        found = Recording(
+        recording = Recording(
             t=executed.t, q=executed.measured, command=executed.command, source=executed.source
         )
     elif isinstance(executed, Recording):
-        found = executed
+        recording = executed
     else:
         raise InvalidInput(
             f"learn needs an Execution, a Log or a Recording, not {type(executed).__name__}."
         )
-    _refuse_many_gaps(found)
-    if found.q.shape[1] != set_points.q.shape[1]:
+    _refuse_many_gaps(recording)
+    if recording.q.shape[1] != set_points.q.shape[1]:
         raise InvalidInput(
-            f"{found.source} has {found.q.shape[1]} joints, but the set-points have "
+            f"{recording.source} has {recording.q.shape[1]} joints, but the set-points have "
             f"{set_points.q.shape[1]}: give the log of this job."
         )
-    return found
+    return recording
 
 
 def _refuse_many_gaps(recording: Recording) -> None:
-    """Refuse a recording that misses a large share of the run.
-
-    Raises:
-        InvalidInput: Gaps are longer than MOST_MISSED of it, or times come in bursts.
-    """
+    """Refuse a recording that misses a large share of the run."""
     t, source = recording.t, recording.source
     steps = np.diff(t)
     if bursts := describe_bursts(t, source):
@@ -199,9 +194,9 @@ class LearningRun(Result, Checked):
 
     def to_data(self) -> Data:
         """Errors of the run, and what was predicted."""
-        off = FIRST if self.contour_rms is None else TABLE
+        level = FIRST if self.contour_rms is None else TABLE
         rms, largest = (
-            ("contour error, RMS", "contour error, largest") if off == TABLE else ("", "")
+            ("contour error, RMS", "contour error, largest") if level == TABLE else ("", "")
         )
         return Data(
             f"Run from {self.source}",
@@ -209,8 +204,8 @@ class LearningRun(Result, Checked):
                 Row("source", self.source, "", "from", level=FIRST),
                 Row("contour_rms", self.contour_rms, "m", rms, "", FIRST),
                 Row("contour_max", self.contour_max, "m", largest, "", FIRST),
-                Row("tool_rms", self.tool_rms, "m", "off the plan, RMS", level=off),
-                Row("tool_max", self.tool_max, "m", "off the plan, largest", level=off),
+                Row("tool_rms", self.tool_rms, "m", "off the plan, RMS", level=level),
+                Row("tool_max", self.tool_max, "m", "off the plan, largest", level=level),
                 Row("predicted", self.predicted, "m", "expected, RMS", level=FIRST),
                 Row("offset", self.offset, "s"),
                 Row("begin", -self.offset / self.rate, "s", "begins in the log at", "", FIRST),

@@ -16,13 +16,13 @@ from armcontour.core.render import Result, compare, lay_out, number, units
 from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, draw, short_repr, to_html
 from armcontour.geometry import RoundedPath
-from armcontour.jobs import warnings
+from armcontour.jobs import run_warnings
 from armcontour.jobs.improvements import Advice
 from armcontour.jobs.job import Job
-from armcontour.jobs.planned import Planned
-from armcontour.jobs.quantities import (
+from armcontour.jobs.plan_quantities import (
     applied_torques,
 )
+from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.run_data import (
     angular_rows,
     columns,
@@ -115,8 +115,8 @@ class RunResult(Planned, Result):
 
         None without a simulation, and without an accuracy and a tolerance.
         """
-        kept: bool | None = next(verdict_rows(self, self._errors, self._failure)).value
-        return kept
+        satisfied: bool | None = next(verdict_rows(self, self._errors, self._failure)).value
+        return satisfied
 
     @property
     def _errors(self) -> list[float] | None:
@@ -143,37 +143,37 @@ class RunResult(Planned, Result):
     def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
         run = self.run
         yield from super()._warnings(self.executed_clearance)
-        yield from warnings.changed_commands(self.set_points)
+        yield from run_warnings.changed_commands(self.set_points)
         if self.servo is not None:
-            yield warnings.beyond_logs(self.servo, self.trajectory)
+            yield run_warnings.beyond_logs(self.servo, self.trajectory)
             if not isinstance(run.compensation, NoCompensation):
                 yield self.servo.doubt
         if self.execution is not None and self.evaluation is not None:
-            yield from warnings.unsettled(self.execution)
-            yield from warnings.not_followed(run, self.execution, self.evaluation)
+            yield from run_warnings.unsettled(self.execution)
+            yield from run_warnings.not_followed(run, self.execution, self.evaluation)
         if (x := self.experiment) is not None and x.uncompensated is not None:
-            yield from warnings.worse_than_none(run, x.evaluation, x.uncompensated)
+            yield from run_warnings.worse_than_none(run, x.evaluation, x.uncompensated)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences on plan and execution, with the name of the run, which are no warnings."""
-        found = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
-        found += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves if not x.differs]
+        remarks = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
+        remarks += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves if not x.differs]
         if used := self.set_points.command_note:
-            found.append(f"Run {self.run.name}: set-points / command limits: {used}.")
+            remarks.append(f"Run {self.run.name}: set-points / command limits: {used}.")
         clear = None if self._far_from_itself else self.clearance_note
-        found += [x for x in (self.shape_note, self.stops_note, clear) if x is not None]
+        remarks += [x for x in (self.shape_note, self.stops_note, clear) if x is not None]
         if self.advice is not None and self.advice.note:
-            found.append(f"Run {self.run.name}: {self.advice.note}")
+            remarks.append(f"Run {self.run.name}: {self.advice.note}")
         e = self.evaluation
         if e is not None and e.model_error is not None:
             along, across = (number(x, "m") for x in e.model_error)
-            found.append(
+            remarks.append(
                 f"Run {self.run.name}: contour error {number(e.contour_error.max, 'm')}, and at "
                 f"most {across} more across the path ({along} along it) that the servo model does "
                 "not explain."
             )
-        return tuple(found)
+        return tuple(remarks)
 
     @property
     def judged(self) -> Evaluation | None:
@@ -247,11 +247,11 @@ class JobResult:
             parts: What else is in the summary, by its keys.
         """
         job, arm = self.job, self.job.arm
-        found = warnings_of(self.runs.values())
-        more = f", {count_noun(len(found), 'warning')}" if found else ""
+        warnings = warnings_of(self.runs.values())
+        suffix = f", {count_noun(len(warnings), 'warning')}" if warnings else ""
         runs = self.figures
         return Data(
-            f"Study of {job.title}{more}",
+            f"Study of {job.title}{suffix}",
             (
                 Row("armcontour", __version__),
                 Row("job", job.name),
@@ -267,7 +267,7 @@ class JobResult:
                 Row("files", list(files)),
             ),
             parts={"runs": Data("Runs", parts=runs), **parts},
-            warnings=found,
+            warnings=warnings,
         )
 
     def __str__(self) -> str:
@@ -279,28 +279,19 @@ class JobResult:
 
 
 def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
-    """The warnings of several runs; what holds for more than one of them is said once.
-
-    Args:
-        plans: Results of runs of one job.
-    """
-    found: dict[str, list[str]] = {}
+    """The warnings of several runs; what holds for more than one of them is said once."""
+    messages: dict[str, list[str]] = {}
     for plan in plans:
         for sentence in plan.warnings:
-            found.setdefault(sentence, []).append(plan.run.name)
+            messages.setdefault(sentence, []).append(plan.run.name)
     return tuple(
         f"Run{'s' if len(names) > 1 else ''} {', '.join(names)}: {sentence}"
-        for sentence, names in found.items()
+        for sentence, names in messages.items()
     )
 
 
 def run_data(result: RunResult, job: Job | None = None) -> Data:
-    """What one run says; without figures of its execution, if it was not simulated.
-
-    Args:
-        result: The run.
-        job: Its job, which knows where the contours begin on its objective; None if unknown.
-    """
+    """What one run says; without figures of its execution, if it was not simulated."""
     e = result.evaluation
     parts: dict[str, Data] = {}
     if result.clearance is not None:
@@ -342,11 +333,7 @@ def run_data(result: RunResult, job: Job | None = None) -> Data:
 
 
 def promoted(rows: Iterable[Row]) -> tuple[Row, ...]:
-    """Rows with those of the verdict first, in its order.
-
-    Args:
-        rows: The rows; figures of the bodies are of the verdict where they are shown.
-    """
+    """Rows with those of the verdict first, in its order."""
     ranks = {name: k for k, name in enumerate(OF_VERDICT)}
 
     def rank(x: Row) -> int:
@@ -360,10 +347,6 @@ def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[
     """Rows of a run, where figures of its evaluation are those that judge it.
 
     Where rigid bodies judge the run, their figures have the names without "experiment." too.
-
-    Args:
-        result: The run.
-        rows: Its rows; by default those that take no computing time, for batches.
     """
     if rows is None:
         rows = [*_plan(result, None), *_set_points(result)]
@@ -519,12 +502,12 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
 
 def unknown_notes(study: JobResult) -> tuple[str, ...]:
     """Sentences on what simulated robots have that their controllers do not know."""
-    found: dict[str, list[str]] = {}
+    notes: dict[str, list[str]] = {}
     for name, result in study.runs.items():
         if result.run.experiment is not None and (unknown := result.run.experiment.unknown):
-            found.setdefault(unknown, []).append(name)
+            notes.setdefault(unknown, []).append(name)
     return tuple(
         f"The simulated robot of {', '.join(names)} has what neither plan nor controller knows: "
         f"{unknown}."
-        for unknown, names in found.items()
+        for unknown, names in notes.items()
     )

@@ -10,9 +10,49 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.fields import Checked
 from armcontour.core.render import number, number_range
+from armcontour.jobs.job import Run
 from armcontour.motion import Execution, Trajectory
+from armcontour.planning import Tracing, find_jerk_stops
 from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, SerialArm
+
+# The reason of these stops.
+CURVATURE_JUMPS = "curvature jumps"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JerkStop:
+    """A full stop inside a contour, at a place where the curvature jumps.
+
+    Args:
+        contour: What messages call the contour; empty for a single path.
+        s: Arc length from the start of the contour [m].
+        point: The place [m], 2 or 3 coordinates.
+    """
+
+    contour: str
+    s: float
+    point: tuple[float, ...]
+
+
+def jerk_stops(
+    program: Program, traced: Tracing | None, trajectory: Trajectory, run: Run
+) -> tuple[JerkStop, ...]:
+    """Full stops inside contours that limits of jerk force, in order."""
+    if traced is None or not run.limits.jerk_limits:
+        return ()
+    paths = {x.move: x.joint_path for x in traced.steps}
+    stops = []
+    for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
+        joint_path = paths.get(span.move)
+        if joint_path is not None and span.trajectory is not None:
+            name = "" if program.single_path is not None else contour_called(x, i)
+            stops += [
+                JerkStop(contour=name, s=s, point=tuple(x.path(s).tolist()))
+                for s in find_jerk_stops(joint_path, span.trajectory).tolist()
+            ]
+    return tuple(stops)
+
 
 # Samples of the planned path per wave.
 PER_WAVE = 64
@@ -54,23 +94,19 @@ class Weaving:
         text += number_range(self.frequency, "Hz")
         if not self.differs:
             return f"{text}."
-        asked = number(width, "m") + (
+        requested = number(width, "m") + (
             "" if np.isnan(frequency) else f" at {number(frequency, 'Hz')}"
         )
         missing = f", and not along {number(self.left_out, 'm')}" if self.left_out else ""
         return (
-            f"{text} in place of {asked}{missing}: the corner tolerance, the assigned velocity and "
-            "the limits must allow the weave, and parts of the seam be longer than half a pitch."
+            f"{text} instead of {requested}{missing}: the corner tolerance, the assigned velocity "
+            "and the limits must allow the weave, and parts of the seam must be longer than half "
+            "a pitch."
         )
 
 
 def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
-    """The weaves of a program as planned, of contours with waves of full width.
-
-    Args:
-        program: The program that was planned.
-        trajectory: Its plan.
-    """
+    """The weaves of a program as planned, of contours with waves of full width."""
     for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
         woven, plan = x.woven, span.trajectory
         if woven is None or plan is None or len(woven.crests) < 3:
@@ -137,10 +173,10 @@ def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
         return None
     t = np.union1d(np.linspace(0, plan.duration, SAMPLES), plan.breaks)
     # The first time has no left side, the last time has no right side.
-    left = torques_at(arm, plan, t[1:], side="left")
+    before = torques_at(arm, plan, t[1:], side="left")
     right = torques_at(arm, plan, t[:-1])
-    values = np.empty((2 * len(left), arm.dof))
-    values[::2], values[1::2] = right, left
+    values = np.empty((2 * len(before), arm.dof))
+    values[::2], values[1::2] = right, before
     return Torques(t=np.repeat(t, 2)[1:-1], values=values)
 
 

@@ -59,12 +59,12 @@ class Gridded:
         t = regular_times(float(log.t[0]), float(log.t[-1]), step)
         first = int(np.searchsorted(log.t, log.t[0] + settled))
         rows = slice(first, None, max(int(step / log.interval + 1e-6), 1))
-        place = (log.t[rows] - t[0]) / (t[-1] - t[0]) * (len(t) - 1)
-        near = np.round(place)
+        position = (log.t[rows] - t[0]) / (t[-1] - t[0]) * (len(t) - 1)
+        near = np.round(position)
         # Times of a regular log fall on the grid, but for rounding.
-        place = np.where(np.abs(place - near) < 1e-4, near, place)
-        k = np.clip(np.floor(place).astype(np.intp) - 1, 0, len(t) - 4)
-        x = place - k
+        position = np.where(np.abs(position - near) < 1e-4, near, position)
+        k = np.clip(np.floor(position).astype(np.intp) - 1, 0, len(t) - 4)
+        x = position - k
         # Cubic interpolation.
         weight = [
             np.prod([(x - j) / (i - j) for j in range(4) if j != i], axis=0) for i in range(4)
@@ -97,12 +97,12 @@ class Gridded:
 
     def command(self, delay: float) -> FloatArray:
         """The command on the grid after a dead time [rad], (n, dof)."""
-        log, at = self.log, self.t - delay
+        log, times = self.log, self.t - delay
         if self.held:
             # Times are rounded.
-            k = np.searchsorted(log.t, at + 1e-6 * self.step, side="right") - 1
+            k = np.searchsorted(log.t, times + 1e-6 * self.step, side="right") - 1
             return np.asarray(log.command[np.clip(k, 0, len(log.t) - 1)])
-        return interpolate(at, log.t, log.command)
+        return interpolate(times, log.t, log.command)
 
     def bent_command(self, delay: float) -> FloatArray:
         """The command on the grid, if it has its bends in the middle of samples of the log [rad].
@@ -123,10 +123,10 @@ class Gridded:
     def sampled(self, values: FloatArray) -> FloatArray:
         """Values on the grid, at the samples that are compared, (samples, ...)."""
         extra = (1,) * (values.ndim - 1)
-        found = np.zeros((len(self.index), *values.shape[1:]))
+        samples = np.zeros((len(self.index), *values.shape[1:]))
         for k in range(4):
-            found += self.weight[:, k].reshape(-1, *extra) * values[self.index[:, k]]
-        return found
+            samples += self.weight[:, k].reshape(-1, *extra) * values[self.index[:, k]]
+        return samples
 
     @property
     def measured(self) -> FloatArray:

@@ -10,8 +10,8 @@ import numpy as np
 
 from armcontour.control.compensation import InverseDynamics
 from armcontour.control.learning import LearningResult, LearningRun, Recording, judge_run, learn
-from armcontour.control.learning.aligning import fit_to
-from armcontour.control.learning.estimating import smooth_error
+from armcontour.control.learning.alignment import fit_to
+from armcontour.control.learning.error_estimate import smooth_error
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
@@ -20,7 +20,7 @@ from armcontour.core.render import number
 from armcontour.core.result import FILE, FIRST, TABLE, Data, Row, Table
 from armcontour.core.sampling import interpolate
 from armcontour.jobs.job import Job, Run, choose_run
-from armcontour.jobs.results import JobResult, RunResult
+from armcontour.jobs.job_result import JobResult, RunResult
 from armcontour.jobs.study import run
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.command_limits import describe_excess
@@ -54,11 +54,7 @@ class LearningStudy:
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
-        """The summary of the plan, and what was learned from its runs.
-
-        Args:
-            files: The files of the result, relative to its folder.
-        """
+        """The summary of the plan, and what was learned from its runs."""
         study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
         return study.to_data(files, {"learning": self.result})
 
@@ -74,20 +70,13 @@ class LearningStudy:
 
         It is the contour error that the encoders show, or the distance from the planned position if
         the plan has no path.
-
-        Args:
-            k: Index of the run.
         """
         run = self.lesson.runs[k]
         largest = run.tool_max if run.contour_max is None else run.contour_max
         return run.rms, largest
 
     def profile(self, k: int) -> ErrorProfile:
-        """Measured contour error over time in a run, with noise, until the end of the plan.
-
-        Args:
-            k: Index of the run.
-        """
+        """Measured contour error over time in a run, with noise, until the end of the plan."""
         assert self.lesson.lifted is not None
         t = self.lesson.lifted.t
         q = self.planned(t) + self.lesson.runs[k].error
@@ -103,21 +92,21 @@ class LearningStudy:
     def notes(self) -> list[str]:
         """Sentences on what comes next, and on what the runs have shown."""
         lesson = self.lesson
-        told = _on_time(0.0, lesson.runs[-1])
-        found = [self._verdict, *(f"{x}; learning allows for it." for x in told)]
+        timing = _on_time(0.0, lesson.runs[-1])
+        notes = [self._verdict, *(f"{x}; learning allows for it." for x in timing)]
         if any(lesson.misfits):
             before, after = (x * 1e3 for x in lesson.misfits)
-            found.append(
+            notes.append(
                 f"The log of run 1 deviates by {before:.3g} mrad RMS from the servo of the job. "
                 f"Learning uses a servo from which it deviates by {after:.3g} mrad: {lesson.servo}."
             )
-        found += _other_set_points(lesson.runs[-1]) + _corrections(lesson.runs[-1])
+        notes += _other_set_points(lesson.runs[-1]) + _corrections(lesson.runs[-1])
         if describe_excess(self.plan.set_points):
-            found.append(
+            notes.append(
                 "The set-points exceed limits of the joints already before learning, so learning "
                 "does not keep these limits either."
             )
-        return found
+        return notes
 
     @property
     def _verdict(self) -> str:
@@ -163,11 +152,7 @@ class JudgedStudy:
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
-        """The summary of the plan, and what its log shows.
-
-        Args:
-            files: The files of the result, relative to its folder.
-        """
+        """The summary of the plan, and what its log shows."""
         study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
         return study.to_data(files, {"judged": self.result})
 
@@ -240,13 +225,13 @@ class JudgedStudy:
     def notes(self) -> list[str]:
         """Sentences on the clock of the log, and on what it cannot show."""
         run = self.judged.runs[0]
-        found = [f"{x}; the errors allow for it." for x in _on_time(self.judged.delay, run)]
-        found += _other_set_points(run)
-        found.append(
+        notes = [f"{x}; the errors allow for it." for x in _on_time(self.judged.delay, run)]
+        notes += _other_set_points(run)
+        notes.append(
             "The errors are those at the encoders, or at the tracker if its file was given: what "
             "these do not see is not in them."
         )
-        return found
+        return notes
 
 
 def _measured_pieces(
@@ -270,36 +255,37 @@ def _measured_pieces(
 
 def _on_time(delay: float, run: LearningRun) -> list[str]:
     """Clauses on dead time that the model lacks, and on the clock of the log."""
-    found = []
+    sentences = []
     if delay >= TOLD_DELAY:
-        found.append(
+        sentences.append(
             f"The robot acts as if it were {number(delay, 's')} later than its servo model says"
         )
     if abs(run.rate - 1) >= TOLD_RATE:
-        found.append(
+        sentences.append(
             "The clock of the log differs from that of the set-points by "
             f"{(run.rate - 1) * 100:+.3f} %"
         )
-    return found
+    return sentences
 
 
 def _other_set_points(run: LearningRun) -> list[str]:
     """A sentence on a log whose set-points are not those of the run."""
-    off = float(np.sqrt(np.mean(run.error**2)))
-    if run.set_points_off <= max(TOLD_BESIDE, BESIDE * off):
+    deviation = float(np.sqrt(np.mean(run.error**2)))
+    if run.set_points_off <= max(TOLD_BESIDE, BESIDE * deviation):
         return []
     return [
-        f"The set-points in {run.source} are {number(run.set_points_off, 'rad')} RMS beside those "
-        f"of the set-points, where the joints are {number(off, 'rad')} RMS off the plan: if the "
-        "robot executed others, all figures of this run are wrong, so give these as --set-points."
+        f"The set-points in {run.source} differ from those of the run by "
+        f"{number(run.set_points_off, 'rad')} RMS, and the joints from the plan by "
+        f"{number(deviation, 'rad')} RMS: if the robot executed other set-points, all figures of "
+        "this run are wrong, so give those as --set-points."
     ]
 
 
 def _corrections(run: LearningRun) -> list[str]:
     """Sentences on outliers and encoder offsets in the log of a run."""
-    found = []
+    corrections = []
     if run.outliers:
-        found.append(
+        corrections.append(
             f"{run.source} has {run.outliers} outliers, which learning ignores: samples far from "
             "those before and after them."
         )
@@ -308,27 +294,22 @@ def _corrections(run: LearningRun) -> list[str]:
             f"joint {j + 1} by {run.encoder_shift[j] * 1e3:+.3g} mrad"
             for j in np.flatnonzero(run.encoder_shift)
         )
-        found.append(
+        corrections.append(
             f"Positions in {run.source} are shifted against the runs before: {shown}. Learning "
             "takes this for an offset of the encoders; if the arm itself has shifted, begin again."
         )
-    return found
+    return corrections
 
 
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:
     """Plan and set-points of one run of a job.
 
-    Args:
-        job: The job.
-        name: Name of the run; None for the only one.
-        progress: As in `run`.
-
     Raises:
         ArmContourError: No such run, or a run that cannot be planned.
     """
-    this = choose_run(job, name, "learned")
-    alone = replace(job, runs=(this,))
-    return run(alone, simulate=False, progress=progress).runs[this.name]
+    chosen = choose_run(job, name, "learned")
+    alone = replace(job, runs=(chosen,))
+    return run(alone, simulate=False, progress=progress).runs[chosen.name]
 
 
 def learn_run(
@@ -349,9 +330,6 @@ def learn_run(
         set_points: The set-points that were executed: those of the plan, or a lesson.
         executed: What the joints did, as `learn` takes it.
         tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
-
-    Raises:
-        ArmContourError: As `learn` raises it.
     """
     try:
         lesson = learn(
@@ -375,17 +353,7 @@ def learn_run(
 def learn_logs(
     job: Job, run: str | None, logs: Sequence[Log | Recording], progress: Progress | None = None
 ) -> LearningStudy:
-    """What logs of successive runs teach; each run executes the set-points learned before it.
-
-    Args:
-        job: The job.
-        run: Name of its run; None for the only one.
-        logs: What the joints did in each run, at least one.
-        progress: As in `run`.
-
-    Raises:
-        ArmContourError: As `plan_run` and `learn_run` raise it.
-    """
+    """What logs of successive runs teach; each run executes the set-points learned before it."""
     plan = plan_run(job, run, progress)
     lesson = _learned(job, plan, logs, progress)
     assert isinstance(lesson, LearningResult)
@@ -429,9 +397,6 @@ def judge_log(
         set_points: The set-points that were executed: those of the plan, or a lesson.
         log: What the joints did.
         tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
-
-    Raises:
-        InvalidInput: As `judge_run` raises it.
     """
     judged = judge_run(
         set_points,
@@ -458,10 +423,6 @@ def feeds_gravity_forward(run: Run) -> bool:
 def check_run(set_points: SetPoints, log: Log) -> None:
     """Refuse the log of an earlier run, by the set-points in it.
 
-    Args:
-        set_points: The set-points that were to be executed: of a lesson, or the first ones.
-        log: The log.
-
     Raises:
         InvalidInput: The set-points of an earlier run fit those of the log better.
     """
@@ -471,8 +432,8 @@ def check_run(set_points: SetPoints, log: Log) -> None:
     misfits = []
     for q in (*(x.q for x in set_points.runs), set_points.q):
         offset, rate = fit_to(log.t, log.command, times, q)
-        told = interpolate(offset + rate * log.t, times, q)
-        misfits.append(float(np.sqrt(np.mean((log.command - told) ** 2))))
+        commanded = interpolate(offset + rate * log.t, times, q)
+        misfits.append(float(np.sqrt(np.mean((log.command - commanded) ** 2))))
     k = int(np.argmin(misfits))
     if misfits[k] < NEARER * misfits[-1]:
         raise InvalidInput(

@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import nnls
 
-from armcontour.control.learning.lesson import LearningRun
-from armcontour.control.learning.lifted import Lifted
+from armcontour.control.learning.learning_result import LearningRun
+from armcontour.control.learning.lifted_model import Lifted
 from armcontour.core.checks import FloatArray
 
 # The relative error of the model's response where the model is right, from tests of `Response`.
@@ -49,9 +49,9 @@ def smooth_error(
         noise: Standard deviation of the white noise in the error [rad], (dof,).
         moved: Response to the change of the set-points since the first run [rad], (n, dof).
     """
-    rest = error - moved
-    variance = float(np.mean(model_error(noise, rest)))
-    return np.asarray(lifted.smooth(rest, lifted.choose_penalty(rest, variance)) + moved)
+    remaining = error - moved
+    variance = float(np.mean(model_error(noise, remaining)))
+    return np.asarray(lifted.smooth(remaining, lifted.choose_penalty(remaining, variance)) + moved)
 
 
 class Estimate:
@@ -116,43 +116,39 @@ class Estimate:
         of different set-points cannot tell these apart.
         """
         pairs = list(combinations(range(len(self.runs)), 2))
-        found = np.zeros(self.lifted.dof)
+        spread = np.zeros(self.lifted.dof)
         if len(pairs) == 1 and np.any(self._moves[1]):
-            return found
+            return spread
         if pairs:
             a, b = np.transpose(pairs)
             rests = self._errors - self._moves
             rests, moves = (((x[a] - x[b]) ** 2).mean(axis=1) for x in (rests, self._moves))
             floor = UNTESTED**2 * moves
-            seen = np.maximum(rests - self._white[a] - self._white[b] - floor, 0.0)
+            observed = np.maximum(rests - self._white[a] - self._white[b] - floor, 0.0)
             scale = np.maximum(rests + floor, 1e-300)
-            for j in range(len(found)):
+            for j in range(len(spread)):
                 rows = np.column_stack([np.full(len(pairs), 2.0), moves[:, j]])
-                found[j] = np.sqrt(nnls(rows / scale[:, [j]], seen[:, j] / scale[:, j])[0][0])
+                spread[j] = np.sqrt(nnls(rows / scale[:, [j]], observed[:, j] / scale[:, j])[0][0])
         # Less than the white noise of one value cannot be told from errors of the model.
-        return np.where(found > self.runs[-1].noise, found, 0.0)
+        return np.where(spread > self.runs[-1].noise, spread, 0.0)
 
     def _judge_spread(self) -> float:
         """RMS error of the tool that differs between runs [m]; how many values of it are free."""
         if not self.spread.any():
             return 0.0
         rests, squares = self._errors - self._moves, []
-        for rest in rests - rests.mean(axis=0):
-            off = smooth_error(self.lifted, rest, self.runs[-1].noise)
-            size = np.sqrt((off**2).mean(axis=0))
-            off *= self.spread / np.where(size > 0, size, 1.0)
-            squares.append(self.lifted.judge(off).rms ** 2)
-            power = np.abs(np.fft.rfft(off, axis=0)) ** 2
+        for deviation in rests - rests.mean(axis=0):
+            smooth = smooth_error(self.lifted, deviation, self.runs[-1].noise)
+            size = np.sqrt((smooth**2).mean(axis=0))
+            smooth *= self.spread / np.where(size > 0, size, 1.0)
+            squares.append(self.lifted.judge(smooth).rms ** 2)
+            power = np.abs(np.fft.rfft(smooth, axis=0)) ** 2
             free = 2 * power.sum() ** 2 / max(float((power**2).sum()), 1e-300)
             self.independent = min(self.independent, max(free, 1.0))
         return float(np.sqrt(np.mean(squares)))
 
     def _unknown(self, deviation: float) -> FloatArray:
-        """An error as probable as the one that noise leaves unknown [rad], (n, dof).
-
-        Args:
-            deviation: Standard deviation of the noise [rad].
-        """
+        """An error as probable as the one that noise leaves unknown [rad], (n, dof)."""
         random, shape = np.random.default_rng(0), self.runs[0].q.shape
         walk = random.normal(size=shape).cumsum(axis=0) * deviation / np.sqrt(self._penalty)
         error = self.lifted.respond(walk)
@@ -160,11 +156,7 @@ class Estimate:
         return self.lifted.smooth(error + white, self._penalty) - error
 
     def correct(self, setbacks: int) -> FloatArray:
-        """Set-points without the error that repeats [rad], (count, dof).
-
-        Args:
-            setbacks: Number of setbacks; each forbids changes that are ten times as slow.
-        """
+        """Set-points without the error that repeats [rad], (count, dof)."""
         if not setbacks:
             return np.asarray(self.runs[0].q + self._change)
         slow = self.lifted.correct(self.removed, self._penalty * SLOWER**setbacks)[0]
@@ -176,11 +168,11 @@ class Estimate:
         Runs count by the inverse variance of their noise and of the error of the model; these
         weights are returned, too, (runs, dof).
         """
-        off = UNTESTED**2 * ((moved - self._moves) ** 2).mean(axis=1)
-        weights = 1 / np.maximum(self.spread**2 + self._white + off, 1e-300)
+        variance = UNTESTED**2 * ((moved - self._moves) ** 2).mean(axis=1)
+        weights = 1 / np.maximum(self.spread**2 + self._white + variance, 1e-300)
         weights /= weights.sum(axis=0)
-        found = np.einsum("kj,knj->nj", weights, self._errors - self._moves + moved)
-        return found, weights
+        mean = np.einsum("kj,knj->nj", weights, self._errors - self._moves + moved)
+        return mean, weights
 
     def _compare(self) -> float:
         """How far the model's response is off, relatively, by the last run but the best one.
@@ -195,9 +187,9 @@ class Estimate:
                 continue
             miss = self._errors[k] - self._errors[best] - moved
             white = self._white[k] + self._white[best] + MODEL**2 * miss.var(axis=0)
-            left = lifted.smooth(miss, lifted.choose_penalty(miss, float(np.mean(white))))
-            share = 2 * float(np.mean(self.spread**2)) / max(float(np.mean(left**2)), 1e-300)
-            square = lifted.judge(left).tool_rms ** 2 * max(1 - share, 0.0)
+            smooth = lifted.smooth(miss, lifted.choose_penalty(miss, float(np.mean(white))))
+            share = 2 * float(np.mean(self.spread**2)) / max(float(np.mean(smooth**2)), 1e-300)
+            square = lifted.judge(smooth).tool_rms ** 2 * max(1 - share, 0.0)
             return float(np.sqrt(max(square - 2 * self._in_loops.tool_rms**2, 0.0))) / size
         return UNTESTED
 
@@ -225,17 +217,17 @@ class Estimate:
         for j in range(self.lifted.dof if others.any() else 0):
             # The smallest error of the mean, and of its noise.
             columns = apart[others, :, j]
-            own = LINEAR**2 * squares[others, j] + count * (noise[others, j] + spread[j])
-            square = columns @ columns.T + np.diag(own)
+            variance = LINEAR**2 * squares[others, j] + count * (noise[others, j] + spread[j])
+            square = columns @ columns.T + np.diag(variance)
             weights[others, j] = np.linalg.lstsq(square, -columns @ errors[best, :, j])[0]
         weights[best] = 1 - weights.sum(axis=0)
         q = np.einsum("kj,knj->nj", weights, [x.q for x in self.runs])
         change = self.lifted.respond(q - self.runs[best].q)
         error = errors[best] + np.einsum("kj,knj->nj", weights, apart - moved) + change
         # The mean of all runs has less noise; it counts by its share of the variance.
-        own = (weights**2 * (noise + spread + LINEAR**2 * squares / count)).sum(axis=0)
+        variance = (weights**2 * (noise + spread + LINEAR**2 * squares / count)).sum(axis=0)
         mean, each = self._mean_at(change + self._moves[best])
-        share = own / np.maximum(own + (each**2 * (noise + spread)).sum(axis=0), 1e-300)
+        share = variance / np.maximum(variance + (each**2 * (noise + spread)).sum(axis=0), 1e-300)
         error += share * (mean - error)
         weights += share * (each - weights)
         return q, error, float(np.mean((weights**2 * noise).sum(axis=0)))
