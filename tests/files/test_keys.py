@@ -18,9 +18,9 @@ from armcontour.core.quantities import AtLeast, Choice, Ratio, Speed
 from armcontour.core.render import jsonable
 from armcontour.core.yaml_layout import load
 from armcontour.files.cell import cell_names, cell_text
+from armcontour.files.file_keys import Given, Keys, read_keys
 from armcontour.files.job_model import CellModel
-from armcontour.files.json_text import to_json
-from armcontour.files.keys import Given, Keys, read_keys
+from armcontour.files.result_folder import to_json
 from armcontour.files.si_data import in_si
 from armcontour.robot.servo.model import Gains
 

@@ -25,7 +25,7 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import read_text
 from armcontour.core.quantities import AtLeast, Choice
 from armcontour.core.yaml_layout import load
-from armcontour.files.keys import Keys, read_keys
+from armcontour.files.file_keys import Keys, read_keys
 
 PRODUCT, ZIP = "product", "zip"
 # Largest number of jobs of a plan: their rows take about 1 kB each.

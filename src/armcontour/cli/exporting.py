@@ -422,7 +422,7 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     from armcontour.core.text import capitalise
     from armcontour.files.cell import read_cell_arm
     from armcontour.files.exports.formats import put
-    from armcontour.files.stored_run import read_run
+    from armcontour.files.trajectory_file import read_run
     from armcontour.verification.evaluation import duration_row
 
     (target,) = _with_outputs(

@@ -59,9 +59,9 @@ def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -
         InvalidInput: The drawing cannot be read.
     """
     from armcontour.cli.opening import name_options, read_patch
-    from armcontour.files.drawings.options import ReadOptions
     from armcontour.files.drawings.read import read_path
-    from armcontour.files.keys import Keys, read_keys
+    from armcontour.files.drawings.read_options import ReadOptions
+    from armcontour.files.file_keys import Keys, read_keys
 
     patch, options = read_patch(drawing)
     data = {str(key): value for (_, key), value in patch.items()}

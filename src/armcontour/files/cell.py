@@ -13,14 +13,14 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
 from armcontour.core.text import make_printable, shorten
 from armcontour.core.yaml_layout import load
+from armcontour.files.file_keys import Given, read_keys
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_edits import REMOVE, move_files
 from armcontour.files.job_file import job_of, job_text, model_of, read_data
 from armcontour.files.job_model import CellModel, PathModel
 from armcontour.files.job_path import part_of, read_drawing
-from armcontour.files.keys import Given, read_keys
 from armcontour.files.patch import Patch, apply, write
-from armcontour.files.scene import scene_of
+from armcontour.files.scene_file import scene_of
 from armcontour.jobs import Job
 from armcontour.jobs.job import LONGEST_TITLE
 from armcontour.robot import Arm

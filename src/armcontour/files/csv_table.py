@@ -362,11 +362,7 @@ def _is_blank_separated(lines: Sequence[str]) -> bool:
 
 
 def _split(line: str, separator: str | None) -> list[str]:
-    """The cells of a line; between blanks without a separator.
-
-    Raises:
-        csv.Error: A quote that is not closed, or a cell in quotes that is too long.
-    """
+    """The cells of a line; between blanks without a separator."""
     if separator is None or '"' not in line:
         # Most lines of large files have no blanks.
         cells = line.split(separator)

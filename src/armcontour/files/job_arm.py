@@ -19,7 +19,7 @@ from armcontour.files.job_model import (
 )
 from armcontour.files.robots.loading import load_arm, with_more_shapes
 from armcontour.files.robots.options import DESCRIPTIONS, MJCF
-from armcontour.files.scene import assumed_tool, more_link_shapes, rotation_of, tool_shapes
+from armcontour.files.scene_file import assumed_tool, more_link_shapes, rotation_of, tool_shapes
 from armcontour.geometry import Path
 from armcontour.program import Program
 from armcontour.robot import Arm

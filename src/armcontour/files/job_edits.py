@@ -17,8 +17,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_layout import Loader, load_with_node
 from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.problems import place
-from armcontour.files.yaml_text import Shared, Splice, YamlText, same
-from armcontour.files.yaml_values import flow_text
+from armcontour.files.yaml_text import Shared, Splice, YamlText, flow_text, same
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
@@ -82,10 +81,6 @@ def change_text(text: str, changes: Sequence[Change], source: str = "job") -> st
 def change_data(data: Any, changes: Sequence[Change]) -> Any:
     """The data of a job file with some keys changed; the given data stay as they are.
 
-    Args:
-        data: The data.
-        changes: The changes, one after the other.
-
     Raises:
         InvalidInput: A position that its list does not have.
     """
@@ -95,13 +90,7 @@ def change_data(data: Any, changes: Sequence[Change]) -> Any:
 
 
 def move_files(text: str, folder: FilePath, to: FilePath) -> str:
-    """A job file that names the same files from another folder.
-
-    Args:
-        text: The job file.
-        folder: Its folder.
-        to: The other folder.
-    """
+    """A job file that names the same files from another folder."""
     root = yaml.compose(text, Loader=Loader)
     edits = []
     for node in _file_names(root):
@@ -114,10 +103,6 @@ def move_files(text: str, folder: FilePath, to: FilePath) -> str:
 
 def file_names(text: str, source: str = "job") -> list[str]:
     """The files and folders that a job file names.
-
-    Args:
-        text: The job file.
-        source: Name of the text in messages.
 
     Raises:
         InvalidInput: Not YAML.
@@ -232,13 +217,7 @@ def line_of(text: str, sentence: str) -> int | None:
 
 
 def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
-    """The value of data at some keys.
-
-    Args:
-        data: Data as parsed.
-        keys: The keys, from the outside in.
-        default: What is returned if there is none.
-    """
+    """The value of data at some keys."""
     for key in keys:
         if isinstance(data, list) and isinstance(key, int) and 0 <= key < len(data):
             data = data[key]
@@ -256,11 +235,7 @@ def meet(one: Keys, other: Keys) -> bool:
 
 
 def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
-    """What changes in a text with a change.
-
-    Raises:
-        Shared: An alias stands for what has to change.
-    """
+    """What changes in a text with a change."""
     here = text.root
     for depth, key in enumerate(change.keys):
         rest = change.keys[depth + 1 :]

@@ -19,6 +19,7 @@ from armcontour.core.file_access import read_text
 from armcontour.core.progress import Progress
 from armcontour.core.text import show
 from armcontour.core.yaml_layout import load
+from armcontour.files.file_keys import Keys, read_keys, schema_of
 from armcontour.files.job_arm import arm_of, equipped
 from armcontour.files.job_model import (
     ExperimentModel,
@@ -27,9 +28,8 @@ from armcontour.files.job_model import (
     RunModel,
 )
 from armcontour.files.job_path import part_of, path_of
-from armcontour.files.keys import Keys, read_keys, schema_of
 from armcontour.files.problems import Patch
-from armcontour.files.scene import scene_of
+from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Experiment, Job, Rounding, Run
 from armcontour.motion import DEFAULT_CYCLE
@@ -120,10 +120,6 @@ def parse_job(
 def read_data(text: str, source: str) -> dict[str, Any]:
     """Read the data of a job file, whose keys are not checked.
 
-    Args:
-        text: YAML.
-        source: Name of the text in messages.
-
     Raises:
         InvalidInput: Not YAML, or no mapping.
     """
@@ -208,11 +204,7 @@ def parts_of(
 
 
 def _start(start: list[float] | dict[str, float], arm: Arm) -> FloatArray:
-    """The key `start`: joint positions in the order of the arm, or by the names of its joints.
-
-    Raises:
-        InvalidInput: Names that are not those of the joints.
-    """
+    """The key `start`: joint positions in the order of the arm, or by the names of its joints."""
     if isinstance(start, list):
         return np.array(start)
     if set(start) != set(arm.joint_names):
@@ -323,11 +315,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
 
 
 def _timing(model: RunModel, cycle: float) -> PlanOptions:
-    """Options of the plan of a run, with the values that other keys have.
-
-    Raises:
-        InvalidInput: A duration for a method that does not plan one.
-    """
+    """Options of the plan of a run, with the values that other keys have."""
     if isinstance(model.timing, Optimal):
         return dataclasses.replace(model.timing, duration=model.duration)
     if model.duration is not None:
@@ -421,13 +409,7 @@ def _switched(program: Program, process: Process) -> set[str]:
 
 
 def _on_drawing(process: Process, drawing: PathModel, there: Collection[str]) -> Process:
-    """A process with the vertical direction and the speeds of layers from a job's path.
-
-    Args:
-        process: The process.
-        drawing: The key `path` of the job.
-        there: Names of the layers in the drawing.
-    """
+    """A process with the vertical direction and the speeds of layers from a job's path."""
     layers = drawing.layers if isinstance(drawing.layers, dict) else {}
     # The reader has noted layers that are missing in the file.
     known = {name: x for name, x in layers.items() if name in there}

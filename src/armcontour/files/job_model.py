@@ -23,11 +23,11 @@ from armcontour.core.quantities import (
     Tolerance,
 )
 from armcontour.core.text import show
-from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.read_options import ReadOptions
+from armcontour.files.file_keys import Given, Methods
 from armcontour.files.forms import FORMS, Form, Place, Point
-from armcontour.files.keys import Given, Methods
 from armcontour.files.robots.options import ArmOptions
-from armcontour.files.scene import BodiesModel, Direction, RotationModel, SceneModel
+from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.files.units import parse
 from armcontour.geometry import SegmentLimits
 from armcontour.jobs import CertificateGoal, Experiment, PlaceSearch, Rounding

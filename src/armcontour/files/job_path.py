@@ -12,7 +12,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
-from armcontour.files.drawings.options import FARTHEST, ReadOptions
+from armcontour.files.drawings.read_options import FARTHEST, ReadOptions
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_model import (
     OrientationModel,
@@ -21,7 +21,7 @@ from armcontour.files.job_model import (
     SegmentModel,
 )
 from armcontour.files.problems import place
-from armcontour.files.scene import rotation_of
+from armcontour.files.scene_file import rotation_of
 from armcontour.geometry import Arc, Line, Path, SegmentLimits
 from armcontour.program import Contour, Program, contour_called
 from armcontour.program.moves import name_copy
@@ -129,11 +129,7 @@ def _oriented(model: PathModel) -> Path:
 
 
 def _refuse_space(model: PathModel, program: Program) -> None:
-    """Refuse a drawing that a planar arm cannot follow: with z or an orientation.
-
-    Raises:
-        InvalidInput: The drawing does not stay in the plane.
-    """
+    """Refuse a drawing that a planar arm cannot follow: with z or an orientation."""
     if program.dimension == 3:
         raise InvalidInput(
             f"path.file: {program.source} has z, but the arm moves its tool in the plane: "
@@ -197,11 +193,7 @@ def part_of(model: PathModel) -> Frame:
 
 
 def _repeat(program: Program, how: RepeatModel, names: Sequence[str] | None) -> Program:
-    """Copies of a program; with `names` only these copies, or all copies of these contours.
-
-    Raises:
-        InvalidInput: Copies that cannot be made, or an unknown name.
-    """
+    """Copies of a program; with `names` only these copies, or all copies of these contours."""
     with error_context("path.repeat"):
         copies = program.repeated(**dataclasses.asdict(how))
     if names is None:
@@ -216,11 +208,7 @@ def _repeat(program: Program, how: RepeatModel, names: Sequence[str] | None) -> 
 
 
 def _orient_contours(program: Program, how: OrientationModel) -> Program:
-    """Give every contour of a program the same tool orientation.
-
-    Raises:
-        InvalidInput: A contour that the orientation does not fit.
-    """
+    """Give every contour of a program the same tool orientation."""
     moves, number = list(program.moves), 0
     for i, x in enumerate(moves):
         if not isinstance(x, Contour):

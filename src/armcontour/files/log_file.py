@@ -17,8 +17,16 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.text import list_some, show
 from armcontour.files.csv_table import MOST_NAMED, CsvTable, read_table
-from armcontour.files.joint_table import TrajectoryFile, joints_of, read_csv_text, read_samples
-from armcontour.files.joint_titles import AXES, Key, read_joint_title, read_tool_title
+from armcontour.files.joint_table import (
+    AXES,
+    Key,
+    TrajectoryFile,
+    joints_of,
+    read_csv_text,
+    read_joint_title,
+    read_samples,
+    read_tool_title,
+)
 from armcontour.files.ros_files import is_ros_file, read_ros_log
 from armcontour.motion.log import INTERPOLATIONS, Log, cut
 from armcontour.motion.log_checks import arrange
@@ -157,11 +165,7 @@ def _read(
 def _joint_motion(
     table: CsvTable[Key], start: float, end: float, *, positions: bool
 ) -> TrajectoryFile:
-    """Commands and measured positions; with `positions` also measured positions alone.
-
-    Raises:
-        InvalidInput: No joint has both.
-    """
+    """Commands and measured positions; with `positions` also measured positions alone."""
     joints = {role: joints_of(table, "q", role) for role in BOTH}
     if positions and joints["measured"] and not joints["command"]:
         roles, (names, notes) = ["measured"], (joints["measured"], list[str]())
@@ -220,10 +224,6 @@ def read_tool_positions(file: str | FilePath, dimension: int) -> tuple[FloatArra
     `tool x` or `tcp_x`. Units are SI unless in brackets or a suffix: `t [ms]`, `x [mm]`, `x_mm`.
     Other columns are left out. Positions are those of the tool point in the frame of the job's
     path. Times, separators and comments are as in `read_log`.
-
-    Args:
-        file: The file.
-        dimension: Number of coordinates, 2 or 3.
 
     Returns:
         Times [s], (n,), and positions [m], (n, dimension).

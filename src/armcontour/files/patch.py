@@ -189,11 +189,7 @@ def _changes(keys: Keys, value: Any, data: Any, run: str | None) -> Iterator[Cha
 
 
 def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iterator[Change]:
-    """The changes that a shape of the corners makes, in all runs that can have it.
-
-    Raises:
-        InvalidInput: There is no such run.
-    """
+    """The changes that a shape of the corners makes, in all runs that can have it."""
     refused = True
     for name in runs:
         inherited = place(("corners",), data, name)
@@ -218,11 +214,7 @@ def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iter
 
 
 def _set(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
-    """The changes that a value makes at its keys.
-
-    Raises:
-        InvalidInput: There is something on the way that has no keys.
-    """
+    """The changes that a value makes at its keys."""
     for k in range(1, len(keys)):
         here, rest = value_at(data, keys[:k]), keys[k:]
         # Short forms of mappings are written whole.

@@ -46,12 +46,7 @@ SHOWN = 80
 
 
 def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
-    """The most informative problem as a sentence, and the number of other problems.
-
-    Args:
-        error: The problems that pydantic found.
-        schema: JSON Schema of the whole file.
-    """
+    """The most informative problem as a sentence, and the number of other problems."""
     problems = error.errors()
     # If a key may have one of several types, take the problem of the type that fits best.
     first = max(problems, key=_rank)

@@ -1,23 +1,74 @@
-"""Write an identified robot: an arm file, and its servo as keys of a job file."""
+"""Files about one robot: limits, an identified arm and its servo."""
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
 import yaml
 
 from armcontour._version import __version__
-from armcontour.control.identification import BodyIdentification, Estimate
+from armcontour.control.identification import (
+    BodyIdentification,
+    Estimate,
+    Identification,
+    JointIdentification,
+)
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import read_text
-from armcontour.core.render import jsonable
+from armcontour.core.quantities import Angle, Length
+from armcontour.core.render import figure, jsonable
 from armcontour.core.yaml_layout import load
-from armcontour.files.keys import Keys, read_keys
+from armcontour.files.file_keys import Given, Keys, read_keys
+from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LimitsFile(Limits):
+    """Keys of a limits file.
+
+    Args:
+        deviation: Largest distance of the tool from its path [m].
+        orientation_deviation: Largest angle between the tool and its required orientation [rad].
+    """
+
+    deviation: Length | None = None
+    orientation_deviation: Angle | None = None
+
+
+def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, float | None]:
+    """Read limits from a YAML file.
+
+    Limits that the file leaves out are the arm's own; infinity lifts a limit, as in a job file.
+
+    Returns:
+        The limits, and the largest deviation from the path [m] and from the required orientation
+        [rad]; None where the file gives none.
+
+    Raises:
+        InvalidInput: No such file, not YAML, an unknown key, or a value that is not a limit.
+    """
+    place = FilePath(file)
+    text = read_text(place, "limits file")
+    data = load(text, place.name)
+    if not isinstance(data, dict):
+        raise InvalidInput(f"{place.name} must hold a mapping of limits such as speed: 0.15 m/s.")
+    if "joint_limits" in data:
+        raise InvalidInput(
+            f"{place.name} is a file of joint limits of MoveIt, which belongs to the arm: give it "
+            "with --joint-limits."
+        )
+    given = read_keys(Given(LimitsFile), data, place.name)
+    deviations = [given.pop(name, None) for name in ("deviation", "orientation_deviation")]
+    with error_context(place.name):
+        limits = resolve_limits(place.name, arm, Limits(**given))
+    return limits, *deviations
 
 
 def robot_yaml(found: BodyIdentification, arm: str | Mapping[str, str], folder: FilePath) -> str:
@@ -81,10 +132,6 @@ def robot_servo_yaml(found: BodyIdentification) -> str:
 def read_servo(file: FilePath, dof: int) -> ServoModel:
     """The key `servo` of a YAML file, such as a job file or an identified servo.yaml.
 
-    Args:
-        file: The file.
-        dof: Number of joints.
-
     Raises:
         InvalidInput: Not YAML, no key `servo`, or values that make no servo.
     """
@@ -128,3 +175,82 @@ def _ranges(estimates: Sequence[Estimate]) -> str:
     return "; ".join(
         f"{x.low:.5g} to {x.high:.5g}" if x.determined else "nominal" for x in estimates
     )
+
+
+# Parameters with one value per joint in a servo file, with their units.
+LISTS = {
+    "kp": "1/s",
+    "kv": "1/s",
+    "ki": "1/s",
+    "velocity_feedforward": "",
+    "acceleration_feedforward": "",
+    "friction": "rad",
+    "dead_time": "s",
+    "acceleration_limit": "rad/s^2; none: it never saturates",
+    "model_error": "rad, largest error on motion that was not fitted",
+    "logged_velocity": "rad/s, largest one of that motion",
+    "logged_acceleration": "rad/s^2",
+}
+# Parameters with one value.
+SINGLE = {
+    "contour_ratio": "contour error with compensation over without, on motion that was not fitted",
+    "programs": "programs on which it was determined",
+    "drive_cycle": "s",
+}
+
+
+def servo_yaml(found: Identification) -> str:
+    """The key `servo` of a job file, with identified values.
+
+    Raises:
+        InvalidInput: The logs determine the servo of no joint.
+    """
+    servo = found.servo_model()
+    lines = [
+        f"# Identified from {found.source} by armcontour {__version__}: goes into a job file.",
+        *(f"# {x.note or f'{x.name}: {_joint_ranges(x)}'}" for x in found.joints),
+        *(f"# {x.saturation}" for x in found.joints if x.saturation),
+        *([f"# {servo.doubt}"] if servo.doubt else []),
+        *servo_lines(servo, len(found.joints)),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def servo_values(found: Identification) -> dict[str, Any]:
+    """The values of the key `servo` of a job file, as `servo_yaml` writes them.
+
+    Raises:
+        InvalidInput: As `servo_yaml`.
+    """
+    return dict(load(servo_yaml(found), "servo")["servo"])
+
+
+def servo_lines(servo: ServoModel, dof: int) -> list[str]:
+    """The key `servo` with one value per joint, as lines of YAML."""
+    orders = [servo.order] * dof if isinstance(servo.order, str) else servo.order
+    lines = ["servo:", f"  order: [{', '.join(orders)}]"]
+    for name, unit in LISTS.items():
+        values = getattr(servo, name)
+        if values is not None:
+            lines.append(f"  {name}: {_yaml_list(values)}{f'    # {unit}' if unit else ''}")
+    for name, unit in SINGLE.items():
+        if (value := getattr(servo, name)) is not None:
+            lines.append(f"  {name}: {value:.6g}    # {unit}")
+    return [*lines, f"  interpolation: {servo.interpolation}"]
+
+
+def _yaml_list(values: Any) -> str:
+    """Numbers as a list in YAML; `none` is infinity."""
+    return "[" + ", ".join("none" if math.isinf(x) else f"{float(x):.6g}" for x in values) + "]"
+
+
+def _joint_ranges(joint: JointIdentification) -> str:
+    """Estimates of a joint with their ranges, for a comment."""
+    return "effective " * joint.effective + "; ".join(_range(x) for x in joint.estimates)
+
+
+def _range(x: Estimate) -> str:
+    """An estimate with its range, for a comment."""
+    if not x.determined:
+        return f"{x.label} not determined"
+    return f"{x.label} {figure(x.row)} {x.row.note}".rstrip()

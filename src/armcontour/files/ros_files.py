@@ -111,11 +111,7 @@ def read_ros_motion(
 
 
 def _renaming(source: str, names: str | None) -> Callable[[Sequence[str]], tuple[str, ...]]:
-    """A function that renames joints.
-
-    Raises:
-        InvalidInput: The names are those of columns.
-    """
+    """A function that renames joints."""
     if names is not None and "=" not in names:
         raise InvalidInput(
             f"{source} is a file of ROS, which has no columns to name: --columns can only rename "
@@ -177,11 +173,7 @@ def _read_yaml(
     joint_names: Sequence[str],
     called: Callable[[Sequence[str]], tuple[str, ...]],
 ) -> TrajectoryFile:
-    """A JointTrajectory as it is exported, or as `ros2 topic echo` prints it or what has it.
-
-    Raises:
-        InvalidInput: Another content.
-    """
+    """A JointTrajectory as it is exported, or as `ros2 topic echo` prints it or what has it."""
     # What `echo` prints ends with the mark of a next message.
     text = read_text(file, "trajectory file").rstrip().removesuffix("---")
     data = _trajectory_in(file.name, yaml_layout.load(text, file.name))
@@ -198,15 +190,7 @@ def _read_yaml(
 
 
 def _trajectory_in(source: str, data: Any) -> Any:
-    """The JointTrajectory in a goal or a message, or the data itself.
-
-    Args:
-        source: Name of the file.
-        data: Mapping of YAML, or message of a bag.
-
-    Raises:
-        InvalidInput: There are several.
-    """
+    """The JointTrajectory in a goal or a message, or the data itself."""
     if isinstance(data, list):
         if len(data) > 1:
             raise InvalidInput(
@@ -312,11 +296,7 @@ def _stack(
     orders: Sequence[list[int]],
     kinds: Sequence[str] = tuple(ARRAYS),
 ) -> dict[str, FloatArray]:
-    """Arrays of the points, with joints in the wanted order; those that points lack are left out.
-
-    Raises:
-        InvalidInput: A point without positions, or with another number of joints than the others.
-    """
+    """Arrays of the points with joints in the requested order; kinds that points lack are omitted."""
     found = {}
     for kind in kinds:
         rows = [getattr(x, ARRAYS[kind], ()) for x in points]
@@ -336,11 +316,7 @@ def _stack(
 
 
 def _order(source: str, names: Sequence[str], wanted: Sequence[str]) -> list[int]:
-    """Places of the wanted joints among those of a message.
-
-    Raises:
-        InvalidInput: One is missing.
-    """
+    """Places of the wanted joints among those of a message."""
     found = match_joints(list(names), wanted, source)
     if not found:
         raise InvalidInput(_describe_missing(source, names, wanted))
@@ -360,11 +336,7 @@ def _describe_missing(source: str, known: Sequence[str], wanted: Sequence[str]) 
 def _read_bag(
     file: FilePath, kinds: Sequence[str], topic: str | None
 ) -> tuple[str, list[tuple[int, Any]]]:
-    """Type, and times [ns] with messages, of one topic of a bag.
-
-    Raises:
-        InvalidInput: No bag, rosbags is not installed, or no topic or several that would do.
-    """
+    """Type, and times [ns] with messages, of one topic of a bag."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -467,11 +439,7 @@ class _Unpacker:
 
 
 def _refuse_size(file: FilePath) -> None:
-    """Refuse a bag that is not there or too large.
-
-    Raises:
-        InvalidInput: As said.
-    """
+    """Refuse a bag that is not there or too large."""
     if not file.exists():
         raise InvalidInput(f"There is no trajectory file or log {file}.")
     parts = [x for x in file.iterdir() if x.is_file()] if file.is_dir() else [file]
@@ -486,11 +454,7 @@ def _refuse_size(file: FilePath) -> None:
 def _choose_topic(
     source: str, types: dict[str, str], kinds: Sequence[str], topic: str | None
 ) -> str:
-    """The topic to read: the given one, or the only one of the first type that a bag has.
-
-    Raises:
-        InvalidInput: No topic, or several.
-    """
+    """The topic to read: the given one, or the only one of the first type that a bag has."""
     shown = ", ".join(f"{show(k)} ({x.rpartition('/')[2]})" for k, x in types.items()) or "none"
     names = " or ".join(x.rpartition("/")[2] for x in kinds)
     if topic is not None:

@@ -9,8 +9,8 @@ from functools import cache
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from armcontour.core.quantities import PartialFields, Quantity
+from armcontour.files.file_keys import Given, Keys, Methods
 from armcontour.files.forms import FORMS, Form
-from armcontour.files.keys import Given, Keys, Methods
 from armcontour.files.units import read_quantity
 
 # A quantity, a dataclass, or a type of lists or mappings.
@@ -18,12 +18,7 @@ Kind = Any
 
 
 def quantity_of(of: type, keys: Sequence[str | int]) -> Quantity | None:
-    """The quantity that a key of a file takes; None if it takes none.
-
-    Args:
-        of: The dataclass of the file.
-        keys: The keys that lead there, from the outermost.
-    """
+    """The quantity that a key of a file takes; None if it takes none."""
     kinds: tuple[Kind, ...] = (of,)
     for key in keys:
         # One value for all joints, or a list with one for each.
@@ -36,10 +31,6 @@ def in_si(data: Any, of: type) -> Any:
     """The data of a file with plain numbers in SI units for all quantities.
 
     What is no quantity of the required unit stays as it is: reading the file refuses it.
-
-    Args:
-        data: The data.
-        of: The dataclass of the file.
     """
     return _convert(data, (of,))
 

@@ -147,10 +147,6 @@ def share(value: Any) -> float:
 def read_quantity(value: Any, kind: Quantity) -> float:
     """Convert a quantity that a user wrote to SI units, and check its range.
 
-    Args:
-        value: A plain number, or text with a unit.
-        kind: Unit and range of the quantity.
-
     Raises:
         ValueError: No quantity of this unit, or out of range.
     """
@@ -223,10 +219,6 @@ def _written(old: Any, kind: Quantity) -> tuple[str, str] | None:
 def read_plain(value: Any, kind: Quantity) -> float:
     """Convert a quantity to SI units, in any range.
 
-    Args:
-        value: A plain number, or text with a unit.
-        kind: Its unit.
-
     Raises:
         ValueError: As in `read_quantity`.
     """
@@ -234,14 +226,7 @@ def read_plain(value: Any, kind: Quantity) -> float:
 
 
 def _shortest(number: float, value: float, read: Callable[[str], float], within: float) -> str:
-    """The fewest digits of a number that are read as a value.
-
-    Args:
-        number: The number.
-        value: The value [SI].
-        read: Gives the value of a text.
-        within: How far the value of the text may be off [SI].
-    """
+    """The fewest digits of a number that are read as a value."""
     allowed = max(within, NOISE * abs(value))
     text = "0"
     if abs(value) <= allowed:

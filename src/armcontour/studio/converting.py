@@ -13,10 +13,10 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import Quantity
+from armcontour.files.file_keys import Keys, read_keys
 from armcontour.files.job_edits import Change, change_data
 from armcontour.files.job_model import PathModel
 from armcontour.files.job_path import READING, path_of
-from armcontour.files.keys import Keys, read_keys
 from armcontour.files.units import write_like
 from armcontour.geometry import Path
 from armcontour.studio.handles import ANGLE, FILE, LENGTH, Handles

@@ -10,9 +10,8 @@ from scipy.interpolate import BSpline
 from tests.files.tables import refusals
 
 import armcontour as ac
-from armcontour.files.drawings.chain import Chain
-from armcontour.files.drawings.shapes import Outline, paths_of
-from armcontour.files.drawings.splines import Spline, fit_splines
+from armcontour.files.drawings.arc_chain import Chain
+from armcontour.files.drawings.outlines import Outline, Spline, fit_splines, paths_of
 
 CSV = "x,y,contour,layer\n0,0,a,CUT\n20,0,a,CUT\n0,10,b,MARK\n20,10,b,MARK\n"
 GCODE = "G21 F600\nG0 X0 Y0\nG1 X20\nG0 X0 Y10 Z2\nG1 X20\n"
@@ -180,7 +179,7 @@ def test_a_b_spline_with_any_knots_and_weights_is_followed(seed, degree, extra):
 
 
 def test_many_curves_at_once_are_what_each_is_alone(monkeypatch):
-    monkeypatch.setattr("armcontour.files.drawings.splines.AT_ONCE", 20)
+    monkeypatch.setattr("armcontour.files.drawings.outlines.AT_ONCE", 20)
     rng = np.random.default_rng(4)
     counts = 3 * rng.integers(1, 6, 16) + 1
     splines = [Spline(points=rng.uniform(0, 0.1, (n, 2)), degree=3) for n in counts]

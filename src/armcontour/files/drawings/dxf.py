@@ -20,7 +20,8 @@ from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.core.text import list_some
-from armcontour.files.drawings._dxf_entities import (
+from armcontour.files.drawings.arc_chain import WITHOUT_Z, Affine
+from armcontour.files.drawings.dxf_entities import (
     NO_CONTOUR,
     SHAPES,
     Unreadable,
@@ -29,10 +30,8 @@ from armcontour.files.drawings._dxf_entities import (
     grid,
     insertions,
 )
-from armcontour.files.drawings.chain import WITHOUT_Z, Affine
-from armcontour.files.drawings.options import ReadOptions
-from armcontour.files.drawings.reading import SKIP, hex_of
-from armcontour.files.drawings.shapes import Outline
+from armcontour.files.drawings.outlines import Outline
+from armcontour.files.drawings.read_options import SKIP, ReadOptions, hex_of
 from armcontour.files.drawings.walk import NAMED, WALKED, Drawn, Place, Walk, place_outline
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Program
@@ -127,11 +126,7 @@ def read_dxf(
 
 
 def _unit(code: Any, source: str, options: ReadOptions) -> float:
-    """Length of the drawing's unit [m], by its code in the header.
-
-    Raises:
-        InvalidInput: Neither the reading nor the drawing has a known unit.
-    """
+    """Length of the drawing's unit [m], by its code in the header."""
     if options.unit is not None:
         return options.unit
     if code in UNITS:
@@ -141,11 +136,7 @@ def _unit(code: Any, source: str, options: ReadOptions) -> float:
 
 
 def _flattened(found: list[Drawn], source: str) -> list[Drawn]:
-    """The entities in the plane if all z are 0, otherwise in space.
-
-    Raises:
-        InvalidInput: A drawing in space is clipped.
-    """
+    """The entities in the plane if all z are 0, otherwise in space."""
 
     def is_flat(points: FloatArray) -> bool:
         return bool(np.abs(points[:, 2]).max() <= REPEATED_POINT)
@@ -262,11 +253,7 @@ class DxfWalk(Walk):
     def _drawn(
         self, entity: Any, kind: str, name: str, layer: str, block: Place
     ) -> Iterator[Drawn]:
-        """Yield the shapes of a visible entity, of which MLINE and TEXT have several.
-
-        Raises:
-            Unreadable: The entity is unknown, or does not define a shape.
-        """
+        """Yield the shapes of a visible entity, of which MLINE and TEXT have several."""
         if kind == "MLINE":
             for k, part in enumerate(entity.virtual_entities()):
                 yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)
@@ -286,11 +273,7 @@ class DxfWalk(Walk):
     def _shape(
         self, entity: Any, kind: str, name: str, layer: str, block: Place
     ) -> Iterator[Drawn]:
-        """Yield the shape of an entity, if it has a length and one of the chosen colours.
-
-        Raises:
-            Unreadable: The entity does not define a shape.
-        """
+        """Yield the shape of an entity, if it has a length and one of the chosen colours."""
         if not self.wants_color(self._color(entity, layer, block)):
             return
         check_found(entity)
@@ -327,11 +310,7 @@ class DxfWalk(Walk):
         return self._layers.get(_key(own), (own, ""))
 
     def _insert(self, entity: Any, block: Place, name: str, layer: str) -> Iterator[Drawn]:
-        """Yield the shapes of all copies of a block.
-
-        Raises:
-            Unreadable: The block is missing, contains itself, or has too many copies.
-        """
+        """Yield the shapes of all copies of a block."""
         if self.wants_layer(layer):
             for _ in getattr(entity, "attribs", ()):
                 self.leave_out(NOT_READ, "ATTRIB")
@@ -378,11 +357,7 @@ class DxfWalk(Walk):
         return rows * columns * self._sizes[name]
 
     def _leave(self, kind: str, name: str, layer: str, why: str, handle: str) -> None:
-        """Leave out an entity that cannot be read, or refuse it.
-
-        Raises:
-            InvalidInput: Such entities are refused.
-        """
+        """Leave out an entity that cannot be read, or refuse it."""
         if kind != "INSERT" and not self.wants_layer(layer):
             return
         # Looking for a line takes as long as the file; the notes name the first entities only.

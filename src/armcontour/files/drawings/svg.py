@@ -11,13 +11,14 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
-from armcontour.files.drawings._svg_shapes import SHAPES, shape_of
-from armcontour.files.drawings._svg_tree import Element, tree_of
-from armcontour.files.drawings._svg_units import (
+from armcontour.files.drawings.arc_chain import Affine, Chain
+from armcontour.files.drawings.read_options import SKIP, ReadOptions, color_of
+from armcontour.files.drawings.svg_elements import (
     FONT,
     IDENTITY,
     INCH,
     PIXEL,
+    Element,
     ViewBox,
     affine,
     font_size,
@@ -26,14 +27,12 @@ from armcontour.files.drawings._svg_units import (
     make_absolute,
     number_of,
     transform_of,
+    tree_of,
     view_box,
     viewbox_transform,
 )
-from armcontour.files.drawings.chain import Affine, Chain
-from armcontour.files.drawings.clipping import Clip
-from armcontour.files.drawings.options import ReadOptions
-from armcontour.files.drawings.reading import SKIP, color_of
-from armcontour.files.drawings.walk import NO_SIZE, WALKED, Drawn, Place, Walk, place_outline
+from armcontour.files.drawings.svg_shapes import SHAPES, shape_of
+from armcontour.files.drawings.walk import NO_SIZE, WALKED, Clip, Drawn, Place, Walk, place_outline
 from armcontour.program import Program
 
 # Versions of Inkscape with 90 px per inch, the comment of Illustrator, which has 72, and the bytes
@@ -133,15 +132,7 @@ def _program_pixel(root: Element, data: bytes) -> tuple[float, str]:
 def _page(
     root: Element, options: ReadOptions, data: bytes
 ) -> tuple[Affine, ViewBox | None, list[str]]:
-    """The coordinates of the page.
-
-    Returns:
-        The map from user units to metres on the page with y up, the viewport in user units (None
-        if it is not known), and notes for the user.
-
-    Raises:
-        InvalidInput: Width, height or viewBox is invalid, or the outermost svg has a transform.
-    """
+    """The coordinates of the page."""
     if root.get("transform"):
         root.refuse("a transform of the outermost svg is not read: put a group with it inside")
     box = view_box(root)
@@ -270,11 +261,7 @@ class SvgWalk(Walk):
                 yield self._drawn(element, inner, name)
 
     def _drawn(self, element: Element, place: _Place, name: str) -> Drawn:
-        """The outlines of a shape.
-
-        Raises:
-            InvalidInput: The shape is invalid or too far away, or the drawing is too large.
-        """
+        """The outlines of a shape."""
 
         def spend(segments: int) -> None:
             self._segments += segments
@@ -298,11 +285,7 @@ class SvgWalk(Walk):
         )
 
     def _enter(self, element: Element, around: _Place) -> _Place | None:
-        """The properties that the children of an element inherit; None if it draws nothing.
-
-        Raises:
-            InvalidInput: The element or a property of it is unknown and not to be left out.
-        """
+        """The properties that the children of an element inherit; None if it draws nothing."""
         tag = element.tag
         if tag == "symbol" and around.used_by is None:
             return None
@@ -341,11 +324,7 @@ class SvgWalk(Walk):
         return place
 
     def _check_undrawn(self, element: Element, layer: str) -> None:
-        """Record an element without an outline, and style sheets that change what is drawn.
-
-        Raises:
-            InvalidInput: There is such a sheet, and unknown properties are refused.
-        """
+        """Record an element without an outline, and style sheets that change what is drawn."""
         if element.tag in NO_OUTLINE and element.style("display") != "none":
             if self.wants_layer(layer):
                 self.leave_out(NOT_READ, element.name)
@@ -360,11 +339,7 @@ class SvgWalk(Walk):
                 break
 
     def _check_style(self, element: Element) -> None:
-        """Refuse or record style properties that are not evaluated.
-
-        Raises:
-            InvalidInput: There is one, and unknown properties are refused.
-        """
+        """Refuse or record style properties that are not evaluated."""
         if element.style("mask") not in NOTHING:
             self._unknown(element, "its mask is not followed")
         if any(element.style(key) not in NOTHING for key in MARKERS):
@@ -373,11 +348,7 @@ class SvgWalk(Walk):
             self._unknown(element, "transforms by style, or about an origin, are not followed")
 
     def _clipped(self, element: Element, place: _Place, given: str) -> _Place:
-        """The properties of an element with the clip that its clip-path names.
-
-        Raises:
-            InvalidInput: The clip is no single polygon, and unknown properties are refused.
-        """
+        """The properties of an element with the clip that its clip-path names."""
         name = _URL.fullmatch(given)
         target = self._ids.get(name[1]) if name else None
         corners = None if target is None else self._clip_corners(target, place)
@@ -403,11 +374,7 @@ class SvgWalk(Walk):
         return (place.to @ transform_of(target) @ transform_of(shape))(corners)
 
     def _unknown(self, element: Element, what: str) -> None:
-        """Record an unknown element, or refuse it; `what` is the reason.
-
-        Raises:
-            InvalidInput: Unknown elements are refused.
-        """
+        """Record an unknown element, or refuse it; `what` is the reason."""
         if not self.skip:
             element.refuse(f"{what}: change it in the drawing, or {SKIP}")
         self.leave_out(what, element.name)
@@ -423,11 +390,7 @@ class SvgWalk(Walk):
         return [(x, place) for x in inside]
 
     def _resolve_use(self, element: Element, place: _Place) -> tuple[Element, _Place]:
-        """The element that a use element refers to, with the properties that it inherits.
-
-        Raises:
-            InvalidInput: The element is not in this file, or it refers back to the use element.
-        """
+        """The element that a use element refers to, with the properties that it inherits."""
         given = element.get("href") or element.get("xlink:href")
         target = self._ids.get(given[1:]) if given.startswith("#") else None
         if target is None:
@@ -446,16 +409,7 @@ class SvgWalk(Walk):
         return target, inner
 
     def _viewport(self, element: Element, place: _Place, user: Element | None) -> _Place | None:
-        """The properties that the children of a nested svg or symbol inherit; None without size.
-
-        Args:
-            element: The svg or symbol.
-            place: The properties that the element itself inherits.
-            user: The use element that refers to it, if any.
-
-        Raises:
-            InvalidInput: The element has a viewBox but no known size.
-        """
+        """The properties that the children of a nested svg or symbol inherit; None without size."""
         outer = place.view
         element = make_absolute(element, outer, place.font)
         user = None if user is None else make_absolute(user, outer, place.font)
@@ -484,15 +438,6 @@ def _extent(element: Element, user: Element | None, key: str, whole: float | Non
 
     The value is taken from the use element, else from the element, else it is that of the outer
     viewport.
-
-    Args:
-        element: The svg or symbol.
-        user: The use element that refers to it, if any.
-        key: "width" or "height".
-        whole: Width or height of the outer viewport.
-
-    Raises:
-        InvalidInput: The value is not a length.
     """
     for x in (user, element):
         if x is not None and x.get(key) not in ("", "auto"):

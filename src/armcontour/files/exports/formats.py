@@ -329,12 +329,7 @@ def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = Fal
 
 
 def _refuse_destination(file: FilePath, folder: bool) -> None:
-    """Refuse a destination where something else would be lost.
-
-    Raises:
-        InvalidInput: A folder is at the path of a file, a file at the path of a folder, or the
-            folder has files that are not of a bag.
-    """
+    """Refuse a destination where something else would be lost."""
     if not file.name or "\0" in str(file):
         raise InvalidInput(f"Cannot write {str(file)!r}: it is not the name of a file.")
     if not folder and file.is_dir():

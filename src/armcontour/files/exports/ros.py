@@ -128,11 +128,7 @@ def _message(table: Table, types: Any) -> Any:
 
 
 def _nanoseconds(table: Table) -> IntArray:
-    """Times of the points in whole nanoseconds, (n,).
-
-    Raises:
-        InvalidInput: The duration is too long for ROS, or two points have the same nanosecond.
-    """
+    """Times of the points in whole nanoseconds, (n,)."""
     if table.duration > LONGEST:
         raise InvalidInput(
             f"{table.name} takes {table.duration:g} s, but a duration in ROS is at most "

@@ -108,11 +108,7 @@ class Table(Checked):
             )
 
     def _check_shapes(self) -> None:
-        """Refuse arrays of wrong shapes and times that do not start at zero and increase.
-
-        Raises:
-            InvalidInput: There is such an array.
-        """
+        """Refuse arrays of wrong shapes and times that do not start at zero and increase."""
         n = len(self.t)
         for key, values in self.analog.items():
             if values.shape != (n,):
@@ -128,11 +124,7 @@ class Table(Checked):
             raise InvalidInput(f"The times of {self.name!r} must start at zero and increase.")
 
     def _check_names(self) -> None:
-        """Refuse names that are not one line of text, and equal joint names.
-
-        Raises:
-            InvalidInput: There is such a name.
-        """
+        """Refuse names that are not one line of text, and equal joint names."""
         given = [("name", self.name), *(("joint name", x) for x in self.joint_names)]
         given += [("name of an analog output", x) for x in self.analog]
         for what, text in [*given, *(("name of an event", x.name) for x in self.events)]:
@@ -309,12 +301,7 @@ def check_export_cycle(cycle: float, duration: float, name: str) -> None:
 
 
 def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> float:
-    """The period at which a trajectory is sampled [s].
-
-    Raises:
-        InvalidInput: The period is not above zero, longer than the motion, or too short
-            for its duration.
-    """
+    """The period at which a trajectory is sampled [s]."""
     step = DEFAULT_CYCLE if cycle is None else checks.positive("cycle", cycle, "s")
     check_export_cycle(step, trajectory.duration, name)
     if trajectory.duration > MOST_SAMPLES * step:
@@ -328,11 +315,7 @@ def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> f
 
 
 def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) -> Samples:
-    """The set-points of set-points with their derivatives, as `make_table` says.
-
-    Raises:
-        InvalidInput: The given period is not that of the set-points.
-    """
+    """The set-points of set-points with their derivatives, as `make_table` says."""
     wanted = set_points.cycle if cycle is None else checks.positive("cycle", cycle, "s")
     if not math.isclose(wanted, set_points.cycle, rel_tol=1e-9):
         raise InvalidInput(
@@ -389,11 +372,7 @@ def differentiate(q: FloatArray, cycle: float) -> Samples:
 
 
 def _clean(event: TimedEvent) -> TimedEvent:
-    """The event with Python's own types, which all formats can write.
-
-    Raises:
-        InvalidInput: The value or the time of the event is not finite.
-    """
+    """The event with Python's own types, which all formats can write."""
     value = event.value.item() if isinstance(event.value, np.generic) else event.value
     if isinstance(value, float) and not math.isfinite(value):
         raise InvalidInput(

@@ -206,11 +206,7 @@ def write_template(
 
 
 def _read(template: str | FilePath) -> tuple[str, str, FilePath]:
-    """Name, text and folder of a template.
-
-    Raises:
-        InvalidInput: The template does not exist or cannot be read.
-    """
+    """Name, text and folder of a template."""
     if isinstance(template, str) and template in SHIPPED:
         file = FilePath(__file__).parent / "templates" / SHIPPED[template]
     else:
@@ -224,12 +220,7 @@ def _read(template: str | FilePath) -> tuple[str, str, FilePath]:
 
 
 def _read_included(folder: FilePath, name: str) -> str:
-    """The text of a template that another template includes.
-
-    Raises:
-        InvalidInput: The template is a link out of the folder, or cannot be read.
-        TemplateNotFound: The template does not exist.
-    """
+    """The text of a template that another template includes."""
     from jinja2 import TemplateNotFound
     from jinja2.loaders import split_template_path
 
@@ -349,11 +340,7 @@ def _identifier(text: str) -> str:
 
 
 def _refuse(reason: str) -> NoReturn:
-    """Refuse the table; templates call this function as `refuse`.
-
-    Raises:
-        _Refused: Always.
-    """
+    """Refuse the table; templates call this function as `refuse`."""
     raise _Refused(reason)
 
 

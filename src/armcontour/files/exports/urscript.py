@@ -104,14 +104,7 @@ def write_urscript(
 def _commands(
     table: Table, lines: Sequence[tuple[float, str]], point: str, last: str
 ) -> Iterator[str]:
-    """Yield the commands of set-points and other lines in the order of their times.
-
-    Args:
-        table: The table.
-        lines: Other lines with their times in intervals, in order.
-        point: Format of the command of a set-point.
-        last: Joint positions of the last set-point as text; repeated for events after the end.
-    """
+    """Yield the commands of set-points and other lines in the order of their times."""
     done, count = 0, len(table.q)
     for at, command in lines:
         # A servoj lasts for one interval, so the line after it is executed at the time of the next
@@ -132,11 +125,7 @@ def _repeat_last(last: str, duration: float) -> str:
 
 
 def _analog_number(name: str, number: int | str) -> int:
-    """The number of a standard analog output, given as a number or as "AO0".
-
-    Raises:
-        InvalidInput: There is no such output.
-    """
+    """The number of a standard analog output, given as a number or as "AO0"."""
     names = {f"AO{k}": k for k in range(ANALOG_OUTPUTS)}
     found = names.get(number) if isinstance(number, str) else number
     if found is None or isinstance(found, bool) or found not in names.values():
@@ -145,11 +134,7 @@ def _analog_number(name: str, number: int | str) -> int:
 
 
 def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float, str]]:
-    """The commands that set an analog output, with the indices of their set-points.
-
-    Raises:
-        InvalidInput: A value is below 0 or above 1.
-    """
+    """The commands that set an analog output, with the indices of their set-points."""
     low, high = float(values.min()), float(values.max())
     if not -SAME_LEVEL <= low <= high <= 1.0 + SAME_LEVEL:
         raise InvalidInput(
@@ -164,11 +149,7 @@ def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float,
 
 
 def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
-    """The command of an event: it switches its output, or writes a message if it has none.
-
-    Raises:
-        InvalidInput: The message cannot be written in URScript.
-    """
+    """The command of an event: it switches its output, or writes a message if it has none."""
     words, at = format_event(event), f"  # {format_event(event)} at {event.t:.6f} s\n"
     if event.name in outputs:
         state = "True" if event.value is not False else "False"
@@ -187,11 +168,7 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
 
 
 def _check(table: Table) -> None:
-    """Refuse a table that URScript cannot hold.
-
-    Raises:
-        InvalidInput: The number of joints is not six, or the interval is not a multiple of 2 ms.
-    """
+    """Refuse a table that URScript cannot hold."""
     if table.dof != JOINTS:
         raise InvalidInput(
             f"URScript is for arms with {JOINTS} joints, but {table.name!r} has {table.dof}: "
@@ -211,11 +188,7 @@ def _check(table: Table) -> None:
 
 
 def _digital_outputs(table: Table, outputs: Mapping[str, int | str]) -> dict[str, int]:
-    """The digital outputs of events by the events' names.
-
-    Raises:
-        InvalidInput: An output does not exist, or an event with an output has a number as value.
-    """
+    """The digital outputs of events by the events' names."""
     found: dict[str, int] = {}
     for name, number in outputs.items():
         if isinstance(number, bool) or not isinstance(number, int | np.integer):

@@ -8,14 +8,13 @@ import ezdxf
 import numpy as np
 
 import armcontour as ac
-from armcontour.files.drawings.chaining import DrawnEntity, chain_pieces
 from armcontour.files.drawings.dxf import read_dxf
+from armcontour.files.drawings.entity_chains import DrawnEntity, chain_pieces
 from armcontour.files.drawings.gcode import read_gcode
-from armcontour.files.drawings.options import ReadOptions
-from armcontour.files.drawings.shapes import Outline, paths_of
-from armcontour.files.drawings.splines import Spline
+from armcontour.files.drawings.outlines import Outline, Spline, paths_of
+from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.drawings.svg import read_svg
-from armcontour.files.drawings.waypoints import read_waypoints
+from armcontour.files.drawings.waypoint_table import read_waypoints
 
 RNG = np.random.default_rng(0)
 READ = {"source": "part", "options": ReadOptions()}

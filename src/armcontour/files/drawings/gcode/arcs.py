@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from armcontour.files.drawings.gcode.faults import Fault
+from armcontour.files.drawings.gcode.words import Fault
 from armcontour.geometry.segments import REPEATED_POINT
 
 Point = tuple[float, float]
@@ -173,11 +173,7 @@ def _distance_to_bisector(circle: Circle) -> float:
 
 
 def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
-    """The arc between two points around the projection of the centre onto their bisector.
-
-    Raises:
-        Fault: Rounding makes the arc miss its end.
-    """
+    """The arc between two points around the projection of the centre onto their bisector."""
     chord = math.dist(start, end)
     ux, uy = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord
     height = (center[1] - (start[1] + end[1]) / 2) * ux - (center[0] - (start[0] + end[0]) / 2) * uy
@@ -192,11 +188,7 @@ def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
 
 
 def _arc_around(circle: Circle, sweep: float) -> ArcPart:
-    """The arc around the programmed centre from its start over an angle `sweep` [rad].
-
-    Raises:
-        Fault: Rounding makes the arc miss its end.
-    """
+    """The arc around the programmed centre from its start over an angle `sweep` [rad]."""
     x = circle
     normal = ((x.center[0] - x.start[0]) / x.radius, (x.center[1] - x.start[1]) / x.radius)
     tangent = (x.turn * normal[1], -x.turn * normal[0])
@@ -213,11 +205,7 @@ def _arc_around(circle: Circle, sweep: float) -> ArcPart:
 
 
 def _two_arcs(circle: Circle) -> list[ArcPart]:
-    """An arc around the programmed centre over half the angle, and a tangent arc to the end.
-
-    Raises:
-        Fault: Rounding makes an arc miss its end.
-    """
+    """An arc around the programmed centre over half the angle, and a tangent arc to the end."""
     x = circle
     first = _arc_around(x, x.sweep / 2)
     ex = (first.end[0] - x.center[0]) / x.radius
@@ -232,11 +220,7 @@ def _two_arcs(circle: Circle) -> list[ArcPart]:
 
 
 def _refuse_a_miss(start: Point, piece: ArcPart) -> None:
-    """Refuse an arc that misses its end by more than `MISS`.
-
-    Raises:
-        Fault: The arc does.
-    """
+    """Refuse an arc that misses its end by more than `MISS`."""
     turn = piece.curvature * piece.length
     along = math.sin(turn) / piece.curvature
     across = 2 * math.sin(turn / 2) ** 2 / piece.curvature

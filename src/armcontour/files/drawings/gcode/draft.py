@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.core.errors import InvalidInput
 from armcontour.files.drawings.gcode.arcs import ArcPart
-from armcontour.files.drawings.gcode.faults import Fault
+from armcontour.files.drawings.gcode.words import Fault
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
@@ -146,10 +146,6 @@ class Draft:
 
     def program(self, source: str, notes: tuple[str, ...]) -> Program:
         """What was drafted.
-
-        Args:
-            source: Name of the file.
-            notes: Sentences on what was left out.
 
         Raises:
             InvalidInput: No contour, or one that makes no path.

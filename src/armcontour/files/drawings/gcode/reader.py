@@ -7,12 +7,9 @@ import re
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
-from armcontour.files.drawings.gcode.faults import Fault
 from armcontour.files.drawings.gcode.machine import Machine
-from armcontour.files.drawings.gcode.words import LONGEST_LINE, dialect_of, parse
-from armcontour.files.drawings.mending import repair
-from armcontour.files.drawings.options import ReadOptions
-from armcontour.files.drawings.reading import Tell, tell_share
+from armcontour.files.drawings.gcode.words import LONGEST_LINE, Fault, dialect_of, parse
+from armcontour.files.drawings.read_options import ReadOptions, Tell, repair, tell_share
 from armcontour.program import Program
 
 # A line of nothing but coordinates and feed, as nearly all lines of long programs are. Whatever it
@@ -73,11 +70,7 @@ def read_gcode(
 
 
 def _lines(data: bytes, source: str) -> list[str]:
-    """Lines that end with any of the three ends of line.
-
-    Raises:
-        InvalidInput: A byte that no text has.
-    """
+    """Lines that end with any of the three ends of line."""
     at = data.find(b"\0")
     if at >= 0:
         line = 1 + sum(1 for _ in LINE_END.finditer(data, 0, at))
@@ -107,14 +100,7 @@ class _Runner:
         self.framed = self.seen = self.ended = False
 
     def run(self, tell: Tell) -> None:
-        """Carries out all lines up to the end of the program.
-
-        Args:
-            tell: Called now and then with the share of the program that is read.
-
-        Raises:
-            InvalidInput: What cannot be carried out, with its line.
-        """
+        """Carries out all lines up to the end of the program."""
         machine, notes, lines = self.machine, self.machine.notes, self.lines
         plain = machine.ready()
         try:
@@ -145,11 +131,7 @@ class _Runner:
             )
 
     def _run_line(self, line: str) -> None:
-        """Carries out a line.
-
-        Raises:
-            Fault: What cannot be carried out.
-        """
+        """Carries out a line."""
         machine = self.machine
         if len(line) > LONGEST_LINE:
             raise Fault(
@@ -172,11 +154,7 @@ class _Runner:
             self.ended = machine.execute(block)
 
     def _is_text(self, line: str) -> bool:
-        """Whether a line is a message or a macro of a printer, which is skipped with a note.
-
-        Raises:
-            Fault: A macro that places the moves after it elsewhere.
-        """
+        """Whether a line is a message or a macro of a printer, which is skipped with a note."""
         found = MESSAGE.match(line)
         name = found and f"M{found[1]}"
         if found is None and (found := MACRO.match(line)) is not None:

@@ -1,4 +1,4 @@
-"""A line of G-code taken apart into its words, and the dialect of all lines."""
+"""Words of G-code lines, and messages about them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from armcontour.core.describing import count_noun
+from armcontour.core.text import list_some
 from armcontour.files.drawings.gcode.codes import (
     BARE_WORDS,
     G_GROUP,
@@ -16,7 +18,67 @@ from armcontour.files.drawings.gcode.codes import (
     UNDERSTOOD_M,
     g_name,
 )
-from armcontour.files.drawings.gcode.faults import Fault
+
+MILLIMETRE, INCH = 1e-3, 0.0254
+IDLE = "Left out, because it moves nothing: {}."
+# Largest number of kinds that a note names.
+MOST_KINDS = 12
+
+
+class Fault(Exception):
+    """What is wrong with a line, as the second half of a sentence that names the line.
+
+    Args:
+        text: The words, with `{}` in place of each length.
+        lengths: The lengths [m], which are told in the unit of the program.
+        line: The line, if it is not the one that is carried out.
+    """
+
+    def __init__(self, text: str, *lengths: float, line: int = 0) -> None:
+        super().__init__(text)
+        self.lengths, self.line = lengths, line
+
+    def told(self, *, inch: bool) -> str:
+        """The words with the lengths, in inches or in millimetres."""
+        text = str(self)
+        if not self.lengths:
+            return text
+        unit, name = (INCH, "inch") if inch else (MILLIMETRE, "mm")
+        return text.format(*(f"{x / unit:.6g} {name}" for x in self.lengths))
+
+
+class Notes:
+    """Notes on what was left out and how lines are read, with the line that is carried out."""
+
+    def __init__(self) -> None:
+        self.line = 0
+        # Count and first line of each kind, by the sentence; first lines by the sentence.
+        self.counts: dict[str, dict[str, list[int]]] = {IDLE: {}}
+        self.firsts: dict[str, int] = {}
+
+    def count(self, kind: str, sentence: str = IDLE) -> None:
+        """Note that something was left out; `{}` in the sentence stands for all kinds."""
+        self.counts.setdefault(sentence, {}).setdefault(kind, [0, self.line])[0] += 1
+
+    def once(self, sentence: str) -> None:
+        """Note how the line is read; `{}` in the sentence stands for the first such line."""
+        self.firsts.setdefault(sentence, self.line)
+
+    def sentences(self) -> list[str]:
+        """All notes."""
+        listed = {
+            sentence: list_some(
+                [
+                    f"{x} ({count_noun(n, 'time')}, first in line {i})"
+                    for x, (n, i) in kinds.items()
+                ],
+                MOST_KINDS,
+            )
+            for sentence, kinds in self.counts.items()
+        }
+        counted = [sentence.format(x) for sentence, x in listed.items() if x]
+        return counted + [sentence.format(line) for sentence, line in self.firsts.items()]
+
 
 # Seventeen digits tell all doubles apart; twice as many are no measure of anything.
 MOST_CHARACTERS = 34
@@ -116,11 +178,7 @@ def parse(line: str) -> Block:
 
 
 def _refuse_flow(line: str) -> None:
-    """Refuses an O word that is more than the number of a program.
-
-    Raises:
-        Fault: It is one.
-    """
+    """Refuses an O word that is more than the number of a program."""
     text = COMMENTS.sub("", line)
     if PROGRAM_NUMBER.fullmatch(text.translate(COMPACT)) is None:
         shown = " ".join(text.split())[:SHOWN]
@@ -128,11 +186,7 @@ def _refuse_flow(line: str) -> None:
 
 
 def _read_other(block: Block, text: str, at: int) -> int:
-    """A letter without a value, or text; returns where it ends.
-
-    Raises:
-        Fault: None of these.
-    """
+    """A letter without a value, or text; returns where it ends."""
     # As Marlin marks power that changes with moves: M3 S20 I.
     if text[at] == "I" and not LASER.isdisjoint(block.m) and BARE.match(text, at):
         _add_word(block, "I", math.nan)

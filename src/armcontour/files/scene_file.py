@@ -1,4 +1,4 @@
-"""Make the scene, and the shapes of links and tool, that a job file describes."""
+"""The key `scene` of a job file, and obstacles from descriptions of cells (URDF)."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from armcontour.core import checks
+from armcontour.core import checks, file_access
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import Frame, exp, from_rpy, rotations
 from armcontour.core.quantities import Choice, Distance, Length, Turn
 from armcontour.core.text import list_some, show
+from armcontour.files.file_keys import Number
 from armcontour.files.forms import Place
-from armcontour.files.keys import Number
+from armcontour.files.robots.collision import Packages, collisions, shape_of
+from armcontour.files.robots.description import Description
+from armcontour.files.robots.tree import read_tree
 from armcontour.robot import Arm
 from armcontour.robot.scene import (
     Box,
@@ -33,6 +36,45 @@ from armcontour.robot.scene import (
 )
 from armcontour.robot.scene.arm_shapes import ASSUMED_GAP, ASSUMED_RADIUS
 from armcontour.robot.scene.scene import AT_BASE, BASE, PART, TOOL, Margins
+
+
+def read_scene_file(
+    file: str | FilePath,
+    *,
+    unit: str | None = None,
+    packages: Packages | None = None,
+) -> tuple[Obstacle, ...]:
+    """Read the obstacles of a description of a cell (.urdf), in its own frame.
+
+    Its `<collision>` elements are obstacles; moving joints stand still, at 0 or at the end of their
+    range that is nearest to 0.
+
+    Args:
+        file: The description.
+        unit: Unit of the lengths of meshes that it names without a scale; metres by default.
+        packages: Folders of its ROS packages; others are looked for near the file.
+
+    Raises:
+        InvalidInput: No such file, another format, or a body that is none.
+    """
+    place = FilePath(file)
+    if place.suffix.lower() != ".urdf":
+        raise InvalidInput(
+            f"The file of obstacles {place} is not read: name a .urdf file, and meshes under the "
+            "key meshes."
+        )
+    tree = read_tree(str(place), file_access.read_bytes(place, "description of a cell"))
+    found: list[Obstacle] = []
+    for link, (_, frame) in Description(tree, (), (), {}, tree.root).carried().items():
+        for k, x in enumerate(collisions(tree, link)):
+            with error_context(place.name):
+                shape = shape_of(tree, x, packages, unit)
+                name = link if k == 0 else f"{link} {k + 1}"
+                found.append(Obstacle(name=name, shape=shape, place=frame @ x.place))
+    if not found:
+        raise InvalidInput(f"{place} has no collision elements, so it describes no obstacles.")
+    return tuple(found)
+
 
 # Keys of bodies that only obstacles have, and only shapes of links.
 OF_OBSTACLES, OF_LINKS = ("fixed_to", "margin", "allow"), ("link",)
@@ -61,8 +103,6 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
         file = SceneFileModel(file=given) if isinstance(given, str) else given
         _refuse_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
         with error_context("scene.files"):
-            from armcontour.files.scene_files import read_scene_file
-
             for found in read_scene_file(folder / file.file, unit=file.unit):
                 moved = dataclasses.replace(found, place=_place(file) @ found.place)
                 obstacles.append(_stand(moved, file, part))
@@ -95,9 +135,6 @@ def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
 
     It ends before the tool point, which touches the work. A tool that is too short for it has no
     shape.
-
-    Args:
-        arm: The arm with its tool frame.
     """
     chain = arm.chain
     if chain is None:
@@ -235,11 +272,7 @@ def upright(z: FloatArray) -> FloatArray:
 
 
 def _shape(model: BodyModel, folder: FilePath) -> Shape:
-    """The shape of a body.
-
-    Raises:
-        InvalidInput: A size that no body has, or a mesh that is not there.
-    """
+    """The shape of a body."""
     match model:
         case BoxModel():
             return Box(size=np.array(model.size))

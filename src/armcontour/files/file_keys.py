@@ -169,11 +169,7 @@ class Methods(Mark):
         return core_schema.no_info_after_validator_function(self._build, inner)
 
     def _build(self, model: BaseModel) -> Any:
-        """Make the dataclass from the validated keys.
-
-        Raises:
-            ValueError: A key of another method.
-        """
+        """Make the dataclass from the validated keys."""
         values = {x: getattr(model, x) for x in model.model_fields_set}
         method: str = getattr(model, "method")  # noqa: B009
         given = {key: x for key, x in values.items() if x is not None and key != "method"}
@@ -189,11 +185,6 @@ class Methods(Mark):
 
 def read_keys(mark: Mark, data: Any, source: str) -> Any:
     """Check the data of a file and make the value of its dataclass.
-
-    Args:
-        mark: The dataclass of the file.
-        data: The data of the file.
-        source: Name of the file in messages.
 
     Raises:
         InvalidInput: An unknown key, or an invalid value; one sentence that names the key.

@@ -199,11 +199,7 @@ class Chain:
         return dataclasses.replace(self, starts=starts, angles=angles)[kept]
 
     def _is_plain(self, tolerance: float) -> BoolArray:
-        """Which rows are lines or circular arcs that stay as they are drawn, (n,).
-
-        Args:
-            tolerance: As in `to_segments` [m].
-        """
+        """Which rows are lines or circular arcs that stay as they are drawn, (n,)."""
         arc, far = self._long_arcs, np.linalg.norm(self.ends - self.starts, axis=1) > ONE_VERTEX
         return np.asarray(np.where(self.angles > 0, arc, far) & ~self._elliptical(tolerance))
 
@@ -226,12 +222,7 @@ class Chain:
         return np.asarray(arc & (off > np.where(long_arc, ROUND**2 * long, allowed)))
 
     def _at(self, share: float | FloatArray, order: int = 0) -> FloatArray:
-        """Points of the lines and arcs, which pass exactly through their end points.
-
-        Args:
-            share: Fraction of the swept angle, 0 to 1, one for all or one per row.
-            order: 0 for points, 1 for derivatives by the fraction.
-        """
+        """Points of the lines and arcs, which pass exactly through their end points."""
         x = np.broadcast_to(share, self.angles.shape)[:, None]
         a = self.angles[:, None]
         c, s = np.cos(a * x), np.sin(a * x)
@@ -242,11 +233,7 @@ class Chain:
         return np.asarray(self.starts + (c - 1) * self.cosines + s * self.sines + x * missed)
 
     def _fitted(self, tolerance: float) -> Segments:
-        """Segments of a chain of elliptical arcs: tangent arcs within the tolerance [m].
-
-        Raises:
-            InvalidInput: An arc is too large for the tolerance.
-        """
+        """Segments of a chain of elliptical arcs: tangent arcs within the tolerance [m]."""
         n = len(self.angles)
 
         def curve(t: FloatArray, order: int) -> FloatArray:

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.files.drawings.chain import Affine, Chain
-from armcontour.files.drawings.clipping import Clip
-from armcontour.files.drawings.shapes import Shape
-from armcontour.files.drawings.splines import Spline
+from armcontour.files.drawings.arc_chain import Affine, Chain
+from armcontour.files.drawings.outlines import Shape, Spline
+from armcontour.files.drawings.walk import Clip
 
 # An arc with a smaller swept angle [rad] is a full circle with rounded angles.
 NO_SWEEP = 1e-8
@@ -108,14 +107,7 @@ def polyline(entity: Any) -> Shape | None:
 def _polyline_shape(
     points: FloatArray, bulges: FloatArray, closed: bool, axes: FloatArray
 ) -> Shape | None:
-    """Shape of a polyline; None if it has no segment.
-
-    Args:
-        points: Vertices along the given axes, (n, 3).
-        bulges: Bulge of the segment after each vertex, (n,).
-        closed: Whether a segment leads from the last vertex to the first.
-        axes: Axes of the polyline's plane, as columns.
-    """
+    """Shape of a polyline; None if it has no segment."""
     points = points @ axes.T
     if closed and len(points):
         return _polyline(np.concatenate([points, points[:1]]), bulges, axes)
@@ -133,11 +125,6 @@ def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) ->
     """Lines and arcs of an open polyline with bulges.
 
     A bulge is the tangent of a quarter of the arc's swept angle.
-
-    Args:
-        points: Vertices, (n + 1, 3).
-        bulges: Bulges of the segments, positive for counter-clockwise arcs, (n,).
-        axes: Axes of the plane in which the arcs lie, as columns.
     """
     chord = np.diff(points, axis=0)
     bent = (np.abs(bulges) > NO_BULGE) & (np.abs(chord).max(axis=1, initial=0.0) > 0)
@@ -188,14 +175,7 @@ def spline(entity: Any) -> Shape | None:
 
 
 def _fit_spline(entity: Any) -> Shape | None:
-    """The cubic spline through the fit points, with chord-length parameters as in CAD programs.
-
-    Returns:
-        The spline; None if fewer than two points differ.
-
-    Raises:
-        Unreadable: Too many points, or an end tangent of zero.
-    """
+    """The cubic spline through the fit points, with chord-length parameters as in CAD programs."""
     from scipy.interpolate import make_interp_spline
 
     points = _numbers("fit points", [tuple(x) for x in entity.fit_points]).reshape(-1, 3)
@@ -228,11 +208,7 @@ def _scale_ends(ends: Any, by: float) -> Any:
 
 
 def _refuse_many_points(n: int) -> None:
-    """Refuse a spline of more than `MOST_POINTS` points.
-
-    Raises:
-        Unreadable: It has more.
-    """
+    """Refuse a spline of more than `MOST_POINTS` points."""
     if n > MOST_POINTS:
         raise Unreadable(f"has {n} points, more than the {MOST_POINTS} that are read")
 
@@ -376,11 +352,7 @@ def _swept_angle(angle: float) -> float:
 
 
 def _numbers(name: str, values: Any) -> FloatArray:
-    """The values as an array of finite numbers; `name` is for the message.
-
-    Raises:
-        Unreadable: A value is not a finite number.
-    """
+    """The values as an array of finite numbers; `name` is for the message."""
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

@@ -1,4 +1,4 @@
-"""Placements as JSON and CSV, and the job file of the best place."""
+"""Certificates and placements as JSON and CSV, and the job file of the best placement."""
 
 from __future__ import annotations
 
@@ -7,18 +7,53 @@ import io
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 
+import numpy as np
+
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, quaternions
-from armcontour.core.render import jsonable
+from armcontour.core.render import jsonable, plain, units
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_edits import REMOVE, move_files
 from armcontour.files.job_file import model_of, read_data
 from armcontour.files.job_model import CellModel
-from armcontour.files.json_text import data_json
 from armcontour.files.patch import Patch, write
+from armcontour.files.result_folder import data_json, to_json
 from armcontour.robot import SerialArm
 from armcontour.robot.scene.scene import BASE, PART
+from armcontour.studies.certification import Certificate
 from armcontour.studies.placement import Placement
+
+
+def certificate_json(certificate: Certificate, files: Sequence[str] = ()) -> str:
+    """A certificate as JSON: requirements, results, model, and the data to repeat the plan.
+
+    Args:
+        certificate: The certificate.
+        files: The files of the result, relative to its folder.
+    """
+    data, page = certificate.to_data(), plain(certificate.study.to_data(files))
+    return to_json(page | {"units": page["units"] | units([data]), "certificate": plain(data)})
+
+
+def derating_csv(certificate: Certificate) -> str:
+    """The derating of a certificate as CSV: a row per interval of arc length with equal derating.
+
+    A row has the share of every joint's acceleration limit that the plan uses, and the largest
+    squared speed.
+    """
+    names = [f"acceleration left {x} [1]" for x in certificate.job.arm.joint_names]
+    lines = [",".join(["contour", "from [m]", "to [m]", *names, "largest ds^2 [m^2/s^2]"])]
+    for number, contour in enumerate(certificate.contours, start=1):
+        derating = contour.derating
+        rows = np.column_stack([derating.share, derating.cap])
+        first = np.append(True, (rows[1:] != rows[:-1]).any(axis=1))
+        start = derating.cells[:-1][first]
+        end = np.append(start[1:], derating.cells[-1])
+        for a, b, row in zip(start, end, rows[first], strict=True):
+            cells = [f"{x!r}" if np.isfinite(x) else "" for x in row.tolist()]
+            lines.append(",".join([str(number), repr(float(a)), repr(float(b)), *cells]))
+    return "\n".join(lines) + "\n"
+
 
 # Columns of verdicts in CSV, by their attributes.
 COLUMNS = {
@@ -42,11 +77,7 @@ def placement_json(placement: Placement, files: Sequence[str] = ()) -> str:
 
 
 def placement_csv(placement: Placement) -> str:
-    """The map as CSV: a row per place. Empty is what is not known without a plan.
-
-    Args:
-        placement: The placement.
-    """
+    """The map as CSV: a row per place. Empty is what is not known without a plan."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow([*(f"{x.name} [{x.unit}]" for x in placement.axes), *COLUMNS.values()])
@@ -82,11 +113,7 @@ def placed_job_text(
 
 
 def _placed(placement: Placement, text: str) -> Patch:
-    """The keys that place the job.
-
-    Raises:
-        InvalidInput: Obstacles would move, too.
-    """
+    """The keys that place the job."""
     job = placement.job
     inside = [] if job.scene is None else [x.fixed_to for x in job.scene.obstacles]
     if placement.what == BASE and BASE in inside:

@@ -108,16 +108,7 @@ def _meets_exactly(ends: Ends, chain: Sequence[int]) -> bool:
 
 
 def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], bool]]:
-    """All chains of joined pieces.
-
-    Args:
-        partner: The end to which each end is joined, -1 for none, (2 n,).
-        left_out: Pieces that are in no chain, (n,).
-
-    Returns:
-        For each chain the ends at which its pieces are entered (2 i for the start of piece i,
-        2 i + 1 for its last point), and whether the chain is closed.
-    """
+    """All chains of joined pieces."""
     joined = partner.tolist()
     used = left_out.tolist()
     chains = []
@@ -141,13 +132,7 @@ def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], boo
 
 
 def _find_repeated(pieces: Sequence[DrawnEntity], table: Pieces, layers: IntArray) -> BoolArray:
-    """Which pieces lie exactly on an earlier piece of their layer, (n,).
-
-    Args:
-        pieces: The pieces.
-        table: The segments of the pieces.
-        layers: Number of the layer of each piece, (n,).
-    """
+    """Which pieces lie exactly on an earlier piece of their layer, (n,)."""
     n = len(pieces)
     feature = np.column_stack([table.starts + table.ends, table.middles, table.lengths])
     cell = np.column_stack([layers, np.round(feature / CANDIDATES)])
@@ -266,12 +251,6 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
 
     An arc that would move by more than the tolerance stays; lines connect it to the middle of the
     gap.
-
-    Args:
-        rows: The segments.
-        ends: End points of the segments [m], (n, dimension).
-        vertices: Indices of the segments with a gap before their start.
-        tolerance: Largest displacement of a point [m].
     """
     to_start, to_end = rows.starts.copy(), ends.copy()
     middle = (ends[vertices - 1] + rows.starts[vertices]) / 2
@@ -313,14 +292,7 @@ def _lines(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
 def _shift(
     arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
 ) -> FloatArray:
-    """Largest displacement of a point of each arc if `_stretch` moves the arc's ends [m], (n,).
-
-    Args:
-        arcs: The arcs.
-        ends: End points of the arcs [m], (n, dimension).
-        to_start: New start points [m], same shape.
-        to_end: New end points [m], same shape.
-    """
+    """Largest displacement of a point of each arc if `_stretch` moves the arc's ends [m], (n,)."""
     at_start, at_end = to_start - arcs.starts, to_end - ends
     chord = np.linalg.norm(ends - arcs.starts, axis=1)
     reach = np.where(arcs.curvatures * arcs.lengths < np.pi, chord, 2 / arcs.curvatures)
@@ -419,14 +391,7 @@ def find_partners(ends: Ends, tolerance: float) -> IntArray:
 
 
 def _match(ends: Ends, partner: IntArray, candidates: IntArray, tolerance: float) -> None:
-    """Join pairs of ends, those with the smallest turns first.
-
-    Args:
-        ends: Ends of all pieces.
-        partner: The end to which each end is joined, -1 for none, (2 n,); updated.
-        candidates: Pairs of ends that may be joined, (m, 2).
-        tolerance: Only ends closer than this are joined [m].
-    """
+    """Join pairs of ends, those with the smallest turns first."""
     a, b = candidates.min(axis=1), candidates.max(axis=1)
     gap = np.linalg.norm(ends.points[a] - ends.points[b], axis=1)
     # A piece shorter than the tolerance is not closed on itself.
@@ -445,13 +410,7 @@ def _match(ends: Ends, partner: IntArray, candidates: IntArray, tolerance: float
 
 
 def _touching(ends: Ends, free: IntArray, near: float) -> IntArray:
-    """Pairs of ends that touch, those with the smallest turns for each end, (m, 2).
-
-    Args:
-        ends: Ends of all pieces.
-        free: Indices of the ends that are not joined yet.
-        near: Ends closer than this touch [m].
-    """
+    """Pairs of ends that touch, those with the smallest turns for each end, (m, 2)."""
     # Ends in one cell of a grid are merged, so that many ends at one point make few pairs.
     keys = np.column_stack([ends.layers[free], np.round(ends.points[free] / (near / 2))])
     _, first, cell = np.unique(keys, axis=0, return_index=True, return_inverse=True)
@@ -463,12 +422,7 @@ def _touching(ends: Ends, free: IntArray, near: float) -> IntArray:
 
 
 def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs of ends at one vertex, those with the smallest turns for each end.
-
-    Args:
-        vertex: Number of the vertex at which each end lies, (n,).
-        inwards: Unit tangents into the pieces, (n, dimension).
-    """
+    """Pairs of ends at one vertex, those with the smallest turns for each end."""
     if len(vertex) == 0:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     # Tangents differ by at most 2 and the coordinates of two vertices by at least 4, so a
@@ -479,25 +433,14 @@ def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, In
 
 
 def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
-    """Pairs of ends that are close to each other, the nearest ones of each end, (m, 2).
-
-    Args:
-        ends: Ends of all pieces.
-        free: Indices of the ends that are not joined yet.
-        near: Largest distance of two ends [m].
-    """
+    """Pairs of ends that are close to each other, the nearest ones of each end, (m, 2)."""
     points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])
     count = min(MOST_CANDIDATES + 1, len(free))
     return _pairs(free, *_drop_missing(nearest_points(points, points, count, near), len(free)))
 
 
 def _drop_missing(neighbours: IntArray, n: int) -> tuple[IntArray, IntArray]:
-    """Pairs of points and neighbours, without the neighbours not found.
-
-    Args:
-        neighbours: Indices of the neighbours, n if there is none, (n, k).
-        n: Number of points.
-    """
+    """Pairs of points and neighbours, without the neighbours not found."""
     i = np.repeat(np.arange(n), neighbours.shape[1])
     k = neighbours.ravel()
     return i[k < n], k[k < n]

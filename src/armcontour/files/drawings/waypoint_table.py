@@ -15,8 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
 from armcontour.core.text import plain_number, show
 from armcontour.files.csv_table import CsvTable, Title, read_table
-from armcontour.files.drawings.mending import repair
-from armcontour.files.drawings.options import FARTHEST, ReadOptions
+from armcontour.files.drawings.read_options import FARTHEST, ReadOptions, repair
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.smooth_axes import smooth_axes
@@ -84,11 +83,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
 
 
 def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str], list[str]]:
-    """The table in a file, and notes on unknown columns that are left out.
-
-    Raises:
-        InvalidInput: No table, or a column that is unknown, repeated or missing.
-    """
+    """The table in a file, and notes on unknown columns that are left out."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -126,11 +121,7 @@ def _title(name: str, has_unit: bool) -> Title[str] | None:
 
 
 def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatArray]:
-    """All numbers in SI units, by their columns; NaN where a cell is empty.
-
-    Raises:
-        InvalidInput: Points of which only some columns have a unit, or an invalid number.
-    """
+    """All numbers in SI units, by their columns; NaN where a cell is empty."""
     has_unit = {x: table.columns[x].unit is not None for x in POINT if x in table.columns}
     if len(set(has_unit.values())) > 1:
         has, lacks = (next(k for k, v in has_unit.items() if v is x) for x in (True, False))
@@ -218,11 +209,7 @@ def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:
 
 
 def _path(table: CsvTable[str], values: Mapping[str, FloatArray], rows: slice) -> Path:
-    """Lines through the points of some rows.
-
-    Raises:
-        InvalidInput: Fewer than two different points.
-    """
+    """Lines through the points of some rows."""
     points = np.stack([values[key][rows] for key in POINT if key in values], axis=1)
     first = int(table.numbers[rows][0])
     if (np.linalg.norm(points - points[0], axis=1) <= REPEATED_POINT).all():
@@ -246,12 +233,7 @@ def _orient(
     orientation: tuple[tuple[str, ...], FloatArray] | None,
     rows: slice,
 ) -> Path:
-    """Give a path the tool orientation of some rows.
-
-    Raises:
-        InvalidInput: Only some rows have an orientation, one point has two orientations, or a line
-            turns the tool by half a turn.
-    """
+    """Give a path the tool orientation of some rows."""
     if orientation is None:
         return path
     keys, numbers = orientation[0], orientation[1][rows]
@@ -283,11 +265,7 @@ def _smooth(
     rows: slice,
     tolerance: float,
 ) -> tuple[Path, list[str]]:
-    """The path of some rows with smooth tool axes, if it has any, and a sentence on them.
-
-    Raises:
-        InvalidInput: The table has no tool axes.
-    """
+    """The path of some rows with smooth tool axes, if it has any, and a sentence on them."""
     if orientation is None or orientation[0] != AXIS:
         raise InvalidInput(
             f"{table.source}: smooth_axes (path.smooth_axes) is for tool axes in the columns "

@@ -21,7 +21,7 @@ from armcontour.files.drawings.gcode import codes
 from armcontour.files.drawings.gcode.arcs import ArcPart, Circle, helix_points
 from armcontour.files.drawings.gcode.arcs import Point as InPlane
 from armcontour.files.drawings.gcode.draft import Draft, Feed, Point
-from armcontour.files.drawings.gcode.faults import Fault
+from armcontour.files.drawings.gcode.words import Fault
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program._crossings import (
     CURVATURE,
@@ -257,11 +257,7 @@ class Compensation:
                 action()
 
     def _entry_arc(self, move: _Move, tip: complex, tangent: complex) -> FloatArray:
-        """The row of an arc from where the tool is, tangent to the first parallel at its end.
-
-        Raises:
-            Fault: It starts on the wrong side.
-        """
+        """The row of an arc from where the tool is, tangent to the first parallel at its end."""
         start = complex(*self.draft.last[:2])
         half = cmath.phase(tangent / (tip - start))
         curvature = 2 * math.sin(half) / abs(tip - start)
@@ -279,11 +275,7 @@ class Compensation:
     def _cut_corners(
         self, moves: Sequence[_Move], way: FloatArray, inside: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Lengths at which each parallel begins and ends, cut at inside corners [m], (n,) each.
-
-        Raises:
-            Fault: A corner into which the tool does not fit.
-        """
+        """Lengths at which each parallel begins and ends, cut at inside corners [m], (n,) each."""
         cut, lengths = np.flatnonzero(inside), way[:, LENGTH]
         first, last = np.zeros(len(way)), lengths.copy()
         back, first[cut + 1] = corner_cuts(way[cut], way[cut + 1])
