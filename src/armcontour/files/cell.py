@@ -13,7 +13,7 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
 from armcontour.core.text import make_printable, shorten
 from armcontour.core.yaml_layout import load
-from armcontour.files.file_keys import Given, read_keys
+from armcontour.files.file_keys import SpecifiedKeys, read_keys
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_edits import REMOVE, move_files
 from armcontour.files.job_file import job_of, job_text, model_of, read_data
@@ -117,7 +117,7 @@ def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple
         InvalidInput: No such cell or file, or an invalid key.
     """
     text, source, folder = _text(str(cell))
-    given = read_keys(Given(CellModel), load(text, source), source)
+    given = read_keys(SpecifiedKeys(CellModel), load(text, source), source)
     model, path, scene = given.get("arm"), given.get("path", PathModel()), given.get("scene")
     with error_context(source):
         arm = None if model is None else arm_of(model, folder, trust_xacro=trust_xacro)

@@ -60,7 +60,7 @@ class Title(NamedTuple, Generic[Key]):
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class CsvColumn:
     """A column, as described by its title.
 
     Args:
@@ -139,7 +139,7 @@ class CsvTable(Generic[Key]):
     heading: str
     example: str
     option: str
-    columns: Mapping[Key, Column]
+    columns: Mapping[Key, CsvColumn]
     unknown: tuple[str, ...]
     separator: str
     width: int
@@ -420,14 +420,14 @@ def _read_titles(
     where: str,
     example: str,
     option: str,
-) -> tuple[dict[Key, Column], tuple[str, ...]]:
+) -> tuple[dict[Key, CsvColumn], tuple[str, ...]]:
     """The known columns by their quantities, in their order, and the other titles."""
     if all(map(NUMBER.fullmatch, titles)):
         fix = f"; without such a line, name them with {option}" if option else ""
         raise InvalidInput(
             f"{where}: the first line must name the columns, such as {example}{fix}."
         )
-    found: dict[Key, Column] = {}
+    found: dict[Key, CsvColumn] = {}
     unknown: list[str] = []
     for index, title in enumerate(titles):
         match = _BRACKETS.fullmatch(title)
@@ -440,7 +440,7 @@ def _read_titles(
             raise InvalidInput(f"{where}: the column {show(title)} has two units: leave one out.")
         unit = content.unit if unit is None else unit
         factor = 1.0 if unit is None else _factor(unit, content.si, title, where)
-        column, other = Column(index, title, unit, factor, content.rank), found.get(content.key)
+        column, other = CsvColumn(index, title, unit, factor, content.rank), found.get(content.key)
         if other is not None and other.rank == column.rank:
             same = f"the columns {show(other.title)} and {show(title)} hold the same"
             twice = f"there are two columns {show(title)}" if other.title == title else same

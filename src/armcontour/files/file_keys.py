@@ -71,7 +71,7 @@ SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
 _later = ContextVar("_later", default=False)
 
 
-class Mark(ABC):
+class KeyMark(ABC):
     """Annotation of what is read from a mapping of keys."""
 
     __slots__ = ()
@@ -94,7 +94,7 @@ class Mark(ABC):
 class _Outer:
     """Annotation of a whole file: only what nests in it may be built later."""
 
-    mark: Mark
+    mark: KeyMark
 
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         token = _later.set(True)
@@ -105,7 +105,7 @@ class _Outer:
 
 
 @dataclass(frozen=True, slots=True)
-class Keys(Mark):
+class MappingKeys(KeyMark):
     """Annotation of a dataclass that is read from a mapping of keys."""
 
     of: type
@@ -122,7 +122,7 @@ class Keys(Mark):
 
 
 @dataclass(frozen=True, slots=True)
-class Given(Mark):
+class SpecifiedKeys(KeyMark):
     """Annotation of a dictionary of only those fields of a dataclass that a file gives.
 
     Args:
@@ -140,7 +140,7 @@ class Given(Mark):
 
 
 @dataclass(frozen=True, slots=True)
-class Methods(Mark):
+class Methods(KeyMark):
     """Annotation of one of several dataclasses, which the key `method` names.
 
     Args:
@@ -183,7 +183,7 @@ class Methods(Mark):
         return " and ".join(x.method for x in self.kinds if key in _parameters(x))
 
 
-def read_keys(mark: Mark, data: Any, source: str) -> Any:
+def read_keys(mark: KeyMark, data: Any, source: str) -> Any:
     """Check the data of a file and make the value of its dataclass.
 
     Raises:
@@ -199,19 +199,19 @@ def read_keys(mark: Mark, data: Any, source: str) -> Any:
 
 
 @cache
-def schema_of(mark: Mark) -> dict[str, Any]:
+def schema_of(mark: KeyMark) -> dict[str, Any]:
     """The JSON Schema of a file with the keys of a dataclass."""
     return _whole(mark).json_schema()
 
 
 @cache
-def _adapter(mark: Mark) -> TypeAdapter[Any]:
+def _adapter(mark: KeyMark) -> TypeAdapter[Any]:
     """What checks a mapping, in which others are checked when they are met."""
     return TypeAdapter(Annotated[Any, _Outer(mark)])
 
 
 @cache
-def _whole(mark: Mark) -> TypeAdapter[Any]:
+def _whole(mark: KeyMark) -> TypeAdapter[Any]:
     """What checks a mapping and all that may be in it."""
     return TypeAdapter(Annotated[Any, mark])
 
@@ -325,7 +325,7 @@ def _type_of(hint: Any) -> Any:
     if origin in (list, dict, tuple):
         return origin[tuple(_type_of(x) for x in parts)]
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
-        return Annotated[hint, Keys(hint)]
+        return Annotated[hint, MappingKeys(hint)]
     return PLAIN.get(hint, hint)
 
 
@@ -355,8 +355,8 @@ def _annotated(of: Any, *marks: Any) -> Any:
     if isinstance(mark, Named):
         return Annotated[str, Field(min_length=1)] if mark.needed else str
     if isinstance(mark, PartialFields):
-        return Annotated[dict[str, Any], Given(mark.of, null=True)]
-    if isinstance(mark, Given | Methods):
+        return Annotated[dict[str, Any], SpecifiedKeys(mark.of, null=True)]
+    if isinstance(mark, SpecifiedKeys | Methods):
         return Annotated[of, mark]
     return Annotated[(_type_of(of), *marks)]
 

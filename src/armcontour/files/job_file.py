@@ -19,7 +19,7 @@ from armcontour.core.file_access import read_text
 from armcontour.core.progress import Progress
 from armcontour.core.text import show
 from armcontour.core.yaml_layout import load
-from armcontour.files.file_keys import Keys, read_keys, schema_of
+from armcontour.files.file_keys import MappingKeys, read_keys, schema_of
 from armcontour.files.job_arm import arm_of, equipped
 from armcontour.files.job_model import (
     ExperimentModel,
@@ -142,13 +142,16 @@ def model_of(of: type[Model], data: Mapping[str, Any], source: str) -> Model:
     Raises:
         InvalidInput: An unknown key, or an invalid value.
     """
-    model: Model = read_keys(Keys(of), data, source)
+    model: Model = read_keys(MappingKeys(of), data, source)
     return model
 
 
 def json_schema() -> dict[str, Any]:
     """The JSON Schema of job files."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema_of(Keys(JobModel))}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema_of(MappingKeys(JobModel)),
+    }
 
 
 def job_of(

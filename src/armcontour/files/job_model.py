@@ -24,7 +24,7 @@ from armcontour.core.quantities import (
 )
 from armcontour.core.text import show
 from armcontour.files.drawings.read_options import ReadOptions
-from armcontour.files.file_keys import Given, Methods
+from armcontour.files.file_keys import Methods, SpecifiedKeys
 from armcontour.files.forms import FORMS, Form, Place, Point
 from armcontour.files.robots.options import ArmOptions
 from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
@@ -346,8 +346,8 @@ class SharedModel:
         cycle: Time between set-points [s]; by default 4 ms.
     """
 
-    limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
-    command_limits: Annotated[dict[str, Any], Given(CommandLimitsModel)] = field(
+    limits: Annotated[dict[str, Any], SpecifiedKeys(Limits)] = field(default_factory=dict)
+    command_limits: Annotated[dict[str, Any], SpecifiedKeys(CommandLimitsModel)] = field(
         default_factory=dict
     )
     corners: Rounding | Literal["sharp"] | None = None
@@ -412,7 +412,7 @@ class JobModel(SharedModel):
     process: Process | None = None
     accuracy: Distance | None = None
     servo: ServoModel
-    plant: Annotated[dict[str, Any], Given(ServoModel, null=True)] | None = None
+    plant: Annotated[dict[str, Any], SpecifiedKeys(ServoModel, null=True)] | None = None
     experiment: ExperimentModel | None = None
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     certificate: CertificateGoal | None = None

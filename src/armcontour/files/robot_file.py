@@ -24,7 +24,7 @@ from armcontour.core.file_access import read_text
 from armcontour.core.quantities import Angle, Length
 from armcontour.core.render import figure, jsonable
 from armcontour.core.yaml_layout import load
-from armcontour.files.file_keys import Given, Keys, read_keys
+from armcontour.files.file_keys import MappingKeys, SpecifiedKeys, read_keys
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 
@@ -64,7 +64,7 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
             f"{place.name} is a file of joint limits of MoveIt, which belongs to the arm: give it "
             "with --joint-limits."
         )
-    given = read_keys(Given(LimitsFile), data, place.name)
+    given = read_keys(SpecifiedKeys(LimitsFile), data, place.name)
     deviations = [given.pop(name, None) for name in ("deviation", "orientation_deviation")]
     with error_context(place.name):
         limits = resolve_limits(place.name, arm, Limits(**given))
@@ -141,7 +141,7 @@ def read_servo(file: FilePath, dof: int) -> ServoModel:
             f"{file.name} has no key servo with gains: give a job file, or the servo.yaml of an "
             "identification."
         )
-    servo: ServoModel = read_keys(Keys(ServoModel), data["servo"], f"{file.name}: servo")
+    servo: ServoModel = read_keys(MappingKeys(ServoModel), data["servo"], f"{file.name}: servo")
     return servo.for_joints(dof)
 
 

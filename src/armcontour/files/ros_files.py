@@ -296,7 +296,7 @@ def _stack(
     orders: Sequence[list[int]],
     kinds: Sequence[str] = tuple(ARRAYS),
 ) -> dict[str, FloatArray]:
-    """Arrays of the points with joints in the requested order; kinds that points lack are omitted."""
+    """Arrays of the points with joints in the requested order, without kinds that points lack."""
     found = {}
     for kind in kinds:
         rows = [getattr(x, ARRAYS[kind], ()) for x in points]

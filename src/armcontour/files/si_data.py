@@ -9,7 +9,7 @@ from functools import cache
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from armcontour.core.quantities import PartialFields, Quantity
-from armcontour.files.file_keys import Given, Keys, Methods
+from armcontour.files.file_keys import MappingKeys, Methods, SpecifiedKeys
 from armcontour.files.forms import FORMS, Form
 from armcontour.files.units import read_quantity
 
@@ -87,7 +87,7 @@ def alternatives(hint: Any) -> Iterator[Kind]:
         mark = parts[1]
         if isinstance(mark, Quantity):
             yield mark
-        elif isinstance(mark, Given | PartialFields | Keys):
+        elif isinstance(mark, SpecifiedKeys | PartialFields | MappingKeys):
             yield mark.of
         elif isinstance(mark, Methods):
             yield from mark.kinds

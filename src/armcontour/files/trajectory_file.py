@@ -19,7 +19,7 @@ from armcontour.core.file_access import read_text
 from armcontour.core.text import list_some, show
 from armcontour.files.csv_table import MOST_NAMED, CsvTable, last_digit, read_table
 from armcontour.files.exports.table import (
-    Table,
+    SetPointTable,
     are_places,
     check_export_cycle,
     differentiate,
@@ -218,7 +218,7 @@ class StoredRun:
     analog: tuple[str, ...] = ()
     plain: bool = False
 
-    def set_points(self, **options: Any) -> Table:
+    def set_points(self, **options: Any) -> SetPointTable:
         """The table of the set-points.
 
         Args:
@@ -239,7 +239,7 @@ class StoredRun:
             **options,
         )
 
-    def reference(self, cycle: float | None = None, **options: Any) -> Table:
+    def reference(self, cycle: float | None = None, **options: Any) -> SetPointTable:
         """The table of the plan, every `cycle`.
 
         Args:

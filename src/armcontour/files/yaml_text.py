@@ -126,11 +126,11 @@ class YamlText:
         self.text = text
         found = BREAK.search(text)
         self.eol = "\n" if found is None else found[0]
-        self.root = Part(of=self, node=node, begin=0, end=len(text), outer=None, key=None)
+        self.root = YamlPart(of=self, node=node, begin=0, end=len(text), outer=None, key=None)
         if node is not None:
             begin = node.start_mark.index
             end = _end(self, node, begin)
-            self.root = Part(of=self, node=node, begin=begin, end=end, outer=None, key=None)
+            self.root = YamlPart(of=self, node=node, begin=begin, end=end, outer=None, key=None)
 
     def line_start(self, at: int) -> int:
         """Where the line of a place begins."""
@@ -163,7 +163,7 @@ class YamlText:
 
 
 @dataclass(kw_only=True, eq=False)
-class Part:
+class YamlPart:
     """A value in a text.
 
     Args:
@@ -181,7 +181,7 @@ class Part:
     node: yaml.Node | None
     begin: int
     end: int
-    outer: Part | None
+    outer: YamlPart | None
     key: Any
     head: int = 0
     name_end: int = 0
@@ -199,7 +199,7 @@ class Part:
         return isinstance(self.node, yaml.CollectionNode) and not self.flow
 
     @cached_property
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[YamlPart]:
         """The values in a mapping or a list, in their order."""
         if isinstance(self.node, yaml.MappingNode):
             return _values(self, self.node)
@@ -217,7 +217,7 @@ class Part:
             return isinstance(key, int)
         return isinstance(self.node, yaml.MappingNode)
 
-    def part(self, key: Any) -> Part | None:
+    def part(self, key: Any) -> YamlPart | None:
         """The value of a key or a position."""
         if isinstance(self.node, yaml.SequenceNode):
             return self.parts[int(key)]
@@ -338,7 +338,7 @@ class Part:
             return Splice(self.parts[-1].end, self.parts[-1].end, f", {entry}")
         return Splice(self.end - 1, self.end - 1, entry)
 
-    def _append_line(self, after: Part, column: int, name: str, value: Any) -> Splice:
+    def _append_line(self, after: YamlPart, column: int, name: str, value: Any) -> Splice:
         """Add a line, or several, after those of a part."""
         at = self.of.line_end(after.end)
         line = self.of.eol + " " * column + name + self.child(value, column)
@@ -349,7 +349,7 @@ class Part:
         return behind(value, column, self.of.eol, in_list=isinstance(self.node, yaml.SequenceNode))
 
 
-def _values(outer: Part, node: yaml.MappingNode) -> list[Part]:
+def _values(outer: YamlPart, node: yaml.MappingNode) -> list[YamlPart]:
     """The values of a mapping."""
     text, found = outer.of.text, []
     for name, value in node.value:
@@ -362,7 +362,7 @@ def _values(outer: Part, node: yaml.MappingNode) -> list[Part]:
             end = _end(outer.of, value, begin)
         # A value that is not there begins where its key ends.
         begin, end = max(begin, colon), max(end, colon)
-        part = Part(of=outer.of, node=own, begin=begin, end=end, outer=outer, key=_key(name))
+        part = YamlPart(of=outer.of, node=own, begin=begin, end=end, outer=outer, key=_key(name))
         part.head, part.name_end = name.start_mark.index, colon
         part.column = name.start_mark.column
         found.append(part)
@@ -376,7 +376,7 @@ def _keys(value: Any) -> list[Any]:
     return list(value) if isinstance(value, dict) else []
 
 
-def _items(outer: Part, node: yaml.SequenceNode) -> list[Part]:
+def _items(outer: YamlPart, node: yaml.SequenceNode) -> list[YamlPart]:
     """The items of a list."""
     of, found, at = outer.of, [], outer.begin
     for k, value in enumerate(node.value):
@@ -385,7 +385,7 @@ def _items(outer: Part, node: yaml.SequenceNode) -> list[Part]:
             begin, end, own = *_alias(of.text, at), None
         else:
             end = _end(of, value, begin)
-        part = Part(of=of, node=own, begin=begin, end=end, outer=outer, key=k, head=begin)
+        part = YamlPart(of=of, node=own, begin=begin, end=end, outer=outer, key=k, head=begin)
         part.name_end, part.column = begin, _column(of, begin)
         if not node.flow_style:
             masked = COMMENT.sub(lambda x: " " * len(x[0]), of.text[at:begin])
@@ -406,7 +406,7 @@ def _key(node: yaml.Node) -> Any:
 def _end(of: YamlText, node: yaml.Node, begin: int) -> int:
     """Where the text of a value ends, without blanks and comments after it."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style:
-        part = Part(of=of, node=node, begin=begin, end=begin, outer=None, key=None)
+        part = YamlPart(of=of, node=node, begin=begin, end=begin, outer=None, key=None)
         return part.parts[-1].end
     end = node.end_mark.index
     return begin + len(of.text[begin:end].rstrip(BLANK))

@@ -13,7 +13,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import Quantity
-from armcontour.files.file_keys import Keys, read_keys
+from armcontour.files.file_keys import MappingKeys, read_keys
 from armcontour.files.job_edits import Change, change_data
 from armcontour.files.job_model import PathModel
 from armcontour.files.job_path import READING, path_of
@@ -173,7 +173,7 @@ def _verify(path: Path, written: Mapping[str, Any], handles: Handles) -> None:
     Raises:
         InvalidInput: They are.
     """
-    model = read_keys(Keys(PathModel), written, "the waypoints")
+    model = read_keys(MappingKeys(PathModel), written, "the waypoints")
     again = path_of(model, FilePath(), handles.job.arm.dimension)
     assert isinstance(again, Path)
     alike = len(again) == len(path) and abs(again.vertices - path.vertices).max() <= SAME

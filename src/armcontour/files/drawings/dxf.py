@@ -32,7 +32,14 @@ from armcontour.files.drawings.dxf_entities import (
 )
 from armcontour.files.drawings.outlines import Outline
 from armcontour.files.drawings.read_options import SKIP, ReadOptions, hex_of
-from armcontour.files.drawings.walk import NAMED, WALKED, Drawn, Place, Walk, place_outline
+from armcontour.files.drawings.walk import (
+    NAMED,
+    WALKED,
+    EntityOutlines,
+    Inherited,
+    Walk,
+    place_outline,
+)
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Program
 
@@ -135,28 +142,28 @@ def _unit(code: Any, source: str, options: ReadOptions) -> float:
     raise InvalidInput(f"{source} {why} ($INSUNITS): give it, such as `units: mm` or --units mm.")
 
 
-def _flattened(found: list[Drawn], source: str) -> list[Drawn]:
+def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlines]:
     """The entities in the plane if all z are 0, otherwise in space."""
 
     def is_flat(points: FloatArray) -> bool:
         return bool(np.abs(points[:, 2]).max() <= REPEATED_POINT)
 
-    flat = all(is_flat(y.reach) for x in found for y in x.outlines)
-    for x in found:
+    flat = all(is_flat(y.reach) for x in entities for y in x.outlines)
+    for x in entities:
         if x.clips and not (flat and all(is_flat(clip.corners) for clip in x.clips)):
             raise InvalidInput(
                 f"{source}: {x.where} is in a block that is clipped in space, which is not read: "
                 "clip drawings at z = 0 only."
             )
     if not flat:
-        return found
+        return entities
     return [
         dataclasses.replace(
             x,
             outlines=[y.place(WITHOUT_Z) for y in x.outlines],
             clips=tuple(clip.place(WITHOUT_Z) for clip in x.clips),
         )
-        for x in found
+        for x in entities
     ]
 
 
@@ -193,11 +200,11 @@ class DxfWalk(Walk):
         """Why there is no contour: all entities are on other layers."""
         if not self.elsewhere:
             return ""
-        wanted = ", ".join(repr(x) for x in sorted(self.wanted or ()))
+        requested = ", ".join(repr(x) for x in sorted(self.wanted or ()))
         there = list_some([repr(x) for x in sorted(self.elsewhere)], 12)
-        return f"has no contour on the layer {wanted}: it has entities on {there}"
+        return f"has no contour on the layer {requested}: it has entities on {there}"
 
-    def shapes(self, unit: float) -> Iterator[Drawn]:
+    def shapes(self, unit: float) -> Iterator[EntityOutlines]:
         """Yield the shapes of all entities of the model space, in the order of the document.
 
         Args:
@@ -215,12 +222,12 @@ class DxfWalk(Walk):
         except Exception as error:
             raise InvalidInput(f"{self.source} is damaged: {said(error)}.") from None
         world = Affine(unit * np.eye(3), np.zeros(3))
-        drawing = Place(to=world, layer="0", color=WHITE)
+        drawing = Inherited(to=world, layer="0", color=WHITE)
         for k, entity in enumerate(entities):
             self.tell(WALKED * k / len(entities))
             yield from self._shapes_in([entity], drawing)
 
-    def _shapes_in(self, entities: Iterable[Any], block: Place) -> Iterator[Drawn]:
+    def _shapes_in(self, entities: Iterable[Any], block: Inherited) -> Iterator[EntityOutlines]:
         """Yield the shapes of the entities of a block or of the drawing."""
         for entity in entities:
             kind = entity.dxftype()
@@ -251,8 +258,8 @@ class DxfWalk(Walk):
                 self._leave(kind, name, layer, f"is damaged: {said(error)}", handle)
 
     def _drawn(
-        self, entity: Any, kind: str, name: str, layer: str, block: Place
-    ) -> Iterator[Drawn]:
+        self, entity: Any, kind: str, name: str, layer: str, block: Inherited
+    ) -> Iterator[EntityOutlines]:
         """Yield the shapes of a visible entity, of which MLINE and TEXT have several."""
         if kind == "MLINE":
             for k, part in enumerate(entity.virtual_entities()):
@@ -271,8 +278,8 @@ class DxfWalk(Walk):
             raise Unreadable(f"is not read: {EXPLODE}")
 
     def _shape(
-        self, entity: Any, kind: str, name: str, layer: str, block: Place
-    ) -> Iterator[Drawn]:
+        self, entity: Any, kind: str, name: str, layer: str, block: Inherited
+    ) -> Iterator[EntityOutlines]:
         """Yield the shape of an entity, if it has a length and one of the chosen colours."""
         if not self.wants_color(self._color(entity, layer, block)):
             return
@@ -284,7 +291,7 @@ class DxfWalk(Walk):
             if defect:
                 raise Unreadable(defect)
             outlines = [placed]
-        yield Drawn(
+        yield EntityOutlines(
             outlines=outlines,
             where=f"{kind} {name} on layer {layer!r}",
             name=self.labels(name),
@@ -292,7 +299,7 @@ class DxfWalk(Walk):
             clips=block.clips,
         )
 
-    def _color(self, entity: Any, layer: str, block: Place) -> frozenset[str]:
+    def _color(self, entity: Any, layer: str, block: Inherited) -> frozenset[str]:
         """The names of the colour in which an entity is drawn."""
         number = _attribute(entity, "color", BY_LAYER)
         if _attribute(entity, "true_color", None) is None:
@@ -302,14 +309,16 @@ class DxfWalk(Walk):
                 return self._layer_colors.get(_key(layer), WHITE)
         return _color_names(entity, number)
 
-    def _layer(self, entity: Any, block: Place) -> tuple[str, str]:
+    def _layer(self, entity: Any, block: Inherited) -> tuple[str, str]:
         """Name of an entity's layer, and the layer's state: off, frozen or empty."""
-        own = str(_attribute(entity, "layer", "") or _layer_tag(entity))
+        layer = str(_attribute(entity, "layer", "") or _layer_tag(entity))
         # In a block, layer 0 means the layer of the INSERT.
-        own = block.layer if own == "0" and block.inside else own
-        return self._layers.get(_key(own), (own, ""))
+        layer = block.layer if layer == "0" and block.inside else layer
+        return self._layers.get(_key(layer), (layer, ""))
 
-    def _insert(self, entity: Any, block: Place, name: str, layer: str) -> Iterator[Drawn]:
+    def _insert(
+        self, entity: Any, block: Inherited, name: str, layer: str
+    ) -> Iterator[EntityOutlines]:
         """Yield the shapes of all copies of a block."""
         if self.wants_layer(layer):
             for _ in getattr(entity, "attribs", ()):
@@ -333,7 +342,7 @@ class DxfWalk(Walk):
         for k, offset in enumerate(offsets):
             copy = block.to @ Affine(affine.linear, affine.offset + offset)
             row, column = k // columns + 1, k % columns + 1
-            inner = Place(
+            inner = Inherited(
                 name=name if len(offsets) == 1 else f"{name}[{row},{column}]",
                 to=copy,
                 layer=layer,
@@ -351,8 +360,8 @@ class DxfWalk(Walk):
             self._sizes[name] = 1
             content = self.document.blocks.get(name)
             inner = [x for x in content or () if x.dxftype() == "INSERT"]
-            own = 1 + (len(content) if content is not None else 0)
-            self._sizes[name] = own + sum(self._copies_of(x) for x in inner)
+            count = 1 + (len(content) if content is not None else 0)
+            self._sizes[name] = count + sum(self._copies_of(x) for x in inner)
         rows, columns = grid(entity)
         return rows * columns * self._sizes[name]
 
@@ -362,13 +371,13 @@ class DxfWalk(Walk):
             return
         # Looking for a line takes as long as the file; the notes name the first entities only.
         line = self.line_of(handle) if len(self.left_out.get(BROKEN, ())) < NAMED else ""
-        what = f"{kind} {name}{line} on layer {layer!r} {why}"
+        defect = f"{kind} {name}{line} on layer {layer!r} {why}"
         if not self.skip:
             raise InvalidInput(
-                f"{self.source}: {what}. Mend it in the drawing, choose the layers to follow "
+                f"{self.source}: {defect}. Mend it in the drawing, choose the layers to follow "
                 f"(layers, or --layer), or {SKIP}."
             )
-        self.leave_out(BROKEN, what)
+        self.leave_out(BROKEN, defect)
 
 
 def letters_of(entity: Any) -> list[Any]:
@@ -398,8 +407,8 @@ def _key(name: str) -> str:
 def _layer_tag(entity: Any) -> str:
     """Layer of an entity whose type ezdxf does not know."""
     tags = getattr(entity, "xtags", None)
-    found = (x.value for part in (tags.subclasses if tags else ()) for x in part if x.code == 8)
-    return str(next(found, "0"))
+    layers = (x.value for part in (tags.subclasses if tags else ()) for x in part if x.code == 8)
+    return str(next(layers, "0"))
 
 
 def _color_names(entity: Any, number: int) -> frozenset[str]:
@@ -459,17 +468,17 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         damage = f"The file is damaged ({why}){mended}; damaged parts may be missing."
         return document, [*notes, damage]
     except Exception:
-        rest, broken = (b"", []) if data.startswith(BINARY) else _without_broken(data)
+        intact, broken = (b"", []) if data.startswith(BINARY) else _without_broken(data)
     if not broken:
         with contextlib.suppress(Exception):
-            return _read(rest), notes
+            return _read(intact), notes
         raise InvalidInput(
             f"{source} is no DXF file that can be read: {' '.join([_reason(first), *notes])}"
         )
     if not skip:
         raise InvalidInput(f"{source} has an entity that cannot be read, {broken[0]}: {SKIP}.")
     try:
-        document = _read(rest)
+        document = _read(intact)
     except Exception as error:
         raise InvalidInput(f"{source} is no DXF file that can be read: {said(error)}.") from None
     return document, [
@@ -526,7 +535,7 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
     )
     # Codes and values alternate; the code 0 begins an entity.
     begins = [i for i in range(first + 1, len(lines) - 1, 2) if lines[i].strip() == "0"]
-    kept, broken = lines[: begins[0] if begins else len(lines)], []
+    intact, broken = lines[: begins[0] if begins else len(lines)], []
     marked = False
     for i, end in itertools.pairwise([*begins, len(lines)]):
         kind, part = lines[i + 1].strip(), lines[i:end]
@@ -539,10 +548,10 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
         except Exception as error:
             broken.append(f"{kind} in line {i + 2} ({ADDRESS.sub('', said(error))})")
         else:
-            kept += part
+            intact += part
     if marked:
-        kept = _without_version_12(kept)
-    return "\n".join([*kept, ""]).encode("utf-8", errors="surrogateescape"), broken
+        intact = _without_version_12(intact)
+    return "\n".join([*intact, ""]).encode("utf-8", errors="surrogateescape"), broken
 
 
 def _without_version_12(lines: list[str]) -> list[str]:
@@ -563,18 +572,18 @@ def _mark_class(lines: list[str], name: str) -> list[str]:
     codes = [x.strip() for x in lines[::2]]
     if "100" in codes:
         return lines
-    own = 2 * next((k for k, x in enumerate(codes) if x not in COMMON_CODES), len(codes))
-    return [*lines[:own], "100", "AcDbEntity", "100", name, *lines[own:]]
+    position = 2 * next((k for k, x in enumerate(codes) if x not in COMMON_CODES), len(codes))
+    return [*lines[:position], "100", "AcDbEntity", "100", name, *lines[position:]]
 
 
 def line_of_handle(data: bytes, handle: str) -> str:
     """` in line 12`, where the entity of a handle says it; "" if the file does not."""
-    found = re.search(
+    match = re.search(
         rb"^[ \t]*5[ \t]*\r?\n[ \t]*0*" + re.escape(handle.encode()) + rb"[ \t]*\r?$",
         data,
         re.MULTILINE | re.IGNORECASE,
     )
-    return f" in line {data.count(bytes([10]), 0, found.start()) + 2}" if found else ""
+    return f" in line {data.count(bytes([10]), 0, match.start()) + 2}" if match else ""
 
 
 def said(error: Exception) -> str:

@@ -72,11 +72,11 @@ def chain_pieces(
     """
     if not pieces:
         return [], []
-    table = Pieces.of([x.path for x in pieces])
+    table = EntitySegments.of([x.path for x in pieces])
     layers = _layer_numbers(pieces)
     repeated = _find_repeated(pieces, table, layers)
     lengths = table.lengths
-    ends = Ends.of(table, layers, repeated)
+    ends = EntityEnds.of(table, layers, repeated)
     partner = find_partners(ends, tolerance)
     contours, short = [], []
     for chain, closed in _chains(partner, repeated):
@@ -100,7 +100,7 @@ def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
     )
 
 
-def _meets_exactly(ends: Ends, chain: Sequence[int]) -> bool:
+def _meets_exactly(ends: EntityEnds, chain: Sequence[int]) -> bool:
     """Whether all ends in a closed chain meet without gaps."""
     entries = np.array(chain)
     gaps = ends.points[entries ^ 1] - ends.points[np.roll(entries, -1)]
@@ -131,7 +131,9 @@ def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], boo
     return chains
 
 
-def _find_repeated(pieces: Sequence[DrawnEntity], table: Pieces, layers: IntArray) -> BoolArray:
+def _find_repeated(
+    pieces: Sequence[DrawnEntity], table: EntitySegments, layers: IntArray
+) -> BoolArray:
     """Which pieces lie exactly on an earlier piece of their layer, (n,)."""
     n = len(pieces)
     feature = np.column_stack([table.starts + table.ends, table.middles, table.lengths])
@@ -172,7 +174,7 @@ def _notes(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pieces:
+class EntitySegments:
     """The segments of all pieces in sequence.
 
     Args:
@@ -185,7 +187,7 @@ class Pieces:
     first: IntArray
 
     @classmethod
-    def of(cls, paths: Sequence[Path]) -> Pieces:
+    def of(cls, paths: Sequence[Path]) -> EntitySegments:
         """The table of the segments of paths, one piece per path."""
         first = np.concatenate([[0], np.cumsum([len(path) for path in paths])])
         return cls(segments=Segments.join([path.segments for path in paths]), first=first)
@@ -234,9 +236,11 @@ class Pieces:
         entered = np.asarray(entries, dtype=np.intp)
         piece, backwards = entered // 2, entered % 2 == 1
         count = self.first[piece + 1] - self.first[piece]
-        of, within = number_parts(count)
+        entry, within = number_parts(count)
         base = np.where(backwards, self.first[piece + 1] - 1, self.first[piece])
-        rows = self.segments.run(base[of] + np.where(backwards, -1, 1)[of] * within, backwards[of])
+        rows = self.segments.run(
+            base[entry] + np.where(backwards, -1, 1)[entry] * within, backwards[entry]
+        )
         start = np.cumsum(count) - count
         vertices, ends = start if closed else start[1:], rows.ends
         gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
@@ -308,9 +312,9 @@ def _stretch(
 ) -> Segments:
     """Scale and rotate arcs to new end points, with the arguments of `_shift`; angles stay."""
     old, new = ends - arcs.starts, to_end - to_start
-    size, wanted = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
-    a, b = old / size[:, None], new / wanted[:, None]
-    scale = wanted / size
+    size, new_size = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
+    a, b = old / size[:, None], new / new_size[:, None]
+    scale = new_size / size
 
     def turned(v: FloatArray) -> FloatArray:
         # The smallest rotation from a to b.
@@ -328,7 +332,7 @@ def _stretch(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ends:
+class EntityEnds:
     """The two ends of every piece: end 2 i is the start of piece i, end 2 i + 1 its last point.
 
     Args:
@@ -348,7 +352,7 @@ class Ends:
     free: BoolArray
 
     @classmethod
-    def of(cls, pieces: Pieces, layers: IntArray, left_out: BoolArray) -> Ends:
+    def of(cls, pieces: EntitySegments, layers: IntArray, left_out: BoolArray) -> EntityEnds:
         """The ends of the pieces.
 
         Args:
@@ -372,7 +376,7 @@ class Ends:
         )
 
 
-def find_partners(ends: Ends, tolerance: float) -> IntArray:
+def find_partners(ends: EntityEnds, tolerance: float) -> IntArray:
     """The end to which each end is joined, (2 n,); -1 if it stays free.
 
     Ends at the same point are joined first, then ends that touch, then ends with a gap.
@@ -390,7 +394,7 @@ def find_partners(ends: Ends, tolerance: float) -> IntArray:
     return partner
 
 
-def _match(ends: Ends, partner: IntArray, candidates: IntArray, tolerance: float) -> None:
+def _match(ends: EntityEnds, partner: IntArray, candidates: IntArray, tolerance: float) -> None:
     """Join pairs of ends, those with the smallest turns first."""
     a, b = candidates.min(axis=1), candidates.max(axis=1)
     gap = np.linalg.norm(ends.points[a] - ends.points[b], axis=1)
@@ -409,7 +413,7 @@ def _match(ends: Ends, partner: IntArray, candidates: IntArray, tolerance: float
             partner[i], partner[j] = j, i
 
 
-def _touching(ends: Ends, free: IntArray, near: float) -> IntArray:
+def _touching(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
     """Pairs of ends that touch, those with the smallest turns for each end, (m, 2)."""
     # Ends in one cell of a grid are merged, so that many ends at one point make few pairs.
     keys = np.column_stack([ends.layers[free], np.round(ends.points[free] / (near / 2))])
@@ -427,12 +431,12 @@ def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, In
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     # Tangents differ by at most 2 and the coordinates of two vertices by at least 4, so a
     # neighbour within 3 is at the same vertex.
-    here, there = (np.column_stack([4.0 * vertex, x]) for x in (inwards, -inwards))
+    points, opposite = (np.column_stack([4.0 * vertex, x]) for x in (inwards, -inwards))
     count = min(MOST_CANDIDATES + 1, len(vertex))
-    return _drop_missing(nearest_points(there, here, count, 3.0), len(vertex))
+    return _drop_missing(nearest_points(opposite, points, count, 3.0), len(vertex))
 
 
-def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
+def _near(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
     """Pairs of ends that are close to each other, the nearest ones of each end, (m, 2)."""
     points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])
     count = min(MOST_CANDIDATES + 1, len(free))

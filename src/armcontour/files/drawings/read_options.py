@@ -285,8 +285,8 @@ class ReadOptions(Checked):
     @property
     def layer_tolerances(self) -> dict[str, float]:
         """Largest corner errors on layers that have one [m], by their names."""
-        given = self.layers if isinstance(self.layers, Mapping) else {}
-        return {name: x.tolerance for name, x in given.items() if x.tolerance is not None}
+        limits = self.layers if isinstance(self.layers, Mapping) else {}
+        return {name: x.tolerance for name, x in limits.items() if x.tolerance is not None}
 
     @property
     def color_set(self) -> frozenset[str] | None:
@@ -316,8 +316,8 @@ def repair(program: Program, options: ReadOptions) -> Program:
     for i, x in enumerate(moves):
         if not isinstance(x, Contour) or x.path.orientation is not None:
             continue
-        most = tolerances.get(x.layer, math.inf)
-        mended = mend_vertices(x.path, options.mend_vertices, most)
+        tolerance = tolerances.get(x.layer, math.inf)
+        mended = mend_vertices(x.path, options.mend_vertices, tolerance)
         if mended is not None:
             changed.append(mended)
             events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
@@ -332,9 +332,9 @@ def _note(done: list[Mended]) -> str:
     """A sentence on all that was mended."""
     count = sum(x.count for x in done)
     kink, deviation = (max(getattr(x, y) for x in done) for y in ("kink", "deviation"))
-    what = f"{count} vertices, at which" if count > 1 else "1 vertex, at which"
+    vertices = f"{count} vertices, at which" if count > 1 else "1 vertex, at which"
     return (
-        f"Mended {what} rounded coordinates can explain the turn of at most "
+        f"Mended {vertices} rounded coordinates can explain the turn of at most "
         f"{digits(math.degrees(kink), 2)}°: the path is tangent there, at most "
         f"{digits(deviation * 1e3, 2)} mm from the file's (path.mend_vertices: 0 mm keeps such "
         "turns, at which the tool stops)."

@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
-from armcontour.files.drawings.arc_chain import Affine, Chain
+from armcontour.files.drawings.arc_chain import Affine, ArcChain
 from armcontour.files.drawings.read_options import SKIP, ReadOptions, color_of
 from armcontour.files.drawings.svg_elements import (
     FONT,
@@ -32,7 +32,15 @@ from armcontour.files.drawings.svg_elements import (
     viewbox_transform,
 )
 from armcontour.files.drawings.svg_shapes import SHAPES, shape_of
-from armcontour.files.drawings.walk import NO_SIZE, WALKED, Clip, Drawn, Place, Walk, place_outline
+from armcontour.files.drawings.walk import (
+    NO_SIZE,
+    WALKED,
+    Clip,
+    EntityOutlines,
+    Inherited,
+    Walk,
+    place_outline,
+)
 from armcontour.program import Program
 
 # Versions of Inkscape with 90 px per inch, the comment of Illustrator, which has 72, and the bytes
@@ -182,7 +190,7 @@ def _up(height: float, unit: float) -> Affine:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Place(Place):
+class _SvgInherited(Inherited):
     """The properties that an element inherits from the elements around it.
 
     Args:
@@ -225,7 +233,7 @@ class SvgWalk(Walk):
             return ""
         return "is a font, whose glyphs are no drawing: give one whose text is converted to paths"
 
-    def shapes(self, to: Affine, view: ViewBox | None) -> Iterator[Drawn]:
+    def shapes(self, to: Affine, view: ViewBox | None) -> Iterator[EntityOutlines]:
         """Yield the shapes in the order in which they are drawn.
 
         Args:
@@ -237,13 +245,13 @@ class SvgWalk(Walk):
         """
         counts = dict.fromkeys(SHAPES, 0)
         color = frozenset({color_of(self.root.style("stroke") or "none")})
-        place = _Place(to=to, view=view, color=color, font=font_size(self.root, FONT))
-        todo = [(x, place) for x in reversed(self.root.children)]
-        seen = 0
+        inherited = _SvgInherited(to=to, view=view, color=color, font=font_size(self.root, FONT))
+        todo = [(x, inherited) for x in reversed(self.root.children)]
+        visited = 0
         while todo:
             element, around = todo.pop()
-            seen += 1
-            self.tell(WALKED * min(seen / len(self._all), 1.0))
+            visited += 1
+            self.tell(WALKED * min(visited / len(self._all), 1.0))
             self._repeated += bool(around.inside)
             if self._repeated > MOST_REPEATED:
                 element.refuse(f"use repeats more than {MOST_REPEATED} elements by here")
@@ -260,7 +268,7 @@ class SvgWalk(Walk):
                 name = element.get("id") or inner.name or f"{element.tag} {counts[element.tag]}"
                 yield self._drawn(element, inner, name)
 
-    def _drawn(self, element: Element, place: _Place, name: str) -> Drawn:
+    def _drawn(self, element: Element, inherited: _SvgInherited, name: str) -> EntityOutlines:
         """The outlines of a shape."""
 
         def spend(segments: int) -> None:
@@ -271,20 +279,20 @@ class SvgWalk(Walk):
                 )
 
         outlines = []
-        for outline in shape_of(make_absolute(element, place.view, place.font), spend):
-            placed, defect = place_outline(outline, place.to)
+        for outline in shape_of(make_absolute(element, inherited.view, inherited.font), spend):
+            placed, defect = place_outline(outline, inherited.to)
             if defect:
                 element.refuse(f"it {defect}")
             outlines.append(placed)
-        return Drawn(
+        return EntityOutlines(
             outlines=outlines,
             where=element.name,
             name=self.labels(name),
-            layer=self.labels(place.layer),
-            clips=place.clips,
+            layer=self.labels(inherited.layer),
+            clips=inherited.clips,
         )
 
-    def _enter(self, element: Element, around: _Place) -> _Place | None:
+    def _enter(self, element: Element, around: _SvgInherited) -> _SvgInherited | None:
         """The properties that the children of an element inherit; None if it draws nothing."""
         tag = element.tag
         if tag == "symbol" and around.used_by is None:
@@ -297,8 +305,8 @@ class SvgWalk(Walk):
             self.leave_out(HIDDEN, element.name)
             return None
         self._check_style(element)
-        own = transform_of(element)
-        to = around.to if own is IDENTITY else around.to @ own
+        transform = transform_of(element)
+        to = around.to if transform is IDENTITY else around.to @ transform
         if not to.finite:
             element.refuse("its transforms together have numbers that are too large")
         if is_flat(to):
@@ -306,22 +314,22 @@ class SvgWalk(Walk):
             return None
         visibility = element.style("visibility")
         hidden = around.hidden if visibility in ("", "inherit") else visibility != "visible"
-        place = _layer(element, around)
+        inherited = _layer(element, around)
         stroke = element.style("stroke")
-        place = dataclasses.replace(
-            place,
+        inherited = dataclasses.replace(
+            inherited,
             to=to,
             hidden=hidden,
             used_by=None,
-            color=place.color if stroke in ("", "inherit") else frozenset({color_of(stroke)}),
-            font=font_size(element, place.font),
+            color=inherited.color if stroke in ("", "inherit") else frozenset({color_of(stroke)}),
+            font=font_size(element, inherited.font),
         )
         clip = element.style("clip-path")
         if clip not in NOTHING:
-            place = self._clipped(element, place, clip)
+            inherited = self._clipped(element, inherited, clip)
         if tag in ("svg", "symbol"):
-            return self._viewport(element, place, around.used_by)
-        return place
+            return self._viewport(element, inherited, around.used_by)
+        return inherited
 
     def _check_undrawn(self, element: Element, layer: str) -> None:
         """Record an element without an outline, and style sheets that change what is drawn."""
@@ -347,17 +355,17 @@ class SvgWalk(Walk):
         if element.style_property("transform") or element.style("transform-origin"):
             self._unknown(element, "transforms by style, or about an origin, are not followed")
 
-    def _clipped(self, element: Element, place: _Place, given: str) -> _Place:
+    def _clipped(self, element: Element, inherited: _SvgInherited, reference: str) -> _SvgInherited:
         """The properties of an element with the clip that its clip-path names."""
-        name = _URL.fullmatch(given)
+        name = _URL.fullmatch(reference)
         target = self._ids.get(name[1]) if name else None
-        corners = None if target is None else self._clip_corners(target, place)
+        corners = None if target is None else self._clip_corners(target, inherited)
         if corners is None:
             self._unknown(element, "its clip-path is no single polygon of this file")
-            return place
-        return dataclasses.replace(place, clips=(*place.clips, Clip(corners)))
+            return inherited
+        return dataclasses.replace(inherited, clips=(*inherited.clips, Clip(corners)))
 
-    def _clip_corners(self, target: Element, place: _Place) -> FloatArray | None:
+    def _clip_corners(self, target: Element, inherited: _SvgInherited) -> FloatArray | None:
         """Corners of the polygon of a clipPath on the page, (n, 2); None for another form."""
         drawn = [x for x in target.children if x.tag not in SILENT]
         units = target.get("clipPathUnits") or "userSpaceOnUse"
@@ -366,53 +374,59 @@ class SvgWalk(Walk):
         (shape,) = drawn
         if shape.tag not in SHAPES or target.get("clip-path") or shape.get("clip-path"):
             return None
-        outlines = shape_of(make_absolute(shape, place.view, place.font), lambda n: None)
+        outlines = shape_of(make_absolute(shape, inherited.view, inherited.font), lambda n: None)
         chains = outlines[0].shapes if len(outlines) == 1 else []
-        if len(chains) != 1 or not isinstance(chains[0], Chain) or chains[0].angles.any():
+        if len(chains) != 1 or not isinstance(chains[0], ArcChain) or chains[0].angles.any():
             return None
         corners = np.concatenate([chains[0].starts, chains[0].ends[-1:]])
-        return (place.to @ transform_of(target) @ transform_of(shape))(corners)
+        return (inherited.to @ transform_of(target) @ transform_of(shape))(corners)
 
-    def _unknown(self, element: Element, what: str) -> None:
-        """Record an unknown element, or refuse it; `what` is the reason."""
+    def _unknown(self, element: Element, reason: str) -> None:
+        """Record an unknown element, or refuse it; `reason` is the reason."""
         if not self.skip:
-            element.refuse(f"{what}: change it in the drawing, or {SKIP}")
-        self.leave_out(what, element.name)
+            element.refuse(f"{reason}: change it in the drawing, or {SKIP}")
+        self.leave_out(reason, element.name)
 
-    def _inside(self, element: Element, place: _Place) -> list[tuple[Element, _Place]]:
+    def _inside(
+        self, element: Element, inherited: _SvgInherited
+    ) -> list[tuple[Element, _SvgInherited]]:
         """The elements that a container draws, with the properties that they inherit."""
         if element.tag == "use":
-            return [self._resolve_use(element, place)]
+            return [self._resolve_use(element, inherited)]
         inside = element.children
         if element.tag == "switch":
             conditions = {"requiredExtensions", "systemLanguage"}
             inside = [x for x in inside if not conditions & set(x.attributes)][:1]
-        return [(x, place) for x in inside]
+        return [(x, inherited) for x in inside]
 
-    def _resolve_use(self, element: Element, place: _Place) -> tuple[Element, _Place]:
+    def _resolve_use(
+        self, element: Element, inherited: _SvgInherited
+    ) -> tuple[Element, _SvgInherited]:
         """The element that a use element refers to, with the properties that it inherits."""
-        given = element.get("href") or element.get("xlink:href")
-        target = self._ids.get(given[1:]) if given.startswith("#") else None
+        reference = element.get("href") or element.get("xlink:href")
+        target = self._ids.get(reference[1:]) if reference.startswith("#") else None
         if target is None:
-            element.refuse(f"it refers to {given[:60]!r}, which is no element of this file")
-        if target in place.inside or len(place.inside) >= DEEPEST_USE:
-            element.refuse(f"it refers to {given[:60]!r}, which refers back to it")
-        plain = make_absolute(element, place.view, place.font)
+            element.refuse(f"it refers to {reference[:60]!r}, which is no element of this file")
+        if target in inherited.inside or len(inherited.inside) >= DEEPEST_USE:
+            element.refuse(f"it refers to {reference[:60]!r}, which refers back to it")
+        plain = make_absolute(element, inherited.view, inherited.font)
         shift = affine(1, 0, 0, 1, number_of(plain, "x"), number_of(plain, "y"))
         inner = dataclasses.replace(
-            place,
-            to=place.to @ shift,
-            inside=(*place.inside, target),
+            inherited,
+            to=inherited.to @ shift,
+            inside=(*inherited.inside, target),
             used_by=element,
-            name=element.get("id") or place.name,
+            name=element.get("id") or inherited.name,
         )
         return target, inner
 
-    def _viewport(self, element: Element, place: _Place, user: Element | None) -> _Place | None:
+    def _viewport(
+        self, element: Element, inherited: _SvgInherited, user: Element | None
+    ) -> _SvgInherited | None:
         """The properties that the children of a nested svg or symbol inherit; None without size."""
-        outer = place.view
-        element = make_absolute(element, outer, place.font)
-        user = None if user is None else make_absolute(user, outer, place.font)
+        outer = inherited.view
+        element = make_absolute(element, outer, inherited.font)
+        user = None if user is None else make_absolute(user, outer, inherited.font)
         width = _extent(element, user, "width", outer.width if outer else None)
         height = _extent(element, user, "height", outer.height if outer else None)
         x, y = number_of(element, "x"), number_of(element, "y")
@@ -421,16 +435,16 @@ class SvgWalk(Walk):
             if box is not None:
                 element.refuse("it has a viewBox and needs a width and a height to fit it into")
             shift = affine(1, 0, 0, 1, x, y)
-            return dataclasses.replace(place, to=place.to @ shift, view=None)
+            return dataclasses.replace(inherited, to=inherited.to @ shift, view=None)
         if width <= 0 or height <= 0:
             self.leave_out(NO_SIZE, element.name)
             return None
         if box is None:
             box = ViewBox(0.0, 0.0, width, height)
-        inner = place.to @ viewbox_transform(element, box, ViewBox(x, y, width, height))
+        inner = inherited.to @ viewbox_transform(element, box, ViewBox(x, y, width, height))
         if not inner.finite or is_flat(inner):
             element.refuse("its viewBox does not fit its width and height")
-        return dataclasses.replace(place, to=inner, view=box)
+        return dataclasses.replace(inherited, to=inner, view=box)
 
 
 def _extent(element: Element, user: Element | None, key: str, whole: float | None) -> float | None:
@@ -445,23 +459,23 @@ def _extent(element: Element, user: Element | None, key: str, whole: float | Non
     return whole
 
 
-def _layer(element: Element, around: _Place) -> _Place:
+def _layer(element: Element, around: _SvgInherited) -> _SvgInherited:
     """The inherited properties with the layer of a group.
 
     A layer is a layer of Inkscape, or else the innermost group with a name.
     """
     if element.tag != "g":
         return around
-    own = element.get("inkscape:label") or element.get("id")
+    name = element.get("inkscape:label") or element.get("id")
     if element.get("inkscape:groupmode") == "layer":
-        return dataclasses.replace(around, layer=own, inkscape=True)
-    return around if around.inkscape or not own else dataclasses.replace(around, layer=own)
+        return dataclasses.replace(around, layer=name, inkscape=True)
+    return around if around.inkscape or not name else dataclasses.replace(around, layer=name)
 
 
 def _all_elements(root: Element) -> list[Element]:
     """All elements in their order."""
-    found, todo = [], [root]
+    elements, todo = [], [root]
     while todo:
-        found.append(todo.pop())
-        todo.extend(reversed(found[-1].children))
-    return found
+        elements.append(todo.pop())
+        todo.extend(reversed(elements[-1].children))
+    return elements

@@ -52,8 +52,8 @@ class Element:
     @property
     def name(self) -> str:
         """Name of the element in messages, such as `path 'leaf' in line 7`."""
-        given = self.attributes.get("id")
-        return f"{self.tag[:40]}{f' {given[:60]!r}' if given else ''} in line {self.line}"
+        identifier = self.attributes.get("id")
+        return f"{self.tag[:40]}{f' {identifier[:60]!r}' if identifier else ''} in line {self.line}"
 
     def get(self, key: str) -> str:
         """An attribute without the blanks around it; "" if it is missing."""
@@ -73,13 +73,13 @@ class Element:
                     return value.replace("!important", "").strip()
         return ""
 
-    def refuse(self, what: str) -> NoReturn:
-        """Refuse the element; `what` says what is wrong.
+    def refuse(self, defect: str) -> NoReturn:
+        """Refuse the element; `defect` says what is wrong.
 
         Raises:
             InvalidInput: Always.
         """
-        raise InvalidInput(f"{self.source}: {self.name}: {what}.")
+        raise InvalidInput(f"{self.source}: {self.name}: {defect}.")
 
 
 def tree_of(data: bytes, source: str) -> Element:
@@ -117,12 +117,12 @@ def tree_of(data: bytes, source: str) -> Element:
 def _svg_element(root: Element | None, source: str) -> Element:
     """The outermost element of a file, if it is svg."""
     if root is None or root.tag != "svg":
-        found = (
+        beginning = (
             f"begins with {root.tag[:40] or 'an element of another language'}"
             if root
             else "is empty"
         )
-        raise InvalidInput(f"{source} is no SVG file: it {found}, not with svg.")
+        raise InvalidInput(f"{source} is no SVG file: it {beginning}, not with svg.")
     return root
 
 
@@ -266,16 +266,16 @@ def numbers_of(element: Element, key: str, text: str) -> list[float]:
     """
     if not NUMBERS.fullmatch(text):
         bad = NUMBERS.match(text)
-        at = bad.end() if bad else 0
-        element.refuse(f"{key} has {text[at : at + 20]!r} where a number should be")
+        position = bad.end() if bad else 0
+        element.refuse(f"{key} has {text[position : position + 20]!r} where a number should be")
     return check_numbers(
         element, key, [float(x[0]) for x in limit_matches(EACH_NUMBER.finditer(text))]
     )
 
 
-def limit_matches(found: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
+def limit_matches(matches: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
     """The first matches, at most one more than `MOST_NUMBERS`."""
-    return itertools.islice(found, MOST_NUMBERS + 1)
+    return itertools.islice(matches, MOST_NUMBERS + 1)
 
 
 def check_numbers(element: Element, key: str, values: list[float]) -> list[float]:
@@ -372,22 +372,22 @@ def transform_of(element: Element) -> Affine:
     text = element.get("transform")
     if text in ("", "none"):
         return IDENTITY
-    whole, at, count = IDENTITY, 0, 0
-    while at < len(text):
-        match = _TRANSFORM.match(text, at)
+    whole, position, count = IDENTITY, 0, 0
+    while position < len(text):
+        match = _TRANSFORM.match(text, position)
         if match is None or match[1] not in COUNTS or count >= MOST_TRANSFORMS:
-            if not text[at:].strip(" \t\r\n,"):
+            if not text[position:].strip(" \t\r\n,"):
                 break
             element.refuse(
-                f"transform has {text[at : at + 30].strip()!r}, which is not one of "
+                f"transform has {text[position : position + 30].strip()!r}, which is not one of "
                 f"{', '.join(COUNTS)}"
             )
         values = numbers_of(element, f"transform {match[1]}", match[2])
         if len(values) not in COUNTS[match[1]]:
-            wanted = " or ".join(map(str, COUNTS[match[1]]))
-            element.refuse(f"{match[1]} takes {wanted} numbers, but has {len(values)}")
+            counts = " or ".join(map(str, COUNTS[match[1]]))
+            element.refuse(f"{match[1]} takes {counts} numbers, but has {len(values)}")
         whole = whole @ _single_transform(match[1], values)
-        at, count = match.end(), count + 1
+        position, count = match.end(), count + 1
     if not whole.finite:
         element.refuse("transform has numbers that are too large")
     return whole
@@ -416,8 +416,8 @@ def _single_transform(kind: str, values: list[float]) -> Affine:
 
 def _cos_sin(degrees: float) -> tuple[float, float]:
     """Cosine and sine of an angle, exact for multiples of a right angle."""
-    quarters, rest = divmod(degrees, 90.0)
-    c, s = math.cos(math.radians(rest)), math.sin(math.radians(rest))
+    quarters, remainder = divmod(degrees, 90.0)
+    c, s = math.cos(math.radians(remainder)), math.sin(math.radians(remainder))
     for _ in range(int(quarters % 4)):
         c, s = -s, c
     return c, s
@@ -464,6 +464,6 @@ def viewbox_transform(element: Element, inner: ViewBox, outer: ViewBox) -> Affin
     shares = SHARES[match[2] or "Min"], SHARES[match[3] or "Min"]
     if match[1] is None:
         x = y = max(x, y) if match[4] == "slice" else min(x, y)
-    left = outer.x + shares[0] * (outer.width - x * inner.width) - x * inner.x
-    top = outer.y + shares[1] * (outer.height - y * inner.height) - y * inner.y
-    return affine(x, 0, 0, y, left, top)
+    x_offset = outer.x + shares[0] * (outer.width - x * inner.width) - x * inner.x
+    y_offset = outer.y + shares[1] * (outer.height - y * inner.height) - y * inner.y
+    return affine(x, 0, 0, y, x_offset, y_offset)

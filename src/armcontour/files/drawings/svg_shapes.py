@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.files.drawings.arc_chain import WELL_KNOWN, Chain
-from armcontour.files.drawings.outlines import Outline, Shape, Spline
+from armcontour.files.drawings.arc_chain import WELL_KNOWN, ArcChain
+from armcontour.files.drawings.outlines import BezierSpline, Outline, Shape
 from armcontour.files.drawings.svg_elements import (
     EACH_NUMBER,
     MOST_NUMBERS,
@@ -71,51 +71,51 @@ def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Comman
     # Each command is a segment; repetitions are added below.
     spend(sum(text.count(x) for x in LETTERS))
     parts = _LETTER.split(text)
-    at = len(parts[0])
+    position = len(parts[0])
     if parts[0].strip() or (len(parts) > 1 and parts[1] not in "Mm"):
         element.refuse(f"path data begins with {text[:20]!r}: it must begin with M")
     for letter, chunk in zip(parts[1::2], parts[2::2], strict=True):
         count = COUNTS[letter.upper()]
-        values = (_arcs if count == 7 else _numbers)(element, chunk, at + 1)
-        repeats, rest = divmod(len(values), count) if count else (1, len(values))
-        if rest or not repeats:
+        values = (_arcs if count == 7 else _numbers)(element, chunk, position + 1)
+        repeats, remainder = divmod(len(values), count) if count else (1, len(values))
+        if remainder or not repeats:
             element.refuse(
-                f"the command {letter} at character {at + 1} of the path data takes {count} "
+                f"the command {letter} at character {position + 1} of the path data takes {count} "
                 f"numbers, but has {len(values)}"
             )
-        at += 1 + len(chunk)
+        position += 1 + len(chunk)
         spend(repeats - 1)
         for k in range(repeats):
             yield FURTHER.get(letter, letter) if k else letter, values[k * count : (k + 1) * count]
 
 
-def _numbers(element: Element, chunk: str, at: int) -> list[float]:
-    """The arguments of a command, whose text `chunk` starts at character `at` (from 0)."""
+def _numbers(element: Element, chunk: str, position: int) -> list[float]:
+    """The arguments of a command, whose text `chunk` starts at character `position` (from 0)."""
     good = NUMBERS.match(chunk)
     end = good.end() if good else 0
     if end < len(chunk):
-        _refuse(element, chunk, at, end)
+        _refuse(element, chunk, position, end)
     values = [float(x[0]) for x in limit_matches(EACH_NUMBER.finditer(chunk))]
-    return check_numbers(element, f"path data after character {at}", values)
+    return check_numbers(element, f"path data after character {position}", values)
 
 
-def _arcs(element: Element, chunk: str, at: int) -> list[float]:
-    """The arguments of a command A, whose text `chunk` starts at character `at` (from 0)."""
+def _arcs(element: Element, chunk: str, position: int) -> list[float]:
+    """The arguments of a command A, whose text `chunk` starts at character `position` (from 0)."""
     values: list[float] = []
     end = 0
     while (match := _ARC.match(chunk, end)) and len(values) <= MOST_NUMBERS:
         values += [float(x) for x in match.groups()]
         end = match.end()
     if match is None and chunk[end:].strip(" \t\r\n,"):
-        _refuse(element, chunk, at, end)
-    return check_numbers(element, f"path data after character {at}", values)
+        _refuse(element, chunk, position, end)
+    return check_numbers(element, f"path data after character {position}", values)
 
 
-def _refuse(element: Element, chunk: str, at: int, end: int) -> None:
+def _refuse(element: Element, chunk: str, position: int, end: int) -> None:
     """Refuse the arguments of a command from character `end` of its text."""
     element.refuse(
-        f"path data has {chunk[end : end + 20].strip()!r} at character {at + end + 1}, which is "
-        "not what its command takes"
+        f"path data has {chunk[end : end + 20].strip()!r} at character {position + end + 1}, which "
+        "is not what its command takes"
     )
 
 
@@ -205,7 +205,9 @@ class Pen:
         """Make a shape of the points in `drawn`."""
         if len(self.drawn) > 1:
             points = _plane(self.drawn)
-            self.shapes.append(Spline(points=points) if self.curved else Chain.straight(points))
+            self.shapes.append(
+                BezierSpline(points=points) if self.curved else ArcChain.straight(points)
+            )
         self.drawn = []
 
     def _arc(self, numbers: Sequence[float], end: complex) -> None:
@@ -242,7 +244,7 @@ def _arc_between(
     tilt: float,
     large: bool,
     sweep: bool,
-) -> Chain:
+) -> ArcChain:
     """The elliptical arc between two points as defined by SVG's command A.
 
     Radii that are too small are increased until the ellipse passes through both points.
@@ -261,7 +263,7 @@ def _arc_between(
     angle = 2 * math.pi - angle if large else angle
     sine = np.array([center[1], -center[0]]) * (1.0 if sweep else -1.0)
     ends = np.stack([first, last])
-    arc = Chain.arc(first + axes @ center, axes @ -center, axes @ sine, angle, ends)
+    arc = ArcChain.arc(first + axes @ center, axes @ -center, axes @ sine, angle, ends)
     return arc.halve() if angle > WELL_KNOWN else arc
 
 
@@ -287,14 +289,14 @@ def _line(element: Element, spend: Spend) -> list[Outline]:
     x1, y1, x2, y2 = (number_of(element, key) for key in ("x1", "y1", "x2", "y2"))
     if (x1, y1) == (x2, y2):
         return []
-    return [Outline([Chain.straight(np.array([[x1, y1], [x2, y2]]))])]
+    return [Outline([ArcChain.straight(np.array([[x1, y1], [x2, y2]]))])]
 
 
 def _polyline(element: Element, spend: Spend) -> list[Outline]:
     """The outline of a polyline or polygon; empty if it has fewer than two points."""
     points = _read_points(element, spend)
     closed = element.tag == "polygon"
-    return [Outline([Chain.straight(points)], closed)] if len(points) > 1 else []
+    return [Outline([ArcChain.straight(points)], closed)] if len(points) > 1 else []
 
 
 def _read_points(element: Element, spend: Spend) -> FloatArray:
@@ -321,7 +323,7 @@ def _rect(element: Element, spend: Spend) -> list[Outline]:
     rx, ry = min(rx, width / 2), min(ry, height / 2)
     if not (rx and ry):
         corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
-        return [Outline([Chain.straight(corners)], closed=True)]
+        return [Outline([ArcChain.straight(corners)], closed=True)]
     pen = Pen(element)
     right, bottom = x + width, y + height
     for letter, numbers in (
@@ -365,7 +367,7 @@ def _around(element: Element, radii: tuple[float, float], keys: tuple[str, str])
     center = np.array([number_of(element, "cx"), number_of(element, "cy")])
     # SVG draws an ellipse from its point with the largest x.
     cosine, sine = np.diag(radii)
-    return [Outline([Chain.arc(center, cosine, sine, 2 * np.pi)], closed=True)]
+    return [Outline([ArcChain.arc(center, cosine, sine, 2 * np.pi)], closed=True)]
 
 
 SHAPES: dict[str, Callable[[Element, Spend], list[Outline]]] = {

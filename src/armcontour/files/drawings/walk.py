@@ -66,18 +66,18 @@ def _clip_once(path: Path, clip: Clip) -> list[Path]:
     if inside.all():
         return [path]
     runs = np.split(np.arange(len(i)), np.flatnonzero(np.diff(inside)) + 1)
-    kept = [run for run in runs if inside[run[0]]]
+    inner_runs = [run for run in runs if inside[run[0]]]
     closed = np.linalg.norm(path.vertices[-1] - path.vertices[0]) <= REPEATED_POINT
     if closed and inside[0] and inside[-1]:
-        *kept, last = kept
-        kept[0] = np.concatenate([last, kept[0]])
-    return [Path(segments=table.cut(i[run], begin[run], end[run])) for run in kept]
+        *inner_runs, last = inner_runs
+        inner_runs[0] = np.concatenate([last, inner_runs[0]])
+    return [Path(segments=table.cut(i[run], begin[run], end[run])) for run in inner_runs]
 
 
 def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Segment, begin and end [m] of the parts between the crossings with a polygon's edges."""
     n = len(table)
-    rows, places = [np.arange(n)], [np.zeros(n)]
+    rows, distances = [np.arange(n)], [np.zeros(n)]
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         size = float(np.linalg.norm(b - a))
         if size <= REPEATED_POINT:
@@ -90,8 +90,8 @@ def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, Float
             x = (table.at(i, u[i]) - a) @ along
             i = i[(x >= -REPEATED_POINT) & (x <= size + REPEATED_POINT)]
             rows.append(i)
-            places.append(u[i])
-    row, begin = np.concatenate(rows), np.concatenate(places)
+            distances.append(u[i])
+    row, begin = np.concatenate(rows), np.concatenate(distances)
     order = np.lexsort([begin, row])
     row, begin = row[order], begin[order]
     apart = np.append(True, (np.diff(row) > 0) | (np.diff(begin) > REPEATED_POINT))
@@ -104,11 +104,11 @@ def _crossings(table: Segments, a: FloatArray, normal: FloatArray) -> list[Float
     """Distances along each segment [m] at which it meets a straight line; not finite for none."""
     k = table.curvatures
     height = (table.starts - a) @ normal
-    rise, bend = table.tangents @ normal, table.normals @ normal
+    rise, normal_rise = table.tangents @ normal, table.normals @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
         straight = -height / rise
         # k height + bend + rise sin(ku) - bend cos(ku) = 0, and rise² + bend² = 1 for an arc.
-        middle, half = np.arctan2(rise, -bend), np.arccos(-(k * height + bend))
+        middle, half = np.arctan2(rise, -normal_rise), np.arccos(-(k * height + normal_rise))
         turns = [np.mod(middle + x, 2 * np.pi) / k for x in (-half, half)]
     return [np.where(k > 0, x, straight) for x in turns]
 
@@ -137,7 +137,7 @@ NO_SIZE = "Left out because of no size"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Place:
+class Inherited:
     """What the entities in a group, block or reference inherit.
 
     Args:
@@ -158,7 +158,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drawn:
+class EntityOutlines:
     """The outlines of one entity in metres.
 
     Args:
@@ -218,20 +218,20 @@ class Walk:
     @property
     def notes(self) -> list[str]:
         """Sentences on what was left out or changed."""
-        found = [f"{why}: {list_counted(x)}." for why, x in self.left_out.items()]
-        return found + self.labels.notes
+        sentences = [f"{why}: {list_counted(x)}." for why, x in self.left_out.items()]
+        return sentences + self.labels.notes
 
     def explain_empty(self) -> str:
         """Why there is no contour, if it is not by what was left out."""
         return ""
 
-    def program(self, found: Iterable[Drawn], notes: Sequence[str]) -> Program:
+    def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
         """The program of all contours.
 
         Raises:
             InvalidInput: An entity makes no path, or there is no contour.
         """
-        pieces = self._pieces(list(found))
+        pieces = self._pieces(list(entities))
         contours, chaining_notes = chain_pieces(pieces, self.options.join_tolerance)
         notes = [*notes, *self.notes, *chaining_notes]
         if not contours:
@@ -249,24 +249,24 @@ class Walk:
         )
         return repair(program, self.options)
 
-    def _pieces(self, found: Sequence[Drawn]) -> list[DrawnEntity]:
+    def _pieces(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
         """The paths of all outlines, clipped."""
         options = self.options
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 paths = paths_of(
-                    [y for x in found for y in x.outlines],
+                    [y for x in entities for y in x.outlines],
                     options.fit_tolerance,
                     options.join_tolerance,
                     lambda share: self.tell(WALKED + (1 - WALKED) * share),
                 )
         except InvalidInput as error:
             assert error.index is not None
-            where = [x.where for x in found for _ in x.outlines][error.index]
+            where = [x.where for x in entities for _ in x.outlines][error.index]
             raise InvalidInput(f"{self.source}: {where}: {error}") from None
         pieces: list[DrawnEntity] = []
         drawn = iter(paths)
-        for x in found:
+        for x in entities:
             whole = [path for path in islice(drawn, len(x.outlines)) if path is not None]
             if not whole:
                 self.leave_out(NO_SIZE, x.where)

@@ -159,15 +159,15 @@ def _orientation(
     table: CsvTable[str], values: Mapping[str, FloatArray]
 ) -> tuple[tuple[str, ...], FloatArray] | None:
     """The columns of the tool orientation, and their numbers, (rows, 3 or 4); None without."""
-    given = [x for x in (QUATERNION, ANGLES, AXIS) if x[0] in values]
-    if not given:
+    kinds = [x for x in (QUATERNION, ANGLES, AXIS) if x[0] in values]
+    if not kinds:
         return None
-    if len(given) > 1:
+    if len(kinds) > 1:
         raise InvalidInput(
-            f"{table.source} gives the tool orientation twice, by {given[0][0]} and by "
-            f"{given[1][0]}: leave one out."
+            f"{table.source} gives the tool orientation twice, by {kinds[0][0]} and by "
+            f"{kinds[1][0]}: leave one out."
         )
-    keys = given[0]
+    keys = kinds[0]
     if "z" not in values:
         raise InvalidInput(f"{table.source}: a tool orientation needs space: add the column z.")
     numbers = np.stack([values[key] for key in keys], axis=1)
@@ -273,19 +273,19 @@ def _smooth(
         )
     if path.orientation is None:
         return path, []
-    kept = np.delete(np.arange(rows.stop - rows.start), path.merged)
-    given = orientation[1][rows][kept]
-    smooth = smooth_axes(path.vertices[path.waypoints], given, tolerance)
-    before = given / np.linalg.norm(given, axis=1, keepdims=True)
-    most = float(angle_between(smooth, before).max())
+    indices = np.delete(np.arange(rows.stop - rows.start), path.merged)
+    axes = orientation[1][rows][indices]
+    smooth = smooth_axes(path.vertices[path.waypoints], axes, tolerance)
+    before = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    largest_turn = float(angle_between(smooth, before).max())
     # A repeated point has the axis of the one before it.
-    every = np.searchsorted(kept, np.arange(rows.stop - rows.start), side="right") - 1
+    every = np.searchsorted(indices, np.arange(rows.stop - rows.start), side="right") - 1
     turned = path.pointing(smooth[every])
-    place = int(table.numbers[rows][0])
+    first_line = int(table.numbers[rows][0])
     return turned, [
-        f"Smoothed the tool axes of {len(kept)} waypoints from line {place} on: they are "
-        f"turned by up to {np.degrees(most):.3g}°, and {np.degrees(tolerance):.3g}° are allowed "
-        "(path.smooth_axes)."
+        f"Smoothed the tool axes of {len(indices)} waypoints from line {first_line} on: they are "
+        f"turned by up to {np.degrees(largest_turn):.3g}°, and {np.degrees(tolerance):.3g}° are "
+        "allowed (path.smooth_axes)."
     ]
 
 
@@ -298,7 +298,7 @@ def _events(
     # A point that repeats the point before is not a vertex of its own.
     repeated = np.zeros(rows.stop - rows.start, dtype=np.intp)
     repeated[list(path.merged)] = 1
-    places = np.arange(len(repeated)) - np.cumsum(repeated)
+    vertices = np.arange(len(repeated)) - np.cumsum(repeated)
     events = []
     for i in range(rows.start, rows.stop):
         for part in texts[i].split(";") if texts[i] else ():
@@ -309,7 +309,7 @@ def _events(
                     "such as laser=on, with semicolons between several.",
                     index=i,
                 )
-            s = float(path.breaks[places[i - rows.start]])
+            s = float(path.breaks[vertices[i - rows.start]])
             try:
                 events.append(Event(name=name, value=_value(value) if equals else True, s=s))
             except InvalidInput as error:

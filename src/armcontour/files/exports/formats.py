@@ -14,7 +14,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import AtLeast
 from armcontour.files.exports.ros import write_mcap, write_ros_yaml
-from armcontour.files.exports.table import Table, make_table, write_csv, write_npz
+from armcontour.files.exports.table import SetPointTable, make_table, write_csv, write_npz
 from armcontour.files.exports.template import describe_program, write_template
 from armcontour.files.exports.urscript import JOINTS, write_urscript
 from armcontour.motion import SetPoints, Trajectory
@@ -47,7 +47,7 @@ class ExportFormat(Checked):
         """Name of the format, or of its template."""
         return self.kind
 
-    def write(self, table: Table, file: FilePath) -> None:
+    def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table directly to a path, without a temporary file.
 
         Args:
@@ -151,7 +151,7 @@ class URScriptFormat(ExportFormat):
     analog: Analog | None = None
     call: bool = False
 
-    def write(self, table: Table, file: FilePath) -> None:
+    def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
         write_urscript(table, file, self.outputs, call=self.call)
 
@@ -176,7 +176,7 @@ class TemplateFormat(TableFormat):
         """Name of the template."""
         return str(self.template)
 
-    def write(self, table: Table, file: FilePath) -> None:
+    def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
         write_template(table, file, self.template, self.outputs)
 

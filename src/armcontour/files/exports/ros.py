@@ -12,7 +12,7 @@ import numpy as np
 
 from armcontour.core.checks import IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.exports.table import FIXED, Table, event_data, filled, write_pieces
+from armcontour.files.exports.table import FIXED, SetPointTable, event_data, filled, write_pieces
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 EVENTS_TOPIC = "/armcontour/events"
@@ -21,7 +21,7 @@ SECOND = 1_000_000_000
 LONGEST = 2**31 - 1
 
 
-def write_ros_yaml(table: Table, file: FilePath) -> None:
+def write_ros_yaml(table: SetPointTable, file: FilePath) -> None:
     """Write the table as the YAML of a trajectory_msgs/msg/JointTrajectory.
 
     The text is valid for `ros2 topic pub` and has the form of `ros2 topic echo`. The message has
@@ -48,7 +48,7 @@ def write_ros_yaml(table: Table, file: FilePath) -> None:
     write_pieces(file, chain([head], filled(point, values)))
 
 
-def write_mcap(table: Table, file: FilePath) -> None:
+def write_mcap(table: SetPointTable, file: FilePath) -> None:
     """Write a bag with storage MCAP: a folder with the trajectory message and the events.
 
     The trajectory message is at time 0 of the bag. Each event is a std_msgs/msg/String of JSON on
@@ -74,7 +74,7 @@ def write_mcap(table: Table, file: FilePath) -> None:
         bag.rename(file)
 
 
-def _fill(writer: Any, table: Table, store: Any) -> None:
+def _fill(writer: Any, table: SetPointTable, store: Any) -> None:
     """Write the messages into an open bag."""
     kind = "trajectory_msgs/msg/JointTrajectory"
     topic = writer.add_connection(TOPIC, kind, typestore=store)
@@ -89,7 +89,7 @@ def _fill(writer: Any, table: Table, store: Any) -> None:
         writer.write(topic, at, store.serialize_cdr(message, kind))
 
 
-def _message(table: Table, types: Any) -> Any:
+def _message(table: SetPointTable, types: Any) -> Any:
     """The table as a JointTrajectory message of rosbags."""
     make = {
         name.rpartition("/")[2]: types[name]
@@ -127,7 +127,7 @@ def _message(table: Table, types: Any) -> Any:
     )
 
 
-def _nanoseconds(table: Table) -> IntArray:
+def _nanoseconds(table: SetPointTable) -> IntArray:
     """Times of the points in whole nanoseconds, (n,)."""
     if table.duration > LONGEST:
         raise InvalidInput(

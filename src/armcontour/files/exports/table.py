@@ -49,7 +49,7 @@ AT_ONCE = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Table(Checked):
+class SetPointTable(Checked):
     """Joint positions over time, with events.
 
     Args:
@@ -165,7 +165,7 @@ def make_table(
     derivatives: int = 2,
     tool_motion: bool = False,
     analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
-) -> Table:
+) -> SetPointTable:
     """The table of set-points or of a sampled trajectory; time counts from the first point.
 
     Velocities and accelerations of a trajectory are its own; where they jump, the values after the
@@ -187,7 +187,7 @@ def make_table(
 
     Raises:
         InvalidInput: The period differs from that of set-points; the number of joints or names is
-            wrong; the motion of the tool is wanted, but no arm is given; or as for `Table`.
+            wrong; the motion of the tool is wanted, but no arm is given; or as for `SetPointTable`.
     """
     if not isinstance(data, SetPoints | Trajectory):
         raise InvalidInput(
@@ -226,8 +226,8 @@ def tabulate(
     derivatives: int = 2,
     tool_motion: bool = False,
     **about: Any,
-) -> Table:
-    """The table of samples; the arguments are those of `make_table`, and `about` of `Table`.
+) -> SetPointTable:
+    """The table of samples; the arguments are those of `make_table`, and `about` of `SetPointTable`.
 
     Raises:
         InvalidInput: As in `make_table`.
@@ -244,7 +244,7 @@ def tabulate(
         raise InvalidInput(f"The motion of the tool of {name!r} needs the arm: give arm.")
     if joint_names is None:
         joint_names = arm.joint_names if arm else [f"joint {i}" for i in range(1, dof + 1)]
-    return Table(
+    return SetPointTable(
         joint_names=joint_names,  # type: ignore[arg-type]  # converted by the field
         t=samples.t,
         q=samples.q,
@@ -479,7 +479,7 @@ def event_data(event: TimedEvent) -> dict[str, Any]:
     }
 
 
-def write_csv(table: Table, file: FilePath) -> None:
+def write_csv(table: SetPointTable, file: FilePath) -> None:
     """Write columns t, then q, dq and ddq of all joints, and `events` if there are any, as CSV.
 
     If the table has the speed of the tool, its point, orientation and speed are columns too; so
@@ -494,7 +494,7 @@ def write_csv(table: Table, file: FilePath) -> None:
     write_pieces(file, csv_pieces(header, columns, cells))
 
 
-def write_npz(table: Table, file: FilePath) -> None:
+def write_npz(table: SetPointTable, file: FilePath) -> None:
     """Write the table to an npz file.
 
     The arrays are name, joint_names, period, start_time, t, q, dq, ddq, tool,
@@ -525,7 +525,7 @@ def write_npz(table: Table, file: FilePath) -> None:
         np.savez(stream, **arrays)
 
 
-def _columns(table: Table) -> tuple[list[str], list[FloatArray]]:
+def _columns(table: SetPointTable) -> tuple[list[str], list[FloatArray]]:
     """Titles and columns of joints, of analog outputs, and of the tool if its speed is there."""
     header, columns = joint_columns(
         table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
@@ -546,7 +546,7 @@ def _columns(table: Table) -> tuple[list[str], list[FloatArray]]:
     return header, columns
 
 
-def _event_cells(table: Table) -> dict[int, str]:
+def _event_cells(table: SetPointTable) -> dict[int, str]:
     """The events of each point as text, by the index of the point."""
     cells: dict[int, str] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):

@@ -15,7 +15,7 @@ import numpy as np
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_text
 from armcontour.core.text import list_some, show
-from armcontour.files.exports.table import DECIMALS, Table, format_event
+from armcontour.files.exports.table import DECIMALS, SetPointTable, format_event
 from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import COMMAND_SLACK
 
@@ -40,7 +40,7 @@ MOST_NAMES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Switch:
+class OutputSwitch:
     """An event in templates: the data of `TimedEvent`, and `text`, such as "tool=on"."""
 
     name: str
@@ -78,7 +78,7 @@ class Point:
     tool_rotation: tuple[float, ...] | None
     tool_speed: float | None
     analog: Mapping[str, float]
-    events: tuple[Switch, ...]
+    events: tuple[OutputSwitch, ...]
 
 
 class _Refused(Exception):
@@ -97,7 +97,7 @@ def templates() -> tuple[str, ...]:
 
 
 def template_of(
-    table: Table,
+    table: SetPointTable,
     template: str | FilePath,
     outputs: Mapping[str, int | str] | None = None,
     *,
@@ -128,7 +128,7 @@ def template_of(
 
 
 def describe_program(
-    table: Table,
+    table: SetPointTable,
     name: str | FilePath,
     outputs: Mapping[str, int | str] | None,
     name_output: Callable[[str, int | str], str],
@@ -177,7 +177,7 @@ def describe_program(
     return found
 
 
-def _describe_rounding(table: Table, name: str | FilePath) -> list[str]:
+def _describe_rounding(table: SetPointTable, name: str | FilePath) -> list[str]:
     """A sentence on set-points that exceed limits of commands with the digits that are written."""
     digit = LAST_DIGIT.get(str(name))
     if table.command_limits is None or digit is None:
@@ -195,7 +195,7 @@ def _describe_rounding(table: Table, name: str | FilePath) -> list[str]:
 
 
 def write_template(
-    table: Table,
+    table: SetPointTable,
     file: FilePath,
     template: str | FilePath,
     outputs: Mapping[str, int | str] | None = None,
@@ -258,7 +258,7 @@ def _environment(folder: FilePath) -> Any:
     return environment
 
 
-def _variables(table: Table, outputs: Mapping[str, int | str], file: str) -> dict[str, Any]:
+def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str) -> dict[str, Any]:
     """The variables of a template by name."""
     points = _points(table)
     return {
@@ -275,12 +275,12 @@ def _variables(table: Table, outputs: Mapping[str, int | str], file: str) -> dic
     }
 
 
-def _points(table: Table) -> tuple[Point, ...]:
+def _points(table: SetPointTable) -> tuple[Point, ...]:
     """The rows of a table, each with its events."""
-    switches: dict[int, list[Switch]] = {}
+    switches: dict[int, list[OutputSwitch]] = {}
     for x, i in zip(table.events, table.point_of_events, strict=True):
         switches.setdefault(i, []).append(
-            Switch(
+            OutputSwitch(
                 name=x.name,
                 value=x.value,
                 t=x.t,

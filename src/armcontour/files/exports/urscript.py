@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.exports.table import Table, filled, format_event, write_pieces
+from armcontour.files.exports.table import SetPointTable, filled, format_event, write_pieces
 from armcontour.motion import TimedEvent
 
 JOINTS = 6
@@ -44,7 +44,7 @@ def {program}():
 
 
 def write_urscript(
-    table: Table,
+    table: SetPointTable,
     file: FilePath,
     outputs: Mapping[str, int | str] | None = None,
     *,
@@ -102,7 +102,7 @@ def write_urscript(
 
 
 def _commands(
-    table: Table, lines: Sequence[tuple[float, str]], point: str, last: str
+    table: SetPointTable, lines: Sequence[tuple[float, str]], point: str, last: str
 ) -> Iterator[str]:
     """Yield the commands of set-points and other lines in the order of their times."""
     done, count = 0, len(table.q)
@@ -167,7 +167,7 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
     return f'  textmsg("{message}"){at}'
 
 
-def _check(table: Table) -> None:
+def _check(table: SetPointTable) -> None:
     """Refuse a table that URScript cannot hold."""
     if table.dof != JOINTS:
         raise InvalidInput(
@@ -187,7 +187,7 @@ def _check(table: Table) -> None:
         )
 
 
-def _digital_outputs(table: Table, outputs: Mapping[str, int | str]) -> dict[str, int]:
+def _digital_outputs(table: SetPointTable, outputs: Mapping[str, int | str]) -> dict[str, int]:
     """The digital outputs of events by the events' names."""
     found: dict[str, int] = {}
     for name, number in outputs.items():

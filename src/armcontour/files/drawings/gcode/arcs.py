@@ -105,14 +105,14 @@ def around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> 
     radius, end_radius = math.hypot(px, py), math.hypot(qx, qy)
     if min(radius, end_radius) < SHORT:
         raise Fault("an arc whose centre is its start or end point, so that it has no radius")
-    off = abs(radius - end_radius)
+    difference = abs(radius - end_radius)
     relative = RELATIVE * max(radius, end_radius)
-    if off > MOST[dialect] or (off > ROUNDED[dialect] and off > relative):
+    if difference > MOST[dialect] or (difference > ROUNDED[dialect] and difference > relative):
         allowed = min(MOST[dialect], max(ROUNDED[dialect], relative))
         raise Fault(
             "an arc whose centre is {} from its start but {} from its end, a difference of {} "
             "where {} are allowed: correct I, J and K, or write G90.1 if they are absolute",
-            radius, end_radius, off, allowed,
+            radius, end_radius, difference, allowed,
         )  # fmt: skip
     if math.dist(start, end) <= REPEATED_POINT:
         return Circle(center, start, start, turn, 2 * math.pi, radius, radius)
@@ -168,8 +168,8 @@ def pieces_of(circle: Circle, turns: int) -> list[ArcPart]:
 def _distance_to_bisector(circle: Circle) -> float:
     """Distance from the centre to the perpendicular bisector of start and end [m]."""
     x = circle
-    off = (x.radius - x.end_radius) * (x.radius + x.end_radius)
-    return abs(off) / (2 * math.dist(x.start, x.end))
+    square_difference = (x.radius - x.end_radius) * (x.radius + x.end_radius)
+    return abs(square_difference) / (2 * math.dist(x.start, x.end))
 
 
 def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:

@@ -29,7 +29,7 @@ Feed = tuple[float, float, int]
 
 
 @dataclass(slots=True)
-class Chain:
+class FeedChain:
     """Feed moves without a stop: their points, flat, and what belongs to every one of them."""
 
     points: array[float]
@@ -42,13 +42,13 @@ class Chain:
     events: list[tuple[int, str, Value]] = field(default_factory=list)
 
 
-class Draft:
+class ProgramDraft:
     """A program in the making."""
 
     def __init__(self) -> None:
-        self.moves: list[Chain | array[float] | Event | Dwell] = []
+        self.moves: list[FeedChain | array[float] | Event | Dwell] = []
         self.last: Point = (0.0, 0.0, 0.0)
-        self.chain: Chain | None = None
+        self.chain: FeedChain | None = None
         self.rapid: array[float] | None = None
         self.begun = False
         self.across = False
@@ -82,7 +82,7 @@ class Draft:
             return
         self._extend(feed, (x, y, z))
 
-    def bend(self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed) -> None:
+    def arc(self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed) -> None:
         """An arc in the plane of the first two of `axes`."""
         a, b, _ = axes
         end, tangent, normal = list(self.last), [0.0] * 3, [0.0] * 3
@@ -160,7 +160,7 @@ class Draft:
         counts: Counter[int] = Counter()
         moves: list[Move] = []
         for x in self.moves:
-            if isinstance(x, Chain):
+            if isinstance(x, FeedChain):
                 counts[x.line] += 1
                 moves.append(_contour(x, dimension, counts[x.line], source))
             elif isinstance(x, array):
@@ -169,14 +169,16 @@ class Draft:
                 moves.append(x)
         return Program(moves=tuple(moves), source=source, notes=notes)
 
-    def _extend(self, feed: Feed, end: Point) -> Chain:
+    def _extend(self, feed: Feed, end: Point) -> FeedChain:
         """Lead the open contour, or a new one, to a point."""
         speed, tolerance, line = feed
         chain = self.chain
         if chain is None:
             self._flush()
             self.begun = True
-            chain = self.chain = Chain(points=array("d", self.last), line=line, layer=self.layer)
+            chain = self.chain = FeedChain(
+                points=array("d", self.last), line=line, layer=self.layer
+            )
         chain.points.extend(end)
         chain.speeds.append(speed)
         chain.tolerances.append(tolerance)
@@ -196,8 +198,8 @@ class Draft:
 
     def _leaves_the_plane(self) -> bool:
         for x in self.moves:
-            if isinstance(x, Chain | array):
-                points = np.frombuffer(x.points if isinstance(x, Chain) else x)
+            if isinstance(x, FeedChain | array):
+                points = np.frombuffer(x.points if isinstance(x, FeedChain) else x)
                 if (np.abs(points[2::3]) > FLAT).any():
                     return True
         return False
@@ -207,7 +209,7 @@ def _point(values: Sequence[float]) -> Point:
     return (values[0], values[1], values[2])
 
 
-def _contour(chain: Chain, dimension: int, count: int, source: str) -> Contour:
+def _contour(chain: FeedChain, dimension: int, count: int, source: str) -> Contour:
     """The contour of feed moves, named after its line, which may have started others before."""
     try:
         path = _path(chain.points, dimension, chain)
@@ -221,7 +223,7 @@ def _contour(chain: Chain, dimension: int, count: int, source: str) -> Contour:
     return Contour(path=path, name=name, layer=chain.layer, events=events, keep_start=True)
 
 
-def _path(points: array[float], dimension: int, chain: Chain | None = None) -> Path:
+def _path(points: array[float], dimension: int, chain: FeedChain | None = None) -> Path:
     """Straight segments between the points, and the chain's arcs."""
     vertices = np.frombuffer(points).reshape(-1, 3)[:, :dimension]
     if chain is None:

@@ -8,9 +8,9 @@ from collections.abc import Collection
 from armcontour.files.drawings.gcode import codes
 from armcontour.files.drawings.gcode.codes import AXES, PLANES
 from armcontour.files.drawings.gcode.cutter_compensation import Compensation
-from armcontour.files.drawings.gcode.draft import Draft
+from armcontour.files.drawings.gcode.draft import ProgramDraft
 from armcontour.files.drawings.gcode.modes import Extruder, Modes, Offsets, Switches, unit_of
-from armcontour.files.drawings.gcode.motions import Cycles, Tool
+from armcontour.files.drawings.gcode.motions import Cycles, ToolMotion
 from armcontour.files.drawings.gcode.words import (
     LASER,
     MILLIMETRE,
@@ -43,7 +43,7 @@ class Unknown:
     """
 
     def __init__(self, notes: Notes, skip: Collection[str], lenient: bool) -> None:
-        self.notes, self.wanted, self.lenient = notes, frozenset(skip), lenient
+        self.notes, self.skipped, self.lenient = notes, frozenset(skip), lenient
 
     def screen(self, block: Block) -> None:
         """Takes from a line what is not carried out.
@@ -63,8 +63,8 @@ class Unknown:
             block.g.remove(codes.SHIFT)
             block.drop(OTHER_AXES)
             self.notes.count("G92 of other axes")
-        if self.wanted:
-            self._skip_wanted(block)
+        if self.skipped:
+            self._skip_words(block)
         strange_m = [x for x in block.m if x not in codes.UNDERSTOOD_M]
         if strange_m:
             self._leave_m(block, strange_m)
@@ -88,8 +88,8 @@ class Unknown:
             block.m.remove(code)
             self.notes.count(f"M{code:g}")
         alone = block.motion is None and not any(x in codes.OWN_THE_LINE for x in block.g)
-        own = list(block.words)[block.before_m :]
-        block.drop(x for x in own if alone or x in OF_M)
+        parameters = list(block.words)[block.before_m :]
+        block.drop(x for x in parameters if alone or x in OF_M)
 
     def _leave_g(self, block: Block, code: int) -> None:
         name, moves = codes.g_name(code), not block.words.keys().isdisjoint("XYZ")
@@ -117,20 +117,20 @@ class Unknown:
         self.notes.count(name)
         block.drop([x for x, y in block.words.items() if x in "IJKR" + OF_M or math.isnan(y)])
 
-    def _skip_wanted(self, block: Block) -> None:
+    def _skip_words(self, block: Block) -> None:
         """What a user wants left out, with the words that belong to it."""
-        for code in [x for x in block.g if codes.g_name(x) in self.wanted]:
+        for code in [x for x in block.g if codes.g_name(x) in self.skipped]:
             name = codes.g_name(code)
             if code in codes.NEVER_SKIPPED_G or codes.G_GROUP.get(code) == codes.MOTION:
                 raise Fault(f"{name}, a motion, which cannot be left out: write it otherwise")
             block.g.remove(code)
             self.notes.count(name)
             strange = code not in codes.UNDERSTOOD_G and block.motion is None
-            own = strange or code in codes.OWN_THE_LINE
-            block.drop(OTHER_AXES + "XYZIJKR" + OF_M if own else "DHL")
-        for found in [x for x in block.m if f"M{x:g}" in self.wanted]:
+            owns_line = strange or code in codes.OWN_THE_LINE
+            block.drop(OTHER_AXES + "XYZIJKR" + OF_M if owns_line else "DHL")
+        for found in [x for x in block.m if f"M{x:g}" in self.skipped]:
             self._leave_m(block, [found])
-        for letter in [x for x in block.words if x in self.wanted]:
+        for letter in [x for x in block.words if x in self.skipped]:
             del block.words[letter]
             self.notes.count(f"the word {letter}")
 
@@ -192,12 +192,12 @@ class Machine:
     def __init__(self, options: ReadOptions, dialect: Dialect) -> None:
         stated = options.unit is not None
         self.modes = Modes(unit=options.unit or MILLIMETRE, stated=stated)
-        self.draft = Draft()
+        self.draft = ProgramDraft()
         self.offsets = Offsets()
         self.compensation = Compensation(self.draft, options.fit_tolerance)
         self.tools = options.unscaled_tools
         self.notes = Notes()
-        self.tool = Tool(
+        self.tool = ToolMotion(
             self.compensation, self.notes, self.modes, self.offsets, options.fit_tolerance
         )
         self.unknown = Unknown(self.notes, options.words, options.skips)
@@ -216,9 +216,9 @@ class Machine:
             and not modes.inverse_time
             and modes.unit <= 0.1
             and self.draft.begun
-            and self.compensation.off
+            and self.compensation.inactive
             and not self.tool.away
-            and not self.extruder.on
+            and not self.extruder.active
             and self.offsets.plain
         )
         if plain:
@@ -232,15 +232,15 @@ class Machine:
             modes.feed_per_minute(float(f))
         if x is None and y is None and z is None:
             return
-        at, unit, shift = tool.at, modes.unit, self.shift
+        position, unit, shift = tool.position, modes.unit, self.shift
         if x is not None:
-            at[0] = float(x) * unit + shift[0]
+            position[0] = float(x) * unit + shift[0]
         if y is not None:
-            at[1] = float(y) * unit + shift[1]
+            position[1] = float(y) * unit + shift[1]
         if z is not None:
-            at[2] = float(z) * unit + shift[2]
+            position[2] = float(z) * unit + shift[2]
         feed = (modes.feed, modes.tolerance, self.notes.line) if modes.feed else tool.feed_of(0.0)
-        self.draft.feed(at[0], at[1], at[2], feed)
+        self.draft.feed(position[0], position[1], position[2], feed)
 
     def execute(self, block: Block) -> bool:
         """Carries out a line.
@@ -285,7 +285,7 @@ class Machine:
         return (
             (not g or (len(g) == 1 and g[0] in SIMPLE_CODES))
             and SIMPLE_WORDS.issuperset(block.words)
-            and not self.unknown.wanted
+            and not self.unknown.skipped
         )
 
     def _refuse_two_users(self, block: Block) -> None:
@@ -366,26 +366,26 @@ class Machine:
         if self.tool.away:
             raise Fault(f"{name} at a position that the file does not give: go on by G0 before")
         diameter = self._diameter(block, code)
-        left = -diameter / 2 if code in codes.ON_THE_RIGHT else diameter / 2
-        self.compensation.start(code, left)
+        offset = -diameter / 2 if code in codes.ON_THE_RIGHT else diameter / 2
+        self.compensation.start(code, offset)
 
     def _diameter(self, block: Block, code: int) -> float:
         """The tool's diameter for G41 or G42 of a line [m]; takes its words from the line."""
         in_spindle = self.switches.tool
-        name, given = codes.g_name(code), block.words.pop("D", None)
+        name, word = codes.g_name(code), block.words.pop("D", None)
         if code in codes.BY_DIAMETER:
             if block.words.pop("L", 0.0) != 0.0:
                 raise Fault(f"{name} with L, the orientation of a lathe's tool, which is not read")
-            if given is None:
+            if word is None:
                 raise Fault(f"{name} without D, the tool's diameter")
-            return given * self.modes.unit
-        if not given and not in_spindle and 0 not in self.tools:
+            return word * self.modes.unit
+        if not word and not in_spindle and 0 not in self.tools:
             raise Fault(
                 f"{name} without D, while no tool is in the spindle (T, M6): give D, the number of "
                 f"a tool, and {_explain_tool(1)}"
             )
         # D0 is the tool in the spindle, as in LinuxCNC.
-        number = whole(given or 0.0, f"{name} with a tool D") or in_spindle
+        number = whole(word or 0.0, f"{name} with a tool D") or in_spindle
         if number not in self.tools:
             raise Fault(
                 f"{name}, cutter radius compensation by the tool {number}, whose diameter is in "
@@ -457,7 +457,7 @@ class Machine:
         words, unit = block.words, self.modes.unit
         fed = words.pop("E", None)
         if fed is not None:
-            self.extruder.at = fed
+            self.extruder.position = fed
         values = {i: words.pop(x) * unit for i, x in enumerate(AXES) if x in words}
         if not values and fed is None:
             raise Fault("G92 without coordinates: say which axes it sets, such as G92 X0 Y0 Z0")
@@ -517,7 +517,7 @@ class Machine:
                 self.compensation.event("pause", value)
         if 2 not in block.m and 30 not in block.m:
             return False
-        self.switches.off()
+        self.switches.switch_off()
         return True
 
     def finish(self) -> None:

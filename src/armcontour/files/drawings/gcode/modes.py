@@ -40,18 +40,18 @@ class Offsets:
         """Whether coordinates of the drawing are those of the program and a known shift."""
         return self.system == self.used and all(self.placed) and None not in self.shift
 
-    def to_drawing(self, given: dict[int, float], at: list[float]) -> list[float]:
+    def to_drawing(self, coordinates: dict[int, float], position: list[float]) -> list[float]:
         """A point of the drawing from absolute coordinates of the program.
 
         Args:
-            given: Coordinates by their axis; on axes left out the tool stays.
-            at: Where the tool is in the drawing.
+            coordinates: Coordinates by their axis; on axes left out the tool stays.
+            position: Where the tool is in the drawing.
 
         Raises:
             Fault: A second coordinate system, or a shift that is not known.
         """
-        point = list(at)
-        for i, value in given.items():
+        point = list(position)
+        for i, value in coordinates.items():
             shift = self.shift[i]
             if shift is None:
                 raise Fault(
@@ -60,7 +60,7 @@ class Offsets:
                     "absolute coordinates"
                 )
             point[i] = value + shift
-        self._use(given)
+        self._use(coordinates)
         return point
 
     def place(self) -> None:
@@ -69,16 +69,16 @@ class Offsets:
             self.used = self.used or self.system
             self.placed = [True] * 3
 
-    def set_position(self, values: dict[int, float], at: list[float]) -> None:
+    def set_position(self, values: dict[int, float], position: list[float]) -> None:
         """G92: the tool is at these coordinates, by a shift.
 
         Where nothing said yet where the tool is, these coordinates say it.
         """
         for i, value in values.items():
             if self.placed[i]:
-                self.shift[i] = at[i] - value
+                self.shift[i] = position[i] - value
             else:
-                at[i], self.named[i] = value, True
+                position[i], self.named[i] = value, True
         self._use(values)
 
     def clear(self) -> None:
@@ -198,11 +198,11 @@ class Modes:
         On the line that changes the unit, some machines read F in the old unit and some in the new.
         Where no unit was stated before there is only the new one.
         """
-        wanted = unit_of(block)
-        if wanted is None or abs(wanted - self.unit) <= SAME * self.unit:
+        unit = unit_of(block)
+        if unit is None or abs(unit - self.unit) <= SAME * self.unit:
             return self.unit
         if not self.stated:
-            return wanted
+            return unit
         raise Fault(
             "F on the line that changes the unit of length, which some machines read in the old "
             "unit and some in the new: write F on a line of its own"
@@ -220,9 +220,9 @@ def _in_metres(value: float, unit: float) -> float:
     """F per minute in metres per second."""
     speed = value * unit / 60
     if speed < 0 or speed > FASTEST:
-        most, name = FASTEST * 60 / unit, "inch" if unit == INCH else "mm"
+        maximum, name = FASTEST * 60 / unit, "inch" if unit == INCH else "mm"
         raise Fault(
-            f"a feed rate F of {value:g} {name} per minute, which is not from 0 to {most:.3g}"
+            f"a feed rate F of {value:g} {name} per minute, which is not from 0 to {maximum:.3g}"
         )
     return speed
 
@@ -294,7 +294,7 @@ class Switches:
             self.draft.event("tool", value)
             self.states["tool"] = value
 
-    def off(self) -> None:
+    def switch_off(self) -> None:
         """What M2 and M30 do besides: M5 and M9 (LinuxCNC manual, M Codes, "M2, M30")."""
         for name in ("extruder", "spindle", "coolant"):
             if self.states.get(name):
@@ -317,23 +317,23 @@ class Extruder:
     def __init__(self, switches: Switches) -> None:
         self.switches = switches
         self.absolute = True
-        self.at = 0.0
+        self.position = 0.0
         # Whether M83 is in force, and since then G90.
-        self.stated = self.kept = False
+        self.stated = self.g90_ignored = False
 
     @property
-    def on(self) -> bool:
+    def active(self) -> bool:
         """Whether material is fed."""
         return bool(self.switches.states.get("extruder"))
 
     def set_mode(self, block: Block) -> None:
         """G90, G91, M82, M83: whether E is absolute; G90 does not end M83."""
         if codes.ABSOLUTE in block.g:
-            self.absolute, self.kept = not self.stated, self.stated
+            self.absolute, self.g90_ignored = not self.stated, self.stated
         if codes.RELATIVE in block.g:
             self.absolute = False
         if 82 in block.m or 83 in block.m:
-            self.stated, self.kept = 83 in block.m, False
+            self.stated, self.g90_ignored = 83 in block.m, False
             self.absolute = not self.stated
 
     def advance(self, block: Block, notes: Notes) -> float:
@@ -341,13 +341,13 @@ class Extruder:
         value = block.words.pop("E", None)
         if value is None:
             return 0.0
-        if self.kept:
+        if self.g90_ignored:
             notes.once(
                 "E in line {} is relative, because G90 does not end M83, as in Klipper and "
                 "RepRapFirmware; Marlin reads it as absolute. Write M83 after G90."
             )
-        fed = value - self.at if self.absolute else value
-        self.at += fed
+        fed = value - self.position if self.absolute else value
+        self.position += fed
         return fed
 
     def feed_alone(self, length: float, speed: float) -> None:
@@ -367,7 +367,7 @@ class Extruder:
 
     def switch(self, feeds: bool) -> None:
         """Material flows or not along the next move."""
-        if feeds or self.on:
+        if feeds or self.active:
             self.switches.set("extruder", feeds)
 
 

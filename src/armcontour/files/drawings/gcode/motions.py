@@ -32,7 +32,7 @@ UNKNOWN = (
 )
 
 
-class Tool:
+class ToolMotion:
     """Where the tool is in the drawing, and its moves from there.
 
     Args:
@@ -53,7 +53,7 @@ class Tool:
     ) -> None:
         self.draft, self.notes, self.modes, self.offsets = draft, notes, modes, offsets
         self.chord_tolerance = chord_tolerance
-        self.at = [0.0, 0.0, 0.0]
+        self.position = [0.0, 0.0, 0.0]
         # Axes on which the tool went to a place that the file does not give.
         self.lost: set[int] = set()
         # Whether the last drafted move ends somewhere else than where the tool is now.
@@ -66,18 +66,18 @@ class Tool:
             Fault: Too far, or in a coordinate system whose place is not known.
         """
         words, unit = block.words, self.modes.unit
-        given = {i: words[x] * unit for i, x in enumerate(AXES) if x in words}
-        for i, value in given.items():
+        coordinates = {i: words[x] * unit for i, x in enumerate(AXES) if x in words}
+        for i, value in coordinates.items():
             if not abs(value) <= FARTHEST:
                 raise Fault(
                     f"{AXES[i]}{value / unit:g} leads to {value:g} m, beyond the {FARTHEST:g} m "
                     "that are read"
                 )
         if self.modes.absolute:
-            self.lost -= given.keys()
-            point = self.offsets.to_drawing(given, self.at)
+            self.lost -= coordinates.keys()
+            point = self.offsets.to_drawing(coordinates, self.position)
         else:
-            point = [self.at[i] + given.get(i, 0.0) for i in (0, 1, 2)]
+            point = [self.position[i] + coordinates.get(i, 0.0) for i in (0, 1, 2)]
         self._refuse_far(point)
         return point
 
@@ -98,7 +98,7 @@ class Tool:
         elif not self.lost:
             self.draft.resume_at(target)
             self.away = False
-        self.at[:] = target
+        self.position[:] = target
 
     def set_position(self, values: dict[int, float]) -> None:
         """G92: the tool is at these coordinates."""
@@ -107,9 +107,9 @@ class Tool:
                 "G92 at a reference position (G28, G30, G53) that the file does not give: go to an "
                 f"absolute {AXES[i]} by G0 before"
             )
-        self.offsets.set_position(values, self.at)
+        self.offsets.set_position(values, self.position)
         if not self.draft.begun:
-            self.draft.resume_at(self.at)
+            self.draft.resume_at(self.position)
 
     def lose(self, name: str, axes: set[int]) -> None:
         """The tool goes where the file does not say, on some axes: it comes to rest before.
@@ -124,8 +124,8 @@ class Tool:
             self.away = True
             return
         for i in axes:
-            self.at[i] = self.offsets.shift[i] or 0.0
-        self.draft.resume_at(self.at)
+            self.position[i] = self.offsets.shift[i] or 0.0
+        self.draft.resume_at(self.position)
 
     def go_to_reference(self, block: Block, code: int) -> None:
         """G28, G30: by the point of the line's coordinates to the reference position.
@@ -151,12 +151,12 @@ class Tool:
                 "a move in coordinates of the machine (G53) that is no rapid: their place is in "
                 "the controller and not in the file; write it in coordinates of the program"
             )
-        given = {i for i, x in enumerate(AXES) if block.words.pop(x, None) is not None}
-        self.lose("G53", given)
+        axes = {i for i, x in enumerate(AXES) if block.words.pop(x, None) is not None}
+        self.lose("G53", axes)
 
     def pass_by(self, target: list[float]) -> None:
         """A feed move to a point of which the file does not give all axes; it draws nothing."""
-        self.at[:] = target
+        self.position[:] = target
         self.notes.count("G1 from there", UNKNOWN)
 
     def feed(self, target: list[float]) -> None:
@@ -164,18 +164,18 @@ class Tool:
         self._refuse_lost()
         self.offsets.place()
         x, y, z = target
-        self.draft.feed(x, y, z, self.feed_of(math.dist(self.at, target)))
-        self.at[:] = target
+        self.draft.feed(x, y, z, self.feed_of(math.dist(self.position, target)))
+        self.position[:] = target
 
     def feed_of(self, length: float) -> Feed:
         """Speed, tolerance and line of a feed move of a length [m]; notes a missing feed rate."""
-        found = self.modes.speed_of(length)
-        if found != found:
+        speed = self.modes.speed_of(length)
+        if speed != speed:
             self.notes.once(
                 "The file gives no feed rate for moves, first in line {}: they have no speed of "
                 "their own, and the job's limits hold."
             )
-        return found, self.modes.tolerance, self.notes.line
+        return speed, self.modes.tolerance, self.notes.line
 
     def _refuse_lost(self) -> None:
         if self.away:
@@ -195,7 +195,7 @@ class Tool:
         last = self.draft.start_of_arc()
         circle = self._circle(block, (last[a], last[b]), (target[a], target[b]))
         rise = target[c] - last[c]
-        if abs(rise) > CLOSE and not self.draft.left:
+        if abs(rise) > CLOSE and not self.draft.offset:
             feed = self.feed_of(helix_length(circle, turns, rise))
             points = helix_points(circle, turns, self.chord_tolerance, self.draft.room_for)
             x = list(last)
@@ -208,8 +208,8 @@ class Tool:
             length = sum(x.length for x in pieces)
             feed = self.feed_of(math.hypot(length, rise))
             for piece in pieces:
-                self.draft.bend(piece, axes, feed, rise=rise * piece.length / length)
-        self.at[:] = target
+                self.draft.arc(piece, axes, feed, rise=rise * piece.length / length)
+        self.position[:] = target
 
     def _circle(self, block: Block, start: InPlane, end: InPlane) -> Circle:
         modes = self.modes
@@ -223,7 +223,7 @@ class Tool:
         u, v = (self._length(x, block.words.get(x, 0.0)) for x in letters)
         block.drop(OFFSETS)
         if modes.arc_absolute:
-            point = self.offsets.to_drawing({a: u, b: v}, self.at)
+            point = self.offsets.to_drawing({a: u, b: v}, self.position)
             center = (point[a], point[b])
         else:
             center = (start[0] + u, start[1] + v)
@@ -244,10 +244,10 @@ def turns_of(block: Block) -> int:
     Raises:
         Fault: Not a whole number from 1.
     """
-    given = block.words.pop("P", 1.0)
-    turns = round(given)
-    if abs(given - turns) > WHOLE or turns < 1:
-        raise Fault(f"an arc of P{given:g} turns, which must be a whole number from 1")
+    word = block.words.pop("P", 1.0)
+    turns = round(word)
+    if abs(word - turns) > WHOLE or turns < 1:
+        raise Fault(f"an arc of P{word:g} turns, which must be a whole number from 1")
     return turns
 
 
@@ -261,9 +261,9 @@ def by_radius(block: Block, plane: int) -> bool:
     if "R" not in words:
         return False
     a, b, _ = PLANES[plane]
-    given = [x for x in OFFSETS if x in words]
-    if given:
-        raise Fault(f"an arc with both R and {given[0]}, of which only one can be meant")
+    centre_words = [x for x in OFFSETS if x in words]
+    if centre_words:
+        raise Fault(f"an arc with both R and {centre_words[0]}, of which only one can be meant")
     if AXES[a] not in words and AXES[b] not in words:
         raise Fault(f"an arc by its radius R with neither {AXES[a]} nor {AXES[b]} to end at")
     return True
@@ -284,12 +284,13 @@ def center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
             f"the word {OFFSETS[c]} for an arc in the plane {codes.g_name(plane)}, whose centre is "
             f"given by {both}"
         )
-    given = [x for x in OFFSETS if x in words and x != OFFSETS[c]]
-    if not given:
+    centre_words = [x for x in OFFSETS if x in words and x != OFFSETS[c]]
+    if not centre_words:
         raise Fault(f"an arc without its centre ({both}) or radius (R)")
-    if absolute and len(given) < 2:
+    if absolute and len(centre_words) < 2:
         raise Fault(
-            f"an arc by its absolute centre (G90.1) that gives only {given[0]}: it needs {both}"
+            f"an arc by its absolute centre (G90.1) that gives only {centre_words[0]}: it needs "
+            f"{both}"
         )
     return OFFSETS[a], OFFSETS[b]
 
@@ -310,7 +311,7 @@ class Cycles:
         modes: What is in force.
     """
 
-    def __init__(self, tool: Tool, modes: Modes) -> None:
+    def __init__(self, tool: ToolMotion, modes: Modes) -> None:
         self.tool, self.modes = tool, modes
         self.code: int | None = None
         self.sticky: dict[str, float] = {}
@@ -336,11 +337,11 @@ class Cycles:
         if repeats < 1:
             raise Fault(f"L{repeats} repeats of a cycle, which must be from 1")
         if self.level is None or self.level[0] != c:
-            self.level = (c, self.tool.at[c])
+            self.level = (c, self.tool.position[c])
         level = self.level[1]
         retract, bottom = self._heights(c, level)
         step = self.sticky["Q"] * self.modes.unit if code == codes.PECK else math.inf
-        given = {x: block.words.pop(x) for x in (AXES[a], AXES[b]) if x in block.words}
+        coordinates = {x: block.words.pop(x) for x in (AXES[a], AXES[b]) if x in block.words}
         if c in self.tool.lost:
             raise Fault(
                 f"a cycle from a height that the file does not give: go to an absolute {AXES[c]} "
@@ -352,14 +353,14 @@ class Cycles:
                 f"cycles of more than {MOST_PECKS} holes and pecks together: give fewer repeats L, "
                 "or a larger Q"
             )
-        if self.tool.at[c] < retract:
+        if self.tool.position[c] < retract:
             self._rise(c, retract)
         clear = retract if self.modes.return_to_r else max(level, retract)
         for _ in range(repeats):
-            place = Block()
-            place.words = dict(given)
-            target = self.tool.target(place)
-            target[c] = self.tool.at[c]
+            hole = Block()
+            hole.words = dict(coordinates)
+            target = self.tool.target(hole)
+            target[c] = self.tool.position[c]
             self.tool.go(target)
             self._rise(c, retract)
             depth = retract - step
@@ -396,7 +397,7 @@ class Cycles:
         r, z = (self.sticky[x] * self.modes.unit for x in ("R", AXES[c]))
         if self.modes.absolute:
             retract, bottom = (
-                self.tool.offsets.to_drawing({c: x}, self.tool.at)[c] for x in (r, z)
+                self.tool.offsets.to_drawing({c: x}, self.tool.position)[c] for x in (r, z)
             )
         else:
             retract = level + r
@@ -407,11 +408,11 @@ class Cycles:
 
     def _rise(self, c: int, height: float) -> None:
         """A rapid move along the axis of the cycle."""
-        target = list(self.tool.at)
+        target = list(self.tool.position)
         target[c] = height
         self.tool.go(target)
 
     def _feed(self, c: int, height: float) -> None:
-        target = list(self.tool.at)
+        target = list(self.tool.position)
         target[c] = height
         self.tool.feed(target)

@@ -71,9 +71,9 @@ def read_gcode(
 
 def _lines(data: bytes, source: str) -> list[str]:
     """Lines that end with any of the three ends of line."""
-    at = data.find(b"\0")
-    if at >= 0:
-        line = 1 + sum(1 for _ in LINE_END.finditer(data, 0, at))
+    position = data.find(b"\0")
+    if position >= 0:
+        line = 1 + sum(1 for _ in LINE_END.finditer(data, 0, position))
         raise InvalidInput(
             f"{source}, line {line}: a byte of value 0, so that this is no G-code as text: save it "
             "as plain text (ASCII, Latin-1 or UTF-8).",
@@ -97,7 +97,7 @@ class _Runner:
     def __init__(self, lines: list[str], source: str, machine: Machine) -> None:
         self.lines, self.source, self.machine = lines, source, machine
         # Whether a percent sign opened the program, a word was read, and the program has ended.
-        self.framed = self.seen = self.ended = False
+        self.framed = self.has_words = self.ended = False
 
     def run(self, tell: Tell) -> None:
         """Carries out all lines up to the end of the program."""
@@ -108,9 +108,9 @@ class _Runner:
                 notes.line = i + 1
                 if not i % LINES_BETWEEN_REPORTS:
                     tell(i / len(lines))
-                found = PLAIN.fullmatch(line) if plain else None
-                if found is not None:
-                    machine.feed_to(*found.groups())
+                match = PLAIN.fullmatch(line) if plain else None
+                if match is not None:
+                    machine.feed_to(*match.groups())
                     continue
                 self._run_line(line)
                 if self.ended:
@@ -121,8 +121,10 @@ class _Runner:
             machine.finish()
         except Fault as fault:
             number = fault.line or max(notes.line, 1)
-            told = fault.told(inch=machine.modes.inch)
-            raise InvalidInput(f"{self.source}, line {number}: {told}.", index=number - 1) from None
+            message = fault.message(inch=machine.modes.inch)
+            raise InvalidInput(
+                f"{self.source}, line {number}: {message}.", index=number - 1
+            ) from None
         if self.framed and not self.ended:
             raise InvalidInput(
                 f"{self.source}, line {len(lines)}: the file ends without a second % that its "
@@ -141,24 +143,24 @@ class _Runner:
         text = line.strip(WHITE)
         if text.startswith("%"):
             # The start or the end of the program; a name may follow the first.
-            if text != "%" and (self.framed or self.seen):
+            if text != "%" and (self.framed or self.has_words):
                 machine.notes.count("what follows % on its line")
-            self.ended, self.framed = self.framed or self.seen, True
+            self.ended, self.framed = self.framed or self.has_words, True
         elif text.startswith("/"):
             machine.notes.count("lines with a slash (block delete)", "Left out: {}.")
         elif text and PROGRAM_NUMBER.fullmatch(text) is None and not self._is_text(line):
-            if ";" in line and (found := SLICER.match(line)) is not None:
-                machine.compensation.set_layer(found[1], found[2])
+            if ";" in line and (match := SLICER.match(line)) is not None:
+                machine.compensation.set_layer(match[1], match[2])
             block = parse(line)
-            self.seen |= bool(block.g or block.m or block.words)
+            self.has_words |= bool(block.g or block.m or block.words)
             self.ended = machine.execute(block)
 
     def _is_text(self, line: str) -> bool:
         """Whether a line is a message or a macro of a printer, which is skipped with a note."""
-        found = MESSAGE.match(line)
-        name = found and f"M{found[1]}"
-        if found is None and (found := MACRO.match(line)) is not None:
-            name = found[1].upper()
+        match = MESSAGE.match(line)
+        name = match and f"M{match[1]}"
+        if match is None and (match := MACRO.match(line)) is not None:
+            name = match[1].upper()
             if name in SHIFTING:
                 raise Fault(
                     f"the macro {name}, which places the moves after it elsewhere: write the moves "

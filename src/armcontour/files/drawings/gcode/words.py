@@ -38,7 +38,7 @@ class Fault(Exception):
         super().__init__(text)
         self.lengths, self.line = lengths, line
 
-    def told(self, *, inch: bool) -> str:
+    def message(self, *, inch: bool) -> str:
         """The words with the lengths, in inches or in millimetres."""
         text = str(self)
         if not self.lengths:
@@ -158,17 +158,17 @@ def parse(line: str) -> Block:
     if "O" in text and O_WORD.match(text) is not None:
         _refuse_flow(line)
         return block
-    at = 0
-    while at < len(text):
-        found = TOKEN.match(text, at)
-        if found is None:
-            at = _read_other(block, text, at)
+    position = 0
+    while position < len(text):
+        match = TOKEN.match(text, position)
+        if match is None:
+            position = _read_other(block, text, position)
             continue
-        if found[1] is not None:
-            _add(block, found[1], found[2], at)
-        at = found.end()
-        if text[at : at + 1] == "*" and (summed := CHECKSUM.match(text)) is not None:
-            at = summed.end()
+        if match[1] is not None:
+            _add(block, match[1], match[2], position)
+        position = match.end()
+        if text[position : position + 1] == "*" and (summed := CHECKSUM.match(text)) is not None:
+            position = summed.end()
     if "E" in block.words and EXPONENT.search(COMMENTS.sub(" ", line)):
         raise Fault(
             "a number with an exponent, which G-code does not have: write it out, or a space "
@@ -185,30 +185,30 @@ def _refuse_flow(line: str) -> None:
         raise Fault(f"{ascii(shown)[1:-1]}: flow control is not read; {PLAIN_MOVES}")
 
 
-def _read_other(block: Block, text: str, at: int) -> int:
+def _read_other(block: Block, text: str, position: int) -> int:
     """A letter without a value, or text; returns where it ends."""
     # As Marlin marks power that changes with moves: M3 S20 I.
-    if text[at] == "I" and not LASER.isdisjoint(block.m) and BARE.match(text, at):
+    if text[position] == "I" and not LASER.isdisjoint(block.m) and BARE.match(text, position):
         _add_word(block, "I", math.nan)
-        return at + 1
+        return position + 1
     strange = any(x not in UNDERSTOOD_M for x in block.m)
-    if strange and (found := TEXT.match(text, at)) is not None:
-        return found.end()
+    if strange and (match := TEXT.match(text, position)) is not None:
+        return match.end()
     bare = strange or not BARE_WORDS.isdisjoint(block.g)
-    if bare and BARE.match(text, at):
-        _add_word(block, text[at], math.nan)
-        return at + 1
-    raise Fault(_what_is_wrong(text, at))
+    if bare and BARE.match(text, position):
+        _add_word(block, text[position], math.nan)
+        return position + 1
+    raise Fault(_explain_syntax(text, position))
 
 
-def _add(block: Block, letter: str, number: str, at: int) -> None:
+def _add(block: Block, letter: str, number: str, position: int) -> None:
     if len(number) > MOST_CHARACTERS:
         raise Fault(
             f"the number after {letter} has {len(number)} characters, but at most "
             f"{MOST_CHARACTERS} are read: round it"
         )
     if letter == "N":
-        if at or number[0] in "+-":
+        if position or number[0] in "+-":
             raise Fault("a line number N that is not a plain number at the start of the line")
         return
     text, value = letter + number, float(number)
@@ -261,49 +261,55 @@ def _add_m(codes: list[float], value: float, text: str) -> None:
 
 
 def _refuse_two(first: str, second: str, group: str | None) -> None:
-    what = f" of the group for {group}" if group else ""
+    group_name = f" of the group for {group}" if group else ""
     raise Fault(
-        f"{first} and {second}, two codes{what} of which a line takes only one: "
+        f"{first} and {second}, two codes{group_name} of which a line takes only one: "
         "write them in two lines"
     )
 
 
-def whole(value: float, what: str) -> int:
+def whole(value: float, word: str) -> int:
     """A value that has to be a whole number.
 
     Raises:
         Fault: It is not.
     """
     if not math.isfinite(value) or abs(value - round(value)) > WHOLE:
-        raise Fault(f"{what} of {value:g}, which must be a whole number")
+        raise Fault(f"{word} of {value:g}, which must be a whole number")
     return round(value)
 
 
-def _what_is_wrong(text: str, at: int) -> str:
+def _explain_syntax(text: str, position: int) -> str:
     """Why no word or comment starts there."""
-    here = text[at]
-    if FANUC_FLOW.match(text, at) is not None:
-        return f"{ascii(text[at : at + SHOWN])}: flow control is not read; {PLAIN_MOVES}"
-    if (found := COMPUTED.match(text, at)) is not None:
-        what = "a parameter #" if found[0].endswith("#") else "an expression [ ]"
-        return f"{what} ({ascii(text[at : at + SHOWN])}), which is not read; {PLAIN_MOVES}"
-    if here == "(":
-        inner = text.find("(", at + 1)
-        close = text.find(")", at + 1)
+    character = text[position]
+    if FANUC_FLOW.match(text, position) is not None:
+        return (
+            f"{ascii(text[position : position + SHOWN])}: flow control is not read; {PLAIN_MOVES}"
+        )
+    if (match := COMPUTED.match(text, position)) is not None:
+        kind = "a parameter #" if match[0].endswith("#") else "an expression [ ]"
+        return (
+            f"{kind} ({ascii(text[position : position + SHOWN])}), which is not read; {PLAIN_MOVES}"
+        )
+    if character == "(":
+        inner = text.find("(", position + 1)
+        close = text.find(")", position + 1)
         if close < 0 or inner < 0:
             return "a comment that begins with ( and does not end: close it with )"
         return "a comment ( ) within a comment: leave out the inner parentheses"
-    if text.startswith(("//", "/*"), at):
-        return f"a comment {text[at : at + 2]}, which G-code does not have: write ( ) or ;"
-    if here.isascii() and here.isalpha():
-        return f"the letter {here} without a number after it"
-    if here in "@^":
+    if text.startswith(("//", "/*"), position):
+        return (
+            f"a comment {text[position : position + 2]}, which G-code does not have: write ( ) or ;"
+        )
+    if character.isascii() and character.isalpha():
+        return f"the letter {character} without a number after it"
+    if character in "@^":
         return "polar coordinates (@ or ^), which this reader does not have: write X and Y"
-    if here == "$":
+    if character == "$":
         return "$, which belongs to a sender or a controller and is no G-code: leave the line out"
     if text.startswith(("->", "<-", "<~")):
         return "the record of a sender (->, <-), which is no G-code: give the file of the program"
-    return f"{ascii(here)}, which begins no word"
+    return f"{ascii(character)}, which begins no word"
 
 
 @dataclass(frozen=True, slots=True)
