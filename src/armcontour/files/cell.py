@@ -51,8 +51,8 @@ def cell_text(name: str) -> str:
         raise InvalidInput(
             f"There is no cell {name!r}: name a job file (.yaml), or one of {', '.join(names)}."
         )
-    found = resources.files("armcontour.files") / "cells" / f"{name}.yaml"
-    return found.read_text(encoding="utf-8")
+    file = resources.files("armcontour.files") / "cells" / f"{name}.yaml"
+    return file.read_text(encoding="utf-8")
 
 
 def read_cell(
@@ -117,8 +117,12 @@ def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple
         InvalidInput: No such cell or file, or an invalid key.
     """
     text, source, folder = _text(str(cell))
-    given = read_keys(SpecifiedKeys(CellModel), load(text, source), source)
-    model, path, scene = given.get("arm"), given.get("path", PathModel()), given.get("scene")
+    specified = read_keys(SpecifiedKeys(CellModel), load(text, source), source)
+    model, path, scene = (
+        specified.get("arm"),
+        specified.get("path", PathModel()),
+        specified.get("scene"),
+    )
     with error_context(source):
         arm = None if model is None else arm_of(model, folder, trust_xacro=trust_xacro)
         return arm, Scene() if scene is None else scene_of(scene, folder, part_of(path))
@@ -141,8 +145,8 @@ def cell_data(
         InvalidInput: No such cell, not YAML, or a key that the cell cannot have.
     """
     text, source, folder = _text(str(cell))
-    data, place = read_data(text, source), FilePath(drawing)
-    drawn = _drawn(data, place, str(place.absolute()))
+    data, location = read_data(text, source), FilePath(drawing)
+    drawn = _drawn(data, location, str(location.absolute()))
     with error_context(source):
         return apply(data, {**drawn, **(patch or {})}), source, folder
 
@@ -159,16 +163,16 @@ def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) ->
         InvalidInput: As `cell_data`.
     """
     text, source, folder = _text(str(cell))
-    place = FilePath(drawing).absolute()
-    file = FilePath(os.path.relpath(place, to)).as_posix()
-    drawn = _drawn(read_data(text, source), place, file)
+    location = FilePath(drawing).absolute()
+    file = FilePath(os.path.relpath(location, to)).as_posix()
+    drawn = _drawn(read_data(text, source), location, file)
     return write(move_files(text, folder, to), drawn, source)
 
 
 def _drawn(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:
     """The keys of a cell that a drawing replaces: its path, and name and title of the job."""
-    own = cell.get("title")
-    title = drawing.name if own is None else f"{drawing.name} on {own}"
+    cell_title = cell.get("title")
+    title = drawing.name if cell_title is None else f"{drawing.name} on {cell_title}"
     return {
         **{("path", key): REMOVE for key in OWN_PATH},
         ("path", "file"): file,
@@ -186,6 +190,6 @@ def _text(cell: str) -> tuple[str, str, FilePath]:
     return cell_text(cell), f"the cell {cell}", FilePath()
 
 
-def _fit(text: str, most: int) -> str:
+def _fit(text: str, length: int) -> str:
     """Make a text printable, and shorten it to a number of characters."""
-    return shorten(make_printable(text), most)
+    return shorten(make_printable(text), length)

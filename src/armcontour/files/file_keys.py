@@ -135,7 +135,7 @@ class SpecifiedKeys(KeyMark):
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
         """What checks the keys that are given."""
-        inner = handler.generate_schema(_model(self.of, given=True, null=self.null))
+        inner = handler.generate_schema(_model(self.of, specified=True, null=self.null))
         return core_schema.no_info_after_validator_function(partial(_values, self.of), inner)
 
 
@@ -172,11 +172,11 @@ class Methods(KeyMark):
         """Make the dataclass from the validated keys."""
         values = {x: getattr(model, x) for x in model.model_fields_set}
         method: str = getattr(model, "method")  # noqa: B009
-        given = {key: x for key, x in values.items() if x is not None and key != "method"}
+        specified = {key: x for key, x in values.items() if x is not None and key != "method"}
         kind = next(x for x in self.kinds if x.method == method)
-        for key in given.keys() - _parameters(kind).keys():
+        for key in specified.keys() - _parameters(kind).keys():
             raise ValueError(f"{key} goes with the method {self.methods(key)}, not {kind.method}")
-        return kind(**given)
+        return kind(**specified)
 
     def methods(self, key: str) -> str:
         """Names of the methods that have a key."""
@@ -217,11 +217,11 @@ def _whole(mark: KeyMark) -> TypeAdapter[Any]:
 
 
 @cache
-def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseModel]:
-    """The pydantic model of a dataclass; with `given` all keys are optional, without defaults."""
-    name = f"Given{of.__name__}" if given else of.__name__
-    summary = inspect.cleandoc(of.__doc__ or "").split("\n\n")[0]
-    return _new_model(name, summary, _keys(of, given=given, null=null))
+def _model(kind: type, *, specified: bool = False, null: bool = False) -> type[BaseModel]:
+    """The pydantic model of a dataclass; with `specified` all keys are optional."""
+    name = f"Given{kind.__name__}" if specified else kind.__name__
+    summary = inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0]
+    return _new_model(name, summary, _keys(kind, specified=specified, null=null))
 
 
 @cache
@@ -229,15 +229,15 @@ def _methods_model(mark: Methods) -> type[BaseModel]:
     """The pydantic model of the keys of several methods."""
     default, *_ = names = tuple(str(x.method) for x in mark.kinds)
     one_of = Annotated[(Literal[names], *mark.more)] if mark.more else Literal[names]
-    found: dict[str, Any] = {"method": (one_of, Field(default, description=mark.method))}
+    fields: dict[str, Any] = {"method": (one_of, Field(default, description=mark.method))}
     every = {key: x for kind in mark.kinds for key, x in _keys(kind).items()}
     for key in mark.keys:
-        of, info = every[key]
+        annotation, info = every[key]
         text = info.description
         if any(key not in _parameters(x) for x in mark.kinds):
             text = f"For the method {mark.methods(key)}: {text[:1].lower()}{text[1:]}"
-        found[key] = (of, Field(info.default, description=text))
-    return _new_model(mark.kinds[0].__mro__[1].__name__, mark.text, found)
+        fields[key] = (annotation, Field(info.default, description=text))
+    return _new_model(mark.kinds[0].__mro__[1].__name__, mark.text, fields)
 
 
 def _new_model(name: str, summary: str, keys: dict[str, Any]) -> type[BaseModel]:
@@ -245,21 +245,21 @@ def _new_model(name: str, summary: str, keys: dict[str, Any]) -> type[BaseModel]
     return create_model(name, __config__=config, __doc__=summary, __module__=__name__, **keys)
 
 
-def _keys(of: type, *, given: bool = False, null: bool = False) -> dict[str, Any]:
+def _keys(owner: type, *, specified: bool = False, null: bool = False) -> dict[str, Any]:
     """The keys of a dataclass, as pydantic makes fields of them."""
-    form = FORMS.get(of, Form())
-    hints = {**get_type_hints(of, include_extras=True), **form.types}
-    described = {**_descriptions(of), **form.texts}
+    form = FORMS.get(owner, Form())
+    hints = {**get_type_hints(owner, include_extras=True), **form.types}
+    described = {**_descriptions(owner), **form.texts}
     fields: dict[str, Any] = {}
-    own = inspect.get_annotations(of)
+    own_names = inspect.get_annotations(owner)
     # Keys of the class come before those of the options that it extends.
-    for x in sorted(dataclasses.fields(of), key=lambda x: x.name not in own):
+    for x in sorted(dataclasses.fields(owner), key=lambda x: x.name not in own_names):
         if x.name in form.omit or not x.init:
             continue
         kind = _type_of(hints[x.name])
         if null or (_is_made(x) and x.default_factory not in (dict, list)):
             kind = kind | None
-        default = None if given else form.defaults.get(x.name, _default(of, x))
+        default = None if specified else form.defaults.get(x.name, _default(owner, x))
         key = form.names.get(x.name, x.name)
         text = described.get(x.name)
         if isinstance(default, Options):
@@ -270,19 +270,19 @@ def _keys(of: type, *, given: bool = False, null: bool = False) -> dict[str, Any
     return fields
 
 
-def _default(of: type, x: dataclasses.Field[Any]) -> Any:
+def _default(owner: type, x: dataclasses.Field[Any]) -> Any:
     """The default of a field's key; null for a default factory that does not make it empty."""
     if x.default_factory in (dict, list):
         return x.default_factory()
     if _is_made(x):
         return None
-    default = _parameters(of)[x.name].default
+    default = _parameters(owner)[x.name].default
     return ... if default is inspect.Parameter.empty else default
 
 
 @cache
-def _parameters(of: type) -> Mapping[str, inspect.Parameter]:
-    return inspect.signature(of).parameters
+def _parameters(owner: type) -> Mapping[str, inspect.Parameter]:
+    return inspect.signature(owner).parameters
 
 
 def _is_made(x: dataclasses.Field[Any]) -> bool:
@@ -291,26 +291,26 @@ def _is_made(x: dataclasses.Field[Any]) -> bool:
 
 
 @cache
-def _made(of: type) -> frozenset[str]:
+def _made(owner: type) -> frozenset[str]:
     """Fields of a dataclass with a default factory, for which null means the default."""
-    return frozenset(x.name for x in dataclasses.fields(of) if _is_made(x))
+    return frozenset(x.name for x in dataclasses.fields(owner) if _is_made(x))
 
 
-def _values(of: type, model: BaseModel) -> dict[str, Any]:
+def _values(owner: type, model: BaseModel) -> dict[str, Any]:
     """The values that a file gives, by the fields of the dataclass."""
-    names, given = _names_of(of), model.model_fields_set
-    return {names.get(x, x): getattr(model, x) for x in type(model).model_fields if x in given}
+    names, specified = _names_of(owner), model.model_fields_set
+    return {names.get(x, x): getattr(model, x) for x in type(model).model_fields if x in specified}
 
 
 @cache
-def _names_of(of: type) -> dict[str, str]:
+def _names_of(owner: type) -> dict[str, str]:
     """Names of the fields of a dataclass by their keys, where these differ."""
-    return {key: name for name, key in FORMS.get(of, Form()).names.items()}
+    return {key: name for name, key in FORMS.get(owner, Form()).names.items()}
 
 
-def _descriptions(of: type) -> dict[str, str]:
+def _descriptions(owner: type) -> dict[str, str]:
     """Descriptions of the keys of a dataclass: those of its fields, with null for None."""
-    fields = describe_fields(of).items()
+    fields = describe_fields(owner).items()
     return {name: SHAPE.sub("", text).replace("None ", "null ") for name, text in fields}
 
 
@@ -329,12 +329,12 @@ def _type_of(hint: Any) -> Any:
     return PLAIN.get(hint, hint)
 
 
-def _annotated(of: Any, *marks: Any) -> Any:
+def _annotated(annotated: Any, *marks: Any) -> Any:
     """The pydantic type of an annotated field."""
     mark = marks[0]
     if isinstance(mark, Quantity):
         number = _number(mark)
-        if of is float:
+        if annotated is float:
             return number if mark.unit else Number
         each: Any = number | list[number]  # type: ignore[valid-type]
         lengths = next((x.axes for x in marks[1:] if isinstance(x, Axes)), ())
@@ -346,10 +346,10 @@ def _annotated(of: Any, *marks: Any) -> Any:
         pair = Annotated[list[bound], Field(min_length=2, max_length=2)]
         return each | list[pair] if mark.bounds else each
     if isinstance(mark, Choice):
-        known: Any = Literal[mark.known]
-        if of is not str:
-            return known | list[known]
-        return Annotated[(known, *marks[1:])] if marks[1:] else known
+        literal: Any = Literal[mark.known]
+        if annotated is not str:
+            return literal | list[literal]
+        return Annotated[(literal, *marks[1:])] if marks[1:] else literal
     if isinstance(mark, AtLeast):
         return Annotated[StrictInt, Field(ge=mark.least, le=mark.most)]
     if isinstance(mark, Named):
@@ -357,8 +357,8 @@ def _annotated(of: Any, *marks: Any) -> Any:
     if isinstance(mark, PartialFields):
         return Annotated[dict[str, Any], SpecifiedKeys(mark.of, null=True)]
     if isinstance(mark, SpecifiedKeys | Methods):
-        return Annotated[of, mark]
-    return Annotated[(_type_of(of), *marks)]
+        return Annotated[annotated, mark]
+    return Annotated[(_type_of(annotated), *marks)]
 
 
 def _bounds(kind: Quantity) -> dict[str, float]:

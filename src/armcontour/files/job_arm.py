@@ -40,8 +40,8 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
         InvalidInput: No such arm, or keys that do not go together.
     """
     if isinstance(model, str):
-        place = folder / model if model.lower().endswith(ARM_FILES) else model
-        return load_arm(place, trust_xacro=trust_xacro)
+        location = folder / model if model.lower().endswith(ARM_FILES) else model
+        return load_arm(location, trust_xacro=trust_xacro)
     arm = _bare_arm(model, folder, trust_xacro=trust_xacro)
     # Files are looked for now, and shapes computed when they are first asked for.
     shapes: tuple[LinkShape, ...] = ()
@@ -117,10 +117,10 @@ def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
         return model.arm
     for name in names:
         if name not in table:
-            what = f"the tool {name}" if name else "no tool before its first contour"
+            description = f"the tool {name}" if name else "no tool before its first contour"
             raise InvalidInput(
-                f"The program uses {what}, but tools has {', '.join(map(show, table))}: add the "
-                "tool, or choose one of these with path.tool."
+                f"The program uses {description}, but tools has {', '.join(map(show, table))}: add "
+                "the tool, or choose one of these with path.tool."
             )
     tool = table[names[0]]
     if any(repr(table[x]) != repr(tool) for x in names):
@@ -130,9 +130,9 @@ def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
             f"or --only-tool {names[0]}."
         )
     arm = model.arm if isinstance(model.arm, ArmModel) else named_arm(model.arm)
-    own = ToolModel(**{x.name: getattr(tool, x.name) for x in fields(ToolModel)})
+    tool_model = ToolModel(**{x.name: getattr(tool, x.name) for x in fields(ToolModel)})
     payload = arm.payload if tool.payload is None else tool.payload
-    return replace(arm, tool=own, payload=payload)
+    return replace(arm, tool=tool_model, payload=payload)
 
 
 def named_arm(arm: str) -> ArmModel:

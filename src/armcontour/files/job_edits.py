@@ -64,17 +64,17 @@ def change_text(text: str, changes: Sequence[Change], source: str = "job") -> st
             changed alone, because an alias repeats it or stands for it.
     """
     data, root = _parsed(text, source)
-    for these in _together(data, changes):
+    for group in _together(data, changes):
         written = YamlText(text, root)
         try:
-            text = _spliced(text, [y for x in these for y in _splices(written, data, x)])
-            wanted = change_data(data, these)
+            text = _spliced(text, [y for x in group for y in _splices(written, data, x)])
+            changed = change_data(data, group)
             # What is no YAML any more had an anchor that is still used.
             data, root = _parsed(text, source)
-            if not same(data, wanted):
+            if not same(data, changed):
                 raise Shared
         except (Shared, InvalidInput):
-            raise _shared(source, these[-1]) from None
+            raise _shared(source, group[-1]) from None
     return text
 
 
@@ -136,36 +136,36 @@ def _parsed(text: str, source: str) -> tuple[Any, yaml.Node | None]:
 
 def _changed(data: Any, keys: Keys, change: Change) -> Any:
     """Data with a change, whose keys start there; what is no mapping or list becomes one."""
-    key, *rest = keys
-    last, removing = not rest, change.value is REMOVE
+    key, *inner = keys
+    last, removing = not inner, change.value is REMOVE
     if isinstance(data, list) and isinstance(key, int):
-        return _changed_list(data, key, tuple(rest), change)
+        return _changed_list(data, key, tuple(inner), change)
     if last and change.insert:
         return _changed_list([], _position(key, change), (), change)
     if removing and not (isinstance(data, dict) and key in data):
         return data
-    own = dict(data) if isinstance(data, dict) else {}
+    copy = dict(data) if isinstance(data, dict) else {}
     if last and removing:
-        del own[key]
+        del copy[key]
     else:
-        own[key] = change.value if last else _changed(own.get(key), tuple(rest), change)
-    return own
+        copy[key] = change.value if last else _changed(copy.get(key), tuple(inner), change)
+    return copy
 
 
-def _changed_list(data: list[Any], at: int, rest: Keys, change: Change) -> list[Any]:
+def _changed_list(data: list[Any], index: int, inner: Keys, change: Change) -> list[Any]:
     """A list with a change at one of its positions, or inside it."""
-    adding = change.insert and not rest
-    if not 0 <= at < len(data) + adding:
+    adding = change.insert and not inner
+    if not 0 <= index < len(data) + adding:
         raise InvalidInput(
             f"{place(change.keys)} cannot be changed: the list there has {len(data)} "
             f"item{'' if len(data) == 1 else 's'}."
         )
     if adding:
-        return [*data[:at], change.value, *data[at:]]
-    if not rest and change.value is REMOVE:
-        return [*data[:at], *data[at + 1 :]]
-    new = change.value if not rest else _changed(data[at], rest, change)
-    return [*data[:at], new, *data[at + 1 :]]
+        return [*data[:index], change.value, *data[index:]]
+    if not inner and change.value is REMOVE:
+        return [*data[:index], *data[index + 1 :]]
+    new = change.value if not inner else _changed(data[index], inner, change)
+    return [*data[:index], new, *data[index + 1 :]]
 
 
 def _position(key: Key, change: Change) -> int:
@@ -209,10 +209,10 @@ def line_of(text: str, sentence: str) -> int | None:
     for key in key_in(sentence).split("."):
         if not isinstance(node, yaml.MappingNode):
             break
-        found = [(k, v) for k, v in node.value if k.value == key]
-        if not found:
+        entries = [(k, v) for k, v in node.value if k.value == key]
+        if not entries:
             break
-        line, node = found[0][0].start_mark.line + 1, found[0][1]
+        line, node = entries[0][0].start_mark.line + 1, entries[0][1]
     return line
 
 
@@ -236,24 +236,26 @@ def meet(one: Keys, other: Keys) -> bool:
 
 def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
     """What changes in a text with a change."""
-    here = text.root
+    part = text.root
     for depth, key in enumerate(change.keys):
-        rest = change.keys[depth + 1 :]
-        if not here.holds(key):
+        inner_keys = change.keys[depth + 1 :]
+        if not part.holds(key):
             removing = change.value is REMOVE
-            return [] if removing else here.replace(data, _changed(data, (key, *rest), change))
-        if change.insert and not rest and isinstance(data, list):
+            return (
+                [] if removing else part.replace(data, _changed(data, (key, *inner_keys), change))
+            )
+        if change.insert and not inner_keys and isinstance(data, list):
             assert isinstance(key, int)
-            return here.insert(key, change.value)
-        inner = here.part(key)
+            return part.insert(key, change.value)
+        inner = part.part(key)
         if inner is None:
             removing = change.value is REMOVE
-            return [] if removing else here.add(key, _changed({}, (key, *rest), change)[key])
-        if not rest and change.value is REMOVE:
-            return here.remove(key)
-        if not rest:
+            return [] if removing else part.add(key, _changed({}, (key, *inner_keys), change)[key])
+        if not inner_keys and change.value is REMOVE:
+            return part.remove(key)
+        if not inner_keys:
             return inner.replace(data[key], change.value)
-        here, data = inner, data[key]
+        part, data = inner, data[key]
     return []
 
 

@@ -63,11 +63,11 @@ def read_job(
         InvalidInput: No such file, not YAML, an unknown key, a value without its unit, or values
             that do not make a job; one sentence that names the key.
     """
-    place = checks.read_place("read_job", file)
+    location = checks.read_place("read_job", file)
     return parse_job(
-        job_text(place),
-        source=place.name,
-        folder=place.parent,
+        job_text(location),
+        source=location.name,
+        folder=location.parent,
         patch=patch,
         reading=reading,
         trust_xacro=trust_xacro,
@@ -131,18 +131,18 @@ def read_data(text: str, source: str) -> dict[str, Any]:
     return data
 
 
-def model_of(of: type[Model], data: Mapping[str, Any], source: str) -> Model:
+def model_of(kind: type[Model], data: Mapping[str, Any], source: str) -> Model:
     """Check the keys of a job.
 
     Args:
-        of: JobModel, or CellModel for a job without a path.
+        kind: JobModel, or CellModel for a job without a path.
         data: The data of a job file.
         source: Name of the file in messages.
 
     Raises:
         InvalidInput: An unknown key, or an invalid value.
     """
-    model: Model = read_keys(MappingKeys(of), data, source)
+    model: Model = read_keys(MappingKeys(kind), data, source)
     return model
 
 
@@ -263,9 +263,9 @@ def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
         return dataclasses.replace(servo, **differs).for_joints(arm.dof)
 
 
-def _plant(given: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
+def _plant(parameters: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
     """The real servo: the nominal servo with the values of `plant`; null keeps the nominal one."""
-    differs = {key: value for key, value in given.items() if value is not None}
+    differs = {key: value for key, value in parameters.items() if value is not None}
     if differs.get("order") == "first":
         differs.setdefault("kv", None)
     return _servo("plant", nominal, arm, **differs)
@@ -342,9 +342,9 @@ def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment
     """Options of the experiment of a run; None if the run has none."""
     if model is None or (model.runs is not None and run not in model.runs):
         return None
-    given = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
+    options = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
     with error_context("experiment"):
-        return Experiment(**given).for_joints(arm.dof)
+        return Experiment(**options).for_joints(arm.dof)
 
 
 def _refuse_unknown(key: str, names: Sequence[str], job: JobModel) -> None:
@@ -403,20 +403,20 @@ def _without_effect(process: Process, program: Program) -> list[str]:
 
 def _switched(program: Program, process: Process) -> set[str]:
     """Names of the outputs that a program or its process switches."""
-    found = {x.name for x in program.moves if isinstance(x, Event)}
+    names = {x.name for x in program.moves if isinstance(x, Event)}
     for x in program.contours:
-        own = process.of_layer(x.layer)
-        found |= {y.name for y in (*x.events, *own.events)}
-        found |= set() if own.switch is None else {own.switch.name}
-    return found
+        layer_process = process.of_layer(x.layer)
+        names |= {y.name for y in (*x.events, *layer_process.events)}
+        names |= set() if layer_process.switch is None else {layer_process.switch.name}
+    return names
 
 
 def _on_drawing(process: Process, drawing: PathModel, there: Collection[str]) -> Process:
     """A process with the vertical direction and the speeds of layers from a job's path."""
     layers = drawing.layers if isinstance(drawing.layers, dict) else {}
     # The reader has noted layers that are missing in the file.
-    known = {name: x for name, x in layers.items() if name in there}
-    own = {name: x for name, x in process.by_layer.items() if name in there}
+    layer_limits = {name: x for name, x in layers.items() if name in there}
+    by_layer = {name: x for name, x in process.by_layer.items() if name in there}
     return dataclasses.replace(
-        process, up=part_of(drawing).rotation[:, 2], layers=known, by_layer=own
+        process, up=part_of(drawing).rotation[:, 2], layers=layer_limits, by_layer=by_layer
     )

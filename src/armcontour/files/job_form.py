@@ -36,11 +36,13 @@ TOPICS = {
 MORE = re.compile(r"^Whether to | \[\S*\](, \(\w*,?\))?(?=[.,;:]?( |$))|`|\.( .*)?$")
 
 
-def settings(of: type = JobModel, outer: Keys = ()) -> Iterator[tuple[Keys, About, Any, str]]:
+def settings(
+    kind_of_file: type = JobModel, outer: Keys = ()
+) -> Iterator[tuple[Keys, About, Any, str]]:
     """Keys of a file that options or sliders set, with annotation and description."""
-    form, texts = FORMS.get(of, Form()), describe_fields(of)
-    hints = get_type_hints(of, include_extras=True)
-    for x in dataclasses.fields(of):
+    form, texts = FORMS.get(kind_of_file, Form()), describe_fields(kind_of_file)
+    hints = get_type_hints(kind_of_file, include_extras=True)
+    for x in dataclasses.fields(kind_of_file):
         if x.name in form.omit:
             continue
         keys, hint = (*outer, form.names.get(x.name, x.name)), hints[x.name]
@@ -66,20 +68,20 @@ def options_text() -> str:
 
 def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
     """One short option: its name, what it sets, and how commands read it."""
-    parts, read, example, more = tuple(parts_of(hint)), about.read, "", ""
+    parts, read, example, suffix = tuple(parts_of(hint)), about.read, "", ""
     quantity = next((x for x in parts if isinstance(x, Quantity)), None)
     whole = next((x for x in parts if isinstance(x, AtLeast)), None)
     if bool in parts or read == "to_skip":
         kind = "flag"
     elif Mapping in parts or (Sequence in parts and not read):
-        kind, more = "texts", "; may be repeated"
+        kind, suffix = "texts", "; may be repeated"
     elif quantity is not None and quantity.unit == "1":
         kind = "number"
     elif quantity is not None:
         kind, read, example = "text", "to_quantity", f", such as '{quantity.example}'"
     else:
         kind = "whole" if whole else "text"
-    head, colon, rest = capitalise(MORE.sub("", text)).partition(";")
+    head, colon, details = capitalise(MORE.sub("", text)).partition(";")
     return {
         "option": about.option,
         "key": ".".join(map(str, (*keys, about.key) if about.key else keys)),
@@ -87,7 +89,7 @@ def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
         "kind": kind,
         "read": read,
         "least": whole.least if whole else None,
-        "help": about.help or f"{head}{example}{colon}{rest}{more}.",
+        "help": about.help or f"{head}{example}{colon}{details}{suffix}.",
     }
 
 
@@ -222,7 +224,7 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
     unit = UNIT.search(text)
     examples = [y for x in parts for y in x.get("examples", ())]
     types = {x.get("type") for x in parts} - {"null"}
-    found: Field = {
+    field: Field = {
         "text": UNIT.sub("", text),
         "unit": unit[1] if unit and any(x.get("type") != "string" for x in parts) else "",
         "example": examples[0] if examples else "",
@@ -238,21 +240,21 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
         items = list(_parts(x["items"], defs)) if "items" in x else []
         mapping = next((y for y in items if "properties" in y), None)
         if "properties" in x:
-            found["fields"] = _fields(x, defs)
+            field["fields"] = _fields(x, defs)
         elif isinstance(x.get("additionalProperties"), dict):
-            found["each"] = _field("", x["additionalProperties"], defs)
+            field["each"] = _field("", x["additionalProperties"], defs)
         elif mapping is not None:
-            found["items"] = _fields(mapping, defs)
+            field["items"] = _fields(mapping, defs)
         elif items:
-            found["list"] = True
-            found["plain"] = not any(y.get("type") == "string" for y in items) or None
-    if name == "corners" and "fields" in found:
-        found["choices"], shape = [], next(x for x in found["fields"] if x["name"] == "shape")
+            field["list"] = True
+            field["plain"] = not any(y.get("type") == "string" for y in items) or None
+    if name == "corners" and "fields" in field:
+        field["choices"], shape = [], next(x for x in field["fields"] if x["name"] == "shape")
         shape["choices"] = [SHARP, *shape["choices"]]
     if name == "arm":
-        found["choices"] = list(arm_names())
-    given = {key: x for key, x in found.items() if x is not None and x not in EMPTY}
-    return {"name": name, **given}
+        field["choices"] = list(arm_names())
+    entries = {key: x for key, x in field.items() if x is not None and x not in EMPTY}
+    return {"name": name, **entries}
 
 
 def _shown(default: Any) -> Any:

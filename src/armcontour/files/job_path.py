@@ -199,9 +199,9 @@ def _repeat(program: Program, how: RepeatModel, names: Sequence[str] | None) -> 
     if names is None:
         return copies
     drawn = {x.name for x in program.contours}
-    places = [(row, column) for row in range(how.rows) for column in range(how.columns)]
+    cells = [(row, column) for row in range(how.rows) for column in range(how.columns)]
     chosen = [
-        [name_copy(name, row, column) for row, column in places] if name in drawn else [name]
+        [name_copy(name, row, column) for row, column in cells] if name in drawn else [name]
         for name in names
     ]
     return copies.selected(names=[x for of in chosen for x in of])
@@ -262,13 +262,13 @@ def _chain(start: list[float], models: list[SegmentModel]) -> Path:
     if not models:
         raise InvalidInput("path.segments is empty: a path needs at least one.")
     segments: list[Line | Arc] = []
-    here = list(start)
-    _refuse_far("path.start", here)
+    point = list(start)
+    _refuse_far("path.start", point)
     for i, x in enumerate(models):
         for name in ("to", "via", "center"):
             _refuse_far(place(("path", "segments", i, name)), getattr(x, name) or ())
-        segments.append(_segment(here, x, place(("path", "segments", i))))
-        here = list(x.to) if x.to is not None else _end(segments)
+        segments.append(_segment(point, x, place(("path", "segments", i))))
+        point = list(x.to) if x.to is not None else _end(segments)
     with error_context("path.segments"):
         return Path.from_segments(segments)
 
@@ -284,7 +284,7 @@ def _end(segments: list[Line | Arc]) -> list[float]:
     return list(end)
 
 
-def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
+def _segment(start: list[float], x: SegmentModel, key: str) -> Line | Arc:
     """The line or arc of a model, from the end of the segment before."""
     segment_limits = SegmentLimits(
         **{y.name: getattr(x, y.name) for y in dataclasses.fields(SegmentLimits)}
@@ -292,12 +292,12 @@ def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
     around = (x.center, x.angle, x.normal)
     if x.to is not None and all(y is None for y in around):
         if x.via is None:
-            return Line(start=here, end=x.to, segment_limits=segment_limits)
+            return Line(start=start, end=x.to, segment_limits=segment_limits)
         with error_context(key):
-            return Arc.through(here, x.via, x.to, segment_limits=segment_limits)
+            return Arc.through(start, x.via, x.to, segment_limits=segment_limits)
     if x.to is None and x.via is None and x.center is not None and x.angle is not None:
         return Arc(
-            start=here,
+            start=start,
             center=x.center,
             angle=x.angle,
             normal=x.normal,
@@ -350,8 +350,8 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
 
 def _refuse_unclear(key: str, x: OrientationModel) -> None:
     """Refuse an orientation with no key, or with several."""
-    found = [name for name in ORIENTATIONS if getattr(x, name) is not None]
-    if len(found) != 1:
+    names = [name for name in ORIENTATIONS if getattr(x, name) is not None]
+    if len(names) != 1:
         raise InvalidInput(
-            f"{key} takes one of {', '.join(ORIENTATIONS)}, not {' and '.join(found) or 'none'}."
+            f"{key} takes one of {', '.join(ORIENTATIONS)}, not {' and '.join(names) or 'none'}."
         )

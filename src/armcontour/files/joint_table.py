@@ -171,10 +171,10 @@ def _take_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
     if not joint_names or _are_numbers(tuple(joint_names)):
         return name, ""
     for joint in sorted(joint_names, key=len, reverse=True):
-        if found := re.search(rf"(?<![^\W_]){re.escape(joint)}(?![^\W_])", name):
-            before, after = name[: found.start()], name[found.end() :]
-            beside = f"{_PARTS.split(before)[-1]} {_PARTS.split(after)[0]}"
-            names = [x.text for x in _words(beside) if x.meaning is None]
+        if match := re.search(rf"(?<![^\W_]){re.escape(joint)}(?![^\W_])", name):
+            before, after = name[: match.start()], name[match.end() :]
+            neighbours = f"{_PARTS.split(before)[-1]} {_PARTS.split(after)[0]}"
+            names = [x.text for x in _words(neighbours) if x.meaning is None]
             if set(map(str.lower, names)) <= {*ANGLES.split(), *TIMES}:
                 return f"{before} {after}".strip(), joint
     return name, ""
@@ -183,8 +183,8 @@ def _take_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
 @cache
 def _are_numbers(joint_names: tuple[str, ...]) -> bool:
     """Whether the names of joints are their numbers, such as joint_1, joint_2."""
-    found = [read_joint_title(x, True) for x in joint_names]
-    numbers = [x.key.joint if x else "" for x in found]
+    titles = [read_joint_title(x, True) for x in joint_names]
+    numbers = [x.key.joint if x else "" for x in titles]
     return numbers == [str(k) for k in range(1, len(numbers) + 1)]
 
 
@@ -202,10 +202,10 @@ def _time(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
 def _joint(parts: Sequence[Sequence[_Word]]) -> str:
     """Number or name of the joint, in the last part of a title that has any; "" without."""
     for part in reversed(parts):
-        own = [x for x in part if x.meaning is None]
-        if own and all(x.text.isdigit() for x in own):
-            return own[-1].text.lstrip("0") or "0"
-        if own:
+        names = [x for x in part if x.meaning is None]
+        if names and all(x.text.isdigit() for x in names):
+            return names[-1].text.lstrip("0") or "0"
+        if names:
             named = [x for x in part if x.meaning is None or x.text.lower() in ("joint", "axis")]
             return named[0].text + "".join(x.link + x.text for x in named[1:])
     return ""
@@ -305,7 +305,7 @@ class TableSamples:
     notes: tuple[str, ...]
 
 
-def read_csv_text(file: str | FilePath, what: str, topic: str | None = None) -> str:
+def read_csv_text(file: str | FilePath, kind: str, topic: str | None = None) -> str:
     """The text of a file of some kind, which has no topics.
 
     Raises:
@@ -314,7 +314,7 @@ def read_csv_text(file: str | FilePath, what: str, topic: str | None = None) -> 
     if topic is not None:
         name = FilePath(file).name
         raise InvalidInput(f"{name} is CSV, which has no topics: leave --topic out.")
-    return read_text(file, what, most=LARGE, latin=True)
+    return read_text(file, kind, most=LARGE, latin=True)
 
 
 def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
@@ -361,36 +361,36 @@ def read_samples(
     values, digit = values[:, len(times) :], digits[times.index(clock)]
     named = {x: [i for i, y in enumerate(keys) if y.kind == x] for x in QUANTITIES}
 
-    def place(name: str, i: int, j: int) -> str:
+    def locate(name: str, i: int, j: int) -> str:
         row, key = int(rows[i]), keys[named[name][j]] if name in named else times[0]
         return f"{table.place(row, key)}: {show(table.cell(row, key))}"
 
-    check_distance(t, place, lambda new: table.rename(new, table.columns[clock].title))
+    check_distance(t, locate, lambda new: table.rename(new, table.columns[clock].title))
     _ask_for_angles(table, keys, values)
     _ask_for_times(table, clock, t, values[:, [x.kind == "q" for x in keys]])
     last = last_digit([digit]) * table.columns[clock].factor
-    t, some, more = tidy_times(t, values, last, table.source)
-    values, rows = values[some], rows[some]
+    t, kept_rows, time_notes = tidy_times(t, values, last, table.source)
+    values, rows = values[kept_rows], rows[kept_rows]
     used = (t >= start) & (t <= end)
     rows = rows[used]
-    check_samples(t[used], {x: values[used][:, of] for x, of in named.items() if of}, place)
+    check_samples(t[used], {x: values[used][:, of] for x, of in named.items() if of}, locate)
     if any("joint_states" in table.columns[x].title and x.joint.isdigit() for x in keys):
-        more += (
+        time_notes += (
             "Joints of /joint_states are taken in the order of their numbers. Compare with the "
             "names in its messages, and rename columns with --columns where the order differs.",
         )
-    return TableSamples(t, values, last, digits[len(times) :], (*notes, *more))
+    return TableSamples(t, values, last, digits[len(times) :], (*notes, *time_notes))
 
 
 def _filled_rows(
     table: CsvTable[Key], values: FloatArray, keys: Sequence[Key], first: int
 ) -> IntArray:
     """Rows without those that have cells of other columns only, as rows of other topics."""
-    known = {table.columns[x].index for x in keys}
+    used = {table.columns[x].index for x in keys}
     spare = [
         i
         for i in np.flatnonzero(np.isnan(values[:, first:]).all(axis=1)).tolist()
-        if any(x for k, x in enumerate(table.cells(i)) if k not in known)
+        if any(x for k, x in enumerate(table.cells(i)) if k not in used)
     ]
     every = np.arange(len(values))
     rows = every if len(spare) == len(every) else np.delete(every, spare)

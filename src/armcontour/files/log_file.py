@@ -75,8 +75,8 @@ def read_log(
     Raises:
         InvalidInput: A file of another form, or samples that `Log` refuses; names file and line.
     """
-    place = checks.read_place("read_log", file)
-    return _read(place, (), start, end, unwrap, columns, topic, commanded=True)[0]
+    location = checks.read_place("read_log", file)
+    return _read(location, (), start, end, unwrap, columns, topic, commanded=True)[0]
 
 
 def read_run_log(
@@ -135,7 +135,7 @@ def _read(
     Logs without commands are refused if `commanded`.
     """
     if is_ros_file(file):
-        found, interpolation = read_ros_log(file, topic, columns), None
+        motion, interpolation = read_ros_log(file, topic, columns), None
     else:
         table = read_table(
             read_csv_text(file, "log", topic),
@@ -145,21 +145,21 @@ def _read(
             columns=columns,
             option="--columns",
         )
-        found = _joint_motion(table, start, end, positions=not commanded)
+        motion = _joint_motion(table, start, end, positions=not commanded)
         interpolation = _find_interpolation(table.comments)
     log = cut(
-        found.t,
-        found.q if found.command is None else found.command,
-        found.q,
+        motion.t,
+        motion.q if motion.command is None else motion.command,
+        motion.q,
         start,
         end,
-        [f"joint {x}" if x.isdigit() else x for x in found.joints],
+        [f"joint {x}" if x.isdigit() else x for x in motion.joints],
         interpolation=interpolation,
-        source=found.source,
+        source=motion.source,
         unwrap=unwrap,
-        notes=found.notes,
+        notes=motion.notes,
     )
-    return log, found.command is not None
+    return log, motion.command is not None
 
 
 def _joint_motion(
@@ -185,8 +185,8 @@ def _joint_motion(
 
 def _find_interpolation(comments: Iterable[str]) -> str | None:
     """The interpolation that a comment gives; None without such a comment."""
-    found = (match["what"].lower() for x in comments if (match := _INTERPOLATION.fullmatch(x)))
-    return next((x for x in found if x in INTERPOLATIONS), None)
+    names = (match["what"].lower() for x in comments if (match := _INTERPOLATION.fullmatch(x)))
+    return next((x for x in names if x in INTERPOLATIONS), None)
 
 
 def _pair(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str], list[str]]:

@@ -158,9 +158,9 @@ def _resolved(data: Any, patch: Patch, run: str | None) -> tuple[Any, list[Chang
     """The data with the values of a patch, and the changes that lead there."""
     changes: list[Change] = []
     for keys in sorted(patch, key=_rank):
-        more = list(_changes(keys, patch[keys], data, run))
-        data = change_data(data, more)
-        changes += more
+        added = list(_changes(keys, patch[keys], data, run))
+        data = change_data(data, added)
+        changes += added
     return data, changes
 
 
@@ -216,27 +216,33 @@ def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iter
 def _set(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
     """The changes that a value makes at its keys."""
     for k in range(1, len(keys)):
-        here, rest = value_at(data, keys[:k]), keys[k:]
+        outer_value, inner = value_at(data, keys[:k]), keys[k:]
         # Short forms of mappings are written whole.
-        if keys[:k] == ("arm",) and isinstance(here, str):
-            yield Change(keys[:k], change_data(arm_keys(here), [Change(rest, value)]))
+        if keys[:k] == ("arm",) and isinstance(outer_value, str):
+            yield Change(keys[:k], change_data(arm_keys(outer_value), [Change(inner, value)]))
             return
-        if keys[:k] == ("path", "layers") and isinstance(here, list):
-            layers: dict[str, Any] = {str(name): {} for name in here}
-            yield Change(keys[:k], change_data(layers, [Change(rest, value)]))
+        if keys[:k] == ("path", "layers") and isinstance(outer_value, list):
+            layers: dict[str, Any] = {str(name): {} for name in outer_value}
+            yield Change(keys[:k], change_data(layers, [Change(inner, value)]))
             return
-        listed = isinstance(here, list) and isinstance(keys[k], int)
-        if not (here is None or here == "sharp" or isinstance(here, Mapping) or listed):
+        listed = isinstance(outer_value, list) and isinstance(keys[k], int)
+        if not (
+            outer_value is None
+            or outer_value == "sharp"
+            or isinstance(outer_value, Mapping)
+            or listed
+        ):
             outer = ".".join(map(str, keys[:k]))
             raise InvalidInput(
-                f"{outer} is {show(here)} there, which has no key {keys[k]}: give {outer} whole."
+                f"{outer} is {show(outer_value)} there, which has no key {keys[k]}: give {outer} "
+                "whole."
             )
     old = value_at(data, keys)
     if keys == ("path", "layers") and isinstance(old, Mapping) and isinstance(value, list):
         # Chosen layers keep their speeds and tolerances.
         value = {name: old.get(name) or {} for name in map(str, value)}
     yield Change(keys, value)
-    beside = value_at(data, keys[:-1])
+    siblings = value_at(data, keys[:-1])
     for name, choice in CHOICES.get(keys[-2:], {}).items():
-        if choice != value and isinstance(beside, Mapping) and name in beside:
+        if choice != value and isinstance(siblings, Mapping) and name in siblings:
             yield Change((*keys[:-1], name), REMOVE)

@@ -89,9 +89,9 @@ class ResultFolder:
 
     def _made(self, name: str) -> FilePath:
         """A folder in the staging folder."""
-        place = self._staging.place / name
-        place.mkdir(exist_ok=True)
-        return place
+        folder = self._staging.place / name
+        folder.mkdir(exist_ok=True)
+        return folder
 
     def __enter__(self) -> ResultFolder:
         return self
@@ -199,10 +199,10 @@ def _files_below(folder: FilePath, name: str) -> list[str]:
 
     Links count as files.
     """
-    place = folder / name
-    if place.is_symlink() or not place.is_dir():
+    location = folder / name
+    if location.is_symlink() or not location.is_dir():
         return [name]
-    return [y for x in sorted(_names_in(place)) for y in _files_below(folder, f"{name}/{x}")]
+    return [y for x in sorted(_names_in(location)) for y in _files_below(folder, f"{name}/{x}")]
 
 
 def _manifest(folder: FilePath) -> dict[str, Any]:

@@ -54,76 +54,82 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
     Raises:
         InvalidInput: No such file, not YAML, an unknown key, or a value that is not a limit.
     """
-    place = FilePath(file)
-    text = read_text(place, "limits file")
-    data = load(text, place.name)
+    location = FilePath(file)
+    text = read_text(location, "limits file")
+    data = load(text, location.name)
     if not isinstance(data, dict):
-        raise InvalidInput(f"{place.name} must hold a mapping of limits such as speed: 0.15 m/s.")
+        raise InvalidInput(
+            f"{location.name} must hold a mapping of limits such as speed: 0.15 m/s."
+        )
     if "joint_limits" in data:
         raise InvalidInput(
-            f"{place.name} is a file of joint limits of MoveIt, which belongs to the arm: give it "
-            "with --joint-limits."
+            f"{location.name} is a file of joint limits of MoveIt, which belongs to the arm: give "
+            "it with --joint-limits."
         )
-    given = read_keys(SpecifiedKeys(LimitsFile), data, place.name)
-    deviations = [given.pop(name, None) for name in ("deviation", "orientation_deviation")]
-    with error_context(place.name):
-        limits = resolve_limits(place.name, arm, Limits(**given))
+    specified = read_keys(SpecifiedKeys(LimitsFile), data, location.name)
+    deviations = [specified.pop(name, None) for name in ("deviation", "orientation_deviation")]
+    with error_context(location.name):
+        limits = resolve_limits(location.name, arm, Limits(**specified))
     return limits, *deviations
 
 
-def robot_yaml(found: BodyIdentification, arm: str | Mapping[str, str], folder: FilePath) -> str:
+def robot_yaml(
+    identification: BodyIdentification, arm: str | Mapping[str, str], folder: FilePath
+) -> str:
     """The identified arm as an arm file: another arm, with payload, friction and drive inertias.
 
     Args:
-        found: The identification.
+        identification: The identification.
         arm: The nominal arm: a built-in name, or `file` with `tip` and the like.
         folder: Folder of the arm file, to which `file` will be relative.
     """
-    chain = found.arm.dynamics.chain
+    chain = identification.arm.dynamics.chain
     base: Any = arm if isinstance(arm, str) else _relative(arm, folder)
     page: dict[str, Any] = {
-        "name": found.arm.name,
+        "name": identification.arm.name,
         "kind": "derived",
-        "source": f"identified from {found.source} by armcontour {__version__}",
+        "source": f"identified from {identification.source} by armcontour {__version__}",
         "arm": base,
     }
     load_of = chain.payload
     if load_of is not None:
-        x, y, z = found.payload_center
-        page["payload_mass"] = _quantity(load_of.mass, "kg", [found.payload_mass])
+        x, y, z = identification.payload_center
+        page["payload_mass"] = _quantity(load_of.mass, "kg", [identification.payload_mass])
         page["payload_center"] = _quantity(load_of.center, "m", [x, y, z])
         if load_of.inertia.any():
             six = load_of.inertia[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
             page["payload_inertia"] = _quantity(six, "kg m^2", [])
-    factor = found.parameters.get("armature")
-    inertias = [x.armature for x in found.joints] if factor is None else [factor]
+    factor = identification.parameters.get("armature")
+    inertias = [x.armature for x in identification.joints] if factor is None else [factor]
     page["armature"] = _quantity(chain.armature, "kg m^2", inertias)
     if factor is not None:
         page["armature"]["source"] += " times those of the nominal arm" * factor.determined
-    page["viscous"] = _quantity(chain.viscous, "N m s/rad", [x.viscous for x in found.joints])
-    page["coulomb"] = _quantity(chain.coulomb, "N m", [x.coulomb for x in found.joints])
+    page["viscous"] = _quantity(
+        chain.viscous, "N m s/rad", [x.viscous for x in identification.joints]
+    )
+    page["coulomb"] = _quantity(chain.coulomb, "N m", [x.coulomb for x in identification.joints])
     return yaml.safe_dump(page, sort_keys=False, width=96, allow_unicode=True)
 
 
-def robot_servo_yaml(found: BodyIdentification) -> str:
+def robot_servo_yaml(identification: BodyIdentification) -> str:
     """The key `servo` of a job file, with identified values.
 
     Raises:
         InvalidInput: A gain is neither told nor known.
     """
-    servo = found.servo_model()
+    servo = identification.servo_model()
     lines = [
-        f"# Identified from {found.source} by armcontour {__version__}: goes into a job file, with "
-        "robot.yaml as its arm.",
+        f"# Identified from {identification.source} by armcontour {__version__}: goes into a job "
+        "file, with robot.yaml as its arm.",
         "# inertia is J, by which the controller scales its loops: a log shows only its products "
         "with gains.",
-        *(f"# {joint.name}: {_ranges((joint.kp, joint.kv))}" for joint in found.joints),
+        *(f"# {joint.name}: {_ranges((joint.kp, joint.kv))}" for joint in identification.joints),
         "servo:",
         "  order: second",
         f"  kp: {_list(servo.kp)}    # 1/s",
         f"  kv: {_list(servo.kv)}    # 1/s",
         f"  inertia: {_list(servo.inertia)}    # kg m^2",
-        f"  dead_time: {_list(servo.for_joints(len(found.joints)).dead_time)}    # s",
+        f"  dead_time: {_list(servo.for_joints(len(identification.joints)).dead_time)}    # s",
         f"  interpolation: {servo.interpolation}",
     ]
     return "\n".join(lines) + "\n"
@@ -158,9 +164,11 @@ def _quantity(values: Any, unit: str, estimates: Sequence[Estimate]) -> dict[str
     """A quantity of an arm file, whose source says how well each value is known."""
     array: FloatArray = values
     rounded = jsonable(array)
-    told = _ranges(estimates) if estimates else ""
-    kept = [x for x in estimates if not x.determined]
-    source = f"identified, 95 % intervals: {told}" if len(kept) < len(estimates) else "nominal"
+    intervals = _ranges(estimates) if estimates else ""
+    nominal = [x for x in estimates if not x.determined]
+    source = (
+        f"identified, 95 % intervals: {intervals}" if len(nominal) < len(estimates) else "nominal"
+    )
     if not estimates:
         source = "nominal"
     return {"value": rounded, "unit": unit, "source": source}
@@ -199,30 +207,31 @@ SINGLE = {
 }
 
 
-def servo_yaml(found: Identification) -> str:
+def servo_yaml(identification: Identification) -> str:
     """The key `servo` of a job file, with identified values.
 
     Raises:
         InvalidInput: The logs determine the servo of no joint.
     """
-    servo = found.servo_model()
+    servo = identification.servo_model()
     lines = [
-        f"# Identified from {found.source} by armcontour {__version__}: goes into a job file.",
-        *(f"# {x.note or f'{x.name}: {_joint_ranges(x)}'}" for x in found.joints),
-        *(f"# {x.saturation}" for x in found.joints if x.saturation),
+        f"# Identified from {identification.source} by armcontour {__version__}: goes into a job "
+        "file.",
+        *(f"# {x.note or f'{x.name}: {_joint_ranges(x)}'}" for x in identification.joints),
+        *(f"# {x.saturation}" for x in identification.joints if x.saturation),
         *([f"# {servo.doubt}"] if servo.doubt else []),
-        *servo_lines(servo, len(found.joints)),
+        *servo_lines(servo, len(identification.joints)),
     ]
     return "\n".join(lines) + "\n"
 
 
-def servo_values(found: Identification) -> dict[str, Any]:
+def servo_values(identification: Identification) -> dict[str, Any]:
     """The values of the key `servo` of a job file, as `servo_yaml` writes them.
 
     Raises:
         InvalidInput: As `servo_yaml`.
     """
-    return dict(load(servo_yaml(found), "servo")["servo"])
+    return dict(load(servo_yaml(identification), "servo")["servo"])
 
 
 def servo_lines(servo: ServoModel, dof: int) -> list[str]:

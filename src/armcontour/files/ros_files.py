@@ -31,7 +31,7 @@ GOALS = tuple(
         ("control_msgs", "FollowJointTrajectory"),
         ("moveit_msgs", "ExecuteTrajectory"),
     )
-    for end in ("ActionGoal", "CertificateGoal", "_Goal", "_SendGoal_Request", "_SendGoal_Event")
+    for end in ("ActionGoal", "Goal", "_Goal", "_SendGoal_Request", "_SendGoal_Event")
 )
 # Messages that have a trajectory, and the fields of goals and messages that lead to it.
 AROUND = ("moveit_msgs/msg/RobotTrajectory", "moveit_msgs/msg/DisplayTrajectory", *GOALS)
@@ -55,8 +55,8 @@ NANOSECOND = 1e-9
 
 def is_ros_file(file: str | FilePath) -> bool:
     """Whether a file or folder is one of ROS, by its name."""
-    place = FilePath(file)
-    return place.is_dir() or place.suffix.lower() in (*YAMLS, *BAGS)
+    location = FilePath(file)
+    return location.is_dir() or location.suffix.lower() in (*YAMLS, *BAGS)
 
 
 def read_ros_motion(
@@ -92,10 +92,10 @@ def read_ros_motion(
         message = _trajectory_in(file.name, messages[0][1])
         return _join_points(file.name, called(message.joint_names), message.points, joint_names)
     every = [called(_names_of(kind, x[1])) for x in messages]
-    wanted = tuple(joint_names) or every[0]
-    orders = [match_joints(x, wanted, file.name) for x in every]
+    requested = tuple(joint_names) or every[0]
+    orders = [match_joints(x, requested, file.name) for x in every]
     if not any(orders):
-        raise InvalidInput(_describe_missing(file.name, every[0], wanted))
+        raise InvalidInput(_describe_missing(file.name, every[0], requested))
     some = [i for i, x in enumerate(orders) if x]
     return _tidy(
         file.name,
@@ -105,8 +105,8 @@ def read_ros_motion(
             [_measured_part(kind, messages[i][1]) for i in some],
             [orders[i] or [] for i in some],
         ),
-        wanted,
-        describe_match(every[some[0]], wanted, orders[some[0]] or []),
+        requested,
+        describe_match(every[some[0]], requested, orders[some[0]] or []),
     )
 
 
@@ -129,7 +129,9 @@ def _tidy(
 ) -> TrajectoryFile:
     """The motion of messages with stamps, without repeated messages."""
     values = np.concatenate(list(arrays.values()), axis=1)
-    t, rows, more = tidy_times(_times([_stamp(x) for x in messages]), values, NANOSECOND, source)
+    t, rows, time_notes = tidy_times(
+        _times([_stamp(x) for x in messages]), values, NANOSECOND, source
+    )
     tidied: dict[str, Any] = {key: x[rows] for key, x in arrays.items()}
     return TrajectoryFile(
         source=source,
@@ -137,7 +139,7 @@ def _tidy(
         t=t,
         **tidied,
         resolution={"t": NANOSECOND},
-        notes=(*notes, *more),
+        notes=(*notes, *time_notes),
     )
 
 
@@ -162,9 +164,9 @@ def read_ros_log(file: FilePath, topic: str | None, names: str | None = None) ->
     joints = called(messages[0][1].joint_names)
     orders = [_order(file.name, called(x[1].joint_names), joints) for x in messages]
     arrays = {}
-    for what, fields in (("command", COMMANDS), ("q", MEASUREMENTS)):
+    for role, fields in (("command", COMMANDS), ("q", MEASUREMENTS)):
         parts = [_point(x[1], fields) for x in messages]
-        arrays[what] = _stack(file.name, parts, orders, ("q",))["q"]
+        arrays[role] = _stack(file.name, parts, orders, ("q",))["q"]
     return _tidy(file.name, messages, arrays, joints, ())
 
 
@@ -267,15 +269,15 @@ def _join_points(
     """The motion of the points of one trajectory."""
     if not points:
         raise InvalidInput(f"{source} has a trajectory without points.")
-    wanted = tuple(joint_names) or tuple(names)
-    order = _order(source, names, wanted)
-    notes = tuple(describe_match(names, wanted, order))
+    requested = tuple(joint_names) or tuple(names)
+    order = _order(source, names, requested)
+    notes = tuple(describe_match(names, requested, order))
     arrays: dict[str, Any] = _stack(source, points, [order] * len(points))
     times = [_duration(x) for x in points]
     digits = {x: _digit(values) for x, values in arrays.items()} if printed else {}
     return TrajectoryFile(
         source=source,
-        joints=wanted,
+        joints=requested,
         t=np.array(times) * NANOSECOND,
         **arrays,
         resolution={"t": NANOSECOND, **digits},
@@ -285,9 +287,9 @@ def _join_points(
 
 def _digit(values: FloatArray) -> float:
     """Value of the last printed digit of numbers, as the shortest text of each has it."""
-    found = Digits()
-    found.add([repr(x) for x in values.ravel().tolist()])
-    return last_digit([found])
+    digits = Digits()
+    digits.add([repr(x) for x in values.ravel().tolist()])
+    return last_digit([digits])
 
 
 def _stack(
@@ -297,7 +299,7 @@ def _stack(
     kinds: Sequence[str] = tuple(ARRAYS),
 ) -> dict[str, FloatArray]:
     """Arrays of the points with joints in the requested order, without kinds that points lack."""
-    found = {}
+    arrays = {}
     for kind in kinds:
         rows = [getattr(x, ARRAYS[kind], ()) for x in points]
         if kind != "q" and not all(len(x) for x in rows):
@@ -309,27 +311,27 @@ def _stack(
                     f"{max(order) + 1} joints are named: record all of them.",
                     index=number - 1,
                 )
-        found[kind] = np.array(
+        arrays[kind] = np.array(
             [[row[j] for j in order] for row, order in zip(rows, orders, strict=True)], dtype=float
         )
-    return found
+    return arrays
 
 
-def _order(source: str, names: Sequence[str], wanted: Sequence[str]) -> list[int]:
+def _order(source: str, names: Sequence[str], requested: Sequence[str]) -> list[int]:
     """Places of the wanted joints among those of a message."""
-    found = match_joints(list(names), wanted, source)
-    if not found:
-        raise InvalidInput(_describe_missing(source, names, wanted))
-    return found
+    order = match_joints(list(names), requested, source)
+    if not order:
+        raise InvalidInput(_describe_missing(source, names, requested))
+    return order
 
 
-def _describe_missing(source: str, known: Sequence[str], wanted: Sequence[str]) -> str:
+def _describe_missing(source: str, names: Sequence[str], requested: Sequence[str]) -> str:
     """A sentence on joints that a file lacks."""
     return (
-        f"{source} has the joints {', '.join(map(show, known))}, but "
-        f"{', '.join(map(show, wanted)) or 'the names of joints'} are needed: give the arm of the "
-        "file with --arm, or its names to the joints, such as --columns "
-        f"'{wanted[0] if wanted else 'NAME'}={next(iter(known), 'NAME')}'."
+        f"{source} has the joints {', '.join(map(show, names))}, but "
+        f"{', '.join(map(show, requested)) or 'the names of joints'} are needed: give the arm of "
+        "the file with --arm, or its names to the joints, such as --columns "
+        f"'{requested[0] if requested else 'NAME'}={next(iter(names), 'NAME')}'."
     )
 
 
@@ -464,14 +466,14 @@ def _choose_topic(
             )
         return topic
     for kind in kinds:
-        found = [x for x, y in types.items() if y == kind]
-        if len(found) > 1:
+        topics = [x for x, y in types.items() if y == kind]
+        if len(topics) > 1:
             raise InvalidInput(
                 f"{source} has several topics of {kind.rpartition('/')[2]}: choose one with "
-                f"--topic ({', '.join(found)})."
+                f"--topic ({', '.join(topics)})."
             )
-        if found:
-            return found[0]
+        if topics:
+            return topics[0]
     raise InvalidInput(f"{source} has no topic of {names}: its topics are {shown}.")
 
 
@@ -500,8 +502,8 @@ class _State:
 def _point(message: Any, fields: Sequence[str]) -> Any:
     """The first of some fields of a controller's state that has positions, else the first."""
     points: Iterator[Any] = (getattr(message, x) for x in fields if hasattr(message, x))
-    found = list(points)
-    return next((x for x in found if len(x.positions)), found[0])
+    candidates = list(points)
+    return next((x for x in candidates if len(x.positions)), candidates[0])
 
 
 def _duration(point: Any) -> int:
@@ -512,11 +514,11 @@ def _duration(point: Any) -> int:
     return int(start.sec) * 10**9 + int(start.nanosec)
 
 
-def _stamp(given: tuple[int, Any]) -> int:
+def _stamp(timed_message: tuple[int, Any]) -> int:
     """Time of a message by its header [ns]; by the bag if the header has none."""
-    at, message = given
+    bag_time, message = timed_message
     stamp = message.header.stamp
-    return (int(stamp.sec) * 10**9 + int(stamp.nanosec)) or at
+    return (int(stamp.sec) * 10**9 + int(stamp.nanosec)) or bag_time
 
 
 def _times(nanoseconds: Sequence[int]) -> FloatArray:

@@ -57,23 +57,23 @@ def read_scene_file(
     Raises:
         InvalidInput: No such file, another format, or a body that is none.
     """
-    place = FilePath(file)
-    if place.suffix.lower() != ".urdf":
+    location = FilePath(file)
+    if location.suffix.lower() != ".urdf":
         raise InvalidInput(
-            f"The file of obstacles {place} is not read: name a .urdf file, and meshes under the "
-            "key meshes."
+            f"The file of obstacles {location} is not read: name a .urdf file, and meshes under "
+            "the key meshes."
         )
-    tree = read_tree(str(place), file_access.read_bytes(place, "description of a cell"))
-    found: list[Obstacle] = []
+    tree = read_tree(str(location), file_access.read_bytes(location, "description of a cell"))
+    obstacles: list[Obstacle] = []
     for link, (_, frame) in Description(tree, (), (), {}, tree.root).carried().items():
         for k, x in enumerate(collisions(tree, link)):
-            with error_context(place.name):
+            with error_context(location.name):
                 shape = shape_of(tree, x, packages, unit)
                 name = link if k == 0 else f"{link} {k + 1}"
-                found.append(Obstacle(name=name, shape=shape, place=frame @ x.place))
-    if not found:
-        raise InvalidInput(f"{place} has no collision elements, so it describes no obstacles.")
-    return tuple(found)
+                obstacles.append(Obstacle(name=name, shape=shape, place=frame @ x.place))
+    if not obstacles:
+        raise InvalidInput(f"{location} has no collision elements, so it describes no obstacles.")
+    return tuple(obstacles)
 
 
 # Keys of bodies that only obstacles have, and only shapes of links.
@@ -97,14 +97,14 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
     obstacles = []
     for where, x in _bodies(model, "scene", OF_LINKS, "shapes of links"):
         with error_context(where):
-            found = Obstacle(name=x.name, shape=_shape(x, folder), place=_place(x))
-        obstacles.append(_stand(found, x, part))
-    for given in model.files:
-        file = SceneFileModel(file=given) if isinstance(given, str) else given
+            obstacle = Obstacle(name=x.name, shape=_shape(x, folder), place=_place(x))
+        obstacles.append(_stand(obstacle, x, part))
+    for entry in model.files:
+        file = SceneFileModel(file=entry) if isinstance(entry, str) else entry
         _refuse_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
         with error_context("scene.files"):
-            for found in read_scene_file(folder / file.file, unit=file.unit):
-                moved = dataclasses.replace(found, place=_place(file) @ found.place)
+            for obstacle in read_scene_file(folder / file.file, unit=file.unit):
+                moved = dataclasses.replace(obstacle, place=_place(file) @ obstacle.place)
                 obstacles.append(_stand(moved, file, part))
     return Scene(obstacles=tuple(obstacles), margins=model.margins, floor=model.floor)
 
@@ -171,15 +171,15 @@ def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[Li
     """
     links = {x.name: x.link for x in (() if arm.shapes is None else arm.shapes.shapes)}
     links |= {BASE: 0} | {name: k for k, name in enumerate(arm.joint_names, start=1)}
-    found = []
+    shapes = []
     for where, x in _bodies(model, "arm.shapes", OF_OBSTACLES, "obstacles"):
         if x.link not in links:
             raise InvalidInput(
                 f"{where}: link must be one of {list_some(list(links), MOST_NAMED)}, "
                 f"{'but is missing' if x.link is None else f'not {x.link!r}'}."
             )
-        found.append(_link_shape(where, x, folder, links[x.link]))
-    return tuple(found)
+        shapes.append(_link_shape(where, x, folder, links[x.link]))
+    return tuple(shapes)
 
 
 def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
@@ -215,10 +215,10 @@ def _link_shape(
 ) -> LinkShape:
     """A shape of a link, or with `tip` of the tool, whose frame that is in the last link."""
     with error_context(where):
-        shape, place = _shape(model, folder), _place(model)
+        shape, frame = _shape(model, folder), _place(model)
         if tip is not None:
-            place = tip @ place
-        body = LinkShape(name=model.name, link=link, shape=shape, place=place, tool=tip is not None)
+            frame = tip @ frame
+        body = LinkShape(name=model.name, link=link, shape=shape, place=frame, tool=tip is not None)
         return body.with_hull()
 
 

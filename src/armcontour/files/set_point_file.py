@@ -37,9 +37,9 @@ def write_lesson(file: FilePath, lesson: LearningResult) -> None:
     arrays, plain = _split(lesson, LEFT_OUT)
     runs = []
     for number, run in enumerate(lesson.runs, start=1):
-        of_run, own = _split(run)
-        arrays |= {RUN.format(number, name): values for name, values in of_run.items()}
-        runs.append(own)
+        run_arrays, plain_run = _split(run)
+        arrays |= {RUN.format(number, name): values for name, values in run_arrays.items()}
+        runs.append(plain_run)
     about = {
         "version": VERSION,
         "armcontour": __version__,
@@ -81,8 +81,10 @@ def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
         runs = []
         for number, plain in enumerate(about["runs"], start=1):
             start = RUN.format(number, "")
-            own = {x.removeprefix(start): y for x, y in arrays.items() if x.startswith(start)}
-            runs.append(LearningRun(**plain, **own))
+            run_arrays = {
+                x.removeprefix(start): y for x, y in arrays.items() if x.startswith(start)
+            }
+            runs.append(LearningRun(**plain, **run_arrays))
         before, after = about["misfits"]
         return LearningResult(
             trajectory=plan,
@@ -120,7 +122,7 @@ LESSON = "lesson.npz"
 SAME = 1e-9
 
 
-def read_taught(place: FilePath, job: Job, plan: RunResult) -> SetPoints:
+def read_taught(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
     """The set-points in a file of set-points, with what was learned before.
 
     The set-points are those that the job makes, or those of the lesson in the same folder, exact to
@@ -128,7 +130,7 @@ def read_taught(place: FilePath, job: Job, plan: RunResult) -> SetPoints:
     folder with the plan of the job are valid also if the servo of the job has changed since.
 
     Args:
-        place: The file `set_points.csv` of a run, or a result folder that has it.
+        location: The file `set_points.csv` of a run, or a result folder that has it.
         job: The job.
         plan: Plan and set-points of the job's run.
 
@@ -136,12 +138,12 @@ def read_taught(place: FilePath, job: Job, plan: RunResult) -> SetPoints:
         InvalidInput: No such file, or one with other set-points.
     """
     name = plan.run.name
-    file = verify_file(place, f"{name}/set_points.csv") if place.is_dir() else place
+    file = verify_file(location, f"{name}/set_points.csv") if location.is_dir() else location
     history = file.parent / LESSON
-    same_plan = place.is_dir() and _has_same_plan(place, job, plan)
+    same_plan = location.is_dir() and _has_same_plan(location, job, plan)
     if not history.exists():
-        if same_plan and (found := _recorded(file, job, plan)) is not None:
-            return found
+        if same_plan and (recorded := _recorded(file, job, plan)) is not None:
+            return recorded
         again = f"the job {job.name} makes for its run {name}"
         mend = "give the job that made this file, with the same options"
         _refuse_other(file, job, plan.set_points, again, mend)
@@ -158,55 +160,63 @@ def read_taught(place: FilePath, job: Job, plan: RunResult) -> SetPoints:
 def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:
     """Whether a result folder has the planned motion of a run."""
     file = verify_file(folder, f"{plan.run.name}/planned.csv")
-    found, duration = read_trajectory(file, job.arm.joint_names), plan.trajectory.duration
-    if abs(found.t[-1] - duration) > plan.set_points.cycle or found.q.shape[1] != job.arm.dof:
+    planned, duration = read_trajectory(file, job.arm.joint_names), plan.trajectory.duration
+    if abs(planned.t[-1] - duration) > plan.set_points.cycle or planned.q.shape[1] != job.arm.dof:
         return False
-    off = np.abs(found.q - plan.trajectory.with_rests(found.t)).max()
-    return bool(off <= found.resolution["q"] + SAME)
+    deviation = np.abs(planned.q - plan.trajectory.with_rests(planned.t)).max()
+    return bool(deviation <= planned.resolution["q"] + SAME)
 
 
 def _recorded(file: FilePath, job: Job, plan: RunResult) -> SetPoints | None:
     """Set-points of the file for the plan of a job; None if the job makes the same ones."""
-    found, now = read_trajectory(file, job.arm.joint_names), plan.set_points
-    steps = np.abs(np.diff(found.t) - now.cycle)
-    same = found.q.shape == now.q.shape and abs(found.t[0] - now.t[0]) <= _near(found)
-    if steps.max() > 2 * _near(found):
+    recorded, current = read_trajectory(file, job.arm.joint_names), plan.set_points
+    steps = np.abs(np.diff(recorded.t) - current.cycle)
+    same = recorded.q.shape == current.q.shape and abs(recorded.t[0] - current.t[0]) <= _near(
+        recorded
+    )
+    if steps.max() > 2 * _near(recorded):
         return None
-    if same and np.abs(found.q - now.q).max() <= found.resolution["q"] + SAME:
+    if same and np.abs(recorded.q - current.q).max() <= recorded.resolution["q"] + SAME:
         return None
     return replace(
-        now, q=found.q, start_time=min(float(found.t[0]), 0.0), truncated=None, limit_cost=None
+        current,
+        q=recorded.q,
+        start_time=min(float(recorded.t[0]), 0.0),
+        truncated=None,
+        limit_cost=None,
     )
 
 
 def _refuse_other(file: FilePath, job: Job, set_points: SetPoints, has: str, mend: str) -> None:
     """Refuse a file that has not the given set-points."""
-    found = read_trajectory(file, job.arm.joint_names)
+    stored = read_trajectory(file, job.arm.joint_names)
     problem = ""
-    if found.q.shape != set_points.q.shape:
-        rows, dof = found.q.shape
+    if stored.q.shape != set_points.q.shape:
+        rows, dof = stored.q.shape
         count, joints = set_points.q.shape
         problem = (
             f"{rows} set-points of {dof} joints, not the {count} of {joints} joints that {has}"
         )
     else:
-        off = np.abs(found.q - set_points.q)
-        k, j = np.unravel_index(int(np.argmax(off)), off.shape)
-        if off[k, j] > found.resolution["q"] + SAME:
+        deviation = np.abs(stored.q - set_points.q)
+        k, j = np.unravel_index(int(np.argmax(deviation)), deviation.shape)
+        if deviation[k, j] > stored.resolution["q"] + SAME:
             problem = (
                 f"other set-points than {has}: {job.arm.joint_names[j]} differs by "
-                f"{off[k, j]:.3g} rad at t = {found.t[k]:.4g} s"
+                f"{deviation[k, j]:.3g} rad at t = {stored.t[k]:.4g} s"
             )
         # Exports begin at zero, set-points that lead their plan before it.
-        elif np.abs((found.t - found.t[0]) - (set_points.t - set_points.t[0])).max() > _near(found):
+        elif np.abs((stored.t - stored.t[0]) - (set_points.t - set_points.t[0])).max() > _near(
+            stored
+        ):
             problem = f"set-points at other times than {has}"
     if problem:
         raise InvalidInput(f"{file} has {problem}: {mend}, or begin again with run.")
 
 
-def _near(found: TrajectoryFile) -> float:
+def _near(stored: TrajectoryFile) -> float:
     """Times of a file that differ by less are the same [s]."""
-    return found.resolution["t"] + SAME
+    return stored.resolution["t"] + SAME
 
 
 def _refuse_other_job(history: FilePath, lesson: LearningResult, job: Job, plan: RunResult) -> None:

@@ -17,9 +17,9 @@ from armcontour.files.units import read_quantity
 Kind = Any
 
 
-def quantity_of(of: type, keys: Sequence[str | int]) -> Quantity | None:
+def quantity_of(file_class: type, keys: Sequence[str | int]) -> Quantity | None:
     """The quantity that a key of a file takes; None if it takes none."""
-    kinds: tuple[Kind, ...] = (of,)
+    kinds: tuple[Kind, ...] = (file_class,)
     for key in keys:
         # One value for all joints, or a list with one for each.
         of_all = (x for x in kinds if isinstance(x, Quantity) and isinstance(key, int))
@@ -27,12 +27,12 @@ def quantity_of(of: type, keys: Sequence[str | int]) -> Quantity | None:
     return next((x for x in kinds if isinstance(x, Quantity)), None)
 
 
-def in_si(data: Any, of: type) -> Any:
+def in_si(data: Any, file_class: type) -> Any:
     """The data of a file with plain numbers in SI units for all quantities.
 
     What is no quantity of the required unit stays as it is: reading the file refuses it.
     """
-    return _convert(data, (of,))
+    return _convert(data, (file_class,))
 
 
 def _convert(value: Any, kinds: tuple[Kind, ...]) -> Any:
@@ -54,29 +54,29 @@ def _convert(value: Any, kinds: tuple[Kind, ...]) -> Any:
 
 def _inside(kinds: Iterable[Kind], key: Any) -> tuple[Kind, ...]:
     """What a key inside a mapping may take, or an item of a list."""
-    found: list[Kind] = []
+    inner: list[Kind] = []
     for kind in kinds:
         if dataclasses.is_dataclass(kind) and isinstance(kind, type):
-            found += _fields(kind).get(key, ())
+            inner += _fields(kind).get(key, ())
             continue
         origin: Any = get_origin(kind)
         if origin in (dict, Mapping):
             numbered = get_args(kind)[0] is int
             if isinstance(key, int if numbered else str):
-                found += alternatives(get_args(kind)[1])
+                inner += alternatives(get_args(kind)[1])
         elif origin in (list, tuple) and isinstance(key, int):
-            found += alternatives(get_args(kind)[0])
-    return tuple(found)
+            inner += alternatives(get_args(kind)[0])
+    return tuple(inner)
 
 
 @cache
-def _fields(of: type) -> dict[str, tuple[Kind, ...]]:
+def _fields(owner: type) -> dict[str, tuple[Kind, ...]]:
     """What the keys of a dataclass may take."""
-    form = FORMS.get(of, Form())
-    hints = {**get_type_hints(of, include_extras=True), **form.types}
+    form = FORMS.get(owner, Form())
+    hints = {**get_type_hints(owner, include_extras=True), **form.types}
     return {
         form.names.get(x.name, x.name): tuple(alternatives(hints[x.name]))
-        for x in dataclasses.fields(of)
+        for x in dataclasses.fields(owner)
     }
 
 

@@ -107,8 +107,8 @@ def placed_job_text(
     Raises:
         InvalidInput: Obstacles would move, too.
     """
-    own = {keys: x for keys, x in (patch or {}).items() if keys[0] != "placement"}
-    text = write(move_files(text, folder, to), {**own, ("placement",): REMOVE})
+    values = {keys: x for keys, x in (patch or {}).items() if keys[0] != "placement"}
+    text = write(move_files(text, folder, to), {**values, ("placement",): REMOVE})
     return write(text, _placed(placement, text))
 
 
@@ -122,14 +122,14 @@ def _placed(placement: Placement, text: str) -> Patch:
             "file is written: give them their new places by hand."
         )
     if isinstance(job.arm, SerialArm):
-        found = placement.placed().arm.chain
-        assert found is not None
-        return {("arm", "work"): _frame(found.base.inverse)}
+        chain = placement.placed().arm.chain
+        assert chain is not None
+        return {("arm", "work"): _frame(chain.base.inverse)}
     model = model_of(CellModel, read_data(text, "job"), "job")
-    own = Frame() if model.path.frame is None else frame_of("path.frame", model.path.frame)
+    path_frame = Frame() if model.path.frame is None else frame_of("path.frame", model.path.frame)
     frame = placement.frame()
     moved = frame if placement.what == PART else frame.inverse
-    return {("path", "frame"): _frame(moved @ own)}
+    return {("path", "frame"): _frame(moved @ path_frame)}
 
 
 def _frame(frame: Frame) -> dict[str, list[float]]:

@@ -75,11 +75,11 @@ def read_trajectory(
     Raises:
         InvalidInput: A file of another form; names file and line.
     """
-    place = FilePath(file)
-    if is_ros_file(place):
-        return read_ros_motion(place, joint_names, topic, columns)
+    location = FilePath(file)
+    if is_ros_file(location):
+        return read_ros_motion(location, joint_names, topic, columns)
     text = read_csv_text(file, "trajectory file", topic)
-    return parse_trajectory(text, joint_names, source=place.name, columns=columns)
+    return parse_trajectory(text, joint_names, source=location.name, columns=columns)
 
 
 def parse_trajectory(
@@ -101,11 +101,11 @@ def parse_trajectory(
     samples = read_samples(table, keys)
     arrays, resolution = {}, {"t": samples.digit}
     for kind in QUANTITIES:
-        of = [i for i, key in enumerate(keys) if key.kind == kind]
-        if of:
-            arrays[kind] = samples.values[:, of]
-            factor = max(table.columns[keys[i]].factor for i in of)
-            resolution[kind] = factor * last_digit([samples.digits[i] for i in of])
+        indices = [i for i, key in enumerate(keys) if key.kind == kind]
+        if indices:
+            arrays[kind] = samples.values[:, indices]
+            factor = max(table.columns[keys[i]].factor for i in indices)
+            resolution[kind] = factor * last_digit([samples.digits[i] for i in indices])
     spare = [
         x.title for key, x in table.columns.items() if key.kind in QUANTITIES and key not in keys
     ]
@@ -146,26 +146,26 @@ def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], 
         )
     keys = [Key("q", role, x) for x in joints]
     for kind in ("dq", "ddq"):
-        own = [Key(kind, role, x) for x in joints]
-        some = [x for x in own if x in table.columns]
-        if len(some) == len(own):
-            keys += some
-        elif some:
-            lacking = next(x.joint for x in own if x not in table.columns)
+        needed = [Key(kind, role, x) for x in joints]
+        present = [x for x in needed if x in table.columns]
+        if len(present) == len(needed):
+            keys += present
+        elif present:
+            lacking = next(x.joint for x in needed if x not in table.columns)
             notes.append(
                 f"Joint {lacking} of {table.source} has no {QUANTITIES[kind]}: columns such as "
-                f"{show(table.columns[some[0]].title)} are left out."
+                f"{show(table.columns[present[0]].title)} are left out."
             )
     return keys, notes
 
 
 def _numbers(table: CsvTable[Key], role: str) -> list[str]:
     """The numbers of the joints, from 1 on, or from 0 on if there is a joint 0."""
-    given = {int(x.joint) for x in table.columns if x.role == role and x.joint.isdigit()}
-    first = 0 if 0 in given else 1
+    numbers = {int(x.joint) for x in table.columns if x.role == role and x.joint.isdigit()}
+    first = 0 if 0 in numbers else 1
     joints = []
     # The largest number may be of any size, so the search ends at the first gap.
-    for k in range(first, max(given, default=first) + 1):
+    for k in range(first, max(numbers, default=first) + 1):
         table.need(Key("q", role, str(k)))
         joints.append(str(k))
     return joints
@@ -227,10 +227,10 @@ class StoredRun:
         Raises:
             InvalidInput: The file is missing or was changed, or as in `make_table`.
         """
-        found = self._read("set_points.csv")
-        start = float(found.t[0])
+        stored = self._read("set_points.csv")
+        start = float(stored.t[0])
         return tabulate(
-            self._set_points(found, options.get("derivatives", 2)),
+            self._set_points(stored, options.get("derivatives", 2)),
             name=f"{self.title} set-points",
             cycle=self.cycle,
             events=tuple(x.shifted(-start) for x in self.events),
@@ -254,21 +254,23 @@ class StoredRun:
         step = self.cycle if cycle is None else cycle
         every = round(step / self.cycle)
         if every < 1 or abs(step - every * self.cycle) > 1e-9 * step:
-            least = max(1, int(step / self.cycle)) * self.cycle
+            example = max(1, int(step / self.cycle)) * self.cycle
             raise InvalidInput(
                 f"The result in {self.folder} has the plan every {self.cycle * 1e3:g} ms, so the "
-                f"period must be a multiple of that, such as {least * 1e3:g} ms, and not "
+                f"period must be a multiple of that, such as {example * 1e3:g} ms, and not "
                 f"{step * 1e3:g} ms.",
                 needed=step,
-                allowed=least,
+                allowed=example,
             )
-        found = self._read("planned.csv")
-        if found.dq is None or found.ddq is None:
-            raise InvalidInput(f"{found.source} has no velocities and accelerations.")
-        check_export_cycle(step, float(found.t[-1]), f"{self.title} reference")
-        rows = np.unique(np.append(np.arange(0, len(found.t), every), len(found.t) - 1))
+        planned = self._read("planned.csv")
+        if planned.dq is None or planned.ddq is None:
+            raise InvalidInput(f"{planned.source} has no velocities and accelerations.")
+        check_export_cycle(step, float(planned.t[-1]), f"{self.title} reference")
+        rows = np.unique(np.append(np.arange(0, len(planned.t), every), len(planned.t) - 1))
         return tabulate(
-            Samples(t=found.t[rows], q=found.q[rows], dq=found.dq[rows], ddq=found.ddq[rows]),
+            Samples(
+                t=planned.t[rows], q=planned.q[rows], dq=planned.dq[rows], ddq=planned.ddq[rows]
+            ),
             name=f"{self.title} reference",
             cycle=step,
             events=self.events,
@@ -304,14 +306,14 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
     Raises:
         InvalidInput: No result, no such run, or files that were changed.
     """
-    place = FilePath(folder)
-    file = verify_file(place, SUMMARY)
+    location = FilePath(folder)
+    file = verify_file(location, SUMMARY)
     try:
         data = json.loads(read_text(file, "summary"))
-        run = _choose(place, data["runs"], name)
+        run = _choose(location, data["runs"], name)
         about = data["runs"][run]
         return StoredRun(
-            folder=place,
+            folder=location,
             name=run,
             title=data["job"],
             joint_names=tuple(data["arm"]["joints"]),
@@ -342,11 +344,11 @@ def _event(x: Mapping[str, Any]) -> TimedEvent:
 
 def _choose(folder: FilePath, runs: Mapping[str, Any], name: str | None) -> str:
     """The name of the wanted run, or of the only one."""
-    known = list_some([repr(x) for x in runs], 6)
+    names = list_some([repr(x) for x in runs], 6)
     if name is None and len(runs) == 1:
         return next(iter(runs))
     if name is None:
-        raise InvalidInput(f"{folder} has the runs {known}: choose one with --run.")
+        raise InvalidInput(f"{folder} has the runs {names}: choose one with --run.")
     if name not in runs:
-        raise InvalidInput(f"{folder} has no run {name!r}: its runs are {known}.")
+        raise InvalidInput(f"{folder} has no run {name!r}: its runs are {names}.")
     return name

@@ -91,14 +91,14 @@ def _parse_text(text: str, unit: str) -> float:
             f"{text!r} has no unit: write one, such as '{text} {unit}', or a plain number in {unit}"
         )
     # Checked here, because pint would compute any arithmetic in the text.
-    found = QUANTITY.fullmatch(text)
-    if not found:
+    match = QUANTITY.fullmatch(text)
+    if not match:
         pointed = re.sub(r"(?<=\d),(?=\d)", ".", text, count=1)
         if pointed != text and QUANTITY.fullmatch(pointed):
             raise ValueError(f"{text!r} has a decimal comma: write {pointed!r}")
         raise ValueError(f"{show(text)} is not a quantity in {unit}: write a number and a unit")
-    number, given = found.groups()
-    factor = USUAL.get(unit, {}).get(given.strip())
+    number, written_unit = match.groups()
+    factor = USUAL.get(unit, {}).get(written_unit.strip())
     result = _convert(text, unit) if factor is None else float(number) * factor
     if not math.isfinite(result):
         raise ValueError(f"must be finite, but is {text!r}")
@@ -135,12 +135,12 @@ def share(value: Any) -> float:
         ValueError: Neither a number nor a percentage.
     """
     if isinstance(value, str):
-        found = PERCENT.fullmatch(value[: MOST_CHARACTERS + 1])
-        if found is None or len(value) > MOST_CHARACTERS:
+        match = PERCENT.fullmatch(value[: MOST_CHARACTERS + 1])
+        if match is None or len(value) > MOST_CHARACTERS:
             raise ValueError(
                 f"must be a plain number or a percentage such as '10 %', not {show(value)}"
             )
-        return parse(float(found[1]), "%") / 100
+        return parse(float(match[1]), "%") / 100
     return parse(value, "1")
 
 
@@ -154,17 +154,17 @@ def read_quantity(value: Any, kind: Quantity) -> float:
         endless = ENDLESS[value]
         if endless > 0 or kind.sign == "any":
             return endless
-    found = read_plain(value, kind)
+    number = read_plain(value, kind)
     low, high = kind.range
-    turned = kind.sign == "turn" and abs(found) > WHOLE_TURN and not isinstance(value, str)
-    if low <= found <= high and not turned:
-        return found
-    written = value.strip() if isinstance(value, str) else f"{found:g}{suffix(kind.words)}"
-    percent = kind.sign == "share" and not isinstance(value, str) and 1 <= found < 100
+    turned = kind.sign == "turn" and abs(number) > WHOLE_TURN and not isinstance(value, str)
+    if low <= number <= high and not turned:
+        return number
+    written = value.strip() if isinstance(value, str) else f"{number:g}{suffix(kind.words)}"
+    percent = kind.sign == "share" and not isinstance(value, str) and 1 <= number < 100
     hint = f": for {written} percent write {written} %" if percent else ""
     if turned:
-        hint = f": for {found:g} degrees write {found:g} deg"
-    needed = "be at most a whole turn without a unit" if turned else kind.needed(found)
+        hint = f": for {number:g} degrees write {number:g} deg"
+    needed = "be at most a whole turn without a unit" if turned else kind.needed(number)
     raise ValueError(f"must {needed}, but is {written}{hint}")
 
 
@@ -181,11 +181,11 @@ def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -
         Text with the unit of `old`, or a plain number. It differs from `value` by at most `within`,
         or by a few units in the last place of a float.
     """
-    found = _written(old, kind)
-    if found is None:
+    affixes = _written(old, kind)
+    if affixes is None:
         number = float(_shortest(value, value, float, within))
         return int(number) if isinstance(old, int) and number == int(number) else number
-    before, after = found
+    before, after = affixes
     one = read_plain(f"{before}1{after}", kind)
     text = _shortest(value / one, value, lambda x: read_plain(f"{before}{x}{after}", kind), within)
     return before + text + after
@@ -198,10 +198,10 @@ def unit_of(old: Any, kind: Quantity) -> tuple[str, float]:
         old: The quantity, such as "350 mm", a plain number, or None for the kind's usual unit.
         kind: The kind of the quantity.
     """
-    found = _written(old, kind)
-    if found is None:
+    affixes = _written(old, kind)
+    if affixes is None:
         return ("" if kind.unit == "1" else kind.unit), 1.0
-    return found[1].strip(), read_plain(f"1{found[1]}", kind)
+    return affixes[1].strip(), read_plain(f"1{affixes[1]}", kind)
 
 
 def _written(old: Any, kind: Quantity) -> tuple[str, str] | None:

@@ -124,26 +124,26 @@ class YamlText:
 
     def __init__(self, text: str, node: yaml.Node | None) -> None:
         self.text = text
-        found = BREAK.search(text)
-        self.eol = "\n" if found is None else found[0]
+        line_break = BREAK.search(text)
+        self.eol = "\n" if line_break is None else line_break[0]
         self.root = YamlPart(of=self, node=node, begin=0, end=len(text), outer=None, key=None)
         if node is not None:
             begin = node.start_mark.index
             end = _end(self, node, begin)
             self.root = YamlPart(of=self, node=node, begin=begin, end=end, outer=None, key=None)
 
-    def line_start(self, at: int) -> int:
+    def line_start(self, position: int) -> int:
         """Where the line of a place begins."""
-        return max(self.text.rfind("\n", 0, at), self.text.rfind("\r", 0, at)) + 1
+        return max(self.text.rfind("\n", 0, position), self.text.rfind("\r", 0, position)) + 1
 
-    def line_end(self, at: int) -> int:
+    def line_end(self, position: int) -> int:
         """Where the line of a place ends, before its line break."""
-        found = BREAK.search(self.text, at)
-        return len(self.text) if found is None else found.start()
+        line_break = BREAK.search(self.text, position)
+        return len(self.text) if line_break is None else line_break.start()
 
-    def is_first(self, at: int) -> bool:
+    def is_first(self, position: int) -> bool:
         """Whether only blanks are before a place in its line."""
-        return not self.text[self.line_start(at) : at].strip(BLANK)
+        return not self.text[self.line_start(position) : position].strip(BLANK)
 
     def cut(self, begin: int, end: int) -> Splice:
         """Remove a part of the text, and its lines where nothing else is left on them."""
@@ -190,8 +190,8 @@ class YamlPart:
     @property
     def flow(self) -> bool:
         """Whether the value is a mapping or list between braces or brackets, or in one."""
-        own = isinstance(self.node, yaml.CollectionNode) and bool(self.node.flow_style)
-        return own or (self.outer is not None and self.outer.flow)
+        is_flow = isinstance(self.node, yaml.CollectionNode) and bool(self.node.flow_style)
+        return is_flow or (self.outer is not None and self.outer.flow)
 
     @property
     def is_block(self) -> bool:
@@ -247,18 +247,18 @@ class YamlPart:
         column = self.parts[0].column
         return [self._append_line(self.parts[-1], column, name + ":", value)]
 
-    def insert(self, at: int, value: Any) -> list[Splice]:
+    def insert(self, index: int, value: Any) -> list[Splice]:
         """Insert an item into a list."""
-        if at == len(self.parts) and self.flow:
+        if index == len(self.parts) and self.flow:
             return [self._append_inline(flow_text(value))]
         if self.flow:
-            head = self.parts[at].begin
+            head = self.parts[index].begin
             gap = " "
             if self.of.is_first(head):
                 gap = self.of.eol + self.of.text[self.of.line_start(head) : head]
             return [Splice(head, head, f"{flow_text(value)},{gap}")]
-        if at > 0:
-            return [self._append_line(self.parts[at - 1], self.parts[0].column, "-", value)]
+        if index > 0:
+            return [self._append_line(self.parts[index - 1], self.parts[0].column, "-", value)]
         first = self.parts[0]
         line = "-" + self.child(value, first.column) + self.of.eol + " " * first.column
         return [Splice(first.head, first.head, line)]
@@ -275,8 +275,8 @@ class YamlPart:
             return [Splice(self.parts[k - 1].end, gone.end, "")]
         if self.flow and following is None:
             comma = _skip(self.of.text, gone.end, ",")
-            rest = self.of.text[comma : self.of.line_end(comma)].strip(BLANK)
-            if rest.startswith("#"):
+            trailing = self.of.text[comma : self.of.line_end(comma)].strip(BLANK)
+            if trailing.startswith("#"):
                 return [self.of.cut_lines(gone.head, comma)]
             return [self.of.cut(gone.head, comma)]
         if following is not None and (self.flow or not self.of.is_first(gone.head)):
@@ -286,10 +286,10 @@ class YamlPart:
     def _empty(self) -> list[Splice]:
         """Remove all that is in a mapping or a list, with the comments behind it."""
         empty: Any = {} if isinstance(self.node, yaml.MappingNode) else []
-        found = self._write(empty)
-        if len(found) > 1:
-            found[1] = self.of.cut_lines(self.begin, self.end)
-        return found
+        splices = self._write(empty)
+        if len(splices) > 1:
+            splices[1] = self.of.cut_lines(self.begin, self.end)
+        return splices
 
     def _write(self, new: Any) -> list[Splice]:
         """Write another value in the place of this one."""
@@ -340,9 +340,9 @@ class YamlPart:
 
     def _append_line(self, after: YamlPart, column: int, name: str, value: Any) -> Splice:
         """Add a line, or several, after those of a part."""
-        at = self.of.line_end(after.end)
+        position = self.of.line_end(after.end)
         line = self.of.eol + " " * column + name + self.child(value, column)
-        return Splice(at, at, line)
+        return Splice(position, position, line)
 
     def child(self, value: Any, column: int) -> str:
         """A value after a key or a dash in a column."""
@@ -351,22 +351,24 @@ class YamlPart:
 
 def _values(outer: YamlPart, node: yaml.MappingNode) -> list[YamlPart]:
     """The values of a mapping."""
-    text, found = outer.of.text, []
+    text, parts = outer.of.text, []
     for name, value in node.value:
-        at = name.end_mark.index
-        colon = _skip(text, at, ":")
-        begin, own = value.start_mark.index, value
-        if begin < at:
-            begin, end, own = *_alias(text, colon), None
+        name_end = name.end_mark.index
+        colon = _skip(text, name_end, ":")
+        begin, value_node = value.start_mark.index, value
+        if begin < name_end:
+            begin, end, value_node = *_alias(text, colon), None
         else:
             end = _end(outer.of, value, begin)
         # A value that is not there begins where its key ends.
         begin, end = max(begin, colon), max(end, colon)
-        part = YamlPart(of=outer.of, node=own, begin=begin, end=end, outer=outer, key=_key(name))
+        part = YamlPart(
+            of=outer.of, node=value_node, begin=begin, end=end, outer=outer, key=_key(name)
+        )
         part.head, part.name_end = name.start_mark.index, colon
         part.column = name.start_mark.column
-        found.append(part)
-    return found
+        parts.append(part)
+    return parts
 
 
 def _keys(value: Any) -> list[Any]:
@@ -378,22 +380,24 @@ def _keys(value: Any) -> list[Any]:
 
 def _items(outer: YamlPart, node: yaml.SequenceNode) -> list[YamlPart]:
     """The items of a list."""
-    of, found, at = outer.of, [], outer.begin
+    text, parts, position = outer.of, [], outer.begin
     for k, value in enumerate(node.value):
-        begin, own = value.start_mark.index, value
-        if begin < at:
-            begin, end, own = *_alias(of.text, at), None
+        begin, value_node = value.start_mark.index, value
+        if begin < position:
+            begin, end, value_node = *_alias(text.text, position), None
         else:
-            end = _end(of, value, begin)
-        part = YamlPart(of=of, node=own, begin=begin, end=end, outer=outer, key=k, head=begin)
-        part.name_end, part.column = begin, _column(of, begin)
+            end = _end(text, value, begin)
+        part = YamlPart(
+            of=text, node=value_node, begin=begin, end=end, outer=outer, key=k, head=begin
+        )
+        part.name_end, part.column = begin, _column(text, begin)
         if not node.flow_style:
-            masked = COMMENT.sub(lambda x: " " * len(x[0]), of.text[at:begin])
-            part.head = at + masked.rindex("-")
-            part.name_end, part.column = part.head + 1, _column(of, part.head)
-        found.append(part)
-        at = max(end, part.name_end)
-    return found
+            masked = COMMENT.sub(lambda x: " " * len(x[0]), text.text[position:begin])
+            part.head = position + masked.rindex("-")
+            part.name_end, part.column = part.head + 1, _column(text, part.head)
+        parts.append(part)
+        position = max(end, part.name_end)
+    return parts
 
 
 def _key(node: yaml.Node) -> Any:
@@ -403,31 +407,31 @@ def _key(node: yaml.Node) -> Any:
     return node.value if node.tag == TEXT else None
 
 
-def _end(of: YamlText, node: yaml.Node, begin: int) -> int:
+def _end(text: YamlText, node: yaml.Node, begin: int) -> int:
     """Where the text of a value ends, without blanks and comments after it."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style:
-        part = YamlPart(of=of, node=node, begin=begin, end=begin, outer=None, key=None)
+        part = YamlPart(of=text, node=node, begin=begin, end=begin, outer=None, key=None)
         return part.parts[-1].end
     end = node.end_mark.index
-    return begin + len(of.text[begin:end].rstrip(BLANK))
+    return begin + len(text.text[begin:end].rstrip(BLANK))
 
 
-def _alias(text: str, at: int) -> tuple[int, int]:
+def _alias(text: str, position: int) -> tuple[int, int]:
     """Where the next alias is written."""
-    masked = COMMENT.sub(lambda x: " " * len(x[0]), text[at:])
-    found = ALIAS.search(masked)
-    assert found is not None
-    return at + found.start(), at + found.end()
+    masked = COMMENT.sub(lambda x: " " * len(x[0]), text[position:])
+    match = ALIAS.search(masked)
+    assert match is not None
+    return position + match.start(), position + match.end()
 
 
-def _skip(text: str, at: int, mark: str) -> int:
+def _skip(text: str, position: int, mark: str) -> int:
     """The place behind a mark that is next, or the same place if something else is."""
-    stop = at
+    stop = position
     while stop < len(text) and text[stop] in BLANK:
         stop += 1
-    return stop + 1 if text.startswith(mark, stop) else at
+    return stop + 1 if text.startswith(mark, stop) else position
 
 
-def _column(of: YamlText, at: int) -> int:
+def _column(text: YamlText, position: int) -> int:
     """The column of a place."""
-    return at - of.line_start(at)
+    return position - text.line_start(position)

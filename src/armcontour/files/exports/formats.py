@@ -272,14 +272,14 @@ def export(
     names = (*(x.name for x in table.events), *table.analog)
     check_outputs(outputs, names, option="outputs", owner=repr(table.name))
     # Where warnings are errors, nothing is written.
-    for said in describe_program(
+    for sentence in describe_program(
         table,
         chosen.label,
         outputs,
         lambda event, output: f"outputs={{{event!r}: {output!r}}}",
     ):
         kind = "Template" if isinstance(chosen, TemplateFormat) else "Format"
-        warnings.warn(f"{kind} {chosen.label}: {said}", stacklevel=3)
+        warnings.warn(f"{kind} {chosen.label}: {sentence}", stacklevel=3)
     put(
         destination,
         lambda path: chosen.write(table, path),
@@ -301,10 +301,10 @@ def check_outputs(
     Raises:
         InvalidInput: An output is for an unknown event.
     """
-    known = sorted(set(events))
+    names = sorted(set(events))
     for name in outputs:
-        if name not in known:
-            has = f"it has {', '.join(known)}" if known else "it switches nothing"
+        if name not in names:
+            has = f"it has {', '.join(names)}" if names else "it switches nothing"
             raise InvalidInput(f"{option} names {name!r}, which {owner} does not switch: {has}.")
 
 

@@ -27,10 +27,11 @@ def write_ros_yaml(table: SetPointTable, file: FilePath) -> None:
     The text is valid for `ros2 topic pub` and has the form of `ros2 topic echo`. The message has
     no field for events, so each event is a comment at the top in JSON, `# event: {...}`.
     """
-    of = {"positions": table.q, "velocities": table.dq, "accelerations": table.ddq}
-    present = {name: x for name, x in of.items() if x is not None}
+    fields = {"positions": table.q, "velocities": table.dq, "accelerations": table.ddq}
+    present = {name: x for name, x in fields.items() if x is not None}
     lines = [
-        f"  {name}: [{', '.join([FIXED] * table.dof) if name in present else ''}]\n" for name in of
+        f"  {name}: [{', '.join([FIXED] * table.dof) if name in present else ''}]\n"
+        for name in fields
     ]
     point = (
         f"- {''.join(lines).lstrip()}"
@@ -85,8 +86,8 @@ def _fill(writer: Any, table: SetPointTable, store: Any) -> None:
     topic = writer.add_connection(EVENTS_TOPIC, kind, typestore=store)
     for event in table.events:
         message = store.types[kind](data=json.dumps(event_data(event)))
-        at = max(0, round(event.t * SECOND))
-        writer.write(topic, at, store.serialize_cdr(message, kind))
+        time = max(0, round(event.t * SECOND))
+        writer.write(topic, time, store.serialize_cdr(message, kind))
 
 
 def _message(table: SetPointTable, types: Any) -> Any:

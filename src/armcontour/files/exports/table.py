@@ -125,14 +125,14 @@ class SetPointTable(Checked):
 
     def _check_names(self) -> None:
         """Refuse names that are not one line of text, and equal joint names."""
-        given = [("name", self.name), *(("joint name", x) for x in self.joint_names)]
-        given += [("name of an analog output", x) for x in self.analog]
-        for what, text in [*given, *(("name of an event", x.name) for x in self.events)]:
+        named = [("name", self.name), *(("joint name", x) for x in self.joint_names)]
+        named += [("name of an analog output", x) for x in self.analog]
+        for kind, text in [*named, *(("name of an event", x.name) for x in self.events)]:
             if not isinstance(text, str) or not text.strip() or not text.isprintable():
-                raise InvalidInput(f"A {what} must be one line of text, but is {text!r}.")
-            if what != "name":
+                raise InvalidInput(f"A {kind} must be one line of text, but is {text!r}.")
+            if kind != "name":
                 # The name of the table is by default that of a file, which may be longer.
-                checks.check_name(what, text)
+                checks.check_name(kind, text)
         repeated = {x for x in self.joint_names if self.joint_names.count(x) > 1}
         if repeated:
             raise InvalidInput(f"Joint names must differ, but {min(repeated)!r} is there twice.")
@@ -151,8 +151,8 @@ class SetPointTable(Checked):
     def point_of_events(self) -> list[int]:
         """Index of the last point at or before each event."""
         times = np.array([x.t for x in self.events]) + ON_THE_POINT * self.cycle
-        found = np.searchsorted(self.t, times, side="right") - 1
-        return [int(i) for i in found]
+        indices = np.searchsorted(self.t, times, side="right") - 1
+        return [int(i) for i in indices]
 
 
 def make_table(
@@ -227,7 +227,7 @@ def tabulate(
     tool_motion: bool = False,
     **about: Any,
 ) -> SetPointTable:
-    """The table of samples; the arguments are those of `make_table`, and `about` of `SetPointTable`.
+    """The table of samples; `about` are further fields of `SetPointTable`.
 
     Raises:
         InvalidInput: As in `make_table`.
@@ -260,18 +260,18 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
 
     The rows are computed in blocks: the matrices of millions of rows take gigabytes.
     """
-    found: dict[str, list[FloatArray]] = {}
+    blocks: dict[str, list[FloatArray]] = {}
     for i in range(0, len(samples.q), AT_ONCE):
         rows = slice(i, i + AT_ONCE)
-        here = {"tool": arm.tool_position(samples.q[rows])}
+        block = {"tool": arm.tool_position(samples.q[rows])}
         if motion:
             velocity = arm.tool_velocity(samples.q[rows], samples.dq[rows])
-            here["tool_speed"] = np.linalg.norm(velocity, axis=1)
+            block["tool_speed"] = np.linalg.norm(velocity, axis=1)
             if isinstance(arm, SerialArm):
-                here["tool_rotation"] = quaternions(arm.pose(samples.q[rows])[1])
-        for key, values in here.items():
-            found.setdefault(key, []).append(values)
-    whole = {key: np.concatenate(values) for key, values in found.items()}
+                block["tool_rotation"] = quaternions(arm.pose(samples.q[rows])[1])
+        for key, values in block.items():
+            blocks.setdefault(key, []).append(values)
+    whole = {key: np.concatenate(values) for key, values in blocks.items()}
     if "tool_rotation" in whole:
         q = whole["tool_rotation"]
         flips = np.sum(q[1:] * q[:-1], axis=1) < 0
@@ -316,12 +316,12 @@ def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> f
 
 def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) -> Samples:
     """The set-points of set-points with their derivatives, as `make_table` says."""
-    wanted = set_points.cycle if cycle is None else checks.positive("cycle", cycle, "s")
-    if not math.isclose(wanted, set_points.cycle, rel_tol=1e-9):
+    requested = set_points.cycle if cycle is None else checks.positive("cycle", cycle, "s")
+    if not math.isclose(requested, set_points.cycle, rel_tol=1e-9):
         raise InvalidInput(
             f"Set-points have their own cycle of {set_points.cycle:g} s and cannot be exported "
-            f"every {wanted:g} s: leave the period out, or compensate for that interval.",
-            needed=wanted,
+            f"every {requested:g} s: leave the period out, or compensate for that interval.",
+            needed=requested,
             allowed=set_points.cycle,
         )
     plan, t = set_points.trajectory, set_points.t

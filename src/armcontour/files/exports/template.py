@@ -30,7 +30,7 @@ ANALOG_EXAMPLES: dict[str, int | str] = {"abb": "aoPower", "kuka": 1, "urscript"
 # do instead, by format.
 MOST_POINTS = 10_000
 FEWER = {
-    **dict.fromkeys(SHIPPED, "use a longer period (--period)"),
+    **dict.fromkeys(SHIPPED, "use a longer cycle (--cycle)"),
     "urscript": "stream the set-points over RTDE (--export csv)",
 }
 # Last digit of joint positions in programs [rad]; other formats have 12 decimals or more.
@@ -143,38 +143,38 @@ def describe_program(
         outputs: The outputs of events and analog outputs by their names.
         name_output: How users name the output of an event.
     """
-    found, given = _describe_rounding(table, name), outputs or {}
+    sentences, named_outputs = _describe_rounding(table, name), outputs or {}
     if name in FEWER and len(table.t) > MOST_POINTS:
-        found.append(
+        sentences.append(
             f"the program has {len(table.t)} points, and a controller may not hold more than "
             f"{MOST_POINTS}: {FEWER[str(name)]}, or split the job."
         )
-    unset = [x for x in table.analog if x not in given]
+    unset = [x for x in table.analog if x not in named_outputs]
     if unset and name in ANALOG_EXAMPLES:
         example = name_output(unset[0], ANALOG_EXAMPLES[str(name)])
-        found.append(
+        sentences.append(
             f"the program does not set {list_some(unset, MOST_NAMES)}, as no analog output is "
             f"named. Name an output, such as {example}."
         )
     if name not in EXAMPLES:
-        return found
-    left, name = [x for x in table.events if x.name not in given], str(name)
-    valued = {x.name: None for x in left if not isinstance(x.value, bool)}
-    switches = {x.name: None for x in left if x.name not in valued}
+        return sentences
+    unswitched, name = [x for x in table.events if x.name not in named_outputs], str(name)
+    valued = {x.name: None for x in unswitched if not isinstance(x.value, bool)}
+    switches = {x.name: None for x in unswitched if x.name not in valued}
     if switches:
         example = name_output(next(iter(switches)), EXAMPLES[name])
-        found.append(
+        sentences.append(
             f"nothing is switched for {list_some(list(switches), MOST_NAMES)}, as no output is "
             f"named: the program has {INSTEAD[name]} in these places. Name an output, such as "
             f"{example}."
         )
     if valued:
-        found.append(
+        sentences.append(
             f"nothing is switched for {list_some(list(valued), MOST_NAMES)}, whose values are not "
             f"on or off: the program has {INSTEAD[name]} in these places. Such values need a "
             "template of your own."
         )
-    return found
+    return sentences
 
 
 def _describe_rounding(table: SetPointTable, name: str | FilePath) -> list[str]:
@@ -184,13 +184,15 @@ def _describe_rounding(table: SetPointTable, name: str | FilePath) -> list[str]:
         return []
     rounded = np.round(table.q / digit) * digit
     uses = command_use(rounded, table.cycle, table.command_limits)
-    most, worst = max(((float(x.max()), name) for name, x in uses.items()), default=(0.0, ""))
-    if most <= 1 + COMMAND_SLACK:
+    largest_use, worst = max(
+        ((float(x.max()), name) for name, x in uses.items()), default=(0.0, "")
+    )
+    if largest_use <= 1 + COMMAND_SLACK:
         return []
     return [
         f"joint positions are rounded to {digit:.2g} rad, with which set-points need "
-        f"{most:.4f} times command_limits.{worst}: reduce this limit by "
-        f"{math.ceil((most - 1) * 100)} %, or use a format with 12 decimals, such as csv."
+        f"{largest_use:.4f} times command_limits.{worst}: reduce this limit by "
+        f"{math.ceil((largest_use - 1) * 100)} %, or use a format with 12 decimals, such as csv."
     ]
 
 

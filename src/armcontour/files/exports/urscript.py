@@ -33,7 +33,7 @@ ANGLE = "%.6f"
 # The first line and the last one are those that the controller needs over its socket.
 HEAD = """\
 def {program}():
-  # {title}: {count} set-points, every {period} s, for {duration} s
+  # {title}: {count} set-points, every {cycle} s, for {duration} s
   # Joint positions in rad: {joints}
   # These shape the servo: take the values for which its model was identified.
   lookahead = 0.1
@@ -74,9 +74,9 @@ def write_urscript(
             written.
     """
     _check(table)
-    given = outputs or {}
-    analog = {x: n for x, n in given.items() if x in table.analog}
-    digital = _digital_outputs(table, {x: n for x, n in given.items() if x not in analog})
+    named_outputs = outputs or {}
+    analog = {x: n for x, n in named_outputs.items() if x in table.analog}
+    digital = _digital_outputs(table, {x: n for x, n in named_outputs.items() if x not in analog})
     cycle = f"{table.cycle:.12g}"
     point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {cycle}, lookahead, gain)\n"
     numbers = [", ".join(ANGLE % x for x in q) for q in (table.q[0], table.q[-1])]
@@ -106,10 +106,10 @@ def _commands(
 ) -> Iterator[str]:
     """Yield the commands of set-points and other lines in the order of their times."""
     done, count = 0, len(table.q)
-    for at, command in lines:
+    for position, command in lines:
         # A servoj lasts for one interval, so the line after it is executed at the time of the next
         # set-point.
-        before = round(at)
+        before = round(position)
         yield from filled(point, table.q[done : min(before, count)])
         if before > max(done, count):
             yield _repeat_last(last, (before - max(done, count)) * table.cycle)
@@ -127,10 +127,10 @@ def _repeat_last(last: str, duration: float) -> str:
 def _analog_number(name: str, number: int | str) -> int:
     """The number of a standard analog output, given as a number or as "AO0"."""
     names = {f"AO{k}": k for k in range(ANALOG_OUTPUTS)}
-    found = names.get(number) if isinstance(number, str) else number
-    if found is None or isinstance(found, bool) or found not in names.values():
+    value = names.get(number) if isinstance(number, str) else number
+    if value is None or isinstance(value, bool) or value not in names.values():
         raise InvalidInput(f"The analog output of {name} must be AO0 or AO1, but is {number!r}.")
-    return int(found)
+    return int(value)
 
 
 def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float, str]]:
@@ -150,10 +150,10 @@ def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float,
 
 def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
     """The command of an event: it switches its output, or writes a message if it has none."""
-    words, at = format_event(event), f"  # {format_event(event)} at {event.t:.6f} s\n"
+    words, comment = format_event(event), f"  # {format_event(event)} at {event.t:.6f} s\n"
     if event.name in outputs:
         state = "True" if event.value is not False else "False"
-        return f"  set_standard_digital_out({outputs[event.name]}, {state}){at}"
+        return f"  set_standard_digital_out({outputs[event.name]}, {state}){comment}"
     value = (
         {True: "on", False: "off"}[event.value] if isinstance(event.value, bool) else event.value
     )
@@ -164,7 +164,7 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
             f"URScript cannot write the event {words}: give it a name and a value of one line "
             "without quotes and backslashes."
         )
-    return f'  textmsg("{message}"){at}'
+    return f'  textmsg("{message}"){comment}'
 
 
 def _check(table: SetPointTable) -> None:
@@ -189,7 +189,7 @@ def _check(table: SetPointTable) -> None:
 
 def _digital_outputs(table: SetPointTable, outputs: Mapping[str, int | str]) -> dict[str, int]:
     """The digital outputs of events by the events' names."""
-    found: dict[str, int] = {}
+    numbers: dict[str, int] = {}
     for name, number in outputs.items():
         if isinstance(number, bool) or not isinstance(number, int | np.integer):
             raise InvalidInput(
@@ -200,12 +200,12 @@ def _digital_outputs(table: SetPointTable, outputs: Mapping[str, int | str]) -> 
             raise InvalidInput(
                 f"The output of {name} must be from 0 to {OUTPUTS - 1}, but is {number}."
             )
-        found[name] = int(number)
+        numbers[name] = int(number)
     for event in table.events:
         # A text such as "reverse" or "mist" means on; a number would be lost.
-        if event.name in found and not isinstance(event.value, bool | str):
+        if event.name in numbers and not isinstance(event.value, bool | str):
             raise InvalidInput(
                 f"The event {event.name} switches to {json.dumps(event.value)}, but a digital "
                 "output is only on or off: leave its output out."
             )
-    return found
+    return numbers

@@ -14,7 +14,7 @@ from armcontour.core.frames import exp, quaternions, shortest, to_rpy
 from armcontour.core.text import plain_number
 from armcontour.files.file_keys import MappingKeys as Model
 from armcontour.files.file_keys import read_keys
-from armcontour.files.job_edits import Change, MappingKeys, value_at
+from armcontour.files.job_edits import Change, Keys, value_at
 from armcontour.files.job_model import OrientationModel
 from armcontour.files.scene_file import rotation_of
 from armcontour.files.units import read_quantity, write_like
@@ -22,7 +22,7 @@ from armcontour.geometry.orienting import POINTING_DOWN
 from armcontour.studio.edits.state import EditState
 from armcontour.studio.handles import ANGLE, Handles
 
-KEYS: MappingKeys = ("path", "orientation")
+KEYS: Keys = ("path", "orientation")
 # Angles in degrees and components of axes are shown and written with so many decimals.
 DECIMALS = 9
 
@@ -73,7 +73,7 @@ def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     ]
 
 
-def _oriented(data: Mapping[str, Any]) -> tuple[MappingKeys, FloatArray | None, FloatArray] | None:
+def _oriented(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None, FloatArray] | None:
     """Keys, rotation (None for an axis alone) and axis of the tool; None for a list of them."""
     given = value_at(data, KEYS) or {}
     if isinstance(given, list):
