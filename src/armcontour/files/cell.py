@@ -81,7 +81,7 @@ def read_cell(
     values: Patch = {("path", key): value for key, value in (path or {}).items()}
     data, source, folder = cell_data(cell, drawing, {**values, **(patch or {})})
     model = model_of(CellModel, data, source)
-    # What is wrong with the drawing is not the cell's fault: such sentences name the drawing only.
+    # Errors in the drawing name the drawing only, because the cell does not cause them.
     program = read_drawing(model.path, str(model.path.file), folder, reading)
     with error_context(source):
         return job_of(model, folder, reading, trust_xacro, program)

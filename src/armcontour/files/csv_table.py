@@ -34,12 +34,12 @@ _UNIT = re.compile(
 )
 # Title of a column that is not needed.
 SKIPPED = "-"
-# Characters of `rename` that stand for others.
+# Wildcards of `rename`.
 WILD = {"#": r"(\d+)", "*": "(.*)"}
 # Lines that are searched for the names of columns, and names that one message lists.
 MOST_TRIED = 1000
 MOST_NAMED = 8
-# Rows that are converted at a time: larger parts take more memory and save no time.
+# Rows per conversion: larger blocks take more memory and save no time.
 CHUNK = 1 << 14
 
 
@@ -50,7 +50,7 @@ class Title(NamedTuple, Generic[Key]):
         key: The quantity in the column.
         si: Its SI unit; None without one.
         unit: The unit in the name, such as deg in q1_deg; None without one.
-        rank: Of columns of one quantity, the one of the lowest rank is used.
+        rank: If several columns hold one quantity, the one of the lowest rank is used.
     """
 
     key: Key
@@ -125,14 +125,14 @@ class CsvTable(Generic[Key]):
 
     Args:
         source: Name of the file, for messages.
-        heading: File and place of the titles, for messages.
+        heading: File and line of the titles, for messages.
         example: Titles of such a table, for messages.
         option: The option that names columns, for messages; empty without one.
         columns: The known columns by their quantities, in the order of the file.
         unknown: Titles of the other columns.
         separator: The character between cells.
         width: Number of columns.
-        lines: The lines of the rows; blank lines and comments are left out.
+        lines: The lines of the rows; blank lines and comments are omitted.
         numbers: Numbers of these lines in the file, from 1.
         comments: Lines that start with #.
     """
@@ -167,7 +167,7 @@ class CsvTable(Generic[Key]):
         )
 
     def rename(self, new: str, old: str) -> str:
-        """How to give a column another title, for messages."""
+        """The option that gives a column another title, for messages."""
         return f"{self.option} '{new}={old}'" if self.option else new
 
     def place(self, row: int, *keys: Key) -> str:
@@ -200,7 +200,7 @@ class CsvTable(Generic[Key]):
         return self.cells(row)[self.columns[key].index]
 
     def texts(self, keys: Sequence[Key]) -> Iterator[tuple[int, list[list[str]]]]:
-        """Yield the cells of some columns, several thousand rows at a time, after the first row."""
+        """Yield the index of the first row, and the cells of some columns, in blocks of rows."""
         indices, count = [self.columns[x].index for x in keys], len(self.lines)
         for first in range(0, count, CHUNK):
             rows = [self.cells(i) for i in range(first, min(first + CHUNK, count))]
@@ -358,7 +358,7 @@ def _units(cells: Sequence[str], count: int) -> list[str]:
 
 
 def _is_blank_separated(lines: Sequence[str]) -> bool:
-    """Whether the cells of the first lines are separated by blanks, and by nothing else."""
+    """True if the cells of the first lines are separated by blanks, and by nothing else."""
     words = [len(x.split()) for x in lines]
     return min(words) == max(words) > 1 and not any("," in _DECIMAL_COMMA.sub("", x) for x in lines)
 
@@ -369,7 +369,7 @@ def _split(line: str, separator: str | None) -> list[str]:
         # Most lines of large files have no blanks.
         cells = line.split(separator)
         return cells if line.split() == [line] else [x.strip() for x in cells]
-    # One line at a time, so that an open quote does not include the next lines.
+    # The lines are parsed one by one, so that an open quote does not include the next lines.
     return [x.strip() for x in next(csv.reader([line], delimiter=separator, strict=True))]
 
 
@@ -386,12 +386,12 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
 
     Args:
         names: The names.
-        pairs: `NEW=NAME`, separated by commas. A # stands for a number and a * for any text,
-            in both the same, as in `q# [deg]=joint_#`.
+        pairs: `NEW=NAME`, separated by commas. A # matches a number and a * any text;
+            NEW repeats the matched text, as in `q# [deg]=joint_#`.
         source: Name of the file, for messages.
 
     Raises:
-        InvalidInput: A pair is incomplete, or no name is as it says.
+        InvalidInput: A pair is incomplete, or no name matches it.
     """
     renamed = list(names)
     for pair in pairs.split(","):

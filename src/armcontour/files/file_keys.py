@@ -1,7 +1,7 @@
-"""Makes the keys of files from dataclasses: fields, annotations, defaults and docstrings.
+"""Keys of files from dataclasses: fields, annotations, defaults and docstrings.
 
-To build what checks all keys of a job takes as long as a small plan, and a job has few of them:
-what checks the keys of a mapping inside another one is built when a file has such a mapping.
+Building the validators of all keys of a job takes as long as a small plan, and a job uses few keys.
+So the validator of a nested mapping is built when a file has such a mapping.
 """
 
 from __future__ import annotations
@@ -63,16 +63,16 @@ BOUNDS: dict[str, dict[str, float]] = {
     "share": {"minimum": 0, "exclusiveMaximum": 1},
     "turn": {"minimum": -WHOLE_TURN, "maximum": WHOLE_TURN},
 }
-# Shapes of arrays in docstrings, which are left out of the descriptions of keys.
+# Shapes of arrays in docstrings, which are removed from the descriptions of keys.
 SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
 
 
-# Whether what checks nested mappings is built when they are met.
+# True while validators of nested mappings are built on demand.
 _later = ContextVar("_later", default=False)
 
 
 class KeyMark(ABC):
-    """Annotation of what is read from a mapping of keys."""
+    """Annotation of a value that is read from a mapping of keys."""
 
     __slots__ = ()
 
@@ -87,12 +87,12 @@ class KeyMark(ABC):
 
     @abstractmethod
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """What checks the mapping, as pydantic has it."""
+        """The pydantic schema of the mapping."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Outer:
-    """Annotation of a whole file: only what nests in it may be built later."""
+    """Annotation of a whole file, whose nested validators are built on demand."""
 
     mark: KeyMark
 
@@ -111,7 +111,7 @@ class MappingKeys(KeyMark):
     of: type
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """What checks the keys and makes the dataclass."""
+        """The pydantic schema that checks the keys and makes the dataclass."""
         inner = handler.generate_schema(_model(self.of))
         return core_schema.no_info_after_validator_function(self._build, inner)
 
@@ -134,7 +134,7 @@ class SpecifiedKeys(KeyMark):
     null: bool = False
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """What checks the keys that are given."""
+        """The pydantic schema that checks the specified keys."""
         inner = handler.generate_schema(_model(self.of, specified=True, null=self.null))
         return core_schema.no_info_after_validator_function(partial(_values, self.of), inner)
 
@@ -164,7 +164,7 @@ class Methods(KeyMark):
         return sorted({name for name, x in hints if any(isinstance(y, About) for y in parts_of(x))})
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """What checks the keys and makes the dataclass of the method."""
+        """The pydantic schema that checks the keys and makes the dataclass of the method."""
         inner = handler.generate_schema(_methods_model(self))
         return core_schema.no_info_after_validator_function(self._build, inner)
 
@@ -191,7 +191,7 @@ def read_keys(mark: KeyMark, data: Any, source: str) -> Any:
     """
     with suppress(ValidationError):
         return _adapter(mark).validate_python(data)
-    # Its sentences need the schema of the whole file anyway.
+    # Messages need the schema of the whole file.
     try:
         return _whole(mark).validate_python(data)
     except ValidationError as error:
@@ -206,13 +206,13 @@ def schema_of(mark: KeyMark) -> dict[str, Any]:
 
 @cache
 def _adapter(mark: KeyMark) -> TypeAdapter[Any]:
-    """What checks a mapping, in which others are checked when they are met."""
+    """The validator of a mapping, whose nested validators are built on demand."""
     return TypeAdapter(Annotated[Any, _Outer(mark)])
 
 
 @cache
 def _whole(mark: KeyMark) -> TypeAdapter[Any]:
-    """What checks a mapping and all that may be in it."""
+    """The validator of a mapping and all nested mappings."""
     return TypeAdapter(Annotated[Any, mark])
 
 
@@ -286,7 +286,6 @@ def _parameters(owner: type) -> Mapping[str, inspect.Parameter]:
 
 
 def _is_made(x: dataclasses.Field[Any]) -> bool:
-    """Whether a field has a default factory."""
     return x.default_factory is not dataclasses.MISSING
 
 

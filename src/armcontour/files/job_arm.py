@@ -43,7 +43,7 @@ def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False
         location = folder / model if model.lower().endswith(ARM_FILES) else model
         return load_arm(location, trust_xacro=trust_xacro)
     arm = _bare_arm(model, folder, trust_xacro=trust_xacro)
-    # Files are looked for now, and shapes computed when they are first asked for.
+    # Files are opened now, and shapes are computed at their first use.
     shapes: tuple[LinkShape, ...] = ()
     if model.shapes is not None:
         shapes = more_link_shapes(model.shapes, folder, arm)

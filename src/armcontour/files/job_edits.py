@@ -1,4 +1,4 @@
-"""Job files with some keys changed; everything else stays as it was written, with its comments."""
+"""Edits of keys of job files, which keep all other text and the comments."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FILES = ("file", "files", "joint_limits", "srdf", "packages")
 
 
 class Remove(Enum):
-    """Stands for the value of a key that is removed."""
+    """Marker for the value of a key that is removed."""
 
     REMOVE = "remove"
 
@@ -39,11 +39,11 @@ class Change:
     """A change of one key of a job file: a value that is set, inserted into a list, or removed.
 
     Args:
-        keys: The keys that lead there, from the outermost; a number is a position in a list, from
+        keys: The keys of the value, from the outermost; a number is a position in a list, from
             0, or the key of a mapping.
-        value: The new value; `REMOVE` removes the key or the item, if it is there.
-        insert: Whether the value becomes a new item of a list, before the one that is there now;
-            one behind the last is allowed.
+        value: The new value; `REMOVE` removes the key or the item, if it exists.
+        insert: Whether the value becomes a new item of a list, before the item at this position;
+            the position after the last item is allowed.
     """
 
     keys: Keys
@@ -61,7 +61,7 @@ def change_text(text: str, changes: Sequence[Change], source: str = "job") -> st
 
     Raises:
         InvalidInput: Not YAML, a position that its list does not have, or a key that cannot be
-            changed alone, because an alias repeats it or stands for it.
+            changed separately, because an alias repeats it or refers to it.
     """
     data, root = _parsed(text, source)
     for group in _together(data, changes):
@@ -69,7 +69,7 @@ def change_text(text: str, changes: Sequence[Change], source: str = "job") -> st
         try:
             text = _spliced(text, [y for x in group for y in _splices(written, data, x)])
             changed = change_data(data, group)
-            # What is no YAML any more had an anchor that is still used.
+            # If the text is no YAML any more, the change removed an anchor that is still used.
             data, root = _parsed(text, source)
             if not same(data, changed):
                 raise Shared
@@ -127,10 +127,7 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
 
 @lru_cache(maxsize=1)
 def _parsed(text: str, source: str) -> tuple[Any, yaml.Node | None]:
-    """Data and nodes of a text; those of the last one are kept, which is likely to be changed next.
-
-    Nobody may change them.
-    """
+    """Data and nodes of a text, read-only; the last text is cached, as it is often edited next."""
     return load_with_node(text, source)
 
 
@@ -176,7 +173,7 @@ def _position(key: Key, change: Change) -> int:
 
 
 def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
-    """The changes in groups whose places in the text do not depend on each other."""
+    """The changes in groups whose locations in the text are independent."""
     group: list[Change] = []
     for x in changes:
         alone = x.insert or x.value is REMOVE or value_at(data, x.keys, REMOVE) is REMOVE
@@ -193,17 +190,17 @@ def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
 
 
 def key_in(sentence: str) -> str:
-    """The key that a refusal of a job names, such as "limits.speed"; "" if there is none."""
+    """The key that an error message of a job names, such as "limits.speed"; "" without a key."""
     named = re.search(r": (?:unknown key )?([\w-]+(?:\.[\w-]+)*)", sentence)
     return named[1] if named else ""
 
 
 def line_of(text: str, sentence: str) -> int | None:
-    """The line of a job file, from 1, that a refusal of it names by its keys; None if none.
+    """The line of a job file, from 1, to which an error message refers by its keys; None without.
 
     Args:
         text: The text of the job file.
-        sentence: The refusal, such as "job.yaml: limits.speed: must be above 0".
+        sentence: The message, such as "job.yaml: limits.speed: must be above 0".
     """
     node, line = yaml.compose(text, Loader=Loader), None
     for key in key_in(sentence).split("."):
@@ -229,13 +226,13 @@ def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
 
 
 def meet(one: Keys, other: Keys) -> bool:
-    """Whether one of two places in data lies inside the other, or they are the same."""
+    """True if one of two locations in data is inside the other, or they are the same."""
     shared = min(len(one), len(other))
     return one[:shared] == other[:shared]
 
 
 def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
-    """What changes in a text with a change."""
+    """The splices of a text that make a change."""
     part = text.root
     for depth, key in enumerate(change.keys):
         inner_keys = change.keys[depth + 1 :]
@@ -267,7 +264,7 @@ def _spliced(text: str, splices: Sequence[Splice]) -> str:
 
 
 def _shared(source: str, change: Change) -> InvalidInput:
-    """The refusal of a change that would change other keys, too."""
+    """The error for a change that would also change other keys."""
     name = place(change.keys)
     by_hand = f"write {name}: {flow_text(change.value)}"
     if change.value is REMOVE:

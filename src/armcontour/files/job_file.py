@@ -168,7 +168,7 @@ def job_of(
         folder: Folder of relative file names.
         reading: As in `read_job`.
         trust_xacro: As in `read_job`.
-        drawing: The drawing, if it is read already.
+        drawing: The drawing, if it was read before.
 
     Raises:
         InvalidInput: Values that do not make a job.
@@ -185,14 +185,14 @@ def parts_of(
     trust_xacro: bool = False,
     drawing: Program | None = None,
 ) -> tuple[Arm, Path | Program, Scene | None]:
-    """Make what a job file reads other files for: its arm, its path and its scene.
+    """Make the parts of a job that need other files: its arm, its path and its scene.
 
     Args:
         model: The keys of the file.
         folder: Folder of relative file names.
         reading: As in `read_job`.
         trust_xacro: As in `read_job`.
-        drawing: The drawing, if it is read already.
+        drawing: The drawing, if it was read before.
 
     Raises:
         InvalidInput: Files or values that do not make them.
@@ -219,7 +219,7 @@ def _start(start: list[float] | dict[str, float], arm: Arm) -> FloatArray:
 
 
 def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
-    """Make the job of a job file, whose arm, path and scene are made already.
+    """Make the job of a job file from its keys and its arm, path and scene.
 
     Args:
         model: The keys of the file.
@@ -264,7 +264,7 @@ def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
 
 
 def _plant(parameters: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
-    """The real servo: the nominal servo with the values of `plant`; null keeps the nominal one."""
+    """The real servo: the nominal servo with the values of `plant`; null is the nominal value."""
     differs = {key: value for key, value in parameters.items() if value is not None}
     if differs.get("order") == "first":
         differs.setdefault("kv", None)
@@ -377,10 +377,7 @@ def add_process(
 
 
 def _without_effect(process: Process, program: Program) -> list[str]:
-    """Notes on keys of a process that the drawing has no use for.
-
-    A cell is for many drawings, which need not have all that it asks for.
-    """
+    """Notes on keys of a process without effect on the drawing, which are usual for a cell."""
     layers = {x.layer for x in program.contours}
     notes = [
         f"process.by_layer: no contour is on the layer {x!r}."

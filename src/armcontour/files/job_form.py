@@ -32,7 +32,7 @@ TOPICS = {
     "certificate": "Certificate",
     "placement": "Places",
 }
-# What a description has beyond a help: units, shapes, code, and sentences after the first.
+# Parts of a description that help texts omit: units, shapes, code, and sentences after the first.
 MORE = re.compile(r"^Whether to | \[\S*\](, \(\w*,?\))?(?=[.,;:]?( |$))|`|\.( .*)?$")
 
 
@@ -67,7 +67,7 @@ def options_text() -> str:
 
 
 def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
-    """One short option: its name, what it sets, and how commands read it."""
+    """One short option: its name, its key, and how commands read it."""
     parts, read, example, suffix = tuple(parts_of(hint)), about.read, "", ""
     quantity = next((x for x in parts if isinstance(x, Quantity)), None)
     whole = next((x for x in parts if isinstance(x, AtLeast)), None)
@@ -128,7 +128,7 @@ OMITTED = (
     *("runs", "arm.name", "arm.file"),
 )
 UNIT = re.compile(r" \[([a-zN1][^\],]*)\]")
-# Shapes of corners; `sharp` stands for the whole key.
+# Shapes of corners; `sharp` is a value of the whole key.
 SHARP = "sharp"
 EMPTY: tuple[Any, ...] = ("", [], {})
 
@@ -216,8 +216,8 @@ def _fields(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> list[Field]:
 def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Field:
     """A field: its name, text, unit, example, default, and what it takes.
 
-    It takes `choices`, `fields` of a mapping, `each` value of a mapping by name, each of a list of
-    mappings (`items`), a `list`, plain numbers only (`plain`), or a `tick`.
+    The field has `choices`, `fields` of a mapping, `each` value of a mapping by name, `items`
+    of a list of mappings, a `list`, plain numbers only (`plain`), or a `tick`.
     """
     parts = list(_parts(schema, defs))
     text = str(schema.get("description") or parts[0].get("description", ""))

@@ -356,7 +356,7 @@ class SharedModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunModel(SharedModel):
-    """A run; keys that are left out have the values of the job.
+    """A run; keys that are omitted have the values of the job.
 
     Args:
         timing: How the path is timed.
@@ -423,7 +423,7 @@ class JobModel(SharedModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellModel(JobModel):
-    """A job file that is combined with a drawing: name and path may be left out."""
+    """A job file that is combined with a drawing: name and path may be omitted."""
 
     name: str = ""
     path: PathModel = field(default_factory=PathModel)

@@ -49,7 +49,7 @@ def path_of(
         folder: Folder of relative file names.
         dimension: Dimension of the arm's tool motion, 2 or 3; for 3 drawings are lifted to space.
         progress: Called while a file is read.
-        drawing: What `read_drawing` made of the file; by default it is read here.
+        drawing: The result of `read_drawing`; by default the file is read.
 
     Raises:
         InvalidInput: Keys that do not go together, or values that make no path.
@@ -65,7 +65,7 @@ def unplaced_path(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """The same before its frame places it: what takes long to read stays where the part moves.
+    """The path or program before its frame places it; unchanged if only the part moves.
 
     Args:
         model: As of `path_of`.
@@ -129,7 +129,7 @@ def _oriented(model: PathModel) -> Path:
 
 
 def _refuse_space(model: PathModel, program: Program) -> None:
-    """Refuse a drawing that a planar arm cannot follow: with z or an orientation."""
+    """Check that a planar arm can follow a drawing: no z and no orientation."""
     if program.dimension == 3:
         raise InvalidInput(
             f"path.file: {program.source} has z, but the arm moves its tool in the plane: "
@@ -162,7 +162,7 @@ def read_drawing(
 
 
 def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
-    """Repeat a drawing, lift it to space and orient the tool, as far as the job wants."""
+    """Repeat a drawing, lift it to space and orient the tool, as the job specifies."""
     if model.tool is not None:
         from armcontour.program.tools import part_of_tool
 
@@ -249,7 +249,7 @@ def _points(key: str, points: list[list[float]]) -> FloatArray:
 
 
 def _refuse_far(key: str, point: Sequence[float]) -> None:
-    """Refuse coordinates so large that floating point cannot resolve points, or overflows."""
+    """Check that coordinates are small enough for floating-point numbers."""
     far = max(map(abs, point), default=0.0)
     if far > FARTHEST:
         raise InvalidInput(
@@ -310,7 +310,7 @@ def _segment(start: list[float], x: SegmentModel, key: str) -> Line | Arc:
 
 
 def _orient(path: Path, x: OrientationModel, where: str) -> Path:
-    """Give a path one tool orientation for its whole length; `where` locates what it refuses."""
+    """Give a path one tool orientation for its whole length; `where` is for messages."""
     _refuse_unclear("path.orientation", x)
     follow = x.follow_tangent
     key = "path.orientation" if follow is None else "path.orientation.follow_tangent"
@@ -349,7 +349,7 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
 
 
 def _refuse_unclear(key: str, x: OrientationModel) -> None:
-    """Refuse an orientation with no key, or with several."""
+    """Check that an orientation has exactly one key."""
     names = [name for name in ORIENTATIONS if getattr(x, name) is not None]
     if len(names) != 1:
         raise InvalidInput(

@@ -74,10 +74,10 @@ SI = {"t": "s", "fraction": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
 
 
 class Key(NamedTuple):
-    """What a column of motion holds.
+    """The quantity of a column of joint motion.
 
     Args:
-        kind: "t", "fraction" (of the second, in a column of its own), "q", "dq" or "ddq"; "x", "y"
+        kind: "t", "fraction" (of the second, in a separate column), "q", "dq" or "ddq"; "x", "y"
             or "z" of the tool.
         role: "command" or "measured"; empty for times.
         joint: Number of the joint as in the file, or its name; empty for times.
@@ -134,7 +134,7 @@ def read_joint_title(
     parts = [words for part in _PARTS.split(name) if (words := list(_words(part)))]
     words = [word for part in parts for word in part]
     meanings = [x.meaning for x in words]
-    # What is before the last two parts is the name of a topic, such as /tool_controller.
+    # The parts before the last two are the name of a topic, such as /tool_controller.
     if any(x.meaning == "other" for part in parts[-2:] for x in part):
         return None
     if not joint and ("t" in meanings or "fraction" in meanings):
@@ -182,7 +182,7 @@ def _take_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
 
 @cache
 def _are_numbers(joint_names: tuple[str, ...]) -> bool:
-    """Whether the names of joints are their numbers, such as joint_1, joint_2."""
+    """True if the names of joints are their numbers, such as joint_1, joint_2."""
     titles = [read_joint_title(x, True) for x in joint_names]
     numbers = [x.key.joint if x else "" for x in titles]
     return numbers == [str(k) for k in range(1, len(numbers) + 1)]
@@ -241,11 +241,11 @@ def _meaning(word: str) -> str | None:
 
 # Quantities of the columns, for messages.
 QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
-# Joint positions without a unit [rad] above this are asked about: they may be degrees. No arm of
-# the library turns by more than two turns.
+# Joint positions without a unit [rad] above this need one: they may be degrees. No arm of the
+# library turns by more than two turns.
 WIDEST = 4 * math.pi
-# Joints slower than this [rad/s] in steps of a second or more are asked about: in ms the same
-# numbers are usual speeds.
+# Times without a unit need one if joints are slower than this [rad/s] in steps of a second or more:
+# in ms the same numbers are usual speeds.
 SLOWEST = 0.01
 # Fewer samples may well be a second apart.
 FEW = 10
@@ -264,7 +264,7 @@ class TrajectoryFile(Checked):
         resolution: Value of the last printed digit of "t", "q", "dq", "ddq" [SI].
         joints: Names of the joints, as the file has them.
         left_out: Titles of columns that are not used.
-        notes: What was recognised in the file, or left out of it.
+        notes: Notes on recognised and omitted content of the file.
     """
 
     source: str
@@ -288,14 +288,14 @@ class TrajectoryFile(Checked):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableSamples:
-    """TableSamples of some columns, in SI units.
+    """Samples of some columns, in SI units.
 
     Args:
         t: Times [s], (n,).
         values: Values, (n, columns).
         digit: Value of the last printed digit of the times [s].
         digits: Printed digits per column.
-        notes: What was recognised or left out.
+        notes: Notes on recognised and omitted content.
     """
 
     t: FloatArray
@@ -320,7 +320,7 @@ def read_csv_text(file: str | FilePath, kind: str, topic: str | None = None) -> 
 def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
     """Joints with columns of a kind and role: in the order of their numbers, or of the file.
 
-    Joints with names are left out where others have numbers.
+    Joints with names are omitted where others have numbers.
     """
     every = [x.joint for x in table.columns if (x.kind, x.role) == (kind, role)]
     numbers = sorted((x for x in every if x.isdigit()), key=lambda x: (len(x), x))
@@ -332,7 +332,7 @@ def read_samples(
 ) -> TableSamples:
     """Read the times and some columns.
 
-    Rows that repeat the one before are left out, and those with cells of other columns only.
+    Rows that repeat the one before are omitted, and those with cells of other columns only.
     Rounded times that agree with even steps are replaced by these.
 
     Args:
@@ -342,8 +342,8 @@ def read_samples(
         end: Last time that is needed [s].
 
     Raises:
-        InvalidInput: There is no time, a cell is no number, a column without a unit looks as if
-            it had another one than SI, or needed times do not increase or values are too large.
+        InvalidInput: There is no time, a cell is no number, a column without a unit seems to have
+            another unit than SI, or needed times do not increase or values are too large.
     """
     times = [x for x in (TIME, FRACTION) if x in table.columns]
     if not times:
@@ -413,7 +413,7 @@ def tidy_times(
     """
     again = np.zeros(len(t), dtype=bool)
     again[1:] = (np.diff(t) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
-    # A clock that stands still is refused later.
+    # A clock that does not advance is refused later.
     again &= not again[1:].all()
     rows, notes = np.flatnonzero(~again), []
     if again.any():
@@ -449,7 +449,7 @@ def _even_step(t: FloatArray, digit: float) -> float | None:
 
 
 def _ask_for_angles(table: CsvTable[Key], keys: Sequence[Key], values: FloatArray) -> None:
-    """Ask for the unit of positions without one that are many turns."""
+    """Refuse positions without a unit that would be many turns."""
     bare = [k for k, x in enumerate(keys) if x.kind == "q" and table.columns[x].unit is None]
     for k in bare:
         low, high = values[:, k].min(), values[:, k].max()
@@ -465,7 +465,7 @@ def _ask_for_angles(table: CsvTable[Key], keys: Sequence[Key], values: FloatArra
 
 
 def _ask_for_times(table: CsvTable[Key], clock: Key, t: FloatArray, q: FloatArray) -> None:
-    """Ask for the unit of times without one at which joints would hardly move."""
+    """Refuse times without a unit at which joints would hardly move."""
     steps, column = np.diff(t), table.columns[clock]
     usable = steps > 0
     if column.unit is not None or not usable.any() or not q.shape[1]:
@@ -484,5 +484,5 @@ def _ask_for_times(table: CsvTable[Key], clock: Key, t: FloatArray, q: FloatArra
 
 
 def title_pattern(title: str) -> str:
-    """Titles such as this one, as the option --columns takes them: a number is #."""
+    """A pattern for titles such as this one, for the option --columns: a number is #."""
     return re.sub(r"\d+(?=\D*$)", "#", title)

@@ -55,7 +55,7 @@ def read_log(
     `command 1`, `q1_cmd`, `shoulder command`, and a measured position such as `q1`, `measured 1`,
     `q1_actual`, `shoulder measured`; or as PlotJuggler, UR's RTDE client, KUKA's RSI, ABB's EGM and
     libfranka name them. Units are SI unless in brackets or a suffix: `t [ms]`, `command 1 [deg]`,
-    `q1_deg`, or in a second line. Other columns, and those without a partner, are left out.
+    `q1_deg`, or in a second line. Other columns, and those without a partner, are omitted.
     Separators are commas, semicolons, tabs or blanks. Lines that start with # are comments; the
     comment `# interpolation: step` gives the interpolation between set-points.
 
@@ -90,10 +90,10 @@ def read_run_log(
     topic: str | None = None,
     commanded: bool = False,
 ) -> Log | Recording:
-    """Read the log of one run of a robot, from which the next is learned.
+    """Read the log of one run of a robot, from which the next run is learned.
 
     It is a log as `read_log` takes it, or CSV with measured positions alone. Joints with the names
-    of the arm, also with a prefix, are put in the order of the arm; others stay in theirs.
+    of the arm, also with a prefix, get the order of the arm; others keep their order.
 
     Args:
         file: As in `read_log`.
@@ -222,7 +222,7 @@ def read_tool_positions(file: str | FilePath, dimension: int) -> tuple[FloatArra
 
     The first line names the columns: `t`, `x`, `y` and, of a tool in space, `z`, also as
     `tool x` or `tcp_x`. Units are SI unless in brackets or a suffix: `t [ms]`, `x [mm]`, `x_mm`.
-    Other columns are left out. Positions are those of the tool point in the frame of the job's
+    Other columns are omitted. Positions are those of the tool point in the frame of the job's
     path. Times, separators and comments are as in `read_log`.
 
     Returns:

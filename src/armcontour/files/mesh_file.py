@@ -38,7 +38,7 @@ def read_mesh(
 ) -> Mesh:
     """Read the triangles of a body.
 
-    Triangles without an area are left out: their edges belong to their neighbours.
+    Triangles without an area are omitted: their edges belong to their neighbours.
 
     Args:
         file: A .stl file, binary or ASCII, or a .obj file.
@@ -46,9 +46,8 @@ def read_mesh(
         scale: Factors of x, y and z, or one of all.
 
     Raises:
-        InvalidInput: No such file, another format, no triangles, a number that is none, too many
-            triangles, or a size that cannot be true if lengths are metres and neither unit nor
-            scale says otherwise.
+        InvalidInput: No such file, another format, no triangles, an invalid number, too many
+            triangles, or an unlikely size in metres without unit and scale.
     """
     location = FilePath(file)
     kind = location.suffix.lower()
@@ -81,7 +80,7 @@ def _factor(unit: str, location: FilePath) -> float:
 
 
 def _refuse_size(points: FloatArray, location: FilePath) -> None:
-    """Refuse a size that shows that lengths are not metres, with the unit that would fit."""
+    """Check that the size is likely in metres; the error names a unit that fits."""
     size = float(np.ptp(points, axis=0).max())
     if SMALLEST <= size <= LARGEST:
         return

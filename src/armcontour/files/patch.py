@@ -1,6 +1,6 @@
-"""Patches: values of keys in the place of those that a job file has.
+"""Patches: values that replace keys of a job file.
 
-Options of the command line, edits of the Studio, batches and placements change keys by them only.
+Options of the command line, edits of the Studio, batches and placements use patches only.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from armcontour.jobs.job import ARC, FREE, OF_FREE
 from armcontour.motion import Method
 
 IN_JOB, IN_RUN = ({x.name for x in fields(of)} for of in (JobModel, RunModel))
-# Keys of which a run has some in the place of the job's; it replaces other keys as a whole.
+# Mappings of a run that are merged with those of the job; other keys replace the job's value.
 MERGED = ("limits", "command_limits")
-# Options of each choice, with the choice that they go with.
+# Options that need a choice, with that choice.
 TIMING_OPTIONS, COMPENSATION_OPTIONS = (
     {key: str(kind.method) for kind in methods.values() for key in kind.__annotations__}
     for methods in (planning.METHODS, compensation.METHODS)
@@ -75,7 +75,7 @@ def full_key(keys: Keys) -> Keys:
 
 
 def place(keys: Keys, data: Any, run: str | None = None) -> Keys:
-    """The keys where a value is set: those of the run if it has the value, else those of the job.
+    """The keys at which a value is set: in the run if it has the value, else in the job.
 
     Args:
         keys: The keys, such as ("limits", "speed"); numbers may be texts.

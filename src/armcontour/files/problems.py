@@ -1,4 +1,4 @@
-"""Make one sentence from the problems that pydantic finds in the data of a file."""
+"""Error messages from the problems that pydantic finds in the data of a file."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ EXPECTED = {
 }
 # Problems of a value that has the right type.
 OF_VALUES = ("value_error", "too_short", "too_long", "greater_than_equal", "less_than_equal")
-# Keys that older files have, and what to write instead.
+# Keys of older files, and their replacements.
 GONE = {
     "ignore_jerk": "plans keep limits of jerk, so leave it out; write limits: {joint_jerk: inf} "
     "to lift the arm's own",
@@ -108,7 +108,7 @@ def _rank(problem: Any) -> tuple[bool, bool, bool, int]:
 
 
 def _words(problem: Any, alike: Sequence[Any]) -> str:
-    """Describe what is wrong with a value; `alike` are all problems of the same key."""
+    """Describe the problem of a value; `alike` are all problems of the same key."""
     kind, value, facts = problem["type"], problem["input"], problem.get("ctx", {})
     expected = [x for x in map(_expected, alike) if x is not None]
     if kind == "too_short":
@@ -196,7 +196,7 @@ def _keys(problem: Any) -> tuple[Any, ...]:
 
 
 def _within(outer: tuple[Any, ...], inner: tuple[Any, ...]) -> bool:
-    """Whether `inner` is `outer` or a key inside it: then both are one problem of two types."""
+    """True if `inner` is `outer` or a key inside it, so that both are one problem."""
     return inner[: len(outer)] == outer
 
 

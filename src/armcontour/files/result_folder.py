@@ -23,7 +23,7 @@ from armcontour.core.text import list_some
 
 
 def to_json(data: Any) -> str:
-    """The text of a file with data, which people read as well as programs."""
+    """Data as indented JSON text."""
     return json.dumps(render.jsonable(data), indent=2, allow_nan=False) + "\n"
 
 
@@ -239,7 +239,7 @@ def verify_file(folder: FilePath, name: str) -> FilePath:
 
 
 def _is_unchanged(file: FilePath, checksum: object) -> bool:
-    """Whether a file is a regular file with a checksum."""
+    """True if a file is a regular file with a checksum."""
     return bool(checksum) and _checksum(file) == checksum
 
 

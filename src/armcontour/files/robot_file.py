@@ -45,11 +45,11 @@ class LimitsFile(Limits):
 def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, float | None]:
     """Read limits from a YAML file.
 
-    Limits that the file leaves out are the arm's own; infinity lifts a limit, as in a job file.
+    Limits that are not in the file are the arm's own; infinity lifts a limit, as in a job file.
 
     Returns:
         The limits, and the largest deviation from the path [m] and from the required orientation
-        [rad]; None where the file gives none.
+        [rad]; None if the file gives none.
 
     Raises:
         InvalidInput: No such file, not YAML, an unknown key, or a value that is not a limit.
@@ -115,7 +115,7 @@ def robot_servo_yaml(identification: BodyIdentification) -> str:
     """The key `servo` of a job file, with identified values.
 
     Raises:
-        InvalidInput: A gain is neither told nor known.
+        InvalidInput: A gain is neither specified nor identified.
     """
     servo = identification.servo_model()
     lines = [
@@ -161,7 +161,7 @@ def _relative(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
 
 
 def _quantity(values: Any, unit: str, estimates: Sequence[Estimate]) -> dict[str, Any]:
-    """A quantity of an arm file, whose source says how well each value is known."""
+    """A quantity of an arm file, whose source states the interval of each value."""
     array: FloatArray = values
     rounded = jsonable(array)
     intervals = _ranges(estimates) if estimates else ""

@@ -47,14 +47,14 @@ STAMPS = (("sec", "nanosec"), ("secs", "nsecs"))
 YAMLS = (".yaml", ".yml")
 BAGS = (".mcap", ".db3")
 ARRAYS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
-# The decompression of rosbags is replaced for one bag at a time.
+# Only one bag may replace the decompression of rosbags.
 _rosbags = threading.Lock()
 # Times of ROS are whole nanoseconds [s].
 NANOSECOND = 1e-9
 
 
 def is_ros_file(file: str | FilePath) -> bool:
-    """Whether a file or folder is one of ROS, by its name."""
+    """True if the name of a file or folder is one of ROS."""
     location = FilePath(file)
     return location.is_dir() or location.suffix.lower() in (*YAMLS, *BAGS)
 
@@ -175,8 +175,8 @@ def _read_yaml(
     joint_names: Sequence[str],
     called: Callable[[Sequence[str]], tuple[str, ...]],
 ) -> TrajectoryFile:
-    """A JointTrajectory as it is exported, or as `ros2 topic echo` prints it or what has it."""
-    # What `echo` prints ends with the mark of a next message.
+    """A JointTrajectory in YAML, in the form of `ros2 topic echo`, or a message with one."""
+    # The output of `echo` ends with a document separator.
     text = read_text(file, "trajectory file").rstrip().removesuffix("---")
     data = _trajectory_in(file.name, yaml_layout.load(text, file.name))
     if not isinstance(data, dict) or not {"joint_names", "points"} <= set(data):
@@ -318,7 +318,7 @@ def _stack(
 
 
 def _order(source: str, names: Sequence[str], requested: Sequence[str]) -> list[int]:
-    """Places of the wanted joints among those of a message."""
+    """Indices of the requested joints among those of a message."""
     order = match_joints(list(names), requested, source)
     if not order:
         raise InvalidInput(_describe_missing(source, names, requested))
@@ -349,7 +349,7 @@ def _read_bag(
     _refuse_size(file)
     unpacker, read = _Unpacker(file.name), _Unpacker(file.name)
     try:
-        # Bags of before 2023 do not say what their messages are made of.
+        # Bags of before 2023 have no message definitions.
         store = get_typestore(Stores.ROS2_HUMBLE)
         with unpacker.installed(), AnyReader([file], default_typestore=store) as reader:
             # Without an index, the whole bag has been unpacked once already.
@@ -392,7 +392,7 @@ class _Unpacker:
         source: Name of the bag.
 
     Attributes:
-        left: What may still be unpacked [bytes].
+        left: Remaining size that may be unpacked [bytes].
     """
 
     def __init__(self, source: str) -> None:
@@ -412,7 +412,7 @@ class _Unpacker:
 
     @contextmanager
     def installed(self) -> Iterator[None]:
-        """Context in which rosbags uses this decompression; one bag at a time."""
+        """Context in which rosbags uses this decompression, for one bag per process."""
         import lz4.frame  # type: ignore[import-untyped, unused-ignore]
         import rosbags.rosbag2
 
@@ -441,7 +441,7 @@ class _Unpacker:
 
 
 def _refuse_size(file: FilePath) -> None:
-    """Refuse a bag that is not there or too large."""
+    """Check that a bag exists and is not too large."""
     if not file.exists():
         raise InvalidInput(f"There is no trajectory file or log {file}.")
     parts = [x for x in file.iterdir() if x.is_file()] if file.is_dir() else [file]
@@ -515,7 +515,7 @@ def _duration(point: Any) -> int:
 
 
 def _stamp(timed_message: tuple[int, Any]) -> int:
-    """Time of a message by its header [ns]; by the bag if the header has none."""
+    """Time of a message by its header [ns], or by the bag if the header has none."""
     bag_time, message = timed_message
     stamp = message.header.stamp
     return (int(stamp.sec) * 10**9 + int(stamp.nanosec)) or bag_time

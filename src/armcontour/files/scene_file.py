@@ -46,16 +46,16 @@ def read_scene_file(
 ) -> tuple[Obstacle, ...]:
     """Read the obstacles of a description of a cell (.urdf), in its own frame.
 
-    Its `<collision>` elements are obstacles; moving joints stand still, at 0 or at the end of their
-    range that is nearest to 0.
+    Its `<collision>` elements are obstacles; movable joints are at 0, or at the end of their range
+    that is nearest to 0.
 
     Args:
         file: The description.
         unit: Unit of the lengths of meshes that it names without a scale; metres by default.
-        packages: Folders of its ROS packages; others are looked for near the file.
+        packages: Folders of its ROS packages; others are searched near the file.
 
     Raises:
-        InvalidInput: No such file, another format, or a body that is none.
+        InvalidInput: No such file, another format, or an invalid body.
     """
     location = FilePath(file)
     if location.suffix.lower() != ".urdf":
@@ -92,7 +92,7 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
         part: The frame of the path, in the frame of the arm's paths.
 
     Raises:
-        InvalidInput: Values that make no body, or a file that is not there or wrong.
+        InvalidInput: Values that make no body, or a file that is missing or invalid.
     """
     obstacles = []
     for where, x in _bodies(model, "scene", OF_LINKS, "shapes of links"):
@@ -202,7 +202,7 @@ def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
 def _bodies(
     model: BodiesModel, key: str, keys: tuple[str, ...], whose: str
 ) -> Iterator[tuple[str, BodyModel]]:
-    """All bodies under a key, with their places in the job; none may have some keys."""
+    """All bodies under a key, with their locations in the job; the keys `keys` are refused."""
     for x in dataclasses.fields(BodiesModel):
         for body in getattr(model, x.name):
             where = f"{key}.{x.name}: {body.name}"
@@ -290,7 +290,7 @@ def _shape(model: BodyModel, folder: FilePath) -> Shape:
 
 
 def _refuse_keys(where: str, model: PlacedModel, keys: tuple[str, ...], whose: str) -> None:
-    """Refuse keys that bodies of another use have."""
+    """Check that a body has no keys of other uses."""
     for key in keys:
         if getattr(model, key) is not None:
             raise InvalidInput(f"{where}: {key} is a key of {whose}: leave it out here.")
@@ -324,7 +324,7 @@ class RotationModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacedModel(RotationModel):
-    """What obstacles, and shapes of links and tools, have in common.
+    """Keys of obstacles, and of shapes of links and tools.
 
     Args:
         at: The position of its origin [m]: the middle of boxes, cylinders, spheres and capsules, a

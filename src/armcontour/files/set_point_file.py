@@ -25,7 +25,7 @@ from armcontour.robot.servo import ServoModel
 
 # Changes with the content of these files.
 VERSION = 3
-# Plan and command limits are made again from the job, and the model of the response from the plan.
+# Recomputed fields: plan and command limits from the job, the response model from the plan.
 LEFT_OUT = ("trajectory", "runs", "lifted", "servo", "misfits", "command_limits", "limit_cost")
 RUN = "run {}: {}"
 # Entry with everything that is no array.
@@ -115,15 +115,14 @@ def _split(
     return arrays, {name: x for name, x in named.items() if name not in arrays}
 
 
-# The file of what was learned so far, beside the set-points of the next run.
+# The file of the learning history, next to the set-points of the next run.
 LESSON = "lesson.npz"
-# Set-points that a job makes again are the same within this [rad]: other versions of the libraries
-# round differently.
+# Recomputed set-points agree within this [rad]: versions of libraries round differently.
 SAME = 1e-9
 
 
 def read_taught(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
-    """The set-points in a file of set-points, with what was learned before.
+    """The set-points in a file of set-points, with the learning history.
 
     The set-points are those that the job makes, or those of the lesson in the same folder, exact to
     the last bit. The file is compared with them, within its printed digits. Set-points of a result
@@ -158,7 +157,7 @@ def read_taught(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
 
 
 def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:
-    """Whether a result folder has the planned motion of a run."""
+    """True if a result folder has the planned motion of a run."""
     file = verify_file(folder, f"{plan.run.name}/planned.csv")
     planned, duration = read_trajectory(file, job.arm.joint_names), plan.trajectory.duration
     if abs(planned.t[-1] - duration) > plan.set_points.cycle or planned.q.shape[1] != job.arm.dof:
@@ -188,7 +187,7 @@ def _recorded(file: FilePath, job: Job, plan: RunResult) -> SetPoints | None:
 
 
 def _refuse_other(file: FilePath, job: Job, set_points: SetPoints, has: str, mend: str) -> None:
-    """Refuse a file that has not the given set-points."""
+    """Check that a file has the given set-points."""
     stored = read_trajectory(file, job.arm.joint_names)
     problem = ""
     if stored.q.shape != set_points.q.shape:
@@ -215,12 +214,12 @@ def _refuse_other(file: FilePath, job: Job, set_points: SetPoints, has: str, men
 
 
 def _near(stored: TrajectoryFile) -> float:
-    """Times of a file that differ by less are the same [s]."""
+    """Tolerance for equal times of a file [s]."""
     return stored.resolution["t"] + SAME
 
 
 def _refuse_other_job(history: FilePath, lesson: LearningResult, job: Job, plan: RunResult) -> None:
-    """Refuse a lesson that began with other set-points than the job makes."""
+    """Check that a learning history began with the set-points of the job."""
     first, now = lesson.runs[0].q, plan.set_points.q
     same = first.shape == now.shape and lesson.cycle == plan.set_points.cycle
     if not same or np.abs(first - now).max() > SAME:

@@ -30,13 +30,13 @@ def quantity_of(file_class: type, keys: Sequence[str | int]) -> Quantity | None:
 def in_si(data: Any, file_class: type) -> Any:
     """The data of a file with plain numbers in SI units for all quantities.
 
-    What is no quantity of the required unit stays as it is: reading the file refuses it.
+    Values that are no quantity of the required unit are not converted, and are refused later.
     """
     return _convert(data, (file_class,))
 
 
 def _convert(value: Any, kinds: tuple[Kind, ...]) -> Any:
-    """A value in SI units, by what its key may take."""
+    """A value in SI units, by the possible kinds of its key."""
     if isinstance(value, dict):
         return {key: _convert(x, _inside(kinds, key)) for key, x in value.items()}
     quantities = tuple(x for x in kinds if isinstance(x, Quantity))
@@ -53,7 +53,7 @@ def _convert(value: Any, kinds: tuple[Kind, ...]) -> Any:
 
 
 def _inside(kinds: Iterable[Kind], key: Any) -> tuple[Kind, ...]:
-    """What a key inside a mapping may take, or an item of a list."""
+    """Possible kinds of a key inside a mapping, or of an item of a list."""
     inner: list[Kind] = []
     for kind in kinds:
         if dataclasses.is_dataclass(kind) and isinstance(kind, type):
@@ -71,7 +71,7 @@ def _inside(kinds: Iterable[Kind], key: Any) -> tuple[Kind, ...]:
 
 @cache
 def _fields(owner: type) -> dict[str, tuple[Kind, ...]]:
-    """What the keys of a dataclass may take."""
+    """Possible kinds of the keys of a dataclass."""
     form = FORMS.get(owner, Form())
     hints = {**get_type_hints(owner, include_extras=True), **form.types}
     return {
@@ -81,7 +81,7 @@ def _fields(owner: type) -> dict[str, tuple[Kind, ...]]:
 
 
 def alternatives(hint: Any) -> Iterator[Kind]:
-    """All that an annotation allows, as far as it holds quantities."""
+    """Kinds that an annotation allows, if they can contain quantities."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         mark = parts[1]

@@ -67,7 +67,7 @@ COLUMNS = {
 
 
 def placement_json(placement: Placement, files: Sequence[str] = ()) -> str:
-    """What was found, as JSON; the map itself is in the CSV.
+    """The result of a placement as JSON, without the map, which is in the CSV.
 
     Args:
         placement: The placement.
@@ -77,7 +77,7 @@ def placement_json(placement: Placement, files: Sequence[str] = ()) -> str:
 
 
 def placement_csv(placement: Placement) -> str:
-    """The map as CSV: a row per place. Empty is what is not known without a plan."""
+    """The map as CSV: a row per candidate position. Cells that need a plan may be empty."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow([*(f"{x.name} [{x.unit}]" for x in placement.axes), *COLUMNS.values()])
@@ -92,10 +92,9 @@ def placement_csv(placement: Placement) -> str:
 def placed_job_text(
     placement: Placement, text: str, *, folder: FilePath, to: FilePath, patch: Patch | None = None
 ) -> str:
-    """The job file of a job with its part or base in the best place: only some keys are new.
+    """The job file with the part or the base in the best position; other keys do not change.
 
-    The key `placement` is left out: its question is answered, and its ranges begin from where the
-    part was.
+    The key `placement` is removed, because its ranges begin from the previous position of the part.
 
     Args:
         placement: The placement.

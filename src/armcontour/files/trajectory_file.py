@@ -41,7 +41,7 @@ from armcontour.files.ros_files import is_ros_file, read_ros_motion
 from armcontour.motion import Samples, TimedEvent
 from armcontour.motion.log_checks import describe_match, match_joints
 
-# Columns of our own that are left out without a word.
+# Columns of exports that are ignored without a note.
 IGNORED = ("events",)
 EXAMPLE = "t [s],q1 [deg],q2 [deg], or t,u1,q1,u2,q2 for commands and measured positions"
 
@@ -59,7 +59,7 @@ def read_trajectory(
     The first line of CSV names the columns: `t`, `q1` or `joint 1`, `dq1`, `ddq1`, ..., each with a
     unit in brackets (`t [ms]`, `joint 1 [deg]`) or as a suffix (`q1_deg`) if the unit is not SI.
     The names of logs are known, too (see `read_log`): of measured positions and commands, the
-    measured ones are read. Other columns are left out. Separators are commas, semicolons, tabs or
+    measured ones are read. Other columns are omitted. Separators are commas, semicolons, tabs or
     blanks. Lines that start with # are comments.
 
     A bag, of storage mcap or sqlite3, is a folder or one file. Of its messages, a JointTrajectory
@@ -174,7 +174,7 @@ def _numbers(table: CsvTable[Key], role: str) -> list[str]:
 def _refuse_other_joints(
     where: str, joints: Sequence[str], joint_names: Sequence[str], title: str
 ) -> None:
-    """Refuse positions of joints with names that the arm does not have."""
+    """Raise the error for joints with names that the arm does not have."""
     have, arm = (list_some([show(x) for x in y], MOST_NAMED) for y in (joints, joint_names))
     fix = "give the arm of the file with --arm"
     if len(joints) >= len(joint_names):
@@ -190,7 +190,7 @@ def _refuse_other_joints(
     )
 
 
-# Times this near to each other are the same, in cycles: they are printed with 12 digits.
+# Times that differ by less are equal, in cycles: they are printed with 12 digits.
 SAME_TIME = 1e-6
 
 
@@ -248,7 +248,7 @@ class StoredRun:
             options: As in `set_points`.
 
         Raises:
-            InvalidInput: The file is missing or was changed, the period is no multiple or longer
+            InvalidInput: The file is missing or was changed, the cycle is no multiple or longer
                 than the motion, or as in `make_table`.
         """
         step = self.cycle if cycle is None else cycle
@@ -257,7 +257,7 @@ class StoredRun:
             example = max(1, int(step / self.cycle)) * self.cycle
             raise InvalidInput(
                 f"The result in {self.folder} has the plan every {self.cycle * 1e3:g} ms, so the "
-                f"period must be a multiple of that, such as {example * 1e3:g} ms, and not "
+                f"cycle must be a multiple of that, such as {example * 1e3:g} ms, and not "
                 f"{step * 1e3:g} ms.",
                 needed=step,
                 allowed=example,
@@ -343,7 +343,7 @@ def _event(x: Mapping[str, Any]) -> TimedEvent:
 
 
 def _choose(folder: FilePath, runs: Mapping[str, Any], name: str | None) -> str:
-    """The name of the wanted run, or of the only one."""
+    """The name of the requested run, or of the only one."""
     names = list_some([repr(x) for x in runs], 6)
     if name is None and len(runs) == 1:
         return next(iter(runs))

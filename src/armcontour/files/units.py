@@ -13,7 +13,7 @@ from armcontour.core.checks import suffix
 from armcontour.core.quantities import WHOLE_TURN, Quantity
 from armcontour.core.text import plain_number, show
 
-# What stands for infinity where a quantity may be infinite.
+# Values that mean infinity if a quantity may be infinite.
 ENDLESS = {
     "none": math.inf,
     "inf": math.inf,
@@ -205,7 +205,7 @@ def unit_of(old: Any, kind: Quantity) -> tuple[str, float]:
 
 
 def _written(old: Any, kind: Quantity) -> tuple[str, str] | None:
-    """What is before and behind the number of a quantity; None for a plain number."""
+    """The text before and after the number of a quantity; None for a plain number."""
     if isinstance(old, int | float) and not isinstance(old, bool):
         return None
     pattern = PERCENT if kind.unit == "1" else QUANTITY

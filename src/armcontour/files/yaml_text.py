@@ -18,7 +18,7 @@ TEXT = "tag:yaml.org,2002:str"
 
 
 class Dumper(yaml.SafeDumper):
-    """Writes what `Loader` reads, which has other numbers than PyYAML."""
+    """Dumper for `Loader`, which has other numbers than PyYAML."""
 
     def ignore_aliases(self, data: Any) -> bool:
         """Equal values are written twice."""
@@ -32,7 +32,7 @@ def _represent_text(dumper: Dumper, text: str) -> yaml.ScalarNode:
 
 
 Dumper.add_representer(str, _represent_text)
-# What either of them takes for a number is quoted if it is text.
+# Text that either of them reads as a number is quoted.
 Dumper.yaml_implicit_resolvers = {
     first: [
         *Loader.yaml_implicit_resolvers.get(first, []),
@@ -43,7 +43,7 @@ Dumper.yaml_implicit_resolvers = {
 
 
 def flow_text(value: Any, style: str | None = None) -> str:
-    """A value on one line, as it can stand anywhere.
+    """A value on one line, in flow style.
 
     Args:
         value: The value.
@@ -73,7 +73,7 @@ def behind(value: Any, column: int, eol: str, *, in_list: bool) -> str:
 
 
 def block_text(value: dict[Any, Any] | list[Any], column: int, eol: str) -> str:
-    """A mapping or list in lines of its own, of which the first is not indented."""
+    """A mapping or list in separate lines, of which the first is not indented."""
     if isinstance(value, dict):
         lines = [
             flow_text(key) + ":" + behind(x, column, eol, in_list=False) for key, x in value.items()
@@ -86,13 +86,13 @@ def block_text(value: dict[Any, Any] | list[Any], column: int, eol: str) -> str:
 COMMENT = re.compile(r"#[^\r\n]*")
 ALIAS = re.compile(r"\*[^\s,\[\]{}]+")
 BREAK = re.compile(r"\r\n|\r|\n")
-# Blanks that put a comment into a column.
+# Blanks that align a comment to a column.
 GAP = re.compile(r" {4,}(?=#)")
 BLANK = " \t\r\n"
 
 
 class Shared(Exception):  # noqa: N818
-    """An alias stands for what has to change."""
+    """The value to change is an alias."""
 
 
 class Splice(NamedTuple):
@@ -104,7 +104,7 @@ class Splice(NamedTuple):
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether data are the same; what is not a number is the same as itself."""
+    """True if data are equal; NaN equals NaN."""
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(same(x, other[key]) for key, x in one.items())
     if isinstance(one, list) and isinstance(other, list):
@@ -115,7 +115,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 class YamlText:
-    """A YAML text and the places of its values.
+    """A YAML text and the positions of its values.
 
     Args:
         text: The text.
@@ -133,16 +133,16 @@ class YamlText:
             self.root = YamlPart(of=self, node=node, begin=begin, end=end, outer=None, key=None)
 
     def line_start(self, position: int) -> int:
-        """Where the line of a place begins."""
+        """Start of the line of a position."""
         return max(self.text.rfind("\n", 0, position), self.text.rfind("\r", 0, position)) + 1
 
     def line_end(self, position: int) -> int:
-        """Where the line of a place ends, before its line break."""
+        """End of the line of a position, before its line break."""
         line_break = BREAK.search(self.text, position)
         return len(self.text) if line_break is None else line_break.start()
 
     def is_first(self, position: int) -> bool:
-        """Whether only blanks are before a place in its line."""
+        """True if only blanks precede a position in its line."""
         return not self.text[self.line_start(position) : position].strip(BLANK)
 
     def cut(self, begin: int, end: int) -> Splice:
@@ -169,11 +169,11 @@ class YamlPart:
     Args:
         of: The text.
         node: Its node; None for an alias, or in a text without a document.
-        begin, end: Where the value is written, without the comments after it.
-        outer: The mapping or list that it is in; None for the root.
+        begin, end: Range of the value, without the comments after it.
+        outer: The mapping or list that contains it; None for the root.
         key: Its key or its position.
-        head: Where the key begins, or the dash of an item; in a list on one line the value.
-        name_end: Where key and colon end, or the dash.
+        head: Start of the key, or of the dash of an item; in a flow list start of the value.
+        name_end: End of key and colon, or of the dash.
         column: The column of the key or the dash.
     """
 
@@ -189,13 +189,13 @@ class YamlPart:
 
     @property
     def flow(self) -> bool:
-        """Whether the value is a mapping or list between braces or brackets, or in one."""
+        """True if the value is a mapping or list in flow style, or inside of one."""
         is_flow = isinstance(self.node, yaml.CollectionNode) and bool(self.node.flow_style)
         return is_flow or (self.outer is not None and self.outer.flow)
 
     @property
     def is_block(self) -> bool:
-        """Whether the value is a mapping or list in lines of their own."""
+        """True if the value is a mapping or list in block style."""
         return isinstance(self.node, yaml.CollectionNode) and not self.flow
 
     @cached_property
@@ -206,7 +206,7 @@ class YamlPart:
         return _items(self, self.node) if isinstance(self.node, yaml.SequenceNode) else []
 
     def holds(self, key: Any) -> bool:
-        """Whether the value is a list for a position, or a mapping for another key.
+        """True if the value is a list for a position, or a mapping for another key.
 
         Raises:
             Shared: The value is an alias.
@@ -227,7 +227,7 @@ class YamlPart:
         """Replace the value; lists of the same length and mappings of the same keys keep theirs.
 
         Raises:
-            Shared: An alias stands for the value.
+            Shared: The value is an alias.
         """
         if same(old, new):
             return []
@@ -360,7 +360,7 @@ def _values(outer: YamlPart, node: yaml.MappingNode) -> list[YamlPart]:
             begin, end, value_node = *_alias(text, colon), None
         else:
             end = _end(outer.of, value, begin)
-        # A value that is not there begins where its key ends.
+        # A missing value begins at the end of its key.
         begin, end = max(begin, colon), max(end, colon)
         part = YamlPart(
             of=outer.of, node=value_node, begin=begin, end=end, outer=outer, key=_key(name)
@@ -408,7 +408,7 @@ def _key(node: yaml.Node) -> Any:
 
 
 def _end(text: YamlText, node: yaml.Node, begin: int) -> int:
-    """Where the text of a value ends, without blanks and comments after it."""
+    """End of the text of a value, without blanks and comments after it."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style:
         part = YamlPart(of=text, node=node, begin=begin, end=begin, outer=None, key=None)
         return part.parts[-1].end
@@ -417,7 +417,7 @@ def _end(text: YamlText, node: yaml.Node, begin: int) -> int:
 
 
 def _alias(text: str, position: int) -> tuple[int, int]:
-    """Where the next alias is written."""
+    """Begin and end of the next alias."""
     masked = COMMENT.sub(lambda x: " " * len(x[0]), text[position:])
     match = ALIAS.search(masked)
     assert match is not None
@@ -425,7 +425,7 @@ def _alias(text: str, position: int) -> tuple[int, int]:
 
 
 def _skip(text: str, position: int, mark: str) -> int:
-    """The place behind a mark that is next, or the same place if something else is."""
+    """The position after a mark that follows, or the same position if another mark follows."""
     stop = position
     while stop < len(text) and text[stop] in BLANK:
         stop += 1
@@ -433,5 +433,5 @@ def _skip(text: str, position: int, mark: str) -> int:
 
 
 def _column(text: YamlText, position: int) -> int:
-    """The column of a place."""
+    """The column of a position."""
     return position - text.line_start(position)

@@ -142,7 +142,7 @@ class ArcChain:
 
     @property
     def reach(self) -> FloatArray:
-        """Points whose largest coordinates tell how far the chain extends, (m, dimension)."""
+        """Points whose largest coordinates bound the chain, (m, dimension)."""
         points = [self.starts[:1], self.ends]
         if self.angles.any():
             wide = self.angles > WIDE
@@ -182,7 +182,7 @@ class ArcChain:
 
     @property
     def _long_arcs(self) -> BoolArray:
-        """Which rows are arcs that have a length, (n,)."""
+        """Mask of the arcs that have a length, (n,)."""
         arc = self.angles > 0
         if arc.any():
             radius = np.maximum(*(np.linalg.norm(x, axis=1) for x in (self.cosines, self.sines)))
@@ -199,12 +199,12 @@ class ArcChain:
         return dataclasses.replace(self, starts=starts, angles=angles)[has_length]
 
     def _is_plain(self, tolerance: float) -> BoolArray:
-        """Which rows are lines or circular arcs that stay as they are drawn, (n,)."""
+        """Mask of the lines and circular arcs that are not approximated, (n,)."""
         arc, far = self._long_arcs, np.linalg.norm(self.ends - self.starts, axis=1) > ONE_VERTEX
         return np.asarray(np.where(self.angles > 0, arc, far) & ~self._elliptical(tolerance))
 
     def _elliptical(self, tolerance: float) -> BoolArray:
-        """Which arcs are elliptical: not circles within the tolerance [m], (n,)."""
+        """Mask of the arcs that are not circular within the tolerance [m], (n,)."""
         arc = self.angles > 0
         if not arc.any():
             return arc
@@ -288,14 +288,14 @@ class ArcChain:
 
 
 def draw_plain(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | None]:
-    """Segments of chains of nothing but lines and circular arcs, all at once, which is faster.
+    """Segments of chains that consist of lines and circular arcs, computed in one step.
 
     Args:
         chains: The chains, which need not meet.
         tolerance: As in `ArcChain.to_segments` [m].
 
     Returns:
-        What `ArcChain.to_segments` gives; None for chains that have anything else.
+        The result of `ArcChain.to_segments`; None for chains with other curves.
     """
     tables: list[Segments | None] = [None] * len(chains)
     count = np.array([len(x.angles) for x in chains], dtype=np.intp)
@@ -334,7 +334,7 @@ class Affine:
 
     @property
     def finite(self) -> bool:
-        """Whether all coefficients are finite."""
+        """True if all coefficients are finite."""
         return bool(np.isfinite(self.linear).all() and np.isfinite(self.offset).all())
 
 

@@ -66,13 +66,13 @@ UNITS = {
     23: 3600 / 3937,
     24: 6336000 / 3937,
 }
-# Largest depth of blocks in blocks, and largest number of copied entities: a document with more
-# is made to do harm.
+# Largest depth of nested blocks, and largest number of copied entities: a document with more is
+# malicious.
 DEEPEST = 50
 EXPLODE = "explode it into lines and arcs in the CAD program"
 MOST_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
-# Reasons to leave entities out.
+# Reasons for omitted entities.
 HIDDEN = "Left out, on layers that are off or frozen"
 INVISIBLE = "Left out, because they are invisible"
 NOT_READ = "Left out, because it is no line, arc or curve"
@@ -85,7 +85,7 @@ WHITE = frozenset({"7", "#ffffff", "#000000"})
 BINARY = b"AutoCAD Binary DXF"
 DRAWING_DATABASE = b"AC10"
 CUT_OFF = "The file has no end mark (EOF): it seems to be cut off, and contours may be missing."
-# What is between entities.
+# Structure of the file between entities.
 STRUCTURE = ("SECTION", "ENDSEC", "TABLE", "ENDTAB", "EOF")
 # Classes of entities that ezdxf does not read without the marks of their classes, and codes that
 # come before the mark.
@@ -126,7 +126,7 @@ def read_dxf(
     with silence_log(), np.errstate(all="ignore"):
         document, notes = open_document(data, source, skip=options.skips)
         walk = DxfWalk(document, partial(line_of_handle, data), source, options, progress)
-        # Without a header, ezdxf's own one says metres.
+        # Without a header ezdxf adds one with metres.
         stated = b"$INSUNITS" in data
         unit = _unit(document.header.get("$INSUNITS", 0) if stated else 0, source, options)
         return walk.program(_flattened(list(walk.shapes(unit)), source), notes)
@@ -168,11 +168,11 @@ def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlin
 
 
 class DxfWalk(Walk):
-    """Traversal of a document's entities, which records the entities that it leaves out.
+    """Traversal of a document's entities, which records the entities that it omits.
 
     Args:
         document: ezdxf's document.
-        line_of: Text that says in which line of the file a handle stands.
+        line_of: Returns the line of a handle in the file as text, such as " in line 12".
         source: Name of the file.
         options: Settings of the reader.
         progress: Called from time to time with the share of the file that is read.
@@ -197,7 +197,7 @@ class DxfWalk(Walk):
         self._layer_colors: dict[str, frozenset[str]] = {}
 
     def explain_empty(self) -> str:
-        """Why there is no contour: all entities are on other layers."""
+        """The reason for a program without contours: all entities are on other layers."""
         if not self.elsewhere:
             return ""
         requested = ", ".join(repr(x) for x in sorted(self.wanted or ()))
@@ -236,7 +236,7 @@ class DxfWalk(Walk):
             layer, state = self._layer(entity, block)
             try:
                 if kind == "ATTDEF" and block.inside:
-                    # A template of a text; the drawing shows the texts of the INSERT instead.
+                    # A template of a text; the drawing shows the texts of the INSERT.
                     continue
                 if state == FROZEN or (state == OFF and kind != "INSERT"):
                     self.leave_out(HIDDEN, layer)
@@ -245,7 +245,7 @@ class DxfWalk(Walk):
                 elif kind == "INSERT":
                     yield from self._insert(entity, block, name, layer)
                 elif not self.wants_layer(layer):
-                    # Nothing on other layers matters, broken or not.
+                    # Entities on other layers are ignored, also broken ones.
                     self.elsewhere[self.labels(layer)] += kind in SHAPES
                 else:
                     yield from self._drawn(entity, kind, name, layer, block)
@@ -369,7 +369,7 @@ class DxfWalk(Walk):
         """Leave out an entity that cannot be read, or refuse it."""
         if kind != "INSERT" and not self.wants_layer(layer):
             return
-        # Looking for a line takes as long as the file; the notes name the first entities only.
+        # The search for a line reads the whole file, so only the first entities get their lines.
         line = self.line_of(handle) if len(self.left_out.get(BROKEN, ())) < NAMED else ""
         defect = f"{kind} {name}{line} on layer {layer!r} {why}"
         if not self.skip:
@@ -423,7 +423,7 @@ def _color_names(entity: Any, number: int) -> frozenset[str]:
 
 
 def _is_mesh(entity: Any) -> bool:
-    """Whether a POLYLINE is a mesh and not a curve."""
+    """True if a POLYLINE is a mesh and not a curve."""
     return entity.dxftype() == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)
 
 
@@ -433,7 +433,7 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
     Args:
         data: Content of the file, ASCII or binary.
         source: Name of the file.
-        skip: Whether entities that ezdxf cannot read are left out.
+        skip: Whether entities that ezdxf cannot read are skipped.
 
     Returns:
         ezdxf's document, and a sentence on the damage if the file had to be repaired.
@@ -461,7 +461,7 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
     try:
         document, changes = _repair(data)
         if notes and not changes:
-            # What is left of a file that is cut off is intact.
+            # The remaining part of a truncated file is intact.
             return document, notes
         mended = f" and was mended in {count_noun(changes, 'place')}" if changes else ""
         why = ADDRESS.sub("", said(first))
@@ -488,7 +488,7 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
 
 
 def _has_end(data: bytes) -> bool:
-    """Whether the last line of an ASCII file is its end mark."""
+    """True if the last line of an ASCII file is its end mark."""
     return data.startswith(BINARY) or data.rstrip(b"\0\x1a \t\r\n").endswith(b"EOF")
 
 
@@ -507,7 +507,7 @@ def _read(data: bytes) -> Any:
 
 
 def _reason(error: Exception) -> str:
-    """Why ezdxf cannot read a file, as a sentence; its own mistakes tell a user nothing."""
+    """A sentence on an error of ezdxf; internal errors of ezdxf get a general sentence."""
     from ezdxf.lldxf.const import DXFError
 
     if isinstance(error, DXFError):
@@ -516,7 +516,7 @@ def _reason(error: Exception) -> str:
 
 
 def _repair(data: bytes) -> tuple[Any, int]:
-    """Ezdxf's document of a damaged file, and in how many places it was mended."""
+    """Ezdxf's document of a damaged file, and the number of repairs."""
     from ezdxf import recover
 
     document, auditor = recover.read(io.BytesIO(data))
@@ -568,7 +568,7 @@ def _without_version_12(lines: list[str]) -> list[str]:
 
 
 def _mark_class(lines: list[str], name: str) -> list[str]:
-    """An entity with the marks of its classes, which some programs leave out."""
+    """An entity with the marks of its classes, which some programs omit."""
     codes = [x.strip() for x in lines[::2]]
     if "100" in codes:
         return lines
@@ -577,7 +577,7 @@ def _mark_class(lines: list[str], name: str) -> list[str]:
 
 
 def line_of_handle(data: bytes, handle: str) -> str:
-    """` in line 12`, where the entity of a handle says it; "" if the file does not."""
+    """The line of an entity as ` in line 12`; "" if the file does not contain its handle."""
     match = re.search(
         rb"^[ \t]*5[ \t]*\r?\n[ \t]*0*" + re.escape(handle.encode()) + rb"[ \t]*\r?$",
         data,

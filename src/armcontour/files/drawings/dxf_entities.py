@@ -235,8 +235,8 @@ SHAPES: dict[str, Callable[[Any], Shape | None]] = {
     "SPLINE": spline,
     "HELIX": spline,
 }
-# Types that are left out: texts, dimensions, points, filled areas, bodies, pictures, endless lines.
-# Of a type that is in neither table nobody knows what it draws.
+# Types that are skipped with a note: texts, dimensions, points, filled areas, bodies, images and
+# infinite lines. A type in neither table is refused as unknown.
 NO_CONTOUR = frozenset(
     {
         *("TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT", "SHAPE", "ACAD_TABLE"),
@@ -261,7 +261,7 @@ NO_CONTOUR = frozenset(
 
 
 def check_found(entity: Any) -> None:
-    """Refuse an entity that lacks a required attribute.
+    """Check that an entity has its required attributes.
 
     Raises:
         Unreadable: An attribute of `NEEDED` is missing.

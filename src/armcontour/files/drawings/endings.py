@@ -1,4 +1,4 @@
-"""Which files are drawings, by their endings: known before anything is loaded that reads them."""
+"""Extensions of drawings and their readers, available without loading the readers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Chaining of a drawing's pieces end to end into contours."""
+"""Contours made by chaining the entities of a drawing end to end."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def chain_pieces(
     its angle and changes its size. If an arc would move too far, a short line closes the gap. No
     point moves by more than the tolerance.
 
-    Pieces that lie exactly on others of their layer are left out, and so are open contours shorter
+    Pieces that lie exactly on others of their layer are omitted, and so are open contours shorter
     than the tolerance, whose ends are one point.
 
     Args:
@@ -68,7 +68,7 @@ def chain_pieces(
         tolerance: Ends closer than this are one point [m].
 
     Returns:
-        The contours, and sentences on the pieces that were left out.
+        The contours, and sentences on the pieces that were omitted.
     """
     if not pieces:
         return [], []
@@ -101,7 +101,7 @@ def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
 
 
 def _meets_exactly(ends: EntityEnds, chain: Sequence[int]) -> bool:
-    """Whether all ends in a closed chain meet without gaps."""
+    """True if all ends in a closed chain meet without gaps."""
     entries = np.array(chain)
     gaps = ends.points[entries ^ 1] - ends.points[np.roll(entries, -1)]
     return bool((np.linalg.norm(gaps, axis=1) <= REPEATED_POINT).all())
@@ -134,7 +134,7 @@ def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], boo
 def _find_repeated(
     pieces: Sequence[DrawnEntity], table: EntitySegments, layers: IntArray
 ) -> BoolArray:
-    """Which pieces lie exactly on an earlier piece of their layer, (n,)."""
+    """Mask of the pieces that coincide with an earlier piece of their layer, (n,)."""
     n = len(pieces)
     feature = np.column_stack([table.starts + table.ends, table.middles, table.lengths])
     cell = np.column_stack([layers, np.round(feature / CANDIDATES)])
@@ -150,7 +150,7 @@ def _find_repeated(
 
 
 def _same(a: Path, b: Path) -> bool:
-    """Whether two paths are the same within `SAME_PIECE`, in the same or opposite direction."""
+    """True if two paths are the same within `SAME_PIECE`, in the same or opposite direction."""
     # One may be cut into more segments than the other.
     share = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
     one, other = a(share * a.length), b(share * b.length)
@@ -160,7 +160,7 @@ def _same(a: Path, b: Path) -> bool:
 def _notes(
     pieces: Sequence[DrawnEntity], repeated: BoolArray, short: Sequence[str], tolerance: float
 ) -> list[str]:
-    """Sentences on the pieces and the short contours that were left out."""
+    """Sentences on the pieces and the short contours that were omitted."""
     notes = []
     if repeated.any():
         names = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
@@ -269,7 +269,7 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
     if moves.any():
         moved = moved.put(moves, _stretch(rows[moves], ends[moves], to_start[moves], to_end[moves]))
     # Lines connect an arc that stays to the middles of the gaps before and after it; lines without
-    # length are left out.
+    # length are omitted.
     before, after = _lines(rows, to_start, rows.starts), _lines(rows, ends, to_end)
     used = [
         stays & (before.lengths > REPEATED_POINT),
@@ -303,7 +303,7 @@ def _shift(
     with np.errstate(divide="ignore", invalid="ignore"):
         change = np.linalg.norm(at_end - at_start, axis=1) / chord
         shift = np.linalg.norm(at_start, axis=1) + change * reach
-    # The estimate holds for small changes only.
+    # The estimate is valid for small changes only.
     return np.where(change < 0.5, shift, np.inf)
 
 

@@ -102,7 +102,7 @@ class BezierSpline:
 
     @property
     def has_length(self) -> bool:
-        """Whether its points are not all one point."""
+        """True if its points are not all one point."""
         return bool(np.ptp(self.points, axis=0).max() > REPEATED_POINT)
 
 
@@ -163,7 +163,7 @@ def _fit_alike(
     except InvalidInput as error:
         if len(numbers) == 1:
             raise InvalidInput(str(error), index=numbers[0]) from None
-    # One of them cannot be fitted: alone it is found.
+    # The splines are fitted one by one to identify the failing one.
     return [x for i in numbers for x in _fit_alike(splines, [i], tolerance)]
 
 
@@ -246,7 +246,7 @@ class Outline:
 
     @property
     def reach(self) -> FloatArray:
-        """Points whose largest coordinates tell how far the outline extends, (m, dimension)."""
+        """Points whose largest coordinates bound the outline, (m, dimension)."""
         return np.concatenate([x.reach for x in self.shapes])
 
     def parts(self, tolerance: float, join: float) -> list[Segments | BezierSpline]:
@@ -334,7 +334,7 @@ def paths_of(
 
 
 def _draw_plain(outlines: Sequence[Outline], tolerance: float, join: float) -> dict[int, Segments]:
-    """What `Outline.parts` gives for outlines of one chain of lines and circular arcs, by index."""
+    """Segments of the outlines that are one chain of lines and circular arcs, by index."""
     alone: dict[int, ArcChain] = {}
     for i, outline in enumerate(outlines):
         shapes = outline.closed_up(join)
@@ -350,10 +350,10 @@ def _join_parts(rows: Sequence[Sequence[Segments]]) -> list[Path | None]:
     bounds = np.cumsum([0, *(sum(map(len, rows[i])) for i in full)])
     paths: list[Path | None] = [None] * len(rows)
     try:
-        # All are checked at once, which is faster.
+        # One check of all segments is faster.
         tables = Segments.join([x for i in full for x in rows[i]]).split(bounds) if full else []
     except InvalidInput:
-        # Each alone, for an error that names its outline.
+        # Separate checks give an error with the index of its outline.
         tables = [Segments.join(rows[i]) for i in full]
     for i, table in zip(full, tables, strict=True):
         with _indexed(i):

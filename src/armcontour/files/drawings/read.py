@@ -1,4 +1,4 @@
-"""The function `read_path`, which reads a file into a program by its extension."""
+"""The function `read_path`, which selects a reader by the extension of a file."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def read_path(
         options: How to read it, such as ReadOptions(units="mm", layers=["CUT"]).
         frame: Frame of the drawing; if it lifts or tilts the drawing, the program is in space.
         progress: Called from time to time with the name of the file and the fraction of it that is
-            read, where the reader can tell.
+            read, if the reader supports it.
 
     Raises:
         InvalidInput: The file cannot be read, or has no use for an option; the message names the
@@ -104,7 +104,7 @@ def _select(program: Program, options: ReadOptions) -> Program:
     """The program's contours on the layers and with the names of the options."""
     layers = options.layers
     if isinstance(layers, Mapping):
-        # The mapping holds settings for layers; a drawing need not have all of these layers.
+        # The mapping has settings for layers; a drawing need not have all of these layers.
         existing = {x.layer for x in program.contours}
         notes = [f"there is nothing on the layer {x!r}." for x in layers if x not in existing]
         program = replace(program, notes=(*program.notes, *notes))
@@ -118,7 +118,7 @@ def _farthest(program: Program) -> float:
 
 
 def _refuse_odd_size(program: Program, factor: float) -> None:
-    """Refuse a scale after which coordinates are too large or contours too short."""
+    """Check that a scale leaves coordinates and contours within the limits of the readers."""
     far = _farthest(program)
     short = min(x.path.length for x in program.contours)
     if not far <= FARTHEST:

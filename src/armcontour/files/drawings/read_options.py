@@ -38,9 +38,9 @@ from armcontour.program.moves import Move
 LARGEST = SMALL
 # Length of a name that is cut [characters]; a number is appended if two cut names are equal.
 KEPT = LONGEST_NAME - 12
-# How messages advise the user to choose "skip".
+# Advice in messages to choose "skip".
 SKIP = "have it left out (unknown: skip, or --skip-unknown)"
-# Names of CSS that drawings for lasers and plotters use; another name stands for itself.
+# Names of CSS that drawings for lasers and plotters use; other names are used as written.
 NAMED = {
     "black": "#000000",
     "white": "#ffffff",
@@ -69,7 +69,7 @@ Tell = Callable[[float], None]
 
 
 def tell_share(progress: Progress | None, source: str) -> Tell:
-    """A function that passes the share of a file that is read on to `progress`, by whole percents.
+    """A function that reports the fraction of a file that is read, in whole percents.
 
     Args:
         progress: Called with the steps; None ignores them.
@@ -119,7 +119,7 @@ class Labels:
 
     @property
     def notes(self) -> list[str]:
-        """A sentence on the names that were changed; empty if none were."""
+        """Notes on changed names; empty if there are none."""
         if not self._changed:
             return []
         name, label = next(iter(self._changed.items()))
@@ -158,7 +158,7 @@ UNKNOWN = ("refuse", "skip")
 TEXTS = ("leave_out", "contours")
 # Share of the chord tolerance that arcs take where transitions between them take the rest.
 FIT_SHARE = 0.5
-# Codes and letters of G-code that may be left out by name.
+# Codes and letters of G-code that can be skipped by name.
 WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 
 
@@ -227,7 +227,7 @@ class ReadOptions(Checked):
     continuity: Continuity = "tangent"
 
     def _check_together(self) -> None:
-        # Refuses what has no meaning, before any file is read.
+        # Invalid options are refused before any file is read.
         _ = self.unit, self.layer_set, self.color_set, self.words, self.unscaled_tools
 
     @property
@@ -250,12 +250,12 @@ class ReadOptions(Checked):
 
     @property
     def skips(self) -> bool:
-        """Whether elements that the reader does not know are skipped."""
+        """True if elements that the reader does not know are skipped."""
         return self.unknown == "skip"
 
     @property
     def words(self) -> frozenset[str]:
-        """Words and codes of G-code to leave out, such as G43 or T."""
+        """Words and codes of G-code to skip, such as G43 or T."""
         if isinstance(self.unknown, str):
             return frozenset()
         if list(self.unknown) != ["skip"]:
@@ -329,7 +329,7 @@ def repair(program: Program, options: ReadOptions) -> Program:
 
 
 def _note(done: list[Mended]) -> str:
-    """A sentence on all that was mended."""
+    """A note on the repaired vertices."""
     count = sum(x.count for x in done)
     kink, deviation = (max(getattr(x, y) for x in done) for y in ("kink", "deviation"))
     vertices = f"{count} vertices, at which" if count > 1 else "1 vertex, at which"

@@ -43,8 +43,8 @@ from armcontour.files.drawings.walk import (
 )
 from armcontour.program import Program
 
-# Versions of Inkscape with 90 px per inch, the comment of Illustrator, which has 72, and the bytes
-# in which it is; lengths that depend on no pixel.
+# Versions of Inkscape with 90 px per inch; the comment of Illustrator, which has 72 px per inch,
+# and the number of bytes in which it occurs; lengths in absolute units.
 OLD_INKSCAPE = re.compile(r"0\.(?:[0-8]\d?|9|9[01])(?!\d)[.\d]*")
 ILLUSTRATOR = re.compile(rb"Generator:\s*Adobe\s+Illustrator", re.IGNORECASE)
 BEGINNING = 10_000
@@ -69,9 +69,9 @@ SILENT = (
 )
 # Elements that draw their children or the element that they refer to.
 CONTAINERS = ("g", "a", "svg", "symbol", "use", "switch")
-# Elements that are no outline, left out with a note.
+# Elements that are no outline, skipped with a note.
 NO_OUTLINE = ("text", "image", "foreignObject")
-# Properties that add marks to the ends of outlines, left out with a note.
+# Properties that add marks to the ends of outlines, skipped with a note.
 MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
 # Style sheets are not evaluated, so declarations of these properties are refused, except for the
 # harmless values.
@@ -86,7 +86,7 @@ _URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
 HIDDEN = "Left out because hidden"
 # Largest number of segments, a curve counted as one; no drawing of contours has more.
 MOST_SEGMENTS = 500_000
-# Largest number of elements drawn by reference; a file with more is made to do harm.
+# Largest number of elements drawn by reference; a file with more is malicious.
 MOST_REPEATED = 100_000
 # Largest depth of references in references.
 DEEPEST_USE = 50
@@ -99,7 +99,7 @@ def read_svg(
 
     Shapes become contours in drawing order, placed by their groups, transforms and references;
     each subpath is a contour. Separate elements whose ends touch are chained. Strokes, fills and
-    the edges of the page have no effect; hidden elements are left out.
+    the edges of the page have no effect; hidden elements are omitted.
 
     Coordinates are in metres from the lower left corner of the page, x to the right and y up.
     `options.unit` is the length of the user unit. If it is None, width, height and viewBox define
@@ -132,7 +132,7 @@ def _program_pixel(root: Element, data: bytes) -> tuple[float, str]:
     if version:
         number = OLD_INKSCAPE.match(version)
         return (INCH / 90, f"Inkscape {number[0]}") if number else (PIXEL, "")
-    # It may be UTF-16.
+    # The file may be UTF-16.
     illustrator = ILLUSTRATOR.search(data[:BEGINNING].replace(b"\0", b""))
     return (INCH / 72, "Adobe Illustrator") if illustrator else (PIXEL, "")
 
@@ -156,7 +156,7 @@ def _page(
                 "so, and not as the 1/96 inch of CSS. To change this, give the unit."
             )
         if absolute:
-            # Millimetres of the page are true, whatever a px is.
+            # Absolute lengths of the page do not depend on the size of a px.
             width, height = (x and x * PIXEL / unit for x in (width, height))
     if box is not None:
         # If only one of width and height is given, the aspect ratio of the viewBox gives the other.
@@ -209,7 +209,7 @@ class _SvgInherited(Inherited):
 
 
 class SvgWalk(Walk):
-    """Traversal of a drawing's elements, which records the elements that it leaves out.
+    """Traversal of a drawing's elements, which records the elements that it omits.
 
     Args:
         root: The outermost element.
@@ -228,7 +228,7 @@ class SvgWalk(Walk):
         self._repeated = self._segments = 0
 
     def explain_empty(self) -> str:
-        """Why there is no contour: the file is a font."""
+        """The reason for a program without contours: the file is a font."""
         if all(x.tag != "glyph" for x in self._all):
             return ""
         return "is a font, whose glyphs are no drawing: give one whose text is converted to paths"
@@ -298,7 +298,7 @@ class SvgWalk(Walk):
         if tag == "symbol" and around.used_by is None:
             return None
         if tag not in (*SHAPES, *CONTAINERS):
-            # What SVG does not know, it does not draw.
+            # SVG does not draw unknown elements.
             self._check_undrawn(element, around.layer)
             return None
         if element.style("display") == "none":

@@ -39,7 +39,7 @@ class Element:
         source: Name of the file.
         line: Line of the file in which the element starts.
         children: Elements in this element.
-        text: Parts of the element's text; kept for style sheets only.
+        text: Parts of the element's text; stored for style sheets only.
     """
 
     tag: str
@@ -74,7 +74,7 @@ class Element:
         return ""
 
     def refuse(self, defect: str) -> NoReturn:
-        """Refuse the element; `defect` says what is wrong.
+        """Refuse the element with a description of its defect.
 
         Raises:
             InvalidInput: Always.
@@ -160,7 +160,7 @@ class _Builder:
             raise InvalidInput(
                 f"{where} is not plain text in the file, which is not read: save it as plain SVG."
             )
-        # Counted before the parser puts it in, where the file's letters are those of ASCII.
+        # Counted before the parser expands it; the file's encoding must contain ASCII.
         self._expanded += len(value) * self._data.count(f"&{name};".encode())
         if self._expanded > MOST_EXPANDED or b"<!ENTITY" not in self._data:
             raise InvalidInput(
@@ -216,7 +216,7 @@ ACROSS = frozenset({"x", "x1", "x2", "cx", "rx", "width"})
 UPWARDS = frozenset({"y", "y1", "y2", "cy", "ry", "height"})
 LENGTHS = ACROSS | UPWARDS | {"r"}
 SQRT2 = math.sqrt(2)
-# Size of the font if nothing says it, as browsers have it [CSS pixels].
+# Default font size of browsers [CSS pixels].
 FONT = 16.0
 NUMBER = r"[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+"
 NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*+[\s,]*+")
@@ -250,7 +250,7 @@ def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine
 
 
 def is_flat(transform: Affine) -> bool:
-    """Whether a transform maps every area to zero."""
+    """True if a transform maps every area to zero."""
     size = float(np.abs(transform.linear).max())
     if size == 0:
         return True

@@ -25,11 +25,11 @@ from armcontour.program.moves import describe_not_run
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clip:
-    """A polygon at which drawn things are cut.
+    """A polygon at which entities are cut.
 
     Args:
-        corners: Its corners, (n, dimension); what its edges wind around is inside.
-        outside: Whether what lies outside is kept, instead of what lies inside.
+        corners: Its corners, (n, dimension); the inside has a winding number other than 0.
+        outside: Whether the clip keeps the outside instead of the inside.
     """
 
     corners: FloatArray
@@ -48,7 +48,7 @@ def clip_path(path: Path, *clips: Clip) -> list[Path]:
 
     Args:
         path: A path in the plane.
-        clips: The clips in the plane [m]; what lies on their edges is kept.
+        clips: The clips in the plane [m]; points on their edges belong to them.
     """
     parts = [path]
     for clip in clips:
@@ -84,7 +84,7 @@ def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, Float
             continue
         along = (b - a) / size
         for u in _crossings(table, a, np.array([-along[1], along[0]])):
-            # Crossings at the ends of a segment or beside the edge do not cut.
+            # Crossings at the ends of a segment or outside of the edge do not cut.
             good = (u > REPEATED_POINT) & (u < table.lengths - REPEATED_POINT)
             i = np.flatnonzero(good)
             x = (table.at(i, u[i]) - a) @ along
@@ -114,7 +114,7 @@ def _crossings(table: Segments, a: FloatArray, normal: FloatArray) -> list[Float
 
 
 def _kept(points: FloatArray, clip: Clip) -> BoolArray:
-    """Which points a clip keeps, (n,)."""
+    """Mask of the points that a clip keeps, (n,)."""
     winding = np.zeros(len(points), dtype=np.intp)
     near = np.zeros(len(points), dtype=bool)
     for a, b in zip(clip.corners, np.roll(clip.corners, -1, axis=0), strict=True):
@@ -138,13 +138,13 @@ NO_SIZE = "Left out because of no size"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Inherited:
-    """What the entities in a group, block or reference inherit.
+    """Properties that the entities in a group, block or reference inherit.
 
     Args:
         to: Map from their coordinates to the page or the world [m].
-        layer: Their layer, if they have none of their own.
+        layer: Layer of entities without a layer.
         name: Name of the reference or INSERT around them.
-        inside: What is placed by references or INSERTs around them.
+        inside: Targets of the references or INSERTs around them.
         color: Names of their colour.
         clips: Clips around them [m].
     """
@@ -177,7 +177,7 @@ class EntityOutlines:
 
 
 class Walk:
-    """What a traversal looks for, and what it leaves out.
+    """Base of the traversals of drawings: selection of entities, notes, and contours.
 
     Args:
         source: Name of the file.
@@ -185,7 +185,7 @@ class Walk:
         progress: Called from time to time with the share of the file that is read.
     """
 
-    # Whether the parts of one entity are never chained, and have its name.
+    # True if the parts of one entity are never chained and share its name.
     apart = False
     # The part of a file that is read, for messages.
     part = ""
@@ -195,21 +195,21 @@ class Walk:
         self.wanted, self.colors = options.layer_set, options.color_set
         self.tell = tell_share(progress, source)
         self.labels = Labels()
-        # Names of what is left out, by the reasons; entities on other layers and of other colours.
+        # Names of omitted items by the reasons; entities on other layers and of other colours.
         self.left_out: dict[str, Counter[str]] = {}
         self.elsewhere: Counter[str] = Counter()
         self.others: Counter[str] = Counter()
 
     def leave_out(self, reason: str, name: str) -> None:
-        """Record that something is left out, and why."""
+        """Record an omitted item and the reason."""
         self.left_out.setdefault(reason, Counter())[name] += 1
 
     def wants_layer(self, layer: str) -> bool:
-        """Whether contours on a layer matter."""
+        """True if contours on a layer are read."""
         return self.wanted is None or self.labels(layer) in self.wanted
 
     def wants_color(self, names: frozenset[str]) -> bool:
-        """Whether entities of a colour are read; counts them otherwise."""
+        """True if entities of a colour are read; counts other entities."""
         if self.colors is None or names & self.colors:
             return True
         self.others[min(names)] += 1
@@ -217,12 +217,12 @@ class Walk:
 
     @property
     def notes(self) -> list[str]:
-        """Sentences on what was left out or changed."""
+        """Notes on omitted entities and changed names."""
         sentences = [f"{why}: {list_counted(x)}." for why, x in self.left_out.items()]
         return sentences + self.labels.notes
 
     def explain_empty(self) -> str:
-        """Why there is no contour, if it is not by what was left out."""
+        """The reason for a program without contours, if the notes do not explain it."""
         return ""
 
     def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
@@ -286,7 +286,7 @@ def list_counted(names: Counter[str]) -> str:
 
 
 def place_outline(outline: Outline, to: Affine) -> tuple[Outline, str]:
-    """The image of an outline under an affine map [m], and what is wrong if it is too far away."""
+    """The image of an outline under an affine map [m], and its defect if it is too far away."""
     with np.errstate(over="ignore", invalid="ignore"):
         placed = outline.place(to)
         reach = float(np.abs(placed.reach).max())

@@ -83,7 +83,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
 
 
 def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str], list[str]]:
-    """The table in a file, and notes on unknown columns that are left out."""
+    """The table in a file, and notes on unknown columns."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:

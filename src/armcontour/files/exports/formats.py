@@ -35,8 +35,7 @@ class ExportFormat(Checked):
             template kuka always takes.
     """
 
-    # Name of the format, and its file extension, which is empty if any is possible; the number of
-    # joints of the arms that it is for.
+    # Name of the format; its extension, empty if any is possible; required number of joints.
     kind: ClassVar[str] = ""
     ending: ClassVar[str] = ""
     joints: ClassVar[int | None] = None
@@ -218,7 +217,7 @@ def format_of(file: FilePath) -> type[ExportFormat]:
 
 
 def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:
-    """Outputs of events by their names; none of formats without outputs."""
+    """Outputs of events by their names; empty for formats without outputs."""
     return (isinstance(format, WITH_OUTPUTS) and format.outputs) or {}
 
 
@@ -244,7 +243,7 @@ def export(
             that of the file's extension.
         arm: The arm; gives joint names, and tool points if the format contains them.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
-        cycle: Sampling period of a trajectory [s], 4 ms by default; set-points have their own.
+        cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
 
     Warns:
         UserWarning: A program of URScript or of the template kuka or abb does not switch an event,
@@ -263,7 +262,7 @@ def export(
         arm=arm,
         joint_names=joint_names,
         cycle=cycle,
-        # A format has these or not.
+        # Some formats do not have these options.
         derivatives=getattr(chosen, "derivatives", 0),
         tool_motion=getattr(chosen, "tool_motion", False),
         analog=getattr(chosen, "analog", None),
@@ -271,7 +270,7 @@ def export(
     outputs = outputs_of(chosen)
     names = (*(x.name for x in table.events), *table.analog)
     check_outputs(outputs, names, option="outputs", owner=repr(table.name))
-    # Where warnings are errors, nothing is written.
+    # If warnings are errors, nothing is written.
     for sentence in describe_program(
         table,
         chosen.label,
@@ -290,7 +289,7 @@ def export(
 def check_outputs(
     outputs: Mapping[str, int | str], events: Iterable[str], *, option: str, owner: str
 ) -> None:
-    """Refuse outputs for events that do not exist.
+    """Check that outputs belong to existing events.
 
     Args:
         outputs: Outputs by names of events.
@@ -329,7 +328,7 @@ def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = Fal
 
 
 def _refuse_destination(file: FilePath, folder: bool) -> None:
-    """Refuse a destination where something else would be lost."""
+    """Check that writing to a destination would not destroy other files."""
     if not file.name or "\0" in str(file):
         raise InvalidInput(f"Cannot write {str(file)!r}: it is not the name of a file.")
     if not folder and file.is_dir():

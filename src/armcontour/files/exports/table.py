@@ -34,17 +34,17 @@ from armcontour.robot import Arm, Limits, SerialArm
 # An event that is earlier than a point by less than this fraction of an interval belongs to the
 # point: the times are sums and multiples with rounding errors.
 ON_THE_POINT = 1e-9
-# Set-points this near to their plan are places of it [rad]: results have 12 decimals.
+# Set-points this near to their plan are equal to it [rad]: results have 12 decimals.
 SAME_PLACE = 2e-12
 # Largest number of samples of a trajectory: more do not fit in memory together with the export.
 MOST_SAMPLES = 20_000_000
 # Decimals of a number; the rounding error is at most half of the last digit.
 DECIMALS = 12
 FIXED = f"%.{DECIMALS}f"
-# Number of values that are formatted at once: more take more memory and are not faster.
+# Number of values per formatting step: more take more memory and are not faster.
 CHUNK = 1 << 16
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
-# Rows of which the motion of the tool is computed at once.
+# Rows per block of the tool motion.
 AT_ONCE = 1 << 14
 
 
@@ -108,7 +108,7 @@ class SetPointTable(Checked):
             )
 
     def _check_shapes(self) -> None:
-        """Refuse arrays of wrong shapes and times that do not start at zero and increase."""
+        """Check the shapes of arrays, and that times start at zero and increase."""
         n = len(self.t)
         for key, values in self.analog.items():
             if values.shape != (n,):
@@ -124,7 +124,7 @@ class SetPointTable(Checked):
             raise InvalidInput(f"The times of {self.name!r} must start at zero and increase.")
 
     def _check_names(self) -> None:
-        """Refuse names that are not one line of text, and equal joint names."""
+        """Check that names are one line of text, and that joint names differ."""
         named = [("name", self.name), *(("joint name", x) for x in self.joint_names)]
         named += [("name of an analog output", x) for x in self.analog]
         for kind, text in [*named, *(("name of an event", x.name) for x in self.events)]:
@@ -179,15 +179,15 @@ def make_table(
         name: Name of the program.
         arm: The arm; gives joint names and tool points.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
-        cycle: Sampling period of a trajectory [s], by default PERIOD; set-points have their own.
+        cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only.
         tool_motion: Whether the table has orientation and speed of the tool too.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
 
     Raises:
-        InvalidInput: The period differs from that of set-points; the number of joints or names is
-            wrong; the motion of the tool is wanted, but no arm is given; or as for `SetPointTable`.
+        InvalidInput: The cycle differs from that of set-points; the number of joints or names is
+            wrong; the motion of the tool needs an arm; or as for `SetPointTable`.
     """
     if not isinstance(data, SetPoints | Trajectory):
         raise InvalidInput(
@@ -280,34 +280,34 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
 
 
 def check_export_cycle(cycle: float, duration: float, name: str) -> None:
-    """Refuse a period that leaves nothing of a motion but its ends.
+    """Check that a cycle is not longer than the motion.
 
     Args:
-        cycle: The period [s].
+        cycle: The cycle [s].
         duration: The duration of the motion [s].
         name: Name of the program, for the message.
 
     Raises:
-        InvalidInput: The period is longer than the motion, and than any cycle.
+        InvalidInput: The cycle is longer than the motion, and than `LONGEST_CLOCK`.
     """
     # A cycle may be longer than a tiny motion.
     if cycle > max(duration, LONGEST_CLOCK):
         raise InvalidInput(
-            f"The period of {cycle:g} s is longer than the motion of {duration:.6g} s: nothing of "
-            f"{name!r} would be left but its ends; give a shorter period.",
+            f"The cycle of {cycle:g} s is longer than the motion of {duration:.6g} s: nothing of "
+            f"{name!r} would be left but its ends; give a shorter cycle.",
             needed=cycle,
             allowed=duration,
         )
 
 
 def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> float:
-    """The period at which a trajectory is sampled [s]."""
+    """The cycle at which a trajectory is sampled [s]."""
     step = DEFAULT_CYCLE if cycle is None else checks.positive("cycle", cycle, "s")
     check_export_cycle(step, trajectory.duration, name)
     if trajectory.duration > MOST_SAMPLES * step:
         raise InvalidInput(
             f"{name!r} takes {trajectory.duration:.6g} s, which every {step:g} s are more than the "
-            f"{MOST_SAMPLES} samples that are written: give a longer period.",
+            f"{MOST_SAMPLES} samples that are written: give a longer cycle.",
             needed=trajectory.duration / step,
             allowed=float(MOST_SAMPLES),
         )
@@ -315,12 +315,12 @@ def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> f
 
 
 def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) -> Samples:
-    """The set-points of set-points with their derivatives, as `make_table` says."""
+    """Set-points with their derivatives, as documented in `make_table`."""
     requested = set_points.cycle if cycle is None else checks.positive("cycle", cycle, "s")
     if not math.isclose(requested, set_points.cycle, rel_tol=1e-9):
         raise InvalidInput(
             f"Set-points have their own cycle of {set_points.cycle:g} s and cannot be exported "
-            f"every {requested:g} s: leave the period out, or compensate for that interval.",
+            f"every {requested:g} s: omit the cycle, or compensate for that cycle.",
             needed=requested,
             allowed=set_points.cycle,
         )
@@ -334,7 +334,7 @@ def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) ->
 
 
 def are_places(q: FloatArray, plan: FloatArray) -> bool:
-    """Whether set-points are the places of their plan at the same times, (n, dof) each."""
+    """True if set-points equal their plan at the same times, (n, dof) each."""
     return q.shape == plan.shape and bool((np.abs(q - plan) <= SAME_PLACE).all())
 
 
@@ -399,7 +399,7 @@ def joint_columns(
     Args:
         t: Times [s], (n,).
         joint_names: One per joint.
-        quantities: By their names in `UNITS`, (n, dof) each; None is left out.
+        quantities: By their names in `UNITS`, (n, dof) each; None is omitted.
     """
     called = [x.removeprefix("joint ") for x in joint_names]
     if len(set(called)) < len(called):
@@ -415,11 +415,11 @@ def joint_columns(
 def csv_pieces(
     header: Sequence[str], columns: Sequence[FloatArray], cells: Mapping[int, str] | None = None
 ) -> Iterator[str]:
-    """Yield numbers as CSV with 12 decimals, several thousand rows at a time.
+    """Yield numbers as CSV with 12 decimals, in blocks of rows.
 
     Args:
         header: Titles of all columns, with units.
-        columns: Arrays (n,) or (n, columns), which are put side by side.
+        columns: Arrays (n,) or (n, columns), which are joined to one table.
         cells: Texts of a last column by their rows; empty in the other rows. None without that
             column.
     """
@@ -437,11 +437,11 @@ def _csv_line(cells: Sequence[str]) -> str:
 
 
 def filled(row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None) -> Iterator[str]:
-    """Yield all rows as text, several thousand rows at a time.
+    """Yield all rows as text, in blocks of rows.
 
     Args:
         row: Format of one row.
-        columns: Numbers, (n,) or (n, columns), which are put side by side.
+        columns: Numbers, (n,) or (n, columns), which are joined to one table.
         lines: Other formats of some rows, by their rows.
     """
     at_once = max(1, CHUNK // max(1, row.count("%")))
@@ -497,11 +497,11 @@ def write_csv(table: SetPointTable, file: FilePath) -> None:
 def write_npz(table: SetPointTable, file: FilePath) -> None:
     """Write the table to an npz file.
 
-    The arrays are name, joint_names, period, start_time, t, q, dq, ddq, tool,
+    The arrays are name, joint_names, cycle, start_time, t, q, dq, ddq, tool,
     tool_rotation and tool_speed; for analog outputs `analog_name`, (outputs,), and `analog`,
     (n, outputs); and for the events `event_name`, `event_value` (JSON), `event_t`, `event_due` and
     `event_s`, (events,).
-    Arrays that the table does not have are left out. Nothing is pickled.
+    Arrays that the table does not have are omitted. Nothing is pickled.
     """
     events = table.events
     arrays: dict[str, Any] = {
@@ -526,7 +526,7 @@ def write_npz(table: SetPointTable, file: FilePath) -> None:
 
 
 def _columns(table: SetPointTable) -> tuple[list[str], list[FloatArray]]:
-    """Titles and columns of joints, of analog outputs, and of the tool if its speed is there."""
+    """Titles and columns of joints, of analog outputs, and of the tool if its speed is given."""
     header, columns = joint_columns(
         table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
     )

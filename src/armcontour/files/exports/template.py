@@ -23,11 +23,11 @@ ENDING = ".j2"
 SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
 # Outputs as these controllers name them, for messages.
 EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17, "urscript": 0}
-# What their programs have in the place of an event without an output.
+# Replacement for an event without an output in the programs.
 INSTEAD = {"abb": "comments", "kuka": "comments", "urscript": "messages (textmsg)"}
 ANALOG_EXAMPLES: dict[str, int | str] = {"abb": "aoPower", "kuka": 1, "urscript": "AO0"}
-# Points of a program of about 1 MB; longer programs are not confirmed on any controller. What to
-# do instead, by format.
+# Points of a program of about 1 MB; longer programs are not confirmed on any controller. Advice for
+# long programs, by format.
 MOST_POINTS = 10_000
 FEWER = {
     **dict.fromkeys(SHIPPED, "use a longer cycle (--cycle)"),
@@ -35,7 +35,7 @@ FEWER = {
 }
 # Last digit of joint positions in programs [rad]; other formats have 12 decimals or more.
 LAST_DIGIT = {"urscript": 1e-6, **dict.fromkeys(SHIPPED, math.radians(1e-6))}
-# So many events are named in one sentence.
+# Number of events that one sentence lists.
 MOST_NAMES = 4
 
 

@@ -55,7 +55,7 @@ def write_urscript(
     The program is one function, which begins in the first line and ends in the last one, as the
     controller requires of programs over a socket (script manual, "Connecting to URControl").
 
-    An event is executed at the nearest set-point, at most half an interval early or late; a comment
+    An event is executed at the nearest set-point, at most half a cycle before or after; a comment
     gives its exact time. The last sample of a trajectory comes a whole interval after the one
     before it, even if its own time is earlier. An event with a digital output switches the output
     on or off; any other event writes a message by `textmsg`. An analog output with a number is set
@@ -90,7 +90,7 @@ def write_urscript(
         joints=", ".join(table.joint_names),
         first=numbers[0],
     )
-    # Before anything is written, as an event may be refused.
+    # Computed before the file is opened, because an event may be refused.
     lines = [(t / table.cycle, f"  # contour {name}\n") for t, name in table.contours if name]
     lines += [(x.t / table.cycle, _set_output(x, digital)) for x in table.events]
     for name, number in analog.items():
@@ -168,7 +168,7 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
 
 
 def _check(table: SetPointTable) -> None:
-    """Refuse a table that URScript cannot hold."""
+    """Check that URScript can represent a table."""
     if table.dof != JOINTS:
         raise InvalidInput(
             f"URScript is for arms with {JOINTS} joints, but {table.name!r} has {table.dof}: "

@@ -28,7 +28,7 @@ Point = tuple[float, float]
 ROUNDED = {"mm": 2 * math.sqrt(2) * 1e-5, "inch": 2 * math.sqrt(2) * 2.54e-5}
 MOST = {"mm": 0.5e-3, "inch": 0.05 * 0.0254}
 RELATIVE = 1e-3
-# By this length [m] a radius may be too short to reach the end; a smaller radius counts as zero
+# A radius may be too short for the end point by this length [m]; a smaller radius is zero
 # (LinuxCNC's RADIUS_TOLERANCE).
 SHORT = 0.00005 * 0.0254
 # A larger swept angle [rad] is drawn as two arcs. At this angle the projection onto the bisector
@@ -65,7 +65,7 @@ class ArcPart:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """An arc as it is programmed, up to one full turn.
+    """A programmed arc of up to one full turn.
 
     Args:
         center: Centre [m].
@@ -235,7 +235,7 @@ def _refuse_a_miss(start: Point, piece: ArcPart) -> None:
 
 
 def helix_length(circle: Circle, turns: int, rise: float) -> float:
-    """Length of a helix of so many turns [m]; where its radius changes, by the mean radius."""
+    """Length of a helix [m], computed with its mean radius."""
     total = circle.sweep + 2 * math.pi * (turns - 1)
     return math.hypot((circle.radius + circle.end_radius) / 2 * total, rise)
 

@@ -52,7 +52,7 @@ class _Move:
         z: Height at the end [m].
         line: Line of the program.
         feed: Speed, tolerance and line; None for a rapid.
-        actions: What happens at its end, before the next move.
+        actions: Actions at its end, before the next move.
     """
 
     row: tuple[float, ...]
@@ -64,7 +64,7 @@ class _Move:
 
 
 class Compensation:
-    """Takes moves as they are programmed, and drafts those of the tool's centre.
+    """Converts programmed moves to moves of the tool's centre.
 
     Args:
         draft: The program that takes the moves.
@@ -74,7 +74,7 @@ class Compensation:
     def __init__(self, draft: ProgramDraft, chord_tolerance: float) -> None:
         self.draft, self.chord_tolerance = draft, chord_tolerance
         self.code = codes.NO_COMPENSATION
-        # How far the tool's centre is to the left of the contour [m].
+        # Offset of the tool's centre to the left of the contour [m].
         self.offset = 0.0
         # The programmed point; only while compensation is on.
         self.position: Point = draft.last
@@ -85,17 +85,17 @@ class Compensation:
 
     @property
     def active(self) -> bool:
-        """Whether compensation is on."""
+        """True if compensation is on."""
         return self.code != codes.NO_COMPENSATION
 
     @property
     def inactive(self) -> bool:
-        """Whether moves are drafted as they are programmed, arcs too."""
+        """True if moves are drafted as programmed."""
         return not (self.active or self.leaves)
 
     @property
     def begun(self) -> bool:
-        """Whether a contour has begun."""
+        """True if a contour has begun."""
         return self.draft.begun
 
     def start(self, code: int, offset: float) -> None:
@@ -103,7 +103,7 @@ class Compensation:
 
         Args:
             code: The code.
-            offset: How far the tool's centre is to the left of the contour [m].
+            offset: Offset of the tool's centre to the left of the contour [m].
         """
         self.refuse(codes.g_name(code))
         self.code, self.offset = code, offset
@@ -126,10 +126,10 @@ class Compensation:
             )
 
     def start_of_arc(self) -> Point:
-        """Where an arc starts that comes next.
+        """Start point of the next arc.
 
         Raises:
-            Fault: Behind a contour with compensation, where the move has to be straight.
+            Fault: The next move leaves a compensated contour, so it must be straight.
         """
         if self.leaves:
             raise Fault(
@@ -181,31 +181,31 @@ class Compensation:
         self._follow(_Move(row, piece.end, self.position[2] + rise, feed[2], feed))
 
     def event(self, name: str, value: Value) -> None:
-        """Something is switched."""
+        """Record an event."""
         self._wait(partial(self.draft.event, name, value))
 
     def rest(self) -> None:
-        """The tool comes to rest."""
+        """Record a stop of the tool."""
         self._wait(self.draft.rest)
 
     def dwell(self, duration: float) -> None:
-        """The tool rests for a time [s]."""
+        """Record a dwell [s]."""
         self._wait(partial(self.draft.dwell, duration))
 
     def resume_at(self, point: Sequence[float]) -> None:
-        """The tool is at a point to which the file does not say how it came."""
+        """Continue at a point; the file does not define the move to it."""
         self.draft.resume_at(point)
 
     def room_for(self, segments: int) -> None:
-        """Counts segments, as `ProgramDraft.room_for` does."""
+        """Count segments, as `ProgramDraft.room_for`."""
         self.draft.room_for(segments)
 
     def set_layer(self, number: str | None, kind: str | None) -> None:
-        """A layer begins, as in `ProgramDraft.set_layer`."""
+        """Start a layer, as `ProgramDraft.set_layer`."""
         self._wait(partial(self.draft.set_layer, number, kind))
 
     def _wait(self, action: Callable[[], None]) -> None:
-        """Does something at the end of the last move, or now if none is collected."""
+        """Run an action at the end of the last collected move, or now if there is none."""
         if self.moves:
             self.moves[-1].actions.append(action)
         else:
@@ -232,7 +232,7 @@ class Compensation:
             )  # fmt: skip
 
     def _draft_moves(self) -> None:
-        """Drafts the collected moves with the tool beside them."""
+        """Draft the collected moves with the tool offset to the side."""
         moves, self.moves = self.moves, []
         table = np.array([x.row for x in moves])
         parallel, tangents = parallels(table, self.offset), points_at(table, table[:, LENGTH], 1)

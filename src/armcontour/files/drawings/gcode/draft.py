@@ -1,4 +1,4 @@
-"""Moves as they are read, and the `Program` that they make."""
+"""Drafts of programs: moves and events in the order of the file, converted to a `Program`."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.program.moves import Move, Value
 
 NEAR = REPEATED_POINT**2
-# What adding up relative moves leaves of a z that is zero [m].
+# Largest rounding error of a z of zero after relative moves [m].
 FLAT = 1e-12
-# One line can ask for any number of turns; more segments than this fit no planner's memory.
+# One line can request any number of turns; more segments do not fit into a planner's memory.
 MOST_SEGMENTS = 1_000_000
 
 Point = tuple[float, float, float]
@@ -30,7 +30,7 @@ Feed = tuple[float, float, int]
 
 @dataclass(slots=True)
 class FeedChain:
-    """Feed moves without a stop: their points, flat, and what belongs to every one of them."""
+    """Feed moves without a stop: flat coordinates of their points, and data per move."""
 
     points: array[float]
     line: int
@@ -43,7 +43,7 @@ class FeedChain:
 
 
 class ProgramDraft:
-    """A program in the making."""
+    """Moves and events of a program that is being read."""
 
     def __init__(self) -> None:
         self.moves: list[FeedChain | array[float] | Event | Dwell] = []
@@ -56,7 +56,7 @@ class ProgramDraft:
         self.layer, self.layers, self.typed = "", 0, False
 
     def set_layer(self, number: str | None, kind: str | None) -> None:
-        """A slicer's comment: a layer or a type begins, and with it another contour.
+        """Start a layer or a type by a slicer's comment, and with it another contour.
 
         Contours are on the layers of their types; in a file without types, of their layers.
 
@@ -76,7 +76,7 @@ class ProgramDraft:
         self.layer = name
 
     def feed(self, x: float, y: float, z: float, feed: Feed) -> None:
-        """A straight feed move; none where the tool is there already."""
+        """Add a straight feed move; a move without length is ignored."""
         px, py, pz = self.last
         if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
             return
@@ -96,10 +96,10 @@ class ProgramDraft:
         self.across = self.across or 2 in (a, b)
 
     def room_for(self, segments: int) -> None:
-        """Counts segments of helices and of further turns.
+        """Count segments of helices and of further turns.
 
         Raises:
-            Fault: More than fit.
+            Fault: More than `MOST_SEGMENTS`.
         """
         self.segments += segments
         if self.segments > MOST_SEGMENTS:
@@ -109,7 +109,7 @@ class ProgramDraft:
             )
 
     def go(self, x: float, y: float, z: float) -> None:
-        """A rapid move. Where it comes from is not known before the first contour."""
+        """Add a rapid move. Before the first contour only its end is stored."""
         px, py, pz = self.last
         if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
             return
@@ -121,12 +121,12 @@ class ProgramDraft:
         self.last = (x, y, z)
 
     def resume_at(self, point: Sequence[float]) -> None:
-        """The tool is at a point to which the file does not say how it came."""
+        """Continue at a point; the file does not define the move to it."""
         self.rest()
         self.last = _point(point)
 
     def event(self, name: str, value: Value) -> None:
-        """Something is switched: on the open contour, or where the tool stands."""
+        """Add an event, to the open contour or at the current position."""
         if self.chain is not None:
             self.chain.events.append((len(self.chain.speeds), name, value))
         else:
@@ -134,18 +134,18 @@ class ProgramDraft:
             self.moves.append(Event(name=name, value=value))
 
     def rest(self) -> None:
-        """The tool comes to rest: what is open ends."""
+        """End the open contour or rapid: the tool comes to rest."""
         self._close()
         self._flush()
 
     def dwell(self, duration: float) -> None:
-        """The tool rests for a time [s]; 0 only brings it to rest."""
+        """Add a dwell [s]; 0 is a stop only."""
         self.rest()
         if duration > 0:
             self.moves.append(Dwell(duration=duration))
 
     def program(self, source: str, notes: tuple[str, ...]) -> Program:
-        """What was drafted.
+        """The drafted program.
 
         Raises:
             InvalidInput: No contour, or one that makes no path.
@@ -170,7 +170,7 @@ class ProgramDraft:
         return Program(moves=tuple(moves), source=source, notes=notes)
 
     def _extend(self, feed: Feed, end: Point) -> FeedChain:
-        """Lead the open contour, or a new one, to a point."""
+        """Extend the open contour, or a new one, to a point."""
         speed, tolerance, line = feed
         chain = self.chain
         if chain is None:

@@ -22,34 +22,34 @@ from armcontour.files.drawings.gcode.words import (
 )
 from armcontour.files.drawings.read_options import ReadOptions
 
-# Rotary axes, which turn the part or the tool, and axes beside X, Y and Z.
+# Rotary axes, and linear axes other than X, Y and Z.
 OTHER_AXES = "ABCUVW"
-# Words that move nothing alone: offsets of tools, pockets, values of codes that are left out.
+# Words that cause no motion: offsets of tools, pockets, values of skipped codes.
 IDLE = "DEHLOT"
 # Positions of such an axis up to this are zero [degrees or units].
 TURNED = 1e-9
-# Words of an M code that is not known, where it shares its line with a motion.
+# Words of an unknown M code on a line with a motion.
 OF_M = "DEHLOPQST"
 
 
 class Unknown:
-    """What is left out, with notes, or refused.
+    """Skips codes and words that are not executed, with notes, or refuses them.
 
     Args:
         notes: Takes the notes.
-        skip: Words and codes that a user wants left out, such as "M6" or "T"; `read_path` refuses
+        skip: Words and codes to skip, such as "M6" or "T"; `read_path` refuses
             words of coordinates.
-        lenient: Whether codes that nobody knows are left out if they have no coordinates.
+        lenient: Whether unknown codes without coordinates are skipped.
     """
 
     def __init__(self, notes: Notes, skip: Collection[str], lenient: bool) -> None:
         self.notes, self.skipped, self.lenient = notes, frozenset(skip), lenient
 
     def screen(self, block: Block) -> None:
-        """Takes from a line what is not carried out.
+        """Remove from a line the codes and words that are not executed.
 
         Raises:
-            Fault: Something without which the rest of the program would be elsewhere.
+            Fault: A code that cannot be skipped, because it displaces the rest of the program.
         """
         words = block.words.keys()
         if "I" in words and math.isnan(block.words["I"]) and not LASER.isdisjoint(block.m):
@@ -79,7 +79,7 @@ class Unknown:
             self._check_axes(block)
 
     def _leave_m(self, block: Block, strange: list[float]) -> None:
-        """M codes of other machines. RepRap's M201, M203 and so on have X, Y and Z of their own."""
+        """Skip M codes of other machines; RepRap's M201 and M203 have parameters X, Y and Z."""
         for code in strange:
             if code in codes.CALLS:
                 raise Fault(f"M{code:g}: subprograms are not read; {codes.PLAIN_MOVES}")
@@ -118,7 +118,7 @@ class Unknown:
         block.drop([x for x, y in block.words.items() if x in "IJKR" + OF_M or math.isnan(y)])
 
     def _skip_words(self, block: Block) -> None:
-        """What a user wants left out, with the words that belong to it."""
+        """Skip the codes and words that the options list, with their parameters."""
         for code in [x for x in block.g if codes.g_name(x) in self.skipped]:
             name = codes.g_name(code)
             if code in codes.NEVER_SKIPPED_G or codes.G_GROUP.get(code) == codes.MOTION:
@@ -135,7 +135,7 @@ class Unknown:
             self.notes.count(f"the word {letter}")
 
     def _check_axes(self, block: Block) -> None:
-        """Axes beside X, Y and Z: at zero they may be left out."""
+        """Check positions of axes other than X, Y and Z: only zero is skipped."""
         for letter in [x for x in OTHER_AXES if x in block.words]:
             value = block.words.pop(letter)
             if abs(value) > TURNED:
@@ -148,10 +148,10 @@ class Unknown:
                 self.notes.count(f"the word {letter} of zero")
 
     def leave_idle(self, block: Block) -> None:
-        """Takes words from a line that move nothing and that nothing on the line has taken.
+        """Remove the remaining words of a line that cause no motion.
 
         Raises:
-            Fault: Words that belong to a motion, on a line without one that takes them.
+            Fault: Words of a motion on a line without that motion.
         """
         for letter in list(block.words):
             if letter in "PQ" and not self._has_modes(block):
@@ -170,11 +170,11 @@ class Unknown:
 
     @staticmethod
     def _has_modes(block: Block) -> bool:
-        """Whether P and Q may belong to a mode of another controller, such as G8 P1 or M0 P500."""
+        """True if P and Q may belong to a mode of another controller, such as G8 P1 or M0 P500."""
         return bool(block.m) or 80 in block.g
 
 
-# Codes and words of lines that only move the tool.
+# Codes and words of simple motions.
 SIMPLE_CODES = (codes.RAPID, codes.LINE, *codes.ARCS)
 SIMPLE_WORDS = frozenset("XYZIJKFE")
 # A dwell this long [s] may be meant in milliseconds.
@@ -182,10 +182,10 @@ LONG_DWELL = 60.0
 
 
 class Machine:
-    """What is in force, and the draft of what was done so far.
+    """Modal state of a program, and the draft of its moves.
 
     Args:
-        options: How the file is to be read.
+        options: Options of the reader.
         dialect: Properties of the whole program.
     """
 
@@ -208,7 +208,7 @@ class Machine:
         self.dialect = dialect
 
     def ready(self) -> bool:
-        """Whether a line of nothing but X, Y, Z and F is a straight feed move to that point."""
+        """True if a line with only X, Y, Z and F is a straight feed move to that point."""
         modes = self.modes
         plain = (
             modes.motion == codes.LINE
@@ -226,7 +226,7 @@ class Machine:
         return plain
 
     def feed_to(self, x: str | None, y: str | None, z: str | None, f: str | None) -> None:
-        """A line of nothing but those words, where the machine is `ready`."""
+        """Execute a line with only these words; the machine must be `ready`."""
         modes, tool = self.modes, self.tool
         if f is not None:
             modes.feed_per_minute(float(f))
@@ -243,13 +243,13 @@ class Machine:
         self.draft.feed(position[0], position[1], position[2], feed)
 
     def execute(self, block: Block) -> bool:
-        """Carries out a line.
+        """Execute a line.
 
         Returns:
             Whether it ends the program.
 
         Raises:
-            Fault: What cannot be carried out.
+            Fault: A code or a word that cannot be executed.
         """
         if not block.m and self._is_simple(block):
             if "F" in block.words:
@@ -280,7 +280,7 @@ class Machine:
         return self._stop(block)
 
     def _is_simple(self, block: Block) -> bool:
-        """Whether a line has nothing but a motion and its words, as nearly all lines have."""
+        """True if a line has only a motion and its words, as nearly all lines."""
         g = block.g
         return (
             (not g or (len(g) == 1 and g[0] in SIMPLE_CODES))
@@ -289,7 +289,7 @@ class Machine:
         )
 
     def _refuse_two_users(self, block: Block) -> None:
-        """A word P that may belong to two codes of its line."""
+        """Refuse a word P that may belong to two codes of its line."""
         users = [codes.g_name(x) for x in (codes.DWELL, codes.BLEND) if x in block.g]
         if self._turns_on(block):
             users.append("the arc")
@@ -297,7 +297,7 @@ class Machine:
             raise Fault(f"the word P, which may belong to {' or '.join(users)}: write two lines")
 
     def _turns_on(self, block: Block) -> bool:
-        """Whether a line asks for an arc."""
+        """True if a line draws an arc."""
         explicit = block.motion
         if explicit is not None:
             return explicit in codes.ARCS
@@ -356,7 +356,7 @@ class Machine:
                 self._compensate_length(block, code)
 
     def _compensate_radius(self, block: Block) -> None:
-        """G41, G42: the tool beside the contour from the next move on."""
+        """G41, G42: offset the tool from the contour, starting with the next move."""
         code = next((x for x in block.g if x in codes.COMPENSATION), None)
         if code is None:
             return
@@ -370,7 +370,7 @@ class Machine:
         self.compensation.start(code, offset)
 
     def _diameter(self, block: Block, code: int) -> float:
-        """The tool's diameter for G41 or G42 of a line [m]; takes its words from the line."""
+        """The tool's diameter for G41 or G42 of a line [m]; removes its words from the line."""
         in_spindle = self.switches.tool
         name, word = codes.g_name(code), block.words.pop("D", None)
         if code in codes.BY_DIAMETER:
@@ -395,7 +395,7 @@ class Machine:
         return self.tools[number]
 
     def _compensate_length(self, block: Block, code: int) -> None:
-        """G43: the programmed point is the tip of the tool, as a calibrated tool has it anyway."""
+        """G43: the programmed point is the tip of the tool, as for a calibrated tool."""
         block.words.pop("H", None)
         if code != codes.TOOL_LENGTH[-1]:
             self.notes.once(
@@ -417,7 +417,7 @@ class Machine:
         return largest * self.modes.unit
 
     def _move_once(self, block: Block) -> bool:
-        """Codes that take the coordinates of their line for themselves; whether there is one."""
+        """Execute a code that uses the coordinates of its line; returns False if there is none."""
         g = block.g
         for code in codes.OWN_THE_LINE.intersection(g):
             self.compensation.refuse(codes.g_name(code))
@@ -492,7 +492,7 @@ class Machine:
         block.drop(AXES)
 
     def _travel(self, block: Block, feeds: bool) -> None:
-        """Moves the tool; `feeds` is true if it feeds material."""
+        """Move the tool; `feeds` is true if the move feeds material."""
         motion, target = self.modes.motion, self.tool.target(block)
         if motion == codes.RAPID:
             self.tool.go(target)
@@ -501,7 +501,7 @@ class Machine:
         elif not feeds and self.tool.lost and self.dialect.printer:
             self.tool.pass_by(target)
         elif not feeds and not self.draft.begun and self.dialect.extrudes:
-            # Nothing is printed yet: the tool only goes to where the print begins.
+            # Before the first extrusion the tool only moves to the start of the print.
             self.notes.once(
                 "Feed moves before the first extrusion, first in line {}, are read as rapids: the "
                 "program begins where material flows."
@@ -521,7 +521,7 @@ class Machine:
         return True
 
     def finish(self) -> None:
-        """The end of the program, which ends compensation too."""
+        """End the program, and with it the compensation."""
         self.compensation.stop()
 
 

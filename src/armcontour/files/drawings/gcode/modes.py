@@ -21,31 +21,31 @@ from armcontour.program.moves import Value
 
 
 class Offsets:
-    """The coordinate system in force and the shift of G92; lengths in metres."""
+    """The active coordinate system and the shift of G92; lengths in metres."""
 
     def __init__(self) -> None:
         self.system = codes.SYSTEMS[0]
         # The coordinate system of the drawing: the first one with a coordinate or a feed move.
         self.used: int | None = None
-        # From the program to the drawing; None on axes where G92 was taken back that said where
-        # the tool is.
+        # From the program to the drawing; None on axes where a G92 was cancelled that defined the
+        # position of the tool.
         self.shift: list[float | None] = [0.0] * 3
-        # Axes on which the tool is known to be somewhere in the drawing.
+        # Axes on which the position of the tool in the drawing is known.
         self.placed = [False] * 3
-        # Axes on which G92 said where the tool is.
+        # Axes on which G92 defined the position of the tool.
         self.named = [False] * 3
 
     @property
     def plain(self) -> bool:
-        """Whether coordinates of the drawing are those of the program and a known shift."""
+        """True if coordinates of the drawing are those of the program plus a known shift."""
         return self.system == self.used and all(self.placed) and None not in self.shift
 
     def to_drawing(self, coordinates: dict[int, float], position: list[float]) -> list[float]:
         """A point of the drawing from absolute coordinates of the program.
 
         Args:
-            coordinates: Coordinates by their axis; on axes left out the tool stays.
-            position: Where the tool is in the drawing.
+            coordinates: Coordinates by their axis; the tool keeps its position on other axes.
+            position: Position of the tool in the drawing.
 
         Raises:
             Fault: A second coordinate system, or a shift that is not known.
@@ -64,15 +64,15 @@ class Offsets:
         return point
 
     def place(self) -> None:
-        """The tool starts to work: where it is on every axis counts from now on."""
+        """Fix the coordinate system of the drawing at the start of a feed move."""
         if not all(self.placed):
             self.used = self.used or self.system
             self.placed = [True] * 3
 
     def set_position(self, values: dict[int, float], position: list[float]) -> None:
-        """G92: the tool is at these coordinates, by a shift.
+        """G92: assign coordinates to the position of the tool, by a shift.
 
-        Where nothing said yet where the tool is, these coordinates say it.
+        If the position of the tool is unknown, these coordinates define it.
         """
         for i, value in values.items():
             if self.placed[i]:
@@ -82,11 +82,11 @@ class Offsets:
         self._use(values)
 
     def clear(self) -> None:
-        """G92.1, G92.2: no shift any more."""
+        """G92.1, G92.2: cancel the shift."""
         self.shift = [None if x else 0.0 for x in self.named]
 
     def _use(self, axes: dict[int, float]) -> None:
-        """The tool's place on some axes is given in the coordinate system in force."""
+        """Mark axes as defined in the active coordinate system."""
         if not axes:
             return
         self.used = self.used or self.system
@@ -104,25 +104,25 @@ class Offsets:
 
 # Largest feed rate [m/s].
 FASTEST = 1e6
-# Units this near are one [relative].
+# Units that differ by less are equal [relative].
 SAME = 1e-9
 
 
 @dataclasses.dataclass(slots=True)
 class Modes:
-    """What is in force.
+    """Modal state: units, plane, distance mode, motion and feed.
 
     Attributes:
         unit: Length of the program's unit [m].
-        stated: Whether the file or the reading said the unit.
+        stated: Whether the file or the options give the unit.
         plane: Code of the plane of arcs and cycles.
         absolute: Whether coordinates are absolute (G90).
         arc_absolute: Whether centres of arcs are absolute (G90.1).
-        motion: Code of the motion in force, None after G80.
-        tolerance: Largest corner error [m], NaN for none of its own.
+        motion: Code of the active motion, None after G80.
+        tolerance: Largest corner error [m], NaN if not specified.
         return_to_r: Whether cycles return to R (G99) and not to their first height (G98).
-        inverse_time: Whether F is one over the minutes of a move (G93) and not per minute (G94).
-        feed: F [m/s], under G93 [1/min]; None where none is in force.
+        inverse_time: Whether F is the inverse of a move's minutes (G93), not a rate (G94).
+        feed: F [m/s], under G93 [1/min]; None if no feed is active.
         feed_given: Whether the file has given an F.
     """
 
@@ -140,11 +140,11 @@ class Modes:
 
     @property
     def inch(self) -> bool:
-        """Whether tolerances of programs in inches hold."""
+        """True if tolerances for programs in inches apply."""
         return self.unit == INCH
 
     def set_feed(self, block: Block) -> None:
-        """Takes feed mode and F from a line.
+        """Take feed mode and F from a line.
 
         Raises:
             Fault: F below zero or too large.
@@ -154,7 +154,7 @@ class Modes:
                 self.inverse_time, self.feed = inverse_time, None
         value = block.words.pop("F", None)
         if self.inverse_time:
-            # It holds for the moves of its own line only.
+            # It is valid for the moves of its line only.
             self.feed = value
             if value is not None and value < 0:
                 raise Fault(f"F{value:g} under G93, which must not be negative")
@@ -163,11 +163,11 @@ class Modes:
         self.feed_given = self.feed_given or value is not None
 
     def feed_per_minute(self, value: float) -> None:
-        """Takes F of a line that has nothing else but coordinates, under G94."""
+        """Set F of a line with only coordinates, under G94."""
         self.feed = _in_metres(value, self.unit)
 
     def speed_of(self, length: float) -> float:
-        """The speed of a feed move [m/s]; NaN where the file gives none.
+        """The speed of a feed move [m/s]; NaN if the file gives none.
 
         Args:
             length: Length of the move [m].
@@ -193,10 +193,10 @@ class Modes:
         return feed
 
     def _unit_for(self, block: Block) -> float:
-        """The unit that F on a line is in.
+        """The unit of length of F on a line [m].
 
-        On the line that changes the unit, some machines read F in the old unit and some in the new.
-        Where no unit was stated before there is only the new one.
+        On a line that changes the unit, machines read F in the old or in the new unit.
+        If no unit was stated before, only the new one is possible.
         """
         unit = unit_of(block)
         if unit is None or abs(unit - self.unit) <= SAME * self.unit:
@@ -210,7 +210,7 @@ class Modes:
 
 
 def unit_of(block: Block) -> float | None:
-    """The unit that a line changes to [m]."""
+    """The unit that a line selects [m]; None if it selects none."""
     if codes.INCH in block.g:
         return INCH
     return MILLIMETRE if codes.MILLIMETRE in block.g else None
@@ -236,10 +236,10 @@ TOOL_CHANGE = 6
 
 
 class Switches:
-    """The states of what is switched; a change of one is an event.
+    """States of spindle, coolant, tool and outputs; a change is an event.
 
     Args:
-        draft: What takes the events.
+        draft: Receives the events.
         dialect: Properties of the whole program.
     """
 
@@ -250,7 +250,7 @@ class Switches:
         self.tool = 0
 
     def apply(self, block: Block) -> None:
-        """What a line switches, in the order of the manual; takes its words from the line.
+        """Switch outputs by a line, in the order of the manual; removes its words from the line.
 
         Raises:
             Fault: A speed below zero, a tool or an output that has no number.
@@ -285,7 +285,7 @@ class Switches:
             self._change_tool()
 
     def _change_tool(self) -> None:
-        """The tool comes to rest, and is another one."""
+        """Stop for a tool change."""
         self.draft.refuse("another tool")
         self.draft.rest()
         value: Value = True if self.selected is None else float(self.selected)
@@ -295,13 +295,13 @@ class Switches:
             self.states["tool"] = value
 
     def switch_off(self) -> None:
-        """What M2 and M30 do besides: M5 and M9 (LinuxCNC manual, M Codes, "M2, M30")."""
+        """Switch off at M2 and M30, as M5 and M9 do (LinuxCNC manual, M Codes, "M2, M30")."""
         for name in ("extruder", "spindle", "coolant"):
             if self.states.get(name):
                 self.set(name, False)
 
     def set(self, name: str, value: Value) -> None:
-        """Switches something, if it is not so already."""
+        """Set a state; records an event if it changes."""
         if name not in self.states or self.states[name] != value:
             self.draft.event(name, value)
             self.states[name] = value
@@ -311,19 +311,19 @@ class Extruder:
     """E of printers and glue guns: on along moves that feed material, off along all others.
 
     Args:
-        switches: What takes the events.
+        switches: Receives the events.
     """
 
     def __init__(self, switches: Switches) -> None:
         self.switches = switches
         self.absolute = True
         self.position = 0.0
-        # Whether M83 is in force, and since then G90.
+        # True if M83 is active, and if G90 followed it.
         self.stated = self.g90_ignored = False
 
     @property
     def active(self) -> bool:
-        """Whether material is fed."""
+        """True if material is fed."""
         return bool(self.switches.states.get("extruder"))
 
     def set_mode(self, block: Block) -> None:
@@ -337,7 +337,7 @@ class Extruder:
             self.absolute = not self.stated
 
     def advance(self, block: Block, notes: Notes) -> float:
-        """Takes E from a line; returns how much material it feeds, in the program's unit."""
+        """Take E from a line; returns the length of fed material, in the program's unit."""
         value = block.words.pop("E", None)
         if value is None:
             return 0.0
@@ -351,11 +351,11 @@ class Extruder:
         return fed
 
     def feed_alone(self, length: float, speed: float) -> None:
-        """Material is fed while the tool rests: primed, or retracted.
+        """Feed material while the tool rests, to prime or to retract.
 
         Args:
             length: Length of material, negative if it is retracted [m].
-            speed: Its speed [m/s]; the time is 0 where the file gives none.
+            speed: Its speed [m/s]; the time is 0 if the file gives none.
         """
         draft = self.switches.draft
         self.switch(False)
@@ -366,7 +366,7 @@ class Extruder:
             draft.dwell(abs(length) / speed)
 
     def switch(self, feeds: bool) -> None:
-        """Material flows or not along the next move."""
+        """Set whether material is fed along the next move."""
         if feeds or self.active:
             self.switches.set("extruder", feeds)
 

@@ -22,7 +22,7 @@ from armcontour.files.drawings.gcode.words import WHOLE, Block, Fault, Notes, wh
 
 # Largest coordinate [m]: beyond it a double does not resolve a nanometre.
 FARTHEST = 1e6
-# Heights this near are one [m].
+# Heights that differ by less are equal [m].
 CLOSE = 1e-9
 
 UNKNOWN = (
@@ -33,12 +33,12 @@ UNKNOWN = (
 
 
 class ToolMotion:
-    """Where the tool is in the drawing, and its moves from there.
+    """Position of the tool in the drawing, and its moves.
 
     Args:
-        draft: What takes the moves.
-        notes: Takes notes, and has the line.
-        modes: What is in force.
+        draft: Receives the moves.
+        notes: Receives notes, and has the line.
+        modes: The modal state.
         offsets: From the program to the drawing.
         chord_tolerance: Largest distance between a helix and its chords [m].
     """
@@ -54,16 +54,16 @@ class ToolMotion:
         self.draft, self.notes, self.modes, self.offsets = draft, notes, modes, offsets
         self.chord_tolerance = chord_tolerance
         self.position = [0.0, 0.0, 0.0]
-        # Axes on which the tool went to a place that the file does not give.
+        # Axes on which the tool moved to a position that the file does not define.
         self.lost: set[int] = set()
-        # Whether the last drafted move ends somewhere else than where the tool is now.
+        # True if the last drafted move does not end at the tool's current position.
         self.away = False
 
     def target(self, block: Block) -> list[float]:
-        """Where the coordinates of a line lead, in the drawing.
+        """Target of the coordinates of a line, in the drawing [m].
 
         Raises:
-            Fault: Too far, or in a coordinate system whose place is not known.
+            Fault: A coordinate is too large, or its coordinate system has an unknown position.
         """
         words, unit = block.words, self.modes.unit
         coordinates = {i: words[x] * unit for i, x in enumerate(AXES) if x in words}
@@ -112,10 +112,10 @@ class ToolMotion:
             self.draft.resume_at(self.position)
 
     def lose(self, name: str, axes: set[int]) -> None:
-        """The tool goes where the file does not say, on some axes: it comes to rest before.
+        """Move some axes to a position that the file does not define, after a stop.
 
-        The program goes on from the next point that the file gives. Before the first contour the
-        tool is at zero of the program, as where nothing is given.
+        The program continues at the next point that the file defines. Before the first contour the
+        tool is at zero of the program.
         """
         self.notes.count(name, UNKNOWN)
         self.draft.rest()
@@ -128,9 +128,9 @@ class ToolMotion:
         self.draft.resume_at(self.position)
 
     def go_to_reference(self, block: Block, code: int) -> None:
-        """G28, G30: by the point of the line's coordinates to the reference position.
+        """G28, G30: move through the point of the line to the reference position.
 
-        Without coordinates all axes go there, otherwise those that the line names.
+        Without coordinates all axes move there, otherwise the axes of the line.
         """
         words = block.words
         words.pop("P", None)
@@ -155,7 +155,7 @@ class ToolMotion:
         self.lose("G53", axes)
 
     def pass_by(self, target: list[float]) -> None:
-        """A feed move to a point of which the file does not give all axes; it draws nothing."""
+        """Make a feed move from an undefined position, which is not drawn."""
         self.position[:] = target
         self.notes.count("G1 from there", UNKNOWN)
 
@@ -186,7 +186,7 @@ class ToolMotion:
             )
 
     def arc(self, block: Block, target: list[float]) -> None:
-        """An arc or a helix of the plane in force; takes its words from the line."""
+        """Add an arc or a helix in the active plane; removes its words from the line."""
         self._refuse_lost()
         self.offsets.place()
         modes = self.modes
@@ -239,7 +239,7 @@ class ToolMotion:
 
 
 def turns_of(block: Block) -> int:
-    """P, the number of turns begun; takes it from the line.
+    """P, the number of turns begun; removes it from the line.
 
     Raises:
         Fault: Not a whole number from 1.
@@ -252,10 +252,10 @@ def turns_of(block: Block) -> int:
 
 
 def by_radius(block: Block, plane: int) -> bool:
-    """Whether the arc is given by its radius.
+    """True if the arc is given by its radius.
 
     Raises:
-        Fault: And by its centre too, or without an end.
+        Fault: The arc also has a centre, or has no end.
     """
     words = block.words
     if "R" not in words:
@@ -278,7 +278,7 @@ def center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
     words = block.words
     a, b, c = PLANES[plane]
     both = f"{OFFSETS[min(a, b)]} and {OFFSETS[max(a, b)]}"
-    # Posts for three axes write all three offsets: one of zero across the plane says nothing.
+    # Posts for three axes write all three offsets; a zero normal to the plane is ignored.
     if words.get(OFFSETS[c], 0.0) != 0:
         raise Fault(
             f"the word {OFFSETS[c]} for an arc in the plane {codes.g_name(plane)}, whose centre is "
@@ -295,27 +295,27 @@ def center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
     return OFFSETS[a], OFFSETS[b]
 
 
-# How far above the last depth a rapid of a peck cycle stops [m]: 0.254 mm, 0.010 inch.
+# Clearance above the last depth at which a rapid of a peck cycle stops [m] (0.010 inch).
 CLEARANCE = 0.254e-3
-# One line can ask for any number of holes and pecks; so many contours take half a gigabyte.
+# One line can request any number of holes and pecks; this many contours take half a gigabyte.
 MOST_PECKS = 100_000
-# Words that hold until another one, as long as the same cycle is in force.
+# Words that stay valid while the same cycle is active.
 STICKY = "RQP"
 
 
 class Cycles:
-    """The cycle in force, with its words, and its moves.
+    """The active drilling cycle, its words and its moves.
 
     Args:
-        tool: What moves.
-        modes: What is in force.
+        tool: The tool.
+        modes: The modal state.
     """
 
     def __init__(self, tool: ToolMotion, modes: Modes) -> None:
         self.tool, self.modes = tool, modes
         self.code: int | None = None
         self.sticky: dict[str, float] = {}
-        # Axis and height at which the series began: the one initial level of all its lines.
+        # Axis and height at which the series began: the initial level of all its lines.
         self.level: tuple[int, float] | None = None
         self.made = 0
 
@@ -324,10 +324,10 @@ class Cycles:
         self.code = self.level = None
 
     def run(self, block: Block) -> None:
-        """The cycle in force at the places of a line; takes its words from the line.
+        """Run the active cycle at the positions of a line; removes its words from the line.
 
         Raises:
-            Fault: Words that are missing or make no cycle.
+            Fault: Words are missing or invalid.
         """
         code = self.modes.motion
         assert code is not None
@@ -375,7 +375,7 @@ class Cycles:
             self._rise(c, clear)
 
     def _take_sticky_words(self, block: Block, code: int, height: str) -> None:
-        """Takes from a line the words that hold for the next lines too."""
+        """Take from a line the words that are also valid for the next lines."""
         if code != self.code:
             self.code, self.sticky = code, {}
         for letter in (*STICKY, height):

@@ -1,4 +1,4 @@
-"""Reading G-code: lines, the frame of percent signs, and the end of the program."""
+"""Reader of G-code: lines, percent signs, and the end of the program."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from armcontour.files.drawings.gcode.words import LONGEST_LINE, Fault, dialect_o
 from armcontour.files.drawings.read_options import ReadOptions, Tell, repair, tell_share
 from armcontour.program import Program
 
-# A line of nothing but coordinates and feed, as nearly all lines of long programs are. Whatever it
-# does not match is taken apart word by word, to the same effect.
+# A line with only coordinates and feed, as nearly all lines of long programs. Other lines are
+# parsed word by word.
 _NUMBER = r"([+-]?(?:[0-9]{1,6}(?:\.[0-9]{0,12})?|\.[0-9]{1,12})) ?"
 PLAIN = re.compile(
     r"(?:N[0-9]{1,9} ?)?(?:G0?1 ?)?"
@@ -28,7 +28,7 @@ PROGRAM_NUMBER = re.compile(r":[0-9]+ *(?:\([^()]*\))?")
 MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM](11[578]|486)(?![0-9])")
 # Macros of Klipper and similar firmware: START_PRINT BED_TEMP=60.
 MACRO = re.compile(r"[ \t]*([A-Za-z]{2,}[0-9]*_\w+|[A-Za-z]{2,}(?=[ \t]+[A-Za-z]{2,}\w*=))")
-# Macros that place the moves after them elsewhere.
+# Macros that shift the moves after them.
 SHIFTING = ("SET_GCODE_OFFSET", "SET_KINEMATIC_POSITION", "RESTORE_GCODE_STATE")
 # Comments of slicers: a layer, with its number or without, and the type of what follows.
 SLICER = re.compile(
@@ -51,13 +51,12 @@ def read_gcode(
     Args:
         data: Content of the file.
         source: Name of the file.
-        options: How to read it; its unit holds until G20 or G21, millimetres by default.
+        options: Options of the reader; its unit is valid until G20 or G21, mm by default.
         progress: Called from time to time with the name of the source and the share of it that is
             read.
 
     Raises:
-        InvalidInput: Something that cannot be read or carried out, with its line; `index` is the
-            line's, from 0.
+        InvalidInput: A line cannot be read or executed; `index` is the index of the line, from 0.
     """
     lines = _lines(data, source)
     machine = Machine(options, dialect_of(lines))
@@ -86,21 +85,21 @@ def _lines(data: bytes, source: str) -> list[str]:
 
 
 class _Runner:
-    """Carries out the lines of a program in their order.
+    """Executes the lines of a program in their order.
 
     Args:
         lines: All lines of the file.
         source: Name of the file.
-        machine: What the lines are carried out by.
+        machine: The machine that executes the lines.
     """
 
     def __init__(self, lines: list[str], source: str, machine: Machine) -> None:
         self.lines, self.source, self.machine = lines, source, machine
-        # Whether a percent sign opened the program, a word was read, and the program has ended.
+        # True if a percent sign opened the program, a word was read, the program has ended.
         self.framed = self.has_words = self.ended = False
 
     def run(self, tell: Tell) -> None:
-        """Carries out all lines up to the end of the program."""
+        """Execute all lines up to the end of the program."""
         machine, notes, lines = self.machine, self.machine.notes, self.lines
         plain = machine.ready()
         try:
@@ -133,7 +132,7 @@ class _Runner:
             )
 
     def _run_line(self, line: str) -> None:
-        """Carries out a line."""
+        """Execute a line."""
         machine = self.machine
         if len(line) > LONGEST_LINE:
             raise Fault(
@@ -156,7 +155,7 @@ class _Runner:
             self.ended = machine.execute(block)
 
     def _is_text(self, line: str) -> bool:
-        """Whether a line is a message or a macro of a printer, which is skipped with a note."""
+        """Skip a message or a macro of a printer, with a note; returns False for other lines."""
         match = MESSAGE.match(line)
         name = match and f"M{match[1]}"
         if match is None and (match := MACRO.match(line)) is not None:

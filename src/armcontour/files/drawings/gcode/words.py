@@ -26,12 +26,12 @@ MOST_KINDS = 12
 
 
 class Fault(Exception):
-    """What is wrong with a line, as the second half of a sentence that names the line.
+    """An error in a line; the text completes a sentence that names the line.
 
     Args:
         text: The words, with `{}` in place of each length.
-        lengths: The lengths [m], which are told in the unit of the program.
-        line: The line, if it is not the one that is carried out.
+        lengths: The lengths [m], which are written in the unit of the program.
+        line: The line, if it is not the current one.
     """
 
     def __init__(self, text: str, *lengths: float, line: int = 0) -> None:
@@ -48,7 +48,7 @@ class Fault(Exception):
 
 
 class Notes:
-    """Notes on what was left out and how lines are read, with the line that is carried out."""
+    """Notes on skipped content and on the interpretation of lines, with the current line."""
 
     def __init__(self) -> None:
         self.line = 0
@@ -57,11 +57,11 @@ class Notes:
         self.firsts: dict[str, int] = {}
 
     def count(self, kind: str, sentence: str = IDLE) -> None:
-        """Note that something was left out; `{}` in the sentence stands for all kinds."""
+        """Count a skipped item; `{}` in the sentence is replaced by all kinds."""
         self.counts.setdefault(sentence, {}).setdefault(kind, [0, self.line])[0] += 1
 
     def once(self, sentence: str) -> None:
-        """Note how the line is read; `{}` in the sentence stands for the first such line."""
+        """Note how lines are read; `{}` in the sentence is replaced by the first such line."""
         self.firsts.setdefault(sentence, self.line)
 
     def sentences(self) -> list[str]:
@@ -80,28 +80,28 @@ class Notes:
         return counted + [sentence.format(line) for sentence, line in self.firsts.items()]
 
 
-# Seventeen digits tell all doubles apart; twice as many are no measure of anything.
+# Seventeen digits distinguish all doubles; longer numbers are not meaningful.
 MOST_CHARACTERS = 34
-# Largest value of a word, whatever it means; coordinates have a limit of their own.
+# Largest value of any word; coordinates have a separate limit.
 LARGEST_VALUE = 1e9
 # A program has lines of some ten characters, and comments of some hundred.
 LONGEST_LINE = 65_536
-# So many characters of what is refused are shown.
+# Number of characters of refused text in messages.
 SHOWN = 30
 # Smaller M codes have no decimals.
 FIRST_WITH_DECIMALS = 100
-# A value that is to be a whole number is one this near to it (LinuxCNC manual, "Numbers").
+# A value this near to a whole number is whole (LinuxCNC manual, "Numbers").
 WHOLE = 1e-4
 
 TOKEN = re.compile(r"([A-Z])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|\([^()]*\)|;.*", re.DOTALL)
 EXPONENT = re.compile(r"[0-9.][eE]")
 COMMENTS = re.compile(r"\([^()]*\)|;.*", re.DOTALL)
-# The start of an O word, and one that only names the program.
+# The start of an O word, and an O word that is a program number.
 O_WORD = re.compile(r"(?:N[0-9]+)?O")
 PROGRAM_NUMBER = re.compile(r"(?:N[0-9]+)?O[0-9]+(?:\.0*)?")
 # Flow control of Fanuc.
 FANUC_FLOW = re.compile(r"IF|WHILE|GOTO|END|DO|ELSE|THEN")
-# What is computed, or a word with such a value: #1=2, X#1, Y-[2*#1], ZSIN[30].
+# Expressions, and words with expressions as values: #1=2, X#1, Y-[2*#1], ZSIN[30].
 COMPUTED = re.compile(r"[A-Z]?[-+]*(?:#|[A-Z]*\[)")
 # Letters without a value, and text, which 3D printers have: G28 X Y, M84 X Y E, M862.3 P "MK3S".
 BARE = re.compile(r"[A-Z](?=[A-Z(;\"]|$)")
@@ -110,7 +110,7 @@ TEXT = re.compile(r'"[^"]*"')
 LASER = frozenset({3, 4, 5})
 # The sum of bytes that senders of 3D printers add to numbered lines: "N3 T0*57".
 CHECKSUM = re.compile(r"^(N[0-9]+[^;(*]*)\*[0-9]+(?=;|$)")
-# Spaces may stand anywhere, and case means nothing (LinuxCNC manual, "Format of a line").
+# Spaces are allowed anywhere, and case is ignored (LinuxCNC manual, "Format of a line").
 COMPACT = str.maketrans(
     {c: None for c in " \t\r\n"} | {chr(i): chr(i - 32) for i in range(ord("a"), ord("z") + 1)}
 )
@@ -129,7 +129,7 @@ class Block:
         m: M codes.
         motion: The code of the group for motion.
         words: Values of all other letters, in their order; NaN of those without a value.
-        before_m: How many of the words come before the first M code.
+        before_m: Number of words before the first M code.
     """
 
     __slots__ = ("before_m", "g", "m", "motion", "words")
@@ -151,7 +151,7 @@ def parse(line: str) -> Block:
     """The words of a line.
 
     Raises:
-        Fault: Something that is no word or comment, or words that exclude each other.
+        Fault: Text that is no word or comment, or words that exclude each other.
     """
     text = line.translate(COMPACT)
     block = Block()
@@ -178,7 +178,7 @@ def parse(line: str) -> Block:
 
 
 def _refuse_flow(line: str) -> None:
-    """Refuses an O word that is more than the number of a program."""
+    """Refuse an O word that is not the number of a program."""
     text = COMMENTS.sub("", line)
     if PROGRAM_NUMBER.fullmatch(text.translate(COMPACT)) is None:
         shown = " ".join(text.split())[:SHOWN]
@@ -186,7 +186,7 @@ def _refuse_flow(line: str) -> None:
 
 
 def _read_other(block: Block, text: str, position: int) -> int:
-    """A letter without a value, or text; returns where it ends."""
+    """Read a letter without a value, or text; returns its end."""
     # As Marlin marks power that changes with moves: M3 S20 I.
     if text[position] == "I" and not LASER.isdisjoint(block.m) and BARE.match(text, position):
         _add_word(block, "I", math.nan)
@@ -269,7 +269,7 @@ def _refuse_two(first: str, second: str, group: str | None) -> None:
 
 
 def whole(value: float, word: str) -> int:
-    """A value that has to be a whole number.
+    """Convert a value that must be a whole number.
 
     Raises:
         Fault: It is not.
@@ -280,7 +280,7 @@ def whole(value: float, word: str) -> int:
 
 
 def _explain_syntax(text: str, position: int) -> str:
-    """Why no word or comment starts there."""
+    """The reason why no word or comment starts at a position."""
     character = text[position]
     if FANUC_FLOW.match(text, position) is not None:
         return (
@@ -338,7 +338,7 @@ def dialect_of(lines: list[str]) -> Dialect:
 
 
 def _has(pattern: re.Pattern[str], lines: Iterable[str]) -> bool:
-    """Whether a pattern occurs in a line, outside of comments."""
+    """True if a pattern occurs in a line outside of comments."""
     return any(
         pattern.search(COMMENTS.sub("", x)) is not None for x in lines if len(x) <= LONGEST_LINE
     )
