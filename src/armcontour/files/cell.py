@@ -40,9 +40,6 @@ def cell_names() -> tuple[str, ...]:
 def cell_text(name: str) -> str:
     """The text of a built-in cell: a job file without a path, with comments.
 
-    Args:
-        name: Name of the cell, which is that of its arm.
-
     Raises:
         InvalidInput: No such cell.
     """
@@ -90,10 +87,6 @@ def read_cell(
 def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
     """Read the arm of a cell, or of a job file, with its tool, work frame and payload.
 
-    Args:
-        cell: Name of a built-in cell, or a job file; it needs no path.
-        trust_xacro: As in `read_job`.
-
     Raises:
         InvalidInput: No such cell or file, or an invalid key.
     """
@@ -105,10 +98,6 @@ def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
 
 def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple[Arm | None, Scene]:
     """Read the arm and the scene of a cell, or of a job file, of which other keys may be missing.
-
-    Args:
-        cell: Name of a built-in cell, or a job file.
-        trust_xacro: As in `read_job`.
 
     Returns:
         The arm, or None if the file has none; and the scene, empty without the key `scene`.
@@ -133,11 +122,6 @@ def cell_data(
 ) -> tuple[dict[str, Any], str, FilePath]:
     """A cell and a drawing as the data of a job file.
 
-    Args:
-        cell: As in `read_cell`.
-        drawing: The file of the drawing.
-        patch: As in `read_cell`.
-
     Returns:
         The data, the name of the cell for messages, and the folder of its relative files.
 
@@ -153,11 +137,6 @@ def cell_data(
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
     """A cell and a drawing as the text of a job file, with the comments of the cell.
-
-    Args:
-        cell: As in `read_cell`.
-        drawing: The file of the drawing.
-        to: The folder of the job file, to which the names of files are relative.
 
     Raises:
         InvalidInput: As `cell_data`.

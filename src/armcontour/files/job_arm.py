@@ -31,11 +31,6 @@ ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS, *MJCF)
 def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False) -> Arm:
     """Load the arm of a job, with its tool, work frame and payload.
 
-    Args:
-        model: The value of the key `arm`.
-        folder: Folder of the job file; files of the arm are relative to this folder.
-        trust_xacro: Whether a .xacro file may be expanded; no key of a job can allow this.
-
     Raises:
         InvalidInput: No such arm, or keys that do not go together.
     """
@@ -94,10 +89,6 @@ def frame_of(key: str, model: FrameModel) -> Frame:
 
 def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
     """The key `arm` of a job, with the tool of its tool table that its contours use.
-
-    Args:
-        model: The keys of the job.
-        drawn: The path or program of its key `path`.
 
     Raises:
         InvalidInput: A tool that the table does not have, or several different tools.

@@ -54,11 +54,6 @@ class Change:
 def change_text(text: str, changes: Sequence[Change], source: str = "job") -> str:
     """A YAML text with some keys changed; all other lines stay as they were written.
 
-    Args:
-        text: The text; a mapping.
-        changes: The changes, one after the other.
-        source: Name of the text in messages.
-
     Raises:
         InvalidInput: Not YAML, a position that its list does not have, or a key that cannot be
             changed separately, because an alias repeats it or refers to it.
@@ -196,12 +191,7 @@ def key_in(sentence: str) -> str:
 
 
 def line_of(text: str, sentence: str) -> int | None:
-    """The line of a job file, from 1, to which an error message refers by its keys; None without.
-
-    Args:
-        text: The text of the job file.
-        sentence: The message, such as "job.yaml: limits.speed: must be above 0".
-    """
+    """The line of a job file, from 1, to which an error message refers; None if it names no key."""
     node, line = yaml.compose(text, Loader=Loader), None
     for key in key_in(sentence).split("."):
         if not isinstance(node, yaml.MappingNode):

@@ -134,11 +134,6 @@ def read_data(text: str, source: str) -> dict[str, Any]:
 def model_of(kind: type[Model], data: Mapping[str, Any], source: str) -> Model:
     """Check the keys of a job.
 
-    Args:
-        kind: JobModel, or CellModel for a job without a path.
-        data: The data of a job file.
-        source: Name of the file in messages.
-
     Raises:
         InvalidInput: An unknown key, or an invalid value.
     """
@@ -163,13 +158,6 @@ def job_of(
 ) -> Job:
     """Make the job of a job file; reads its arm and its drawing.
 
-    Args:
-        model: The keys of the file.
-        folder: Folder of relative file names.
-        reading: As in `read_job`.
-        trust_xacro: As in `read_job`.
-        drawing: The drawing, if it was read before.
-
     Raises:
         InvalidInput: Values that do not make a job.
     """
@@ -186,13 +174,6 @@ def parts_of(
     drawing: Program | None = None,
 ) -> tuple[Arm, Path | Program, Scene | None]:
     """Make the parts of a job that need other files: its arm, its path and its scene.
-
-    Args:
-        model: The keys of the file.
-        folder: Folder of relative file names.
-        reading: As in `read_job`.
-        trust_xacro: As in `read_job`.
-        drawing: The drawing, if it was read before.
 
     Raises:
         InvalidInput: Files or values that do not make them.
@@ -220,12 +201,6 @@ def _start(start: list[float] | dict[str, float], arm: Arm) -> FloatArray:
 
 def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
     """Make the job of a job file from its keys and its arm, path and scene.
-
-    Args:
-        model: The keys of the file.
-        arm: The arm of its key `arm`.
-        drawn: The path of its key `path`.
-        scene: The scene of its key `scene`.
 
     Raises:
         InvalidInput: Values that do not make a job.

@@ -44,13 +44,6 @@ def path_of(
 ) -> Path | Program:
     """The objective path of a job, or its program, with the tool orientation if the job gives one.
 
-    Args:
-        model: The key `path` of the job.
-        folder: Folder of relative file names.
-        dimension: Dimension of the arm's tool motion, 2 or 3; for 3 drawings are lifted to space.
-        progress: Called while a file is read.
-        drawing: The result of `read_drawing`; by default the file is read.
-
     Raises:
         InvalidInput: Keys that do not go together, or values that make no path.
     """
@@ -66,13 +59,6 @@ def unplaced_path(
     drawing: Program | None = None,
 ) -> Path | Program:
     """The path or program before its frame places it; unchanged if only the part moves.
-
-    Args:
-        model: As of `path_of`.
-        folder: As of `path_of`.
-        dimension: As of `path_of`.
-        progress: As of `path_of`.
-        drawing: As of `path_of`.
 
     Raises:
         InvalidInput: As of `path_of`.
@@ -97,11 +83,6 @@ def unplaced_path(
 
 def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path | Program:
     """The path or program of `unplaced_path` in its frame.
-
-    Args:
-        model: As of `path_of`.
-        path: The path or program.
-        dimension: As of `path_of`.
 
     Raises:
         InvalidInput: A frame out of the plane in which the arm moves its tool.
@@ -144,12 +125,6 @@ def read_drawing(
     model: PathModel, file: str, folder: FilePath, progress: Progress | None = None
 ) -> Program:
     """The program of a file, by the keys of a job's path that are options for reading it.
-
-    Args:
-        model: The key `path` of the job.
-        file: Its file.
-        folder: Folder of relative file names.
-        progress: Called while the file is read.
 
     Raises:
         InvalidInput: The file cannot be read; the sentence names it.

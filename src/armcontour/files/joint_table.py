@@ -112,13 +112,7 @@ class _Word(NamedTuple):
 def read_joint_title(
     name: str, has_unit: bool, joint_names: Sequence[str] = ()
 ) -> Title[Key] | None:
-    """Read a title without its unit in brackets; None if it is no time and no joint motion.
-
-    Args:
-        name: The title, such as `/joint_states/position[0]` or `target_q_0`.
-        has_unit: Whether a unit in brackets follows; else the name may end with one.
-        joint_names: Names of the joints of the arm, if it is known.
-    """
+    """Read a title without its unit in brackets; None if it is no time and no joint motion."""
     name, joint = _take_joint(name.strip(), joint_names)
     unit = None
     match = None if has_unit else _SUFFIX.fullmatch(name)

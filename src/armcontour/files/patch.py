@@ -109,12 +109,6 @@ def place(keys: Keys, data: Any, run: str | None = None) -> Keys:
 def resolve(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
     """The changes of a job file that a patch makes.
 
-    Args:
-        data: The data of the job file.
-        patch: The values by their keys.
-        run: Name of the run that sees the values; by default the job has them, and all runs that
-            have values of their own.
-
     Raises:
         InvalidInput: A key that the data cannot have, or that no run takes.
     """
@@ -124,11 +118,6 @@ def resolve(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
 def apply(data: Any, patch: Patch, run: str | None = None) -> Any:
     """The data of a job file with the values of a patch; the given data stay as they are.
 
-    Args:
-        data: As of `resolve`.
-        patch: As of `resolve`.
-        run: As of `resolve`.
-
     Raises:
         InvalidInput: As `resolve`.
     """
@@ -137,11 +126,6 @@ def apply(data: Any, patch: Patch, run: str | None = None) -> Any:
 
 def write(text: str, patch: Patch, source: str = "job") -> str:
     """A job file with the values of a patch; its comments stay.
-
-    Args:
-        text: The job file.
-        patch: As of `resolve`.
-        source: Name of the text in messages.
 
     Raises:
         InvalidInput: As `resolve` and `change_text`.

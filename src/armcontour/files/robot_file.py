@@ -76,13 +76,7 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
 def robot_yaml(
     identification: BodyIdentification, arm: str | Mapping[str, str], folder: FilePath
 ) -> str:
-    """The identified arm as an arm file: another arm, with payload, friction and drive inertias.
-
-    Args:
-        identification: The identification.
-        arm: The nominal arm: a built-in name, or `file` with `tip` and the like.
-        folder: Folder of the arm file, to which `file` will be relative.
-    """
+    """The identified arm as an arm file: another arm, with payload, friction and drive inertias."""
     chain = identification.arm.dynamics.chain
     base: Any = arm if isinstance(arm, str) else _relative(arm, folder)
     page: dict[str, Any] = {

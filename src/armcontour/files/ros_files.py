@@ -146,11 +146,6 @@ def _tidy(
 def read_ros_log(file: FilePath, topic: str | None, names: str | None = None) -> TrajectoryFile:
     """Read commands and measured positions from the state of a controller in a bag.
 
-    Args:
-        file: The bag.
-        topic: Its topic; by default the only one of that type.
-        names: New names of the joints, as `rename` takes them.
-
     Raises:
         InvalidInput: No such message, or messages without positions.
     """

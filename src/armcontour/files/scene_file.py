@@ -86,11 +86,6 @@ Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
     """The scene of a job.
 
-    Args:
-        model: The value of the key `scene`.
-        folder: Folder of the job file.
-        part: The frame of the path, in the frame of the arm's paths.
-
     Raises:
         InvalidInput: Values that make no body, or a file that is missing or invalid.
     """
@@ -111,11 +106,6 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
 
 def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
     """The shapes of a tool, which are in the frame of the tip.
-
-    Args:
-        model: The value of the key `shapes` of a tool.
-        folder: Folder of the job file.
-        arm: The arm.
 
     Raises:
         InvalidInput: As in `scene_of`.
@@ -161,11 +151,6 @@ def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
 def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
     """Shapes that a job adds to links of its arm, in the frames of the links.
 
-    Args:
-        model: The value of the key `shapes` of an arm.
-        folder: Folder of the job file.
-        arm: The arm.
-
     Raises:
         InvalidInput: As in `scene_of`, or there is no such link.
     """
@@ -184,10 +169,6 @@ def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[Li
 
 def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
     """The rotation matrix of a model, (3, 3); None if the model gives no rotation.
-
-    Args:
-        key: Key of the model, for messages; empty if these are located already.
-        model: The model.
 
     Raises:
         InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.

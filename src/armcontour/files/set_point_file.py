@@ -128,11 +128,6 @@ def read_taught(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
     the last bit. The file is compared with them, within its printed digits. Set-points of a result
     folder with the plan of the job are valid also if the servo of the job has changed since.
 
-    Args:
-        location: The file `set_points.csv` of a run, or a result folder that has it.
-        job: The job.
-        plan: Plan and set-points of the job's run.
-
     Raises:
         InvalidInput: No such file, or one with other set-points.
     """

@@ -221,9 +221,6 @@ class StoredRun:
     def set_points(self, **options: Any) -> SetPointTable:
         """The table of the set-points.
 
-        Args:
-            options: `arm`, `derivatives` and `tool_motion`, as in `make_table`.
-
         Raises:
             InvalidInput: The file is missing or was changed, or as in `make_table`.
         """
@@ -298,10 +295,6 @@ class StoredRun:
 
 def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
     """Read a run of a result folder.
-
-    Args:
-        folder: Folder of a result.
-        name: Name of the run; not needed if there is one run only.
 
     Raises:
         InvalidInput: No result, no such run, or files that were changed.

@@ -66,10 +66,6 @@ def _registry() -> Any:
 def parse(value: Any, unit: str) -> float:
     """Convert a quantity to a number in `unit`.
 
-    Args:
-        value: A number, which is in `unit` already, or text such as "5 mm".
-        unit: The SI unit of the result, such as "m/s".
-
     Raises:
         ValueError: Neither a number nor text, text without a unit, an unknown unit, or a unit of
             another dimension.
@@ -192,12 +188,7 @@ def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -
 
 
 def unit_of(old: Any, kind: Quantity) -> tuple[str, float]:
-    """The unit in which a quantity is written, and its size in SI units.
-
-    Args:
-        old: The quantity, such as "350 mm", a plain number, or None for the kind's usual unit.
-        kind: The kind of the quantity.
-    """
+    """The unit in which a quantity is written, and its size in SI units."""
     affixes = _written(old, kind)
     if affixes is None:
         return ("" if kind.unit == "1" else kind.unit), 1.0

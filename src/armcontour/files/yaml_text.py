@@ -43,12 +43,7 @@ Dumper.yaml_implicit_resolvers = {
 
 
 def flow_text(value: Any, style: str | None = None) -> str:
-    """A value on one line, in flow style.
-
-    Args:
-        value: The value.
-        style: The quotes of a text, if it is to have some.
-    """
+    """A value on one line, in flow style."""
     quoted = style if isinstance(value, str) else None
     text = yaml.dump(
         [value],

@@ -112,13 +112,6 @@ def read_dxf(
     points have z = 0, the program is in the plane, otherwise in space. A contour is named after
     the handle of its first entity; in a block, the handle of the INSERT comes before.
 
-    Args:
-        data: Content of the file, ASCII or binary.
-        source: Name of the file.
-        options: Settings of the reader.
-        progress: Called from time to time with the name of the source and the share of it that is
-            read.
-
     Raises:
         InvalidInput: The file is not readable as DXF, the unit is not known, an entity is unknown
             and unknown entities are refused, or there is no contour.
@@ -429,11 +422,6 @@ def _is_mesh(entity: Any) -> bool:
 
 def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[str]]:
     """Open the document in a DXF file.
-
-    Args:
-        data: Content of the file, ASCII or binary.
-        source: Name of the file.
-        skip: Whether entities that ezdxf cannot read are skipped.
 
     Returns:
         ezdxf's document, and a sentence on the damage if the file had to be repaired.

@@ -69,12 +69,7 @@ Tell = Callable[[float], None]
 
 
 def tell_share(progress: Progress | None, source: str) -> Tell:
-    """A function that reports the fraction of a file that is read, in whole percents.
-
-    Args:
-        progress: Called with the steps; None ignores them.
-        source: Name of the file.
-    """
+    """A function that reports the fraction of a file that is read, in whole percents."""
     if progress is None:
         return lambda share: None
     say, shown = subprogress(progress, source), -1
@@ -130,11 +125,7 @@ class Labels:
 
 
 def color_of(text: str) -> str:
-    """A colour as `#rrggbb`, from a name, #rgb, #rrggbb or rgb(r, g, b); other text in lower case.
-
-    Args:
-        text: A colour of a drawing or of a user.
-    """
+    """A colour as `#rrggbb`, from a name, #rgb, #rrggbb or rgb(r, g, b); else text in lower case."""
     plain = text.strip().lower()
     if short := _SHORT.fullmatch(plain):
         return "#" + "".join(2 * x for x in short.groups())

@@ -109,13 +109,6 @@ def read_svg(
     Lines are kept, and so are arcs that are still circular after all transforms; other curves
     become tangent arcs within `options.fit_tolerance`.
 
-    Args:
-        data: Content of the file.
-        source: Name of the file.
-        options: Settings of the reader.
-        progress: Called from time to time with the name of the source and the share of it that is
-            read.
-
     Raises:
         InvalidInput: The file is not SVG, or has content that is not read; the message names the
             element and its line.
@@ -235,10 +228,6 @@ class SvgWalk(Walk):
 
     def shapes(self, to: Affine, view: ViewBox | None) -> Iterator[EntityOutlines]:
         """Yield the shapes in the order in which they are drawn.
-
-        Args:
-            to: Map from the drawing's user units to the page.
-            view: The viewport in user units; None if it is not known.
 
         Raises:
             InvalidInput: An element is unknown or invalid, or references have no end.

@@ -324,13 +324,7 @@ def number_of(element: Element, key: str) -> float:
 
 
 def make_absolute(element: Element, view: ViewBox | None, font: float) -> Element:
-    """The element with its lengths in % and em as numbers.
-
-    Args:
-        element: The element.
-        view: The viewport of which percentages are taken; without it they stay.
-        font: Size of the font in user units, which is one em.
-    """
+    """The element with its lengths in % and em as numbers."""
     changed = {}
     for key in LENGTHS & element.attributes.keys():
         match = _LENGTH.fullmatch(element.get(key))

@@ -44,10 +44,6 @@ Command = tuple[str, list[float]]
 def outlines_of(element: Element, spend: Callable[[int], None]) -> list[Outline]:
     """The outlines of a path, one per subpath.
 
-    Args:
-        element: The path.
-        spend: Called with a number of segments before they are made; may refuse them.
-
     Raises:
         InvalidInput: The path data do not follow SVG's grammar.
     """
@@ -272,10 +268,6 @@ Spend = Callable[[int], None]
 
 def shape_of(element: Element, spend: Spend) -> list[Outline]:
     """The outlines of an element with a tag of `SHAPES`; empty if it has no size.
-
-    Args:
-        element: The element.
-        spend: Called with a number of segments before they are made; may refuse them.
 
     Raises:
         InvalidInput: The attributes do not define the shape.

@@ -48,11 +48,6 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     belong to the line that ends at the row. A new name in `contour` or `layer` starts a new
     contour.
 
-    Args:
-        data: Content of the file: CSV with commas, semicolons or tabs.
-        source: Name of the file.
-        options: Options for reading the file.
-
     Raises:
         InvalidInput: A table of another form; names the line or row and the column.
     """

@@ -49,10 +49,6 @@ class ExportFormat(Checked):
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table directly to a path, without a temporary file.
 
-        Args:
-            table: The table.
-            file: The path; of a bag a folder that does not exist yet.
-
         Raises:
             InvalidInput: The format cannot hold the table.
         """
@@ -291,12 +287,6 @@ def check_outputs(
 ) -> None:
     """Check that outputs belong to existing events.
 
-    Args:
-        outputs: Outputs by names of events.
-        events: Names of the existing events.
-        option: Name of the option in which the outputs were given, for the message.
-        owner: Name of the program with the events, for the message.
-
     Raises:
         InvalidInput: An output is for an unknown event.
     """
@@ -311,11 +301,6 @@ def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = Fal
     """Write a file or folder to a temporary path, then move it to the destination.
 
     If writing fails, an earlier file at the destination stays.
-
-    Args:
-        file: The destination.
-        write: Called with the temporary path, which has the same name; writes the file there.
-        folder: Whether `write` writes a folder.
 
     Raises:
         InvalidInput: The destination cannot be written.

@@ -105,13 +105,6 @@ def template_of(
 ) -> str:
     """The program that a template makes of a table.
 
-    Args:
-        table: The table.
-        template: "kuka", "abb", or the path of a jinja2 file.
-        outputs: The output of each event by the event's name; the variable `outputs` of the
-            template.
-        file: Name of the file without its ending; the variable `file` of the template.
-
     Raises:
         InvalidInput: The template does not exist, has an error, or refuses the table; the message
             names the template and the line.
@@ -136,12 +129,6 @@ def describe_program(
     """Sentences on programs of urscript and of the package's templates: outputs not set, and size.
 
     The templates of users may switch events without outputs.
-
-    Args:
-        table: The table, with events and analog outputs.
-        name: The template, or the format.
-        outputs: The outputs of events and analog outputs by their names.
-        name_output: How users name the output of an event.
     """
     sentences, named_outputs = _describe_rounding(table, name), outputs or {}
     if name in FEWER and len(table.t) > MOST_POINTS:

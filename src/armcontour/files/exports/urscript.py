@@ -61,13 +61,6 @@ def write_urscript(
     on or off; any other event writes a message by `textmsg`. An analog output with a number is set
     at every set-point at which its level changes. Comments name the contours.
 
-    Args:
-        table: The table of an arm with six joints.
-        file: The file.
-        outputs: Number of the standard digital output, 0 to 7, by names of events; 0, 1, "AO0" or
-            "AO1" by names of analog outputs.
-        call: Whether a call of the program follows, for script files that a pendant includes.
-
     Raises:
         InvalidInput: The number of joints is not six, the interval is not a multiple of 2 ms, an
             output does not exist, an analog value is not from 0 to 1, or an event cannot be

@@ -59,10 +59,6 @@ class ProgramDraft:
         """Start a layer or a type by a slicer's comment, and with it another contour.
 
         Contours are on the layers of their types; in a file without types, of their layers.
-
-        Args:
-            number: The layer's number, None if the comment has none.
-            kind: The type, None for a layer.
         """
         name = self.layer
         if kind is not None:

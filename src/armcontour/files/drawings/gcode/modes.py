@@ -43,10 +43,6 @@ class Offsets:
     def to_drawing(self, coordinates: dict[int, float], position: list[float]) -> list[float]:
         """A point of the drawing from absolute coordinates of the program.
 
-        Args:
-            coordinates: Coordinates by their axis; the tool keeps its position on other axes.
-            position: Position of the tool in the drawing.
-
         Raises:
             Fault: A second coordinate system, or a shift that is not known.
         """

@@ -48,13 +48,6 @@ def read_gcode(
     points. Spindle, coolant, tool, outputs and extruder are events. See docs/guides/gcode.md for
     every word.
 
-    Args:
-        data: Content of the file.
-        source: Name of the file.
-        options: Options of the reader; its unit is valid until G20 or G21, mm by default.
-        progress: Called from time to time with the name of the source and the share of it that is
-            read.
-
     Raises:
         InvalidInput: A line cannot be read or executed; `index` is the index of the line, from 0.
     """
