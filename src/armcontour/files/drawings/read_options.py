@@ -125,7 +125,7 @@ class Labels:
 
 
 def color_of(text: str) -> str:
-    """A colour as `#rrggbb`, from a name, #rgb, #rrggbb or rgb(r, g, b); else text in lower case."""
+    """A colour as `#rrggbb`, from a name, #rgb, #rrggbb or rgb(r, g, b); else lower-case text."""
     plain = text.strip().lower()
     if short := _SHORT.fullmatch(plain):
         return "#" + "".join(2 * x for x in short.groups())

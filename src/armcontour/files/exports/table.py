@@ -320,7 +320,7 @@ def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) ->
     if not math.isclose(requested, set_points.cycle, rel_tol=1e-9):
         raise InvalidInput(
             f"Set-points have their own cycle of {set_points.cycle:g} s and cannot be exported "
-            f"every {requested:g} s: omit the cycle, or compensate for that cycle.",
+            f"every {requested:g} s: remove the cycle, or compensate for that cycle.",
             needed=requested,
             allowed=set_points.cycle,
         )
