@@ -108,17 +108,17 @@ class _Outer:
 class MappingKeys(KeyMark):
     """Annotation of a dataclass that is read from a mapping of keys."""
 
-    of: type
+    target: type
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
         """The pydantic schema that checks the keys and makes the dataclass."""
-        inner = handler.generate_schema(_model(self.of))
+        inner = handler.generate_schema(_model(self.target))
         return core_schema.no_info_after_validator_function(self._build, inner)
 
     def _build(self, model: BaseModel) -> Any:
         """Make the dataclass from the validated keys."""
-        values, made = _values(self.of, model), _made(self.of)
-        return self.of(**{k: v for k, v in values.items() if not (v is None and k in made)})
+        values, made = _values(self.target, model), _made(self.target)
+        return self.target(**{k: v for k, v in values.items() if not (v is None and k in made)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,17 +126,17 @@ class SpecifiedKeys(KeyMark):
     """Annotation of a dictionary of only those fields of a dataclass that a file gives.
 
     Args:
-        of: The dataclass.
+        target: The dataclass.
         null: Whether every key may be `null`.
     """
 
-    of: type
+    target: type
     null: bool = False
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
         """The pydantic schema that checks the specified keys."""
-        inner = handler.generate_schema(_model(self.of, specified=True, null=self.null))
-        return core_schema.no_info_after_validator_function(partial(_values, self.of), inner)
+        inner = handler.generate_schema(_model(self.target, specified=True, null=self.null))
+        return core_schema.no_info_after_validator_function(partial(_values, self.target), inner)
 
 
 @dataclass(frozen=True, slots=True)

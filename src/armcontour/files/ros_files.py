@@ -348,7 +348,7 @@ def _read_bag(
         store = get_typestore(Stores.ROS2_HUMBLE)
         with unpacker.installed(), AnyReader([file], default_typestore=store) as reader:
             # Without an index, the whole bag has been unpacked once already.
-            unpacker.left = LARGE
+            unpacker.remaining = LARGE
             of_topic = {x.topic: x for x in reader.connections}
             used = _choose_topic(
                 file.name, {k: x.msgtype for k, x in of_topic.items()}, kinds, topic
@@ -387,17 +387,17 @@ class _Unpacker:
         source: Name of the bag.
 
     Attributes:
-        left: Remaining size that may be unpacked [bytes].
+        remaining: Remaining size that may be unpacked [bytes].
     """
 
     def __init__(self, source: str) -> None:
         self._source = source
-        self.left = LARGE
+        self.remaining = LARGE
 
     def count(self, data: bytes) -> bytes:
         """Return unpacked data, unless its size or the size of all data exceeds the bound."""
-        self.left -= len(data)
-        if self.left < 0 or len(data) > SMALL:
+        self.remaining -= len(data)
+        if self.remaining < 0 or len(data) > SMALL:
             raise InvalidInput(
                 f"{self._source} unpacks to more than {LARGE / MEGABYTE:.0f} MB, or one of its "
                 f"chunks or messages to more than {SMALL / MEGABYTE:.0f} MB: record only the topic "
@@ -416,7 +416,7 @@ class _Unpacker:
 
         def unpack(library: Any, data: bytes) -> bytes:
             with library.open(BytesIO(data), "rb") as unpacked:
-                return self.count(unpacked.read(min(self.left, SMALL) + 1))
+                return self.count(unpacked.read(min(self.remaining, SMALL) + 1))
 
         @contextmanager
         def open_counted(file: Any, mode: str) -> Iterator[Any]:

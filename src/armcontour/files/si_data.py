@@ -87,7 +87,9 @@ def alternatives(hint: Any) -> Iterator[Kind]:
         mark = parts[1]
         if isinstance(mark, Quantity):
             yield mark
-        elif isinstance(mark, SpecifiedKeys | PartialFields | MappingKeys):
+        elif isinstance(mark, SpecifiedKeys | MappingKeys):
+            yield mark.target
+        elif isinstance(mark, PartialFields):
             yield mark.of
         elif isinstance(mark, Methods):
             yield from mark.kinds

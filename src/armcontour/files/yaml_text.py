@@ -121,11 +121,13 @@ class YamlText:
         self.text = text
         line_break = BREAK.search(text)
         self.eol = "\n" if line_break is None else line_break[0]
-        self.root = YamlPart(of=self, node=node, begin=0, end=len(text), outer=None, key=None)
+        self.root = YamlPart(document=self, node=node, begin=0, end=len(text), outer=None, key=None)
         if node is not None:
             begin = node.start_mark.index
             end = _end(self, node, begin)
-            self.root = YamlPart(of=self, node=node, begin=begin, end=end, outer=None, key=None)
+            self.root = YamlPart(
+                document=self, node=node, begin=begin, end=end, outer=None, key=None
+            )
 
     def line_start(self, position: int) -> int:
         """Start of the line of a position."""
@@ -162,7 +164,7 @@ class YamlPart:
     """A value in a text.
 
     Args:
-        of: The text.
+        document: The text.
         node: Its node; None for an alias, or in a text without a document.
         begin, end: Range of the value, without the comments after it.
         outer: The mapping or list that contains it; None for the root.
@@ -172,7 +174,7 @@ class YamlPart:
         column: The column of the key or the dash.
     """
 
-    of: YamlText
+    document: YamlText
     node: yaml.Node | None
     begin: int
     end: int
@@ -249,13 +251,13 @@ class YamlPart:
         if self.flow:
             head = self.parts[index].begin
             gap = " "
-            if self.of.is_first(head):
-                gap = self.of.eol + self.of.text[self.of.line_start(head) : head]
+            if self.document.is_first(head):
+                gap = self.document.eol + self.document.text[self.document.line_start(head) : head]
             return [Splice(head, head, f"{flow_text(value)},{gap}")]
         if index > 0:
             return [self._append_line(self.parts[index - 1], self.parts[0].column, "-", value)]
         first = self.parts[0]
-        line = "-" + self.child(value, first.column) + self.of.eol + " " * first.column
+        line = "-" + self.child(value, first.column) + self.document.eol + " " * first.column
         return [Splice(first.head, first.head, line)]
 
     def remove(self, key: Any) -> list[Splice]:
@@ -266,24 +268,24 @@ class YamlPart:
         if len(self.parts) == 1:
             return self._empty()
         following = self.parts[k + 1].head if k + 1 < len(self.parts) else None
-        if self.flow and following is None and not self.of.is_first(gone.head):
+        if self.flow and following is None and not self.document.is_first(gone.head):
             return [Splice(self.parts[k - 1].end, gone.end, "")]
         if self.flow and following is None:
-            comma = _skip(self.of.text, gone.end, ",")
-            trailing = self.of.text[comma : self.of.line_end(comma)].strip(BLANK)
+            comma = _skip(self.document.text, gone.end, ",")
+            trailing = self.document.text[comma : self.document.line_end(comma)].strip(BLANK)
             if trailing.startswith("#"):
-                return [self.of.cut_lines(gone.head, comma)]
-            return [self.of.cut(gone.head, comma)]
-        if following is not None and (self.flow or not self.of.is_first(gone.head)):
+                return [self.document.cut_lines(gone.head, comma)]
+            return [self.document.cut(gone.head, comma)]
+        if following is not None and (self.flow or not self.document.is_first(gone.head)):
             return [Splice(gone.head, following, "")]
-        return [self.of.cut_lines(gone.head, gone.end)]
+        return [self.document.cut_lines(gone.head, gone.end)]
 
     def _empty(self) -> list[Splice]:
         """Remove all that is in a mapping or a list, with the comments behind it."""
         empty: Any = {} if isinstance(self.node, yaml.MappingNode) else []
         splices = self._write(empty)
         if len(splices) > 1:
-            splices[1] = self.of.cut_lines(self.begin, self.end)
+            splices[1] = self.document.cut_lines(self.begin, self.end)
         return splices
 
     def _write(self, new: Any) -> list[Splice]:
@@ -294,26 +296,26 @@ class YamlPart:
         line = flow_text(new, style if style in ("'", '"') else None)
         long = isinstance(new, dict | list) and self.column + len(line) > WIDTH
         if self.is_block and long:
-            column = _column(self.of, self.begin)
-            return [Splice(self.begin, self.end, block_text(new, column, self.of.eol))]
+            column = _column(self.document, self.begin)
+            return [Splice(self.begin, self.end, block_text(new, column, self.document.eol))]
         if long and not self.outer.flow:
             return [Splice(self.name_end, self.end, self.outer.child(new, self.column))]
         if self.begin == self.end:
             of_mapping = isinstance(self.outer.node, yaml.MappingNode)
-            colon = ":" if of_mapping and self.of.text[self.name_end - 1] != ":" else ""
+            colon = ":" if of_mapping and self.document.text[self.name_end - 1] != ":" else ""
             return [Splice(self.name_end, self.end, f"{colon} {line}")]
         if not self.is_block:
             return [self._in_column(line)]
-        if BREAK.search(self.of.text, self.name_end, self.begin) is None:
+        if BREAK.search(self.document.text, self.name_end, self.begin) is None:
             return [Splice(self.begin, self.end, line)]
         return [
             Splice(self.name_end, self.name_end, f" {line}"),
-            self.of.cut(self.begin, self.end),
+            self.document.cut(self.begin, self.end),
         ]
 
     def _in_column(self, line: str) -> Splice:
         """Write a value on its line; a comment behind it stays in its column if it can."""
-        gap = GAP.match(self.of.text, self.end)
+        gap = GAP.match(self.document.text, self.end)
         if gap is None:
             return Splice(self.begin, self.end, line)
         blanks = len(gap[0]) - len(line) + self.end - self.begin
@@ -322,9 +324,19 @@ class YamlPart:
     def _write_root(self, new: Any) -> list[Splice]:
         """Write another document; comments before it stay."""
         if self.node is None:
-            gap = self.of.eol if self.of.text and not self.of.text.endswith(("\r", "\n")) else ""
-            return [Splice(self.end, self.end, gap + block_text(new, 0, self.of.eol) + self.of.eol)]
-        text = block_text(new, 0, self.of.eol) if new else flow_text(new)
+            gap = (
+                self.document.eol
+                if self.document.text and not self.document.text.endswith(("\r", "\n"))
+                else ""
+            )
+            return [
+                Splice(
+                    self.end,
+                    self.end,
+                    gap + block_text(new, 0, self.document.eol) + self.document.eol,
+                )
+            ]
+        text = block_text(new, 0, self.document.eol) if new else flow_text(new)
         return [Splice(self.begin, self.end, text)]
 
     def _append_inline(self, entry: str) -> Splice:
@@ -335,18 +347,20 @@ class YamlPart:
 
     def _append_line(self, after: YamlPart, column: int, name: str, value: Any) -> Splice:
         """Add a line, or several, after those of a part."""
-        position = self.of.line_end(after.end)
-        line = self.of.eol + " " * column + name + self.child(value, column)
+        position = self.document.line_end(after.end)
+        line = self.document.eol + " " * column + name + self.child(value, column)
         return Splice(position, position, line)
 
     def child(self, value: Any, column: int) -> str:
         """A value after a key or a dash in a column."""
-        return behind(value, column, self.of.eol, in_list=isinstance(self.node, yaml.SequenceNode))
+        return behind(
+            value, column, self.document.eol, in_list=isinstance(self.node, yaml.SequenceNode)
+        )
 
 
 def _values(outer: YamlPart, node: yaml.MappingNode) -> list[YamlPart]:
     """The values of a mapping."""
-    text, parts = outer.of.text, []
+    text, parts = outer.document.text, []
     for name, value in node.value:
         name_end = name.end_mark.index
         colon = _skip(text, name_end, ":")
@@ -354,11 +368,16 @@ def _values(outer: YamlPart, node: yaml.MappingNode) -> list[YamlPart]:
         if begin < name_end:
             begin, end, value_node = *_alias(text, colon), None
         else:
-            end = _end(outer.of, value, begin)
+            end = _end(outer.document, value, begin)
         # A missing value begins at the end of its key.
         begin, end = max(begin, colon), max(end, colon)
         part = YamlPart(
-            of=outer.of, node=value_node, begin=begin, end=end, outer=outer, key=_key(name)
+            document=outer.document,
+            node=value_node,
+            begin=begin,
+            end=end,
+            outer=outer,
+            key=_key(name),
         )
         part.head, part.name_end = name.start_mark.index, colon
         part.column = name.start_mark.column
@@ -375,7 +394,7 @@ def _keys(value: Any) -> list[Any]:
 
 def _items(outer: YamlPart, node: yaml.SequenceNode) -> list[YamlPart]:
     """The items of a list."""
-    text, parts, position = outer.of, [], outer.begin
+    text, parts, position = outer.document, [], outer.begin
     for k, value in enumerate(node.value):
         begin, value_node = value.start_mark.index, value
         if begin < position:
@@ -383,7 +402,7 @@ def _items(outer: YamlPart, node: yaml.SequenceNode) -> list[YamlPart]:
         else:
             end = _end(text, value, begin)
         part = YamlPart(
-            of=text, node=value_node, begin=begin, end=end, outer=outer, key=k, head=begin
+            document=text, node=value_node, begin=begin, end=end, outer=outer, key=k, head=begin
         )
         part.name_end, part.column = begin, _column(text, begin)
         if not node.flow_style:
@@ -405,7 +424,7 @@ def _key(node: yaml.Node) -> Any:
 def _end(text: YamlText, node: yaml.Node, begin: int) -> int:
     """End of the text of a value, without blanks and comments after it."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style:
-        part = YamlPart(of=text, node=node, begin=begin, end=begin, outer=None, key=None)
+        part = YamlPart(document=text, node=node, begin=begin, end=begin, outer=None, key=None)
         return part.parts[-1].end
     end = node.end_mark.index
     return begin + len(text.text[begin:end].rstrip(BLANK))

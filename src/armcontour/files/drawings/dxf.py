@@ -193,7 +193,7 @@ class DxfWalk(Walk):
         """The reason for a program without contours: all entities are on other layers."""
         if not self.elsewhere:
             return ""
-        requested = ", ".join(repr(x) for x in sorted(self.wanted or ()))
+        requested = ", ".join(repr(x) for x in sorted(self.requested_layers or ()))
         there = list_some([repr(x) for x in sorted(self.elsewhere)], 12)
         return f"has no contour on the layer {requested}: it has entities on {there}"
 

@@ -72,11 +72,11 @@ def chain_pieces(
     """
     if not pieces:
         return [], []
-    table = EntitySegments.of([x.path for x in pieces])
+    table = EntitySegments.from_paths([x.path for x in pieces])
     layers = _layer_numbers(pieces)
     repeated = _find_repeated(pieces, table, layers)
     lengths = table.lengths
-    ends = EntityEnds.of(table, layers, repeated)
+    ends = EntityEnds.from_segments(table, layers, repeated)
     partner = find_partners(ends, tolerance)
     contours, short = [], []
     for chain, closed in _chains(partner, repeated):
@@ -187,7 +187,7 @@ class EntitySegments:
     first: IntArray
 
     @classmethod
-    def of(cls, paths: Sequence[Path]) -> EntitySegments:
+    def from_paths(cls, paths: Sequence[Path]) -> EntitySegments:
         """The table of the segments of paths, one piece per path."""
         first = np.concatenate([[0], np.cumsum([len(path) for path in paths])])
         return cls(segments=Segments.join([path.segments for path in paths]), first=first)
@@ -352,7 +352,9 @@ class EntityEnds:
     free: BoolArray
 
     @classmethod
-    def of(cls, pieces: EntitySegments, layers: IntArray, left_out: BoolArray) -> EntityEnds:
+    def from_segments(
+        cls, pieces: EntitySegments, layers: IntArray, left_out: BoolArray
+    ) -> EntityEnds:
         """The ends of the pieces.
 
         Args:

@@ -192,7 +192,7 @@ class Walk:
 
     def __init__(self, source: str, options: ReadOptions, progress: Progress | None) -> None:
         self.source, self.options, self.skip = source, options, options.skips
-        self.wanted, self.colors = options.layer_set, options.color_set
+        self.requested_layers, self.colors = options.layer_set, options.color_set
         self.tell = tell_share(progress, source)
         self.labels = Labels()
         # Names of omitted items by the reasons; entities on other layers and of other colours.
@@ -206,7 +206,7 @@ class Walk:
 
     def wants_layer(self, layer: str) -> bool:
         """True if contours on a layer are read."""
-        return self.wanted is None or self.labels(layer) in self.wanted
+        return self.requested_layers is None or self.labels(layer) in self.requested_layers
 
     def wants_color(self, names: frozenset[str]) -> bool:
         """True if entities of a colour are read; counts other entities."""
