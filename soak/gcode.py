@@ -15,8 +15,8 @@ from pathlib import Path
 from types import ModuleType
 
 from armcontour.core.errors import InvalidInput
-from armcontour.files.drawings.options import ReadOptions
 from armcontour.files.drawings.read import read_path
+from armcontour.files.drawings.read_options import ReadOptions
 
 ORACLES = Path(__file__).parents[1] / "tests" / "oracle"
 

@@ -19,7 +19,7 @@ import armcontour as ac
 from armcontour.core.checks import LONGEST_NAME
 from armcontour.core.text import LONGEST_SENTENCE
 from armcontour.files.drawings.endings import READERS
-from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.read_options import ReadOptions
 from soak import Outcome
 from soak.samples import samples
 
@@ -178,7 +178,7 @@ def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
     """Largest size of what is read [m], and all names in it."""
     from armcontour.files.mesh_file import read_mesh
     from armcontour.files.robots.srdf import read_left_out
-    from armcontour.files.scene_files import read_scene_file
+    from armcontour.files.scene_file import read_scene_file
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / name

@@ -24,7 +24,7 @@ from armcontour.cli.commands import app
 from armcontour.files import json_schema, parse_job
 from armcontour.files.cell import read_cell
 from armcontour.files.drawings.endings import READERS
-from armcontour.files.limits_file import read_limits
+from armcontour.files.robot_file import read_limits
 
 ROOT = Path(__file__).parents[1]
 # Where `make docs` writes pages: what it copies is judged here as it stands in the repository.

@@ -38,14 +38,14 @@ OPTIONS = {
     # Words of G-code, and the units of figures in JSON, have the same name.
     "path.units": (
         "units",
-        ".*gcode|files/(certificate|learning|summary)|jobs/results|studies/placement",
+        ".*gcode|files/study_files|jobs/results|studies/placement",
     ),
     "path.join_tolerance": ("join_tolerance", ""),
     # The fit of a spline; the distance that a contour was shaped with, a figure; `Shaped`, the
     # arguments of the function `shape`, as those of `round_corners` in geometry.
     "corners.tolerance": (
         "tolerance",
-        "geometry|files/(drawings|certificate)|verification|studies"
+        "geometry|files/(drawings|study_files)|verification|studies"
         "|.*/tracing|program|.*/jerk|.*shaping/(curves|nodes|search|starts)|control"
         "|jobs/(goal|single_corners|programs|planning)|cli/(certify_command|check_command)|files/job_(path|model)"
         "|report/sections/shaping|.*shaping/shaper|planning/options"
@@ -54,7 +54,7 @@ OPTIONS = {
     # Tool speeds as figures; how much of a limit is used; the corner speed of `Rounding`.
     "limits.speed": (
         "speed",
-        "geometry|files/(drawings|summary)|.*(certification|identification)|motion|program"
+        "geometry|files/drawings|.*(certification|identification)|motion|program"
         "|robot/drives|report|batches|.*constraints|.*/(jerk|topp)|core/text|verification"
         "|planning/(law_checks|paper|end_sp|expl|program|planner)"
         "|studio/(line|picture)|robot/limit_use"
@@ -64,7 +64,7 @@ OPTIONS = {
     # preview chooses a longer one.
     "cycle": (
         "cycle|period",
-        "files/(exports|stored_run)|cli/(exports|options)|planning/options"
+        "files/(exports|trajectory_file)|cli/(exporting|options)|planning/options"
         "|studio/preview|control/(compensation|learning)"
         "|studies/certification|simulation|robot|report|motion|jobs/study|studio/tasks",
     ),
@@ -93,13 +93,13 @@ QUANTITIES = {
     # `least` is a pair of bodies; estimates and ranges of limits have ends, too.
     "clearance": (
         r"\.(low|high|clearance)\b",
-        ".*identification|files/(robot|servo)_file|planning",
+        ".*identification|files/robot_file|planning",
     ),
 }
 FORMAT = re.compile(r"^(mm|digits|\w*seconds|clock|percent|degrees|number|signed|format|str)$")
 MECHANISMS = {
     "command line": ("def override(", "files/job_overrides.py"),
-    "placement": ("def _override_keys(", "files/placement.py"),
+    "placement": ("def _override_keys(", "files/study_files.py"),
     "Studio": ("def place_of(", "studio/edits/keys.py"),
     "batches": ("def _put(", "batches/base_job.py"),
     "sweep": ("changes_of(", "studio/tasks/searching.py"),

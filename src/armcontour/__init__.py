@@ -22,7 +22,7 @@ _HOME = {
     "NotRealizable Unreachable",
     "core.frames": "Frame",
     "files": "read_job read_trajectory",
-    "files.drawings.options": "ReadOptions",
+    "files.drawings.read_options": "ReadOptions",
     "files.drawings.read": "read_path",
     "files.exports": "CsvFormat McapFormat NpzFormat RosYamlFormat TemplateFormat URScriptFormat "
     "export",

@@ -29,8 +29,8 @@ from armcontour.core.errors import Unreachable as Unreachable
 from armcontour.core.frames import Frame as Frame
 from armcontour.files import read_job as read_job
 from armcontour.files import read_trajectory as read_trajectory
-from armcontour.files.drawings.options import ReadOptions as ReadOptions
 from armcontour.files.drawings.read import read_path as read_path
+from armcontour.files.drawings.read_options import ReadOptions as ReadOptions
 from armcontour.files.exports import CsvFormat as CsvFormat
 from armcontour.files.exports import McapFormat as McapFormat
 from armcontour.files.exports import NpzFormat as NpzFormat

@@ -177,7 +177,7 @@ ADDRESS = """
 import sys
 sys.argv = ['armcontour', 'studio', '--no-open', 'part.svg', '--cell', 'ur5e']
 from armcontour.cli import console, studio_command
-heavy = {'numpy', 'scipy', 'numba', 'pint', 'yaml', 'uvicorn', 'armcontour.files.keys'}
+heavy = {'numpy', 'scipy', 'numba', 'pint', 'yaml', 'uvicorn', 'armcontour.files.file_keys'}
 def tell(text):
     print(*(heavy & set(sys.modules)))
     raise KeyboardInterrupt

@@ -11,7 +11,7 @@ from tests.loaded_robot import loaded_robot
 from armcontour.cli.run_command import run_job
 from armcontour.files import read_job
 from armcontour.files.set_point_file import read_taught
-from armcontour.files.stored_run import read_run
+from armcontour.files.trajectory_file import read_run
 from armcontour.jobs.run_learning import plan_run
 from armcontour.simulation import simulate
 

@@ -18,9 +18,9 @@ from armcontour.core.quantities import AtLeast, Choice, Ratio, Speed
 from armcontour.core.render import jsonable
 from armcontour.core.yaml_loader import load
 from armcontour.files.cell import cell_names, cell_text
+from armcontour.files.file_keys import MappingKeys, SpecifiedKeys, read_keys
 from armcontour.files.job_model import CellModel
-from armcontour.files.json_text import to_json
-from armcontour.files.keys import Given, Keys, read_keys
+from armcontour.files.result_folder import to_json
 from armcontour.files.si_data import in_si
 from armcontour.robot.servo.model import Gains
 
@@ -63,7 +63,7 @@ class Driven(Wheel):
 
 
 def read(data):
-    return read_keys(Keys(Driven), data, "cart.yaml")
+    return read_keys(MappingKeys(Driven), data, "cart.yaml")
 
 
 def test_a_mapping_of_keys_becomes_the_dataclass():
@@ -75,10 +75,12 @@ def test_a_mapping_of_keys_becomes_the_dataclass():
     # Where the default is made anew, null is that default.
     np.testing.assert_array_equal(read({"gains": 1, "axis": None}).axis, np.zeros(3))
     # What is given is told from defaults, in the order of the fields.
-    given = read_keys(Given(Driven), {"slip": 0.5, "speed": None}, "cart.yaml")
+    given = read_keys(SpecifiedKeys(Driven), {"slip": 0.5, "speed": None}, "cart.yaml")
     assert list(given.items()) == [("speed", None), ("slip", 0.5)]
-    assert read_keys(Given(Driven), {}, "cart.yaml") == {}
-    assert read_keys(Given(Driven, null=True), {"gains": None}, "cart.yaml") == {"gains": None}
+    assert read_keys(SpecifiedKeys(Driven), {}, "cart.yaml") == {}
+    assert read_keys(SpecifiedKeys(Driven, null=True), {"gains": None}, "cart.yaml") == {
+        "gains": None
+    }
 
 
 BAD = """
@@ -130,7 +132,7 @@ def test_readers_make_the_same_of_it():
         data = load(text, name)
         found = in_si(data, CellModel)
         assert texts_with_units(data) and texts_with_units(found) == []
-        models = [read_keys(Keys(CellModel), x, name) for x in (data, found)]
+        models = [read_keys(MappingKeys(CellModel), x, name) for x in (data, found)]
         assert jsonable(asdict(models[0])) == jsonable(asdict(models[1]))
         assert in_si(found, CellModel) == found
     # What is no such quantity stays.

@@ -14,8 +14,8 @@ from armcontour.control.compensation import METHODS
 from armcontour.core.errors import InvalidInput
 from armcontour.files import ResultFolder, write_planned, write_taught
 from armcontour.files.exports import make_table
-from armcontour.files.results import SUMMARY
-from armcontour.files.stored_run import read_run
+from armcontour.files.result_folder import SUMMARY
+from armcontour.files.trajectory_file import read_run
 
 MANIFEST = ".armcontour.json"
 

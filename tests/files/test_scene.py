@@ -11,7 +11,7 @@ from armcontour.files import mesh_file
 from armcontour.files.cell import cell_names, read_cell
 from armcontour.files.job_file import parse_job
 from armcontour.files.mesh_file import read_mesh
-from armcontour.files.scene_files import read_scene_file
+from armcontour.files.scene_file import read_scene_file
 from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
 

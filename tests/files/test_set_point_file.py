@@ -14,9 +14,8 @@ from armcontour import load_arm
 from armcontour.control.learning import LearningResult, LearningRun
 from armcontour.files import parse_job, parse_trajectory, write_planned, write_taught, write_torque
 from armcontour.files.exports import export
-from armcontour.files.json_text import data_json
-from armcontour.files.lesson_file import read_lesson, write_lesson
-from armcontour.files.set_point_file import LESSON, read_taught
+from armcontour.files.result_folder import data_json
+from armcontour.files.set_point_file import LESSON, read_lesson, read_taught, write_lesson
 from armcontour.jobs import run
 from armcontour.jobs.run_learning import plan_run
 from armcontour.motion import SetPoints

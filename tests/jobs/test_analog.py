@@ -11,7 +11,7 @@ from tests.jobs.making import ARM
 import armcontour as ac
 from armcontour.files import parse_job
 from armcontour.files.drawings.gcode import read_gcode
-from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.geometry import Path
 from armcontour.jobs import analog_outputs, prepare_and_round
 from armcontour.jobs.single_corners import corner_waypoints

@@ -10,7 +10,7 @@ from tests.oracle import gcode_author
 from tests.oracle import gcode_interpreter as oracle
 
 from armcontour.files.drawings.gcode import read_gcode
-from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.program import Contour, Dwell, Event, Rapid
 
 CORPUS = Path(__file__).parents[1] / "files" / "drawings" / "gcode"

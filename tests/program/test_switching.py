@@ -5,7 +5,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.files.drawings.gcode import read_gcode
-from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.read_options import ReadOptions
 
 LASER = b"""G21 G90 F1200
 M4 S800

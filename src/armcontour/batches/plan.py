@@ -25,7 +25,7 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import read_text
 from armcontour.core.quantities import AtLeast, Choice
 from armcontour.core.yaml_loader import load
-from armcontour.files.keys import Keys, read_keys
+from armcontour.files.file_keys import MappingKeys, read_keys
 
 PRODUCT, ZIP = "product", "zip"
 # Largest number of jobs of a plan: their rows take about 1 kB each.
@@ -205,7 +205,7 @@ def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = F
         data = load(read_text(file, "plan"), source)
         if not isinstance(data, dict):
             raise InvalidInput(f"{source} must hold a mapping of keys such as job, run and over.")
-    model: PlanModel = read_keys(Keys(PlanModel), data, source)
+    model: PlanModel = read_keys(MappingKeys(PlanModel), data, source)
     with error_context(source):
         return _plan(model, folder, FilePath(source).stem, trust_xacro)
 

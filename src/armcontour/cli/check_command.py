@@ -45,7 +45,7 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     from armcontour.core.errors import InvalidInput
     from armcontour.core.result import Row
     from armcontour.files import read_job
-    from armcontour.files.json_text import data_json
+    from armcontour.files.result_folder import data_json
     from armcontour.verification import check
 
     job = None if x.path is None else read_job(x.path, trust_xacro=x.trust_xacro)
@@ -111,7 +111,7 @@ def _arm_and_scene(x: CheckOptions, own: Arm | None) -> tuple[Arm, Scene | None]
     The arm is that of `--arm`, or of the job `own`, or of the cell of the scene.
     """
     from armcontour.files.cell import cell_names, read_cell_scene
-    from armcontour.files.scene_files import read_scene_file
+    from armcontour.files.scene_file import read_scene_file
     from armcontour.robot.scene import Scene
 
     if x.scene is None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from armcontour.cli.options import ExportOptions, StoredExportOptions
     from armcontour.files import ResultFolder
     from armcontour.files.exports.formats import ExportFormat
-    from armcontour.files.exports.table import Table
+    from armcontour.files.exports.table import SetPointTable
     from armcontour.jobs import Job, RunResult
     from armcontour.motion import SetPoints, Trajectory
     from armcontour.program import Event
@@ -78,7 +78,7 @@ class Exports:
     def __bool__(self) -> bool:
         return bool(self.targets)
 
-    def write(self, target: Target, table: Table, file: FilePath) -> None:
+    def write(self, target: Target, table: SetPointTable, file: FilePath) -> None:
         """Write a table to one of the files, analog outputs only to formats that have them.
 
         Raises:
@@ -96,7 +96,7 @@ class Exports:
         """Time between points of the plan in one of the files; None for the cycle."""
         return None if target.format.kind == "urscript" else self.cycle
 
-    def warn_of_events(self, target: Target, table: Table) -> list[str]:
+    def warn_of_events(self, target: Target, table: SetPointTable) -> list[str]:
         """Sentences on outputs that one of the files does not switch."""
         from armcontour.files.exports.formats import outputs_of
         from armcontour.files.exports.template import describe_program
@@ -283,7 +283,7 @@ def _events_of(job: Job) -> list[Event]:
     return list({(x.name, type(x.value), x.value): x for x in found}.values())
 
 
-def _two_points(job: Job, cycle: float, events: Sequence[Event], x: Exports) -> Table:
+def _two_points(job: Job, cycle: float, events: Sequence[Event], x: Exports) -> SetPointTable:
     """A table of two points with the joints and events of a job."""
     import numpy as np
 
@@ -330,7 +330,7 @@ def write_exports(
         if analog and not isinstance(y.format, WITH_ANALOG)
     ]
     options, written = x.table_options(job.arm), list[str]()
-    made: dict[tuple[str, float], Table] = {}
+    made: dict[tuple[str, float], SetPointTable] = {}
     for target in x.targets:
         tables: dict[str, tuple[SetPoints | Trajectory, float]]
         tables = {REFERENCE: (result.trajectory, x.cycle_of(target) or result.run.cycle)}
@@ -356,7 +356,9 @@ def write_exports(
     return written, warnings
 
 
-def _place(folder: ResultFolder, place: str, x: Exports, target: Target, table: Table) -> str:
+def _place(
+    folder: ResultFolder, place: str, x: Exports, target: Target, table: SetPointTable
+) -> str:
     """Write a table to the result folder; returns its size in words."""
     sizes: list[str] = []
 
@@ -368,14 +370,14 @@ def _place(folder: ResultFolder, place: str, x: Exports, target: Target, table: 
     return sizes[0]
 
 
-def _size(table: Table, file: FilePath) -> str:
+def _size(table: SetPointTable, file: FilePath) -> str:
     """Number of points and size of a file or folder, in words."""
     parts = [file] if file.is_file() else [y for y in file.rglob("*") if y.is_file()]
     size = sum(y.stat().st_size for y in parts)
     return f"{count_noun(len(table.t), 'point')}, {digits(max(size / MEGABYTE, 1e-3), 2)} MB"
 
 
-def _warn_of_jumps(target: Target, table: Table, limits: Limits, name: str) -> list[str]:
+def _warn_of_jumps(target: Target, table: SetPointTable, limits: Limits, name: str) -> list[str]:
     """Warn of a curve through set-points that needs far more than the limits of acceleration."""
     import numpy as np
 
@@ -422,7 +424,7 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     from armcontour.core.text import capitalise
     from armcontour.files.cell import read_cell_arm
     from armcontour.files.exports.formats import put
-    from armcontour.files.stored_run import read_run
+    from armcontour.files.trajectory_file import read_run
     from armcontour.verification.evaluation import duration_row
 
     (target,) = _with_outputs(

@@ -60,7 +60,7 @@ def _identify_servos(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) 
     from armcontour.control.identification import ServoFit, identify
     from armcontour.core.render import plain
     from armcontour.core.result import Row
-    from armcontour.files.servo_file import servo_yaml
+    from armcontour.files.robot_file import servo_yaml
 
     unseen = [_read(log, x) for log in x.predict or []]
     options = ServoFit(model=x.model, kinematics=arm, **_shared_options(x))
@@ -158,7 +158,7 @@ def _conclude(
     """
     from armcontour.core.result import Row
     from armcontour.files import ResultFolder
-    from armcontour.files.json_text import data_json
+    from armcontour.files.result_folder import data_json
     from armcontour.report.identification import render_identification
 
     data = found.to_data()

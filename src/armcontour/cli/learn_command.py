@@ -65,7 +65,7 @@ def _do(
         show: Prints what was found.
     """
     from armcontour.files import ResultFolder
-    from armcontour.files.json_text import data_json
+    from armcontour.files.result_folder import data_json
 
     with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
         with search_progress(what) as progress:
@@ -170,9 +170,8 @@ def _write(found: LearningStudy, folder: ResultFolder) -> None:
     import dataclasses
 
     from armcontour.cli.run_command import write_motions
-    from armcontour.files.json_text import data_json
-    from armcontour.files.lesson_file import write_lesson
-    from armcontour.files.set_point_file import LESSON
+    from armcontour.files.result_folder import data_json
+    from armcontour.files.set_point_file import LESSON, write_lesson
     from armcontour.report import render_learning
 
     name = found.plan.run.name
@@ -201,7 +200,7 @@ def _print(found: LearningStudy, out: FilePath | None) -> None:
 
 def _write_judged(study: JudgedStudy, folder: ResultFolder) -> None:
     """Write the summary of a judged run."""
-    from armcontour.files.json_text import data_json
+    from armcontour.files.result_folder import data_json
 
     folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
 

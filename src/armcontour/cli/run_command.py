@@ -41,7 +41,7 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
     """
     from armcontour.core.compilation import warm_for_run
     from armcontour.files import ResultFolder, read_job
-    from armcontour.files.json_text import data_json
+    from armcontour.files.result_folder import data_json
 
     with (
         ResultFolder(out, force=force, replaces="demo") as folder,
@@ -120,7 +120,7 @@ def run_job(
     from armcontour.core.compilation import warm_for_run
     from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder
-    from armcontour.files.json_text import data_json
+    from armcontour.files.result_folder import data_json
 
     if open_report and not simulate:
         raise InvalidInput("--open opens the report of a simulation: leave --no-simulation out.")

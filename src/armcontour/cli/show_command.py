@@ -59,14 +59,14 @@ def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -
         InvalidInput: The drawing cannot be read.
     """
     from armcontour.cli.inputs import name_options, read_patch
-    from armcontour.files.drawings.options import ReadOptions
     from armcontour.files.drawings.read import read_path
-    from armcontour.files.keys import Keys, read_keys
+    from armcontour.files.drawings.read_options import ReadOptions
+    from armcontour.files.file_keys import MappingKeys, read_keys
 
     patch, options = read_patch(drawing)
     data = {str(key): value for (_, key), value in patch.items()}
     with name_options({key.removeprefix("path."): option for key, option in options.items()}):
-        reading = read_keys(Keys(ReadOptions), data, file.name)
+        reading = read_keys(MappingKeys(ReadOptions), data, file.name)
     return read_path(file, reading, progress=progress)
 
 

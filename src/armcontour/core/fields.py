@@ -1,7 +1,7 @@
 """Checks of fields and arguments by their annotations: type, finiteness, sign, shape and choices.
 
 An annotation such as `speed: Speed | None` is the only declaration: `check` and `checked` read it
-here, and `files/keys.py` makes keys of files, their JSON schema and their tables from it.
+here, and `files/file_keys.py` makes keys of files, their JSON schema and their tables from it.
 """
 
 from __future__ import annotations

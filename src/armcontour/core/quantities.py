@@ -1,7 +1,7 @@
 """Kinds of quantities, as annotations of fields: unit, example, range.
 
-Data only: `core/fields.py` checks fields, `files/units.py` converts text of users, `files/keys.py`
-makes keys of files.
+Data only: `core/fields.py` checks fields, `files/units.py` converts text of users,
+`files/file_keys.py` makes keys of files.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class Named:
 class About:
     """Options and sliders that set a field of a job: annotates the field, once per option.
 
-    `files/job_options.py` makes the short options of the command line from it, and
+    `files/job_form.py` makes the short options of the command line from it, and
     `files/job_form.py` the sliders of the Studio.
 
     Args:

@@ -13,14 +13,14 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
 from armcontour.core.text import make_printable, shorten
 from armcontour.core.yaml_loader import load
+from armcontour.files.file_keys import SpecifiedKeys, read_keys
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_edits import REMOVE, move_files
 from armcontour.files.job_file import job_of, job_text, model_of, read_data
 from armcontour.files.job_model import CellModel, PathModel
 from armcontour.files.job_path import part_of, read_drawing
-from armcontour.files.keys import Given, read_keys
 from armcontour.files.patch import Patch, apply, write
-from armcontour.files.scene import scene_of
+from armcontour.files.scene_file import scene_of
 from armcontour.jobs import Job
 from armcontour.jobs.job import LONGEST_TITLE
 from armcontour.robot import Arm
@@ -40,9 +40,6 @@ def cell_names() -> tuple[str, ...]:
 def cell_text(name: str) -> str:
     """The text of a built-in cell: a job file without a path, with comments.
 
-    Args:
-        name: Name of the cell, which is that of its arm.
-
     Raises:
         InvalidInput: No such cell.
     """
@@ -51,8 +48,8 @@ def cell_text(name: str) -> str:
         raise InvalidInput(
             f"There is no cell {name!r}: name a job file (.yaml), or one of {', '.join(names)}."
         )
-    found = resources.files("armcontour.files") / "cells" / f"{name}.yaml"
-    return found.read_text(encoding="utf-8")
+    file = resources.files("armcontour.files") / "cells" / f"{name}.yaml"
+    return file.read_text(encoding="utf-8")
 
 
 def read_cell(
@@ -81,7 +78,7 @@ def read_cell(
     values: Patch = {("path", key): value for key, value in (path or {}).items()}
     data, source, folder = cell_data(cell, drawing, {**values, **(patch or {})})
     model = model_of(CellModel, data, source)
-    # What is wrong with the drawing is not the cell's fault: such sentences name the drawing only.
+    # Errors in the drawing name the drawing only, because the cell does not cause them.
     program = read_drawing(model.path, str(model.path.file), folder, reading)
     with error_context(source):
         return job_of(model, folder, reading, trust_xacro, program)
@@ -89,10 +86,6 @@ def read_cell(
 
 def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
     """Read the arm of a cell, or of a job file, with its tool, work frame and payload.
-
-    Args:
-        cell: Name of a built-in cell, or a job file; it needs no path.
-        trust_xacro: As in `read_job`.
 
     Raises:
         InvalidInput: No such cell or file, or an invalid key.
@@ -106,10 +99,6 @@ def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
 def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple[Arm | None, Scene]:
     """Read the arm and the scene of a cell, or of a job file, of which other keys may be missing.
 
-    Args:
-        cell: Name of a built-in cell, or a job file.
-        trust_xacro: As in `read_job`.
-
     Returns:
         The arm, or None if the file has none; and the scene, empty without the key `scene`.
 
@@ -117,8 +106,12 @@ def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple
         InvalidInput: No such cell or file, or an invalid key.
     """
     text, source, folder = _text(str(cell))
-    given = read_keys(Given(CellModel), load(text, source), source)
-    model, path, scene = given.get("arm"), given.get("path", PathModel()), given.get("scene")
+    specified = read_keys(SpecifiedKeys(CellModel), load(text, source), source)
+    model, path, scene = (
+        specified.get("arm"),
+        specified.get("path", PathModel()),
+        specified.get("scene"),
+    )
     with error_context(source):
         arm = None if model is None else arm_of(model, folder, trust_xacro=trust_xacro)
         return arm, Scene() if scene is None else scene_of(scene, folder, part_of(path))
@@ -129,11 +122,6 @@ def cell_data(
 ) -> tuple[dict[str, Any], str, FilePath]:
     """A cell and a drawing as the data of a job file.
 
-    Args:
-        cell: As in `read_cell`.
-        drawing: The file of the drawing.
-        patch: As in `read_cell`.
-
     Returns:
         The data, the name of the cell for messages, and the folder of its relative files.
 
@@ -141,8 +129,8 @@ def cell_data(
         InvalidInput: No such cell, not YAML, or a key that the cell cannot have.
     """
     text, source, folder = _text(str(cell))
-    data, place = read_data(text, source), FilePath(drawing)
-    drawn = _drawn(data, place, str(place.absolute()))
+    data, location = read_data(text, source), FilePath(drawing)
+    drawn = _drawn(data, location, str(location.absolute()))
     with error_context(source):
         return apply(data, {**drawn, **(patch or {})}), source, folder
 
@@ -150,25 +138,20 @@ def cell_data(
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
     """A cell and a drawing as the text of a job file, with the comments of the cell.
 
-    Args:
-        cell: As in `read_cell`.
-        drawing: The file of the drawing.
-        to: The folder of the job file, to which the names of files are relative.
-
     Raises:
         InvalidInput: As `cell_data`.
     """
     text, source, folder = _text(str(cell))
-    place = FilePath(drawing).absolute()
-    file = FilePath(os.path.relpath(place, to)).as_posix()
-    drawn = _drawn(read_data(text, source), place, file)
+    location = FilePath(drawing).absolute()
+    file = FilePath(os.path.relpath(location, to)).as_posix()
+    drawn = _drawn(read_data(text, source), location, file)
     return write(move_files(text, folder, to), drawn, source)
 
 
 def _drawn(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:
     """The keys of a cell that a drawing replaces: its path, and name and title of the job."""
-    own = cell.get("title")
-    title = drawing.name if own is None else f"{drawing.name} on {own}"
+    cell_title = cell.get("title")
+    title = drawing.name if cell_title is None else f"{drawing.name} on {cell_title}"
     return {
         **{("path", key): REMOVE for key in OWN_PATH},
         ("path", "file"): file,
@@ -186,6 +169,6 @@ def _text(cell: str) -> tuple[str, str, FilePath]:
     return cell_text(cell), f"the cell {cell}", FilePath()
 
 
-def _fit(text: str, most: int) -> str:
+def _fit(text: str, length: int) -> str:
     """Make a text printable, and shorten it to a number of characters."""
-    return shorten(make_printable(text), most)
+    return shorten(make_printable(text), length)

@@ -34,12 +34,12 @@ _UNIT = re.compile(
 )
 # Title of a column that is not needed.
 SKIPPED = "-"
-# Characters of `rename` that stand for others.
+# Wildcards of `rename`.
 WILD = {"#": r"(\d+)", "*": "(.*)"}
 # Lines that are searched for the names of columns, and names that one message lists.
 MOST_TRIED = 1000
 MOST_NAMED = 8
-# Rows that are converted at a time: larger parts take more memory and save no time.
+# Rows per conversion: larger blocks take more memory and save no time.
 CHUNK = 1 << 14
 
 
@@ -50,7 +50,7 @@ class Title(NamedTuple, Generic[Key]):
         key: The quantity in the column.
         si: Its SI unit; None without one.
         unit: The unit in the name, such as deg in q1_deg; None without one.
-        rank: Of columns of one quantity, the one of the lowest rank is used.
+        rank: If several columns hold one quantity, the one of the lowest rank is used.
     """
 
     key: Key
@@ -60,7 +60,7 @@ class Title(NamedTuple, Generic[Key]):
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class CsvColumn:
     """A column, as described by its title.
 
     Args:
@@ -112,9 +112,11 @@ def last_digit(columns: Sequence[Digits]) -> float:
     Zeros that a format cuts off at the end do no harm: the number of digits is the largest over
     all numbers, both after the decimal point and in total.
     """
-    places = max(x.places for x in columns)
+    decimals = max(x.places for x in columns)
     digits, highest = max(x.digits for x in columns), max(x.highest for x in columns)
-    return float(max(10.0**-places, 10.0 ** (highest - digits + 1)) if digits else 10.0**-places)
+    return float(
+        max(10.0**-decimals, 10.0 ** (highest - digits + 1)) if digits else 10.0**-decimals
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,14 +125,14 @@ class CsvTable(Generic[Key]):
 
     Args:
         source: Name of the file, for messages.
-        heading: File and place of the titles, for messages.
+        heading: File and line of the titles, for messages.
         example: Titles of such a table, for messages.
         option: The option that names columns, for messages; empty without one.
         columns: The known columns by their quantities, in the order of the file.
         unknown: Titles of the other columns.
         separator: The character between cells.
         width: Number of columns.
-        lines: The lines of the rows; blank lines and comments are left out.
+        lines: The lines of the rows; blank lines and comments are omitted.
         numbers: Numbers of these lines in the file, from 1.
         comments: Lines that start with #.
     """
@@ -139,7 +141,7 @@ class CsvTable(Generic[Key]):
     heading: str
     example: str
     option: str
-    columns: Mapping[Key, Column]
+    columns: Mapping[Key, CsvColumn]
     unknown: tuple[str, ...]
     separator: str
     width: int
@@ -165,14 +167,14 @@ class CsvTable(Generic[Key]):
         )
 
     def rename(self, new: str, old: str) -> str:
-        """How to give a column another title, for messages."""
+        """The option that gives a column another title, for messages."""
         return f"{self.option} '{new}={old}'" if self.option else new
 
     def place(self, row: int, *keys: Key) -> str:
         """File, line and columns of a row, for messages."""
         titles = " ".join(self.columns[x].title for x in keys)
-        place = f"{self.source}, line {self.numbers[row]}"
-        return f"{place}, column {show(titles)}" if keys else place
+        location = f"{self.source}, line {self.numbers[row]}"
+        return f"{location}, column {show(titles)}" if keys else location
 
     def cells(self, row: int) -> list[str]:
         """All cells of a row.
@@ -198,7 +200,7 @@ class CsvTable(Generic[Key]):
         return self.cells(row)[self.columns[key].index]
 
     def texts(self, keys: Sequence[Key]) -> Iterator[tuple[int, list[list[str]]]]:
-        """Yield the cells of some columns, several thousand rows at a time, after the first row."""
+        """Yield the index of the first row, and the cells of some columns, in blocks of rows."""
         indices, count = [self.columns[x].index for x in keys], len(self.lines)
         for first in range(0, count, CHUNK):
             rows = [self.cells(i) for i in range(first, min(first + CHUNK, count))]
@@ -229,17 +231,17 @@ class CsvTable(Generic[Key]):
         joined = "".join(texts)
         if joined.isascii() and "_" not in joined and max(map(len, texts)) <= LONGEST:
             try:
-                if np.isfinite(found := list(map(float, texts))).all():
-                    return found
+                if np.isfinite(numbers := list(map(float, texts))).all():
+                    return numbers
             except ValueError:
                 pass
-        found = []
+        numbers = []
         for row, text in enumerate(texts, start=first):
             try:
-                found.append(parse_number(text) if text else math.nan)
+                numbers.append(parse_number(text) if text else math.nan)
             except ValueError:
                 self.raise_cell_error(row, key)
-        return found
+        return numbers
 
     def raise_cell_error(self, row: int, key: Key) -> NoReturn:
         """Refuse a cell that is no number.
@@ -287,52 +289,52 @@ def read_table(
     """
     # Not `splitlines`, which also splits at characters that are allowed in a cell.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    kept = [(k, x) for k, x in enumerate(lines, start=1) if x.lstrip()[:1] not in ("", "#")]
-    if not kept:
+    numbered = [(k, x) for k, x in enumerate(lines, start=1) if x.lstrip()[:1] not in ("", "#")]
+    if not numbered:
         raise InvalidInput(f"{source} is empty: it must have a line of column names and rows.")
-    given = None if columns is None or "=" in columns else columns.split(",")
-    kept = kept[_first_line(kept, None if given is None else len(given)) :]
-    header, first = kept[0]
+    names = None if columns is None or "=" in columns else columns.split(",")
+    numbered = numbered[_first_line(numbered, None if names is None else len(names)) :]
+    header, first = numbered[0]
     separator = next((x for x in ";\t" if x in first), ",")
-    if separator == "," and _is_blank_separated([line for _, line in kept[:2]]):
+    if separator == "," and _is_blank_separated([line for _, line in numbered[:2]]):
         # As the recorder of a UR's RTDE writes it.
-        kept = [(number, "\t".join(line.split())) for number, line in kept]
-        first, separator = kept[0][1], "\t"
+        numbered = [(number, "\t".join(line.split())) for number, line in numbered]
+        first, separator = numbered[0][1], "\t"
     titles, named = _cells(first, separator), 1
     heading = f"{source}, line {header}"
-    if given is not None:
-        if len(given) != len(titles):
+    if names is not None:
+        if len(names) != len(titles):
             raise InvalidInput(
-                f"{heading}: {len(titles)} columns, but names of {len(given)} are given: name all "
+                f"{heading}: {len(titles)} columns, but names of {len(names)} are given: name all "
                 f"of them in their order, and {SKIPPED} for each that is not needed."
             )
         # Given names replace those of the file.
         named = not any(map(NUMBER.fullmatch, titles))
-        titles, heading = [x.strip() for x in given], f"{source}, {option}"
-    elif len(kept) > 1 and (units := _units(_cells(kept[1][1], separator), len(titles))):
+        titles, heading = [x.strip() for x in names], f"{source}, {option}"
+    elif len(numbered) > 1 and (units := _units(_cells(numbered[1][1], separator), len(titles))):
         titles = [f"{x} [{y}]" if y else x for x, y in zip(titles, units, strict=True)]
         named = 2
-    if columns is not None and given is None:
+    if columns is not None and names is None:
         titles = list(rename(titles, columns, source))
-    known, unknown = _read_titles(titles, title_of, heading, example, option)
+    recognised, unknown = _read_titles(titles, title_of, heading, example, option)
     return CsvTable(
         source=source,
         heading=heading,
         example=example,
         option=option,
-        columns=known,
+        columns=recognised,
         unknown=unknown,
         separator=separator,
         width=len(titles),
-        lines=[line for _, line in kept[named:]],
-        numbers=[number for number, _ in kept[named:]],
+        lines=[line for _, line in numbered[named:]],
+        numbers=[number for number, _ in numbered[named:]],
         comments=[x.strip() for x in lines if x.lstrip()[:1] == "#"],
     )
 
 
-def _first_line(kept: Sequence[tuple[int, str]], count: int | None) -> int:
+def _first_line(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
     """Number of lines above the titles, or with titles of `count` columns above the samples."""
-    lines = [line for _, line in kept]
+    lines = [line for _, line in numbered]
     if count is not None:
         every = (re.split(r"\s*[,;\t]\s*|\s+", line.strip()) for line in lines)
         of_count = (len(x) == count and any(map(NUMBER.fullmatch, x)) for x in every)
@@ -351,27 +353,23 @@ def _units(cells: Sequence[str], count: int) -> list[str]:
     """The units in a line below the titles; empty if it is no such line."""
     units = [x.strip("[]() ") for x in cells]
     units = ["" if x in ("-", "1") else x for x in units]
-    known = all(not x or _UNIT.fullmatch(x) for x in units)
-    return units if len(units) == count and known and any(units) else []
+    are_units = all(not x or _UNIT.fullmatch(x) for x in units)
+    return units if len(units) == count and are_units and any(units) else []
 
 
 def _is_blank_separated(lines: Sequence[str]) -> bool:
-    """Whether the cells of the first lines are separated by blanks, and by nothing else."""
+    """True if the cells of the first lines are separated by blanks, and by nothing else."""
     words = [len(x.split()) for x in lines]
     return min(words) == max(words) > 1 and not any("," in _DECIMAL_COMMA.sub("", x) for x in lines)
 
 
 def _split(line: str, separator: str | None) -> list[str]:
-    """The cells of a line; between blanks without a separator.
-
-    Raises:
-        csv.Error: A quote that is not closed, or a cell in quotes that is too long.
-    """
+    """The cells of a line; between blanks without a separator."""
     if separator is None or '"' not in line:
         # Most lines of large files have no blanks.
         cells = line.split(separator)
         return cells if line.split() == [line] else [x.strip() for x in cells]
-    # One line at a time, so that an open quote does not include the next lines.
+    # The lines are parsed one by one, so that an open quote does not include the next lines.
     return [x.strip() for x in next(csv.reader([line], delimiter=separator, strict=True))]
 
 
@@ -388,14 +386,14 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
 
     Args:
         names: The names.
-        pairs: `NEW=NAME`, separated by commas. A # stands for a number and a * for any text,
-            in both the same, as in `q# [deg]=joint_#`.
+        pairs: `NEW=NAME`, separated by commas. A # matches a number and a * any text;
+            NEW repeats the matched text, as in `q# [deg]=joint_#`.
         source: Name of the file, for messages.
 
     Raises:
-        InvalidInput: A pair is incomplete, or no name is as it says.
+        InvalidInput: A pair is incomplete, or no name matches it.
     """
-    found = list(names)
+    renamed = list(names)
     for pair in pairs.split(","):
         new, _, old = map(str.strip, pair.partition("="))
         wild = [x for x in old if x in WILD]
@@ -414,8 +412,8 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
             )
         for i, match in matches.items():
             parts = iter(match.groups())
-            found[i] = "".join(next(parts) if x in WILD else x for x in new)
-    return tuple(found)
+            renamed[i] = "".join(next(parts) if x in WILD else x for x in new)
+    return tuple(renamed)
 
 
 def _read_titles(
@@ -424,14 +422,14 @@ def _read_titles(
     where: str,
     example: str,
     option: str,
-) -> tuple[dict[Key, Column], tuple[str, ...]]:
+) -> tuple[dict[Key, CsvColumn], tuple[str, ...]]:
     """The known columns by their quantities, in their order, and the other titles."""
     if all(map(NUMBER.fullmatch, titles)):
         fix = f"; without such a line, name them with {option}" if option else ""
         raise InvalidInput(
             f"{where}: the first line must name the columns, such as {example}{fix}."
         )
-    found: dict[Key, Column] = {}
+    recognised: dict[Key, CsvColumn] = {}
     unknown: list[str] = []
     for index, title in enumerate(titles):
         match = _BRACKETS.fullmatch(title)
@@ -444,17 +442,20 @@ def _read_titles(
             raise InvalidInput(f"{where}: the column {show(title)} has two units: leave one out.")
         unit = content.unit if unit is None else unit
         factor = 1.0 if unit is None else _factor(unit, content.si, title, where)
-        column, other = Column(index, title, unit, factor, content.rank), found.get(content.key)
+        column, other = (
+            CsvColumn(index, title, unit, factor, content.rank),
+            recognised.get(content.key),
+        )
         if other is not None and other.rank == column.rank:
             same = f"the columns {show(other.title)} and {show(title)} hold the same"
             twice = f"there are two columns {show(title)}" if other.title == title else same
             fix = f", such as with {option} '{SKIPPED}={title}'" if option else ""
             raise InvalidInput(f"{where}: {twice}: leave one out{fix}.")
         if other is None or column.rank < other.rank:
-            found[content.key] = column
+            recognised[content.key] = column
         if other is not None:
             unknown.append(max(column, other, key=lambda x: x.rank).title)
-    return found, tuple(unknown)
+    return recognised, tuple(unknown)
 
 
 def _factor(unit: str, si: str | None, title: str, where: str) -> float:
@@ -465,8 +466,8 @@ def _factor(unit: str, si: str | None, title: str, where: str) -> float:
     except ValueError:
         factor = 0.0
     if factor <= 0 or (si is not None and "rad" in si and not _ANGLE.search(plain)):
-        wanted = f"one that converts to {si}" if si else "wanted: the column has none"
+        expected = f"one that converts to {si}" if si else "wanted: the column has none"
         raise InvalidInput(
-            f"{where}: the unit {show(unit)} of the column {show(title)} is not {wanted}."
+            f"{where}: the unit {show(unit)} of the column {show(title)} is not {expected}."
         )
     return factor

@@ -45,7 +45,7 @@ class LengthsModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnglesModel(LengthsModel):
-    """Evenly spaced values of an angle; of a whole turn the last is left out, as it is the first.
+    """Evenly spaced values of an angle; a whole turn omits the last value.
 
     Args:
         start: The first value [rad].
@@ -58,12 +58,12 @@ class AnglesModel(LengthsModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxesModel:
-    """The axes of a grid of places, along the coordinates of the path.
+    """The axes of a grid of positions, along the coordinates of the path.
 
     Args:
-        x, y, z: Where the part is tried along this axis.
-        yaw: How far it is turned about z.
-        tilt: How far it is turned about y of the turned part; the tool has `path.orientation`.
+        x, y, z: Positions of the part along this axis.
+        yaw: Rotation about z.
+        tilt: Rotation about y of the turned part; the tool has `path.orientation`.
     """
 
     x: LengthsModel | None = None
@@ -80,12 +80,12 @@ class AxesModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OffModel:
-    """By how much a part may be off its place.
+    """Position error of a part.
 
     Args:
-        x, y, z: To both sides along this axis [m].
-        yaw: In both directions about z [rad].
-        tilt: In both directions about y of the turned part; does not tilt the tool [rad].
+        x, y, z: Error to both sides along this axis [m].
+        yaw: Error in both directions about z [rad].
+        tilt: Error in both directions about y of the turned part; does not tilt the tool [rad].
     """
 
     x: Distance | None = None

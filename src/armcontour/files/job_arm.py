@@ -19,7 +19,7 @@ from armcontour.files.job_model import (
 )
 from armcontour.files.robots.loading import load_arm, with_more_shapes
 from armcontour.files.robots.options import DESCRIPTIONS, MJCF
-from armcontour.files.scene import assumed_tool, more_link_shapes, rotation_of, tool_shapes
+from armcontour.files.scene_file import assumed_tool, more_link_shapes, rotation_of, tool_shapes
 from armcontour.geometry import Path
 from armcontour.program import Program
 from armcontour.robot import Arm
@@ -31,19 +31,14 @@ ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS, *MJCF)
 def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False) -> Arm:
     """Load the arm of a job, with its tool, work frame and payload.
 
-    Args:
-        model: The value of the key `arm`.
-        folder: Folder of the job file; files of the arm are relative to this folder.
-        trust_xacro: Whether a .xacro file may be expanded; no key of a job can allow this.
-
     Raises:
         InvalidInput: No such arm, or keys that do not go together.
     """
     if isinstance(model, str):
-        place = folder / model if model.lower().endswith(ARM_FILES) else model
-        return load_arm(place, trust_xacro=trust_xacro)
+        location = folder / model if model.lower().endswith(ARM_FILES) else model
+        return load_arm(location, trust_xacro=trust_xacro)
     arm = _bare_arm(model, folder, trust_xacro=trust_xacro)
-    # Files are looked for now, and shapes computed when they are first asked for.
+    # Files are opened now, and shapes are computed at their first use.
     shapes: tuple[LinkShape, ...] = ()
     if model.shapes is not None:
         shapes = more_link_shapes(model.shapes, folder, arm)
@@ -95,10 +90,6 @@ def frame_of(key: str, model: FrameModel) -> Frame:
 def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
     """The key `arm` of a job, with the tool of its tool table that its contours use.
 
-    Args:
-        model: The keys of the job.
-        drawn: The path or program of its key `path`.
-
     Raises:
         InvalidInput: A tool that the table does not have, or several different tools.
     """
@@ -117,10 +108,10 @@ def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
         return model.arm
     for name in names:
         if name not in table:
-            what = f"the tool {name}" if name else "no tool before its first contour"
+            description = f"the tool {name}" if name else "no tool before its first contour"
             raise InvalidInput(
-                f"The program uses {what}, but tools has {', '.join(map(show, table))}: add the "
-                "tool, or choose one of these with path.tool."
+                f"The program uses {description}, but tools has {', '.join(map(show, table))}: add "
+                "the tool, or choose one of these with path.tool."
             )
     tool = table[names[0]]
     if any(repr(table[x]) != repr(tool) for x in names):
@@ -130,9 +121,9 @@ def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
             f"or --only-tool {names[0]}."
         )
     arm = model.arm if isinstance(model.arm, ArmModel) else named_arm(model.arm)
-    own = ToolModel(**{x.name: getattr(tool, x.name) for x in fields(ToolModel)})
+    tool_model = ToolModel(**{x.name: getattr(tool, x.name) for x in fields(ToolModel)})
     payload = arm.payload if tool.payload is None else tool.payload
-    return replace(arm, tool=own, payload=payload)
+    return replace(arm, tool=tool_model, payload=payload)
 
 
 def named_arm(arm: str) -> ArmModel:

@@ -1,4 +1,4 @@
-"""Job files with some keys changed; everything else stays as it was written, with its comments."""
+"""Edits of keys of job files, which keep all other text and the comments."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import Loader, load_with_node
 from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.problems import place
-from armcontour.files.yaml_text import Shared, Splice, YamlText, same
-from armcontour.files.yaml_values import flow_text
+from armcontour.files.yaml_text import Shared, Splice, YamlText, flow_text, same
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
@@ -27,7 +26,7 @@ FILES = ("file", "files", "joint_limits", "srdf", "packages")
 
 
 class Remove(Enum):
-    """Stands for the value of a key that is removed."""
+    """Marker for the value of a key that is removed."""
 
     REMOVE = "remove"
 
@@ -40,11 +39,11 @@ class Change:
     """A change of one key of a job file: a value that is set, inserted into a list, or removed.
 
     Args:
-        keys: The keys that lead there, from the outermost; a number is a position in a list, from
+        keys: The keys of the value, from the outermost; a number is a position in a list, from
             0, or the key of a mapping.
-        value: The new value; `REMOVE` removes the key or the item, if it is there.
-        insert: Whether the value becomes a new item of a list, before the one that is there now;
-            one behind the last is allowed.
+        value: The new value; `REMOVE` removes the key or the item, if it exists.
+        insert: Whether the value becomes a new item of a list, before the item at this position;
+            the position after the last item is allowed.
     """
 
     keys: Keys
@@ -55,36 +54,27 @@ class Change:
 def change_text(text: str, changes: Sequence[Change], source: str = "job") -> str:
     """A YAML text with some keys changed; all other lines stay as they were written.
 
-    Args:
-        text: The text; a mapping.
-        changes: The changes, one after the other.
-        source: Name of the text in messages.
-
     Raises:
         InvalidInput: Not YAML, a position that its list does not have, or a key that cannot be
-            changed alone, because an alias repeats it or stands for it.
+            changed separately, because an alias repeats it or refers to it.
     """
     data, root = _parsed(text, source)
-    for these in _together(data, changes):
+    for group in _together(data, changes):
         written = YamlText(text, root)
         try:
-            text = _spliced(text, [y for x in these for y in _splices(written, data, x)])
-            wanted = change_data(data, these)
-            # What is no YAML any more had an anchor that is still used.
+            text = _spliced(text, [y for x in group for y in _splices(written, data, x)])
+            changed = change_data(data, group)
+            # If the text is no YAML any more, the change removed an anchor that is still used.
             data, root = _parsed(text, source)
-            if not same(data, wanted):
+            if not same(data, changed):
                 raise Shared
         except (Shared, InvalidInput):
-            raise _shared(source, these[-1]) from None
+            raise _shared(source, group[-1]) from None
     return text
 
 
 def change_data(data: Any, changes: Sequence[Change]) -> Any:
     """The data of a job file with some keys changed; the given data stay as they are.
-
-    Args:
-        data: The data.
-        changes: The changes, one after the other.
 
     Raises:
         InvalidInput: A position that its list does not have.
@@ -95,13 +85,7 @@ def change_data(data: Any, changes: Sequence[Change]) -> Any:
 
 
 def move_files(text: str, folder: FilePath, to: FilePath) -> str:
-    """A job file that names the same files from another folder.
-
-    Args:
-        text: The job file.
-        folder: Its folder.
-        to: The other folder.
-    """
+    """A job file that names the same files from another folder."""
     root = yaml.compose(text, Loader=Loader)
     edits = []
     for node in _file_names(root):
@@ -114,10 +98,6 @@ def move_files(text: str, folder: FilePath, to: FilePath) -> str:
 
 def file_names(text: str, source: str = "job") -> list[str]:
     """The files and folders that a job file names.
-
-    Args:
-        text: The job file.
-        source: Name of the text in messages.
 
     Raises:
         InvalidInput: Not YAML.
@@ -142,45 +122,42 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
 
 @lru_cache(maxsize=1)
 def _parsed(text: str, source: str) -> tuple[Any, yaml.Node | None]:
-    """Data and nodes of a text; those of the last one are kept, which is likely to be changed next.
-
-    Nobody may change them.
-    """
+    """Data and nodes of a text, read-only; the last text is cached, as it is often edited next."""
     return load_with_node(text, source)
 
 
 def _changed(data: Any, keys: Keys, change: Change) -> Any:
     """Data with a change, whose keys start there; what is no mapping or list becomes one."""
-    key, *rest = keys
-    last, removing = not rest, change.value is REMOVE
+    key, *inner = keys
+    last, removing = not inner, change.value is REMOVE
     if isinstance(data, list) and isinstance(key, int):
-        return _changed_list(data, key, tuple(rest), change)
+        return _changed_list(data, key, tuple(inner), change)
     if last and change.insert:
         return _changed_list([], _position(key, change), (), change)
     if removing and not (isinstance(data, dict) and key in data):
         return data
-    own = dict(data) if isinstance(data, dict) else {}
+    copy = dict(data) if isinstance(data, dict) else {}
     if last and removing:
-        del own[key]
+        del copy[key]
     else:
-        own[key] = change.value if last else _changed(own.get(key), tuple(rest), change)
-    return own
+        copy[key] = change.value if last else _changed(copy.get(key), tuple(inner), change)
+    return copy
 
 
-def _changed_list(data: list[Any], at: int, rest: Keys, change: Change) -> list[Any]:
+def _changed_list(data: list[Any], index: int, inner: Keys, change: Change) -> list[Any]:
     """A list with a change at one of its positions, or inside it."""
-    adding = change.insert and not rest
-    if not 0 <= at < len(data) + adding:
+    adding = change.insert and not inner
+    if not 0 <= index < len(data) + adding:
         raise InvalidInput(
             f"{place(change.keys)} cannot be changed: the list there has {len(data)} "
             f"item{'' if len(data) == 1 else 's'}."
         )
     if adding:
-        return [*data[:at], change.value, *data[at:]]
-    if not rest and change.value is REMOVE:
-        return [*data[:at], *data[at + 1 :]]
-    new = change.value if not rest else _changed(data[at], rest, change)
-    return [*data[:at], new, *data[at + 1 :]]
+        return [*data[:index], change.value, *data[index:]]
+    if not inner and change.value is REMOVE:
+        return [*data[:index], *data[index + 1 :]]
+    new = change.value if not inner else _changed(data[index], inner, change)
+    return [*data[:index], new, *data[index + 1 :]]
 
 
 def _position(key: Key, change: Change) -> int:
@@ -191,7 +168,7 @@ def _position(key: Key, change: Change) -> int:
 
 
 def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
-    """The changes in groups whose places in the text do not depend on each other."""
+    """The changes in groups whose locations in the text are independent."""
     group: list[Change] = []
     for x in changes:
         alone = x.insert or x.value is REMOVE or value_at(data, x.keys, REMOVE) is REMOVE
@@ -208,37 +185,26 @@ def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
 
 
 def key_in(sentence: str) -> str:
-    """The key that a refusal of a job names, such as "limits.speed"; "" if there is none."""
+    """The key that an error message of a job names, such as "limits.speed"; "" without a key."""
     named = re.search(r": (?:unknown key )?([\w-]+(?:\.[\w-]+)*)", sentence)
     return named[1] if named else ""
 
 
 def line_of(text: str, sentence: str) -> int | None:
-    """The line of a job file, from 1, that a refusal of it names by its keys; None if none.
-
-    Args:
-        text: The text of the job file.
-        sentence: The refusal, such as "job.yaml: limits.speed: must be above 0".
-    """
+    """The line of a job file, from 1, to which an error message refers; None if it names no key."""
     node, line = yaml.compose(text, Loader=Loader), None
     for key in key_in(sentence).split("."):
         if not isinstance(node, yaml.MappingNode):
             break
-        found = [(k, v) for k, v in node.value if k.value == key]
-        if not found:
+        entries = [(k, v) for k, v in node.value if k.value == key]
+        if not entries:
             break
-        line, node = found[0][0].start_mark.line + 1, found[0][1]
+        line, node = entries[0][0].start_mark.line + 1, entries[0][1]
     return line
 
 
 def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
-    """The value of data at some keys.
-
-    Args:
-        data: Data as parsed.
-        keys: The keys, from the outside in.
-        default: What is returned if there is none.
-    """
+    """The value of data at some keys."""
     for key in keys:
         if isinstance(data, list) and isinstance(key, int) and 0 <= key < len(data):
             data = data[key]
@@ -250,35 +216,33 @@ def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
 
 
 def meet(one: Keys, other: Keys) -> bool:
-    """Whether one of two places in data lies inside the other, or they are the same."""
+    """True if one of two locations in data is inside the other, or they are the same."""
     shared = min(len(one), len(other))
     return one[:shared] == other[:shared]
 
 
 def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
-    """What changes in a text with a change.
-
-    Raises:
-        Shared: An alias stands for what has to change.
-    """
-    here = text.root
+    """The splices of a text that make a change."""
+    part = text.root
     for depth, key in enumerate(change.keys):
-        rest = change.keys[depth + 1 :]
-        if not here.holds(key):
+        inner_keys = change.keys[depth + 1 :]
+        if not part.holds(key):
             removing = change.value is REMOVE
-            return [] if removing else here.replace(data, _changed(data, (key, *rest), change))
-        if change.insert and not rest and isinstance(data, list):
+            return (
+                [] if removing else part.replace(data, _changed(data, (key, *inner_keys), change))
+            )
+        if change.insert and not inner_keys and isinstance(data, list):
             assert isinstance(key, int)
-            return here.insert(key, change.value)
-        inner = here.part(key)
+            return part.insert(key, change.value)
+        inner = part.part(key)
         if inner is None:
             removing = change.value is REMOVE
-            return [] if removing else here.add(key, _changed({}, (key, *rest), change)[key])
-        if not rest and change.value is REMOVE:
-            return here.remove(key)
-        if not rest:
+            return [] if removing else part.add(key, _changed({}, (key, *inner_keys), change)[key])
+        if not inner_keys and change.value is REMOVE:
+            return part.remove(key)
+        if not inner_keys:
             return inner.replace(data[key], change.value)
-        here, data = inner, data[key]
+        part, data = inner, data[key]
     return []
 
 
@@ -290,7 +254,7 @@ def _spliced(text: str, splices: Sequence[Splice]) -> str:
 
 
 def _shared(source: str, change: Change) -> InvalidInput:
-    """The refusal of a change that would change other keys, too."""
+    """The error for a change that would also change other keys."""
     name = place(change.keys)
     by_hand = f"write {name}: {flow_text(change.value)}"
     if change.value is REMOVE:

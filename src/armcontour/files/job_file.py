@@ -19,6 +19,7 @@ from armcontour.core.file_access import read_text
 from armcontour.core.progress import Progress
 from armcontour.core.text import show
 from armcontour.core.yaml_loader import load
+from armcontour.files.file_keys import MappingKeys, read_keys, schema_of
 from armcontour.files.job_arm import arm_of, equipped
 from armcontour.files.job_model import (
     ExperimentModel,
@@ -27,9 +28,8 @@ from armcontour.files.job_model import (
     RunModel,
 )
 from armcontour.files.job_path import part_of, path_of
-from armcontour.files.keys import Keys, read_keys, schema_of
 from armcontour.files.problems import Patch
-from armcontour.files.scene import scene_of
+from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Experiment, Job, Rounding, Run
 from armcontour.motion import DEFAULT_CYCLE
@@ -63,11 +63,11 @@ def read_job(
         InvalidInput: No such file, not YAML, an unknown key, a value without its unit, or values
             that do not make a job; one sentence that names the key.
     """
-    place = checks.read_place("read_job", file)
+    location = checks.read_place("read_job", file)
     return parse_job(
-        job_text(place),
-        source=place.name,
-        folder=place.parent,
+        job_text(location),
+        source=location.name,
+        folder=location.parent,
         patch=patch,
         reading=reading,
         trust_xacro=trust_xacro,
@@ -120,10 +120,6 @@ def parse_job(
 def read_data(text: str, source: str) -> dict[str, Any]:
     """Read the data of a job file, whose keys are not checked.
 
-    Args:
-        text: YAML.
-        source: Name of the text in messages.
-
     Raises:
         InvalidInput: Not YAML, or no mapping.
     """
@@ -135,24 +131,22 @@ def read_data(text: str, source: str) -> dict[str, Any]:
     return data
 
 
-def model_of(of: type[Model], data: Mapping[str, Any], source: str) -> Model:
+def model_of(kind: type[Model], data: Mapping[str, Any], source: str) -> Model:
     """Check the keys of a job.
-
-    Args:
-        of: JobModel, or CellModel for a job without a path.
-        data: The data of a job file.
-        source: Name of the file in messages.
 
     Raises:
         InvalidInput: An unknown key, or an invalid value.
     """
-    model: Model = read_keys(Keys(of), data, source)
+    model: Model = read_keys(MappingKeys(kind), data, source)
     return model
 
 
 def json_schema() -> dict[str, Any]:
     """The JSON Schema of job files."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema_of(Keys(JobModel))}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema_of(MappingKeys(JobModel)),
+    }
 
 
 def job_of(
@@ -163,13 +157,6 @@ def job_of(
     drawing: Program | None = None,
 ) -> Job:
     """Make the job of a job file; reads its arm and its drawing.
-
-    Args:
-        model: The keys of the file.
-        folder: Folder of relative file names.
-        reading: As in `read_job`.
-        trust_xacro: As in `read_job`.
-        drawing: The drawing, if it is read already.
 
     Raises:
         InvalidInput: Values that do not make a job.
@@ -186,14 +173,7 @@ def parts_of(
     trust_xacro: bool = False,
     drawing: Program | None = None,
 ) -> tuple[Arm, Path | Program, Scene | None]:
-    """Make what a job file reads other files for: its arm, its path and its scene.
-
-    Args:
-        model: The keys of the file.
-        folder: Folder of relative file names.
-        reading: As in `read_job`.
-        trust_xacro: As in `read_job`.
-        drawing: The drawing, if it is read already.
+    """Make the parts of a job that need other files: its arm, its path and its scene.
 
     Raises:
         InvalidInput: Files or values that do not make them.
@@ -208,11 +188,7 @@ def parts_of(
 
 
 def _seed(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
-    """The key `seed`: joint positions in the order of the arm, or by the names of its joints.
-
-    Raises:
-        InvalidInput: Names that are not those of the joints.
-    """
+    """The key `seed`: joint positions in the order of the arm, or by the names of its joints."""
     if isinstance(seed, list):
         return np.array(seed)
     if set(seed) != set(arm.joint_names):
@@ -224,13 +200,7 @@ def _seed(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
 
 
 def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
-    """Make the job of a job file, whose arm, path and scene are made already.
-
-    Args:
-        model: The keys of the file.
-        arm: The arm of its key `arm`.
-        drawn: The path of its key `path`.
-        scene: The scene of its key `scene`.
+    """Make the job of a job file from its keys and its arm, path and scene.
 
     Raises:
         InvalidInput: Values that do not make a job.
@@ -268,9 +238,9 @@ def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
         return dataclasses.replace(servo, **differs).for_joints(arm.dof)
 
 
-def _plant(given: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
-    """The real servo: the nominal servo with the values of `plant`; null keeps the nominal one."""
-    differs = {key: value for key, value in given.items() if value is not None}
+def _plant(parameters: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
+    """The real servo: the nominal servo with the values of `plant`; null is the nominal value."""
+    differs = {key: value for key, value in parameters.items() if value is not None}
     if differs.get("order") == "first":
         differs.setdefault("kv", None)
     return _servo("plant", nominal, arm, **differs)
@@ -323,11 +293,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
 
 
 def _timing(model: RunModel, cycle: float) -> PlanOptions:
-    """Options of the plan of a run, with the values that other keys have.
-
-    Raises:
-        InvalidInput: A duration for a method that does not plan one.
-    """
+    """Options of the plan of a run, with the values that other keys have."""
     if isinstance(model.timing, Optimal):
         return dataclasses.replace(model.timing, duration=model.duration)
     if model.duration is not None:
@@ -351,9 +317,9 @@ def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment
     """Options of the experiment of a run; None if the run has none."""
     if model is None or (model.runs is not None and run not in model.runs):
         return None
-    given = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
+    options = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
     with error_context("experiment"):
-        return Experiment(**given).for_joints(arm.dof)
+        return Experiment(**options).for_joints(arm.dof)
 
 
 def _refuse_unknown(key: str, names: Sequence[str], job: JobModel) -> None:
@@ -386,10 +352,7 @@ def add_process(
 
 
 def _without_effect(process: Process, program: Program) -> list[str]:
-    """Notes on keys of a process that the drawing has no use for.
-
-    A cell is for many drawings, which need not have all that it asks for.
-    """
+    """Notes on keys of a process without effect on the drawing, which are usual for a cell."""
     layers = {x.layer for x in program.contours}
     notes = [
         f"process.by_layer: no contour is on the layer {x!r}."
@@ -412,26 +375,20 @@ def _without_effect(process: Process, program: Program) -> list[str]:
 
 def _switched(program: Program, process: Process) -> set[str]:
     """Names of the outputs that a program or its process switches."""
-    found = {x.name for x in program.moves if isinstance(x, Event)}
+    names = {x.name for x in program.moves if isinstance(x, Event)}
     for x in program.contours:
-        own = process.of_layer(x.layer)
-        found |= {y.name for y in (*x.events, *own.events)}
-        found |= set() if own.switch is None else {own.switch.name}
-    return found
+        layer_process = process.of_layer(x.layer)
+        names |= {y.name for y in (*x.events, *layer_process.events)}
+        names |= set() if layer_process.switch is None else {layer_process.switch.name}
+    return names
 
 
 def _on_drawing(process: Process, drawing: PathModel, there: Collection[str]) -> Process:
-    """A process with the vertical direction and the speeds of layers from a job's path.
-
-    Args:
-        process: The process.
-        drawing: The key `path` of the job.
-        there: Names of the layers in the drawing.
-    """
+    """A process with the vertical direction and the speeds of layers from a job's path."""
     layers = drawing.layers if isinstance(drawing.layers, dict) else {}
     # The reader has noted layers that are missing in the file.
-    known = {name: x for name, x in layers.items() if name in there}
-    own = {name: x for name, x in process.by_layer.items() if name in there}
+    layer_limits = {name: x for name, x in layers.items() if name in there}
+    by_layer = {name: x for name, x in process.by_layer.items() if name in there}
     return dataclasses.replace(
-        process, up=part_of(drawing).rotation[:, 2], layers=known, by_layer=own
+        process, up=part_of(drawing).rotation[:, 2], layers=layer_limits, by_layer=by_layer
     )

@@ -1,23 +1,97 @@
-"""The form of a job: groups of fields from the JSON Schema, as the page of the Studio reads it."""
+"""The form of the Studio's settings and the short options of the command line."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, get_type_hints
 
+from armcontour.core.fields import parts_of
+from armcontour.core.quantities import About, AtLeast, Quantity
+from armcontour.core.text import capitalise, describe_fields
 from armcontour.files.cell import OWN_PATH, YAML, cell_names
 from armcontour.files.drawings.endings import READERS
 from armcontour.files.exports.formats import FORMATS, TemplateFormat
 from armcontour.files.exports.template import ending_of, templates
+from armcontour.files.forms import FORMS, Form
+from armcontour.files.job_edits import Keys
 from armcontour.files.job_file import json_schema
-from armcontour.files.job_model import RunModel, SharedModel
-from armcontour.files.job_options import usual_ranges
+from armcontour.files.job_model import JobModel, RunModel, SharedModel
 from armcontour.files.patch import MERGED
 from armcontour.files.robots.loading import arm_names
+from armcontour.files.si_data import alternatives
+
+# Topics in the help of commands, by the first key.
+TOPICS = {
+    "path": "Drawing",
+    **dict.fromkeys(("limits", "corners", "process"), "Speed, corners and start"),
+    "certificate": "Certificate",
+    "placement": "Places",
+}
+# Parts of a description that help texts omit: units, shapes, code, and sentences after the first.
+MORE = re.compile(r"^Whether to | \[\S*\](, \(\w*,?\))?(?=[.,;:]?( |$))|`|\.( .*)?$")
+
+
+def settings(
+    kind_of_file: type = JobModel, outer: Keys = ()
+) -> Iterator[tuple[Keys, About, Any, str]]:
+    """Keys of a file that options or sliders set, with annotation and description."""
+    form, texts = FORMS.get(kind_of_file, Form()), describe_fields(kind_of_file)
+    hints = get_type_hints(kind_of_file, include_extras=True)
+    for x in dataclasses.fields(kind_of_file):
+        if x.name in form.omit:
+            continue
+        keys, hint = (*outer, form.names.get(x.name, x.name)), hints[x.name]
+        for about in getattr(hint, "__metadata__", ()):
+            if isinstance(about, About):
+                yield keys, about, hint, texts[x.name]
+        for kind in alternatives(hint):
+            if dataclasses.is_dataclass(kind) and isinstance(kind, type):
+                yield from settings(kind, keys)
+
+
+def usual_ranges() -> dict[Keys, tuple[float, float]]:
+    """The usual ranges of the quantities of a job and its runs that have one, in SI units."""
+    every = (x for of in (JobModel, RunModel) for x in settings(of))
+    return {keys: about.usual for keys, about, *_ in every if about.usual[1]}
+
+
+def options_text() -> str:
+    """The short options as the JSON that the command line reads at its start, one a line."""
+    rows = (json.dumps(_option(*x)) for x in settings() if x[1].option)
+    return "[\n" + ",\n".join(rows) + "\n]\n"
+
+
+def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
+    """One short option: its name, its key, and how commands read it."""
+    parts, read, example, suffix = tuple(parts_of(hint)), about.read, "", ""
+    quantity = next((x for x in parts if isinstance(x, Quantity)), None)
+    whole = next((x for x in parts if isinstance(x, AtLeast)), None)
+    if bool in parts or read == "to_skip":
+        kind = "flag"
+    elif Mapping in parts or (Sequence in parts and not read):
+        kind, suffix = "texts", "; may be repeated"
+    elif quantity is not None and quantity.unit == "1":
+        kind = "number"
+    elif quantity is not None:
+        kind, read, example = "text", "to_quantity", f", such as '{quantity.example}'"
+    else:
+        kind = "whole" if whole else "text"
+    head, colon, details = capitalise(MORE.sub("", text)).partition(";")
+    return {
+        "option": about.option,
+        "key": ".".join(map(str, (*keys, about.key) if about.key else keys)),
+        "topic": about.topic or TOPICS[str(keys[0])],
+        "kind": kind,
+        "read": read,
+        "least": whole.least if whole else None,
+        "help": about.help or f"{head}{example}{colon}{details}{suffix}.",
+    }
+
 
 # Groups with their keys. A key belongs to the group with the longest key that leads to it.
 GROUPS = {
@@ -54,7 +128,7 @@ OMITTED = (
     *("runs", "arm.name", "arm.file"),
 )
 UNIT = re.compile(r" \[([a-zN1][^\],]*)\]")
-# Shapes of corners; `sharp` stands for the whole key.
+# Shapes of corners; `sharp` is a value of the whole key.
 SHARP = "sharp"
 EMPTY: tuple[Any, ...] = ("", [], {})
 
@@ -142,15 +216,15 @@ def _fields(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> list[Field]:
 def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Field:
     """A field: its name, text, unit, example, default, and what it takes.
 
-    It takes `choices`, `fields` of a mapping, `each` value of a mapping by name, each of a list of
-    mappings (`items`), a `list`, plain numbers only (`plain`), or a `tick`.
+    The field has `choices`, `fields` of a mapping, `each` value of a mapping by name, `items`
+    of a list of mappings, a `list`, plain numbers only (`plain`), or a `tick`.
     """
     parts = list(_parts(schema, defs))
     text = str(schema.get("description") or parts[0].get("description", ""))
     unit = UNIT.search(text)
     examples = [y for x in parts for y in x.get("examples", ())]
     types = {x.get("type") for x in parts} - {"null"}
-    found: Field = {
+    field: Field = {
         "text": UNIT.sub("", text),
         "unit": unit[1] if unit and any(x.get("type") != "string" for x in parts) else "",
         "example": examples[0] if examples else "",
@@ -166,21 +240,21 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
         items = list(_parts(x["items"], defs)) if "items" in x else []
         mapping = next((y for y in items if "properties" in y), None)
         if "properties" in x:
-            found["fields"] = _fields(x, defs)
+            field["fields"] = _fields(x, defs)
         elif isinstance(x.get("additionalProperties"), dict):
-            found["each"] = _field("", x["additionalProperties"], defs)
+            field["each"] = _field("", x["additionalProperties"], defs)
         elif mapping is not None:
-            found["items"] = _fields(mapping, defs)
+            field["items"] = _fields(mapping, defs)
         elif items:
-            found["list"] = True
-            found["plain"] = not any(y.get("type") == "string" for y in items) or None
-    if name == "corners" and "fields" in found:
-        found["choices"], shape = [], next(x for x in found["fields"] if x["name"] == "shape")
+            field["list"] = True
+            field["plain"] = not any(y.get("type") == "string" for y in items) or None
+    if name == "corners" and "fields" in field:
+        field["choices"], shape = [], next(x for x in field["fields"] if x["name"] == "shape")
         shape["choices"] = [SHARP, *shape["choices"]]
     if name == "arm":
-        found["choices"] = list(arm_names())
-    given = {key: x for key, x in found.items() if x is not None and x not in EMPTY}
-    return {"name": name, **given}
+        field["choices"] = list(arm_names())
+    entries = {key: x for key, x in field.items() if x is not None and x not in EMPTY}
+    return {"name": name, **entries}
 
 
 def _shown(default: Any) -> Any:

@@ -23,11 +23,11 @@ from armcontour.core.quantities import (
     Tolerance,
 )
 from armcontour.core.text import show
-from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.read_options import ReadOptions
+from armcontour.files.file_keys import Methods, SpecifiedKeys
 from armcontour.files.forms import FORMS, Form, Place, Point
-from armcontour.files.keys import Given, Methods
 from armcontour.files.robots.options import ArmOptions
-from armcontour.files.scene import BodiesModel, Direction, RotationModel, SceneModel
+from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.files.units import parse
 from armcontour.geometry import SegmentLimits
 from armcontour.jobs import CertificateGoal, Experiment, PlaceSearch, Rounding
@@ -346,8 +346,8 @@ class SharedModel:
         cycle: Time between set-points [s]; by default 4 ms.
     """
 
-    limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
-    command_limits: Annotated[dict[str, Any], Given(CommandLimitsModel)] = field(
+    limits: Annotated[dict[str, Any], SpecifiedKeys(Limits)] = field(default_factory=dict)
+    command_limits: Annotated[dict[str, Any], SpecifiedKeys(CommandLimitsModel)] = field(
         default_factory=dict
     )
     corners: Rounding | Literal["sharp"] | None = None
@@ -356,7 +356,7 @@ class SharedModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunModel(SharedModel):
-    """A run; keys that are left out have the values of the job.
+    """A run; keys that are omitted have the values of the job.
 
     Args:
         timing: How the path is timed.
@@ -413,7 +413,7 @@ class JobModel(SharedModel):
     process: Process | None = None
     accuracy: Distance | None = None
     servo: ServoModel
-    plant: Annotated[dict[str, Any], Given(ServoModel, null=True)] | None = None
+    plant: Annotated[dict[str, Any], SpecifiedKeys(ServoModel, null=True)] | None = None
     experiment: ExperimentModel | None = None
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
     certificate: CertificateGoal | None = None
@@ -424,7 +424,7 @@ class JobModel(SharedModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellModel(JobModel):
-    """A job file that is combined with a drawing: name and path may be left out."""
+    """A job file that is combined with a drawing: name and path may be omitted."""
 
     name: str = ""
     path: PathModel = field(default_factory=PathModel)

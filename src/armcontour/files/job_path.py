@@ -12,7 +12,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
-from armcontour.files.drawings.options import FARTHEST, ReadOptions
+from armcontour.files.drawings.read_options import FARTHEST, ReadOptions
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_model import (
     OrientationModel,
@@ -21,7 +21,7 @@ from armcontour.files.job_model import (
     SegmentModel,
 )
 from armcontour.files.problems import place
-from armcontour.files.scene import rotation_of
+from armcontour.files.scene_file import rotation_of
 from armcontour.geometry import Arc, Line, Path, SegmentLimits
 from armcontour.program import Contour, Program, contour_called
 from armcontour.program.moves import name_copy
@@ -44,13 +44,6 @@ def path_of(
 ) -> Path | Program:
     """The objective path of a job, or its program, with the tool orientation if the job gives one.
 
-    Args:
-        model: The key `path` of the job.
-        folder: Folder of relative file names.
-        dimension: Dimension of the arm's tool motion, 2 or 3; for 3 drawings are lifted to space.
-        progress: Called while a file is read.
-        drawing: What `read_drawing` made of the file; by default it is read here.
-
     Raises:
         InvalidInput: Keys that do not go together, or values that make no path.
     """
@@ -65,14 +58,7 @@ def unplaced_path(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """The same before its frame places it: what takes long to read stays where the part moves.
-
-    Args:
-        model: As of `path_of`.
-        folder: As of `path_of`.
-        dimension: As of `path_of`.
-        progress: As of `path_of`.
-        drawing: As of `path_of`.
+    """The path or program before its frame places it; unchanged if only the part moves.
 
     Raises:
         InvalidInput: As of `path_of`.
@@ -97,11 +83,6 @@ def unplaced_path(
 
 def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path | Program:
     """The path or program of `unplaced_path` in its frame.
-
-    Args:
-        model: As of `path_of`.
-        path: The path or program.
-        dimension: As of `path_of`.
 
     Raises:
         InvalidInput: A frame out of the plane in which the arm moves its tool.
@@ -129,11 +110,7 @@ def _oriented(model: PathModel) -> Path:
 
 
 def _refuse_space(model: PathModel, program: Program) -> None:
-    """Refuse a drawing that a planar arm cannot follow: with z or an orientation.
-
-    Raises:
-        InvalidInput: The drawing does not stay in the plane.
-    """
+    """Check that a planar arm can follow a drawing: no z and no orientation."""
     if program.dimension == 3:
         raise InvalidInput(
             f"path.file: {program.source} has z, but the arm moves its tool in the plane: "
@@ -149,12 +126,6 @@ def read_drawing(
 ) -> Program:
     """The program of a file, by the keys of a job's path that are options for reading it.
 
-    Args:
-        model: The key `path` of the job.
-        file: Its file.
-        folder: Folder of relative file names.
-        progress: Called while the file is read.
-
     Raises:
         InvalidInput: The file cannot be read; the sentence names it.
     """
@@ -166,7 +137,7 @@ def read_drawing(
 
 
 def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
-    """Repeat a drawing, lift it to space and orient the tool, as far as the job wants."""
+    """Repeat a drawing, lift it to space and orient the tool, as the job specifies."""
     if model.tool is not None:
         from armcontour.program.tools import part_of_tool
 
@@ -197,30 +168,22 @@ def part_of(model: PathModel) -> Frame:
 
 
 def _repeat(program: Program, how: RepeatModel, names: Sequence[str] | None) -> Program:
-    """Copies of a program; with `names` only these copies, or all copies of these contours.
-
-    Raises:
-        InvalidInput: Copies that cannot be made, or an unknown name.
-    """
+    """Copies of a program; with `names` only these copies, or all copies of these contours."""
     with error_context("path.repeat"):
         copies = program.repeated(**dataclasses.asdict(how))
     if names is None:
         return copies
     drawn = {x.name for x in program.contours}
-    places = [(row, column) for row in range(how.rows) for column in range(how.columns)]
+    cells = [(row, column) for row in range(how.rows) for column in range(how.columns)]
     chosen = [
-        [name_copy(name, row, column) for row, column in places] if name in drawn else [name]
+        [name_copy(name, row, column) for row, column in cells] if name in drawn else [name]
         for name in names
     ]
     return copies.selected(names=[x for of in chosen for x in of])
 
 
 def _orient_contours(program: Program, how: OrientationModel) -> Program:
-    """Give every contour of a program the same tool orientation.
-
-    Raises:
-        InvalidInput: A contour that the orientation does not fit.
-    """
+    """Give every contour of a program the same tool orientation."""
     moves, number = list(program.moves), 0
     for i, x in enumerate(moves):
         if not isinstance(x, Contour):
@@ -261,7 +224,7 @@ def _points(key: str, points: list[list[float]]) -> FloatArray:
 
 
 def _refuse_far(key: str, point: Sequence[float]) -> None:
-    """Refuse coordinates so large that floating point cannot resolve points, or overflows."""
+    """Check that coordinates are small enough for floating-point numbers."""
     far = max(map(abs, point), default=0.0)
     if far > FARTHEST:
         raise InvalidInput(
@@ -274,13 +237,13 @@ def _chain(start: list[float], models: list[SegmentModel]) -> Path:
     if not models:
         raise InvalidInput("path.segments is empty: a path needs at least one.")
     segments: list[Line | Arc] = []
-    here = list(start)
-    _refuse_far("path.start", here)
+    point = list(start)
+    _refuse_far("path.start", point)
     for i, x in enumerate(models):
         for name in ("to", "via", "center"):
             _refuse_far(place(("path", "segments", i, name)), getattr(x, name) or ())
-        segments.append(_segment(here, x, place(("path", "segments", i))))
-        here = list(x.to) if x.to is not None else _end(segments)
+        segments.append(_segment(point, x, place(("path", "segments", i))))
+        point = list(x.to) if x.to is not None else _end(segments)
     with error_context("path.segments"):
         return Path.from_segments(segments)
 
@@ -296,7 +259,7 @@ def _end(segments: list[Line | Arc]) -> list[float]:
     return list(end)
 
 
-def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
+def _segment(start: list[float], x: SegmentModel, key: str) -> Line | Arc:
     """The line or arc of a model, from the end of the segment before."""
     segment_limits = SegmentLimits(
         **{y.name: getattr(x, y.name) for y in dataclasses.fields(SegmentLimits)}
@@ -304,12 +267,12 @@ def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
     around = (x.center, x.angle, x.normal)
     if x.to is not None and all(y is None for y in around):
         if x.via is None:
-            return Line(start=here, end=x.to, segment_limits=segment_limits)
+            return Line(start=start, end=x.to, segment_limits=segment_limits)
         with error_context(key):
-            return Arc.through(here, x.via, x.to, segment_limits=segment_limits)
+            return Arc.through(start, x.via, x.to, segment_limits=segment_limits)
     if x.to is None and x.via is None and x.center is not None and x.angle is not None:
         return Arc(
-            start=here,
+            start=start,
             center=x.center,
             angle=x.angle,
             normal=x.normal,
@@ -322,7 +285,7 @@ def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
 
 
 def _orient(path: Path, x: OrientationModel, where: str) -> Path:
-    """Give a path one tool orientation for its whole length; `where` locates what it refuses."""
+    """Give a path one tool orientation for its whole length; `where` is for messages."""
     _refuse_unclear("path.orientation", x)
     follow = x.follow_tangent
     key = "path.orientation" if follow is None else "path.orientation.follow_tangent"
@@ -361,9 +324,9 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
 
 
 def _refuse_unclear(key: str, x: OrientationModel) -> None:
-    """Refuse an orientation with no key, or with several."""
-    found = [name for name in ORIENTATIONS if getattr(x, name) is not None]
-    if len(found) != 1:
+    """Check that an orientation has exactly one key."""
+    names = [name for name in ORIENTATIONS if getattr(x, name) is not None]
+    if len(names) != 1:
         raise InvalidInput(
-            f"{key} takes one of {', '.join(ORIENTATIONS)}, not {' and '.join(found) or 'none'}."
+            f"{key} takes one of {', '.join(ORIENTATIONS)}, not {' and '.join(names) or 'none'}."
         )

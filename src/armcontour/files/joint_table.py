@@ -1,12 +1,14 @@
-"""Read motion over time from tables: the joints of an arm, or the point of its tool."""
+"""Tables of joint motion in CSV: their column titles, quantities and rows."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path as FilePath
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,17 +18,227 @@ from armcontour.core.fields import Checked
 from armcontour.core.file_access import LARGE, read_text
 from armcontour.core.sampling import LARGEST, check_distance, check_samples, describe_bursts
 from armcontour.core.text import count_noun, show
-from armcontour.files.csv_table import CsvTable, Digits, last_digit
-from armcontour.files.joint_titles import FRACTION, TIME, Key
+from armcontour.files.csv_table import CsvTable, Digits, Title, last_digit
 from armcontour.motion import LapLaw, Trajectory
+
+# Words of titles by their meaning, in the singular: names of PlotJuggler, ROS, controllers and
+# their clients (UR's RTDE, KUKA's RSI, ABB's EGM, libfranka), in English and German.
+TABLE = {
+    "t": "t time timestamp stamp clock ipoc zeit zeitstempel",
+    "fraction": "nanosec nsec nanosecond usec microsec microsecond",
+    "command": "command commanded cmd u setpoint target reference ref desired des planned plan set "
+    "nominal nom demand demanded goal soll sollwert lagesollwert sollposition as",
+    "measured": "measured meas msr actual act feedback fb fbk encoder present ist istwert "
+    "lageistwert istposition observed ai",
+    "q": "q position pos angle joint axis axes j a theta achse gelenk winkel position lage",
+    "dq": "dq qd qdot dot velocity vel velo speed omega geschwindigkeit drehzahl",
+    "ddq": "ddq qdd qddot ddot acceleration acc accel beschleunigung",
+    # Columns of other quantities, which are never joints.
+    "other": "x y z rx ry rz qx qy qz qw current cur torque effort tau moment momentum force "
+    "wrench jerk voltage temperature temp power energy pwm tcp pose tool cartesian orientation "
+    "orient quaternion euler bit digital analog register mode status error err deviation ratio "
+    "scaling scale fraction factor override output input counter count seq id line program load "
+    "mass payload gain kp ki kd stiffness damping correction korr external accelerometer kraft "
+    "strom drehmoment spannung temperatur fehler abweichung safety rist rsol rkorr",
+    # Names of messages and files around the joints; not names of joints.
+    "topic": "state controller trajectory header field robot arm data msg message value from start "
+    "elapsed ros system host sample since nc plc to",
+}
+_MEANING = {word: what for what, words in TABLE.items() for word in words.split()}
+# Units that end a title, such as q1_deg, and those of times by their symbols.
+ANGLES = "rad mrad urad µrad deg degree degrees radian radians turn turns rev rpm"
+TIMES = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), "ms"),
+    **{"us": "us", "µs": "us", "ns": "ns"},
+}
+_SUFFIX = re.compile(
+    r"(?P<name>.+?)(?:[ _/.]+|(?<=\d)|(?<=[a-z])(?=[A-Z]))"
+    rf"(?P<unit>(?i:{'|'.join((*ANGLES.split(), *TIMES))})(?:(?:/|_per_)\w+(?:\^2|²)?)?|°)"
+)
+_RUN = re.compile(r"[^\W\d_]+|\d+")
+# Parts of a word in which capitals begin the next word, such as AxisSet.
+_CAPITALS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[^\W\d_A-Z]+")
+_PARTS = re.compile(r"[/.:|]+")
+# Angles of a tool, if no other word is in the title; wrist_roll is a joint.
+TOOL_ANGLES = ("roll", "pitch", "yaw", "a", "b", "c")
+# Axes of the tool's positions, words that may be with the axis, and units that end a title.
+AXES = ("x", "y", "z")
+TOOL_WORDS = ("tool", "tcp", "actual", "measured", "position", "pos")
+LENGTHS = ("m", "mm", "um", "cm")
+# Longest number of a joint.
+MOST_DIGITS = 9
+# SI units of the kinds of columns.
+SI = {"t": "s", "fraction": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
+
+
+class Key(NamedTuple):
+    """The quantity of a column of joint motion.
+
+    Args:
+        kind: "t", "fraction" (of the second, in a separate column), "q", "dq" or "ddq"; "x", "y"
+            or "z" of the tool.
+        role: "command" or "measured"; empty for times.
+        joint: Number of the joint as in the file, or its name; empty for times.
+    """
+
+    kind: str
+    role: str = ""
+    joint: str = ""
+
+    def __str__(self) -> str:
+        """A title of the column, for messages."""
+        return f"{self.kind}{self.joint}"
+
+    @property
+    def si(self) -> str:
+        """The SI unit."""
+        return SI.get(self.kind, "m")
+
+
+TIME = Key("t")
+FRACTION = Key("fraction")
+
+
+class _Word(NamedTuple):
+    """A word of a title, its meaning (None for a name or a number), and what links it."""
+
+    text: str
+    meaning: str | None
+    link: str
+
+
+def read_joint_title(
+    name: str, has_unit: bool, joint_names: Sequence[str] = ()
+) -> Title[Key] | None:
+    """Read a title without its unit in brackets; None if it is no time and no joint motion."""
+    name, joint = _take_joint(name.strip(), joint_names)
+    unit = None
+    match = None if has_unit else _SUFFIX.fullmatch(name)
+    if not has_unit and name.lower() in TIMES and len(name) > 1:
+        name, unit = "t", TIMES[name.lower()]
+    elif match and match["unit"].lower() in TIMES:
+        # Else it is part of a name, such as joint_1_s.
+        title = None if joint else read_joint_title(match["name"], True)
+        if title is not None and title.key == TIME:
+            return title._replace(unit=TIMES[match["unit"].lower()])
+    elif match:
+        name, unit = match["name"], match["unit"].replace("_per_", "/").lower()
+    parts = [words for part in _PARTS.split(name) if (words := list(_words(part)))]
+    words = [word for part in parts for word in part]
+    meanings = [x.meaning for x in words]
+    # The parts before the last two are the name of a topic, such as /tool_controller.
+    if any(x.meaning == "other" for part in parts[-2:] for x in part):
+        return None
+    if not joint and ("t" in meanings or "fraction" in meanings):
+        return _time(words, unit)
+    kind = next((x for x in ("ddq", "dq", "q") if x in meanings), "")
+    roles = [x for x in meanings if x in ("command", "measured")]
+    named = joint
+    if not joint:
+        joint = _joint(parts) if kind or roles else ""
+    if not joint and kind == "q":
+        return Title(Key("q", roles[-1] if roles else "measured", "1"), "rad", unit, 2)
+    of_tool = not (kind or named) and joint.lower() in TOOL_ANGLES
+    if not joint or of_tool or (joint.isdigit() and len(joint) > MOST_DIGITS):
+        return None
+    # Motors are no joints, and the state of a drive is preferred to the copy of a command.
+    rank = (roles.count("command") > 1) + any(x.text.lower() == "theta" for x in words)
+    key = Key(kind or "q", roles[-1] if roles else "measured", joint)
+    return Title(key, key.si, unit, rank)
+
+
+def read_tool_title(name: str, has_unit: bool) -> Title[Key] | None:
+    """Read a title without its unit in brackets; None if it is no time and no axis of the tool."""
+    words = [x.lower() for x in _RUN.findall(name)]
+    unit = words.pop() if not has_unit and len(words) > 1 and words[-1] in LENGTHS else None
+    axis = [x for x in words if x not in TOOL_WORDS]
+    if len(axis) == 1 and axis[0] in AXES:
+        return Title(Key(axis[0]), "m", unit)
+    title = read_joint_title(name, has_unit)
+    return title if title is not None and title.key in (TIME, FRACTION) else None
+
+
+def _take_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
+    """A title without the name of a joint of the arm, which may have any words, and that name."""
+    if not joint_names or _are_numbers(tuple(joint_names)):
+        return name, ""
+    for joint in sorted(joint_names, key=len, reverse=True):
+        if match := re.search(rf"(?<![^\W_]){re.escape(joint)}(?![^\W_])", name):
+            before, after = name[: match.start()], name[match.end() :]
+            neighbours = f"{_PARTS.split(before)[-1]} {_PARTS.split(after)[0]}"
+            names = [x.text for x in _words(neighbours) if x.meaning is None]
+            if set(map(str.lower, names)) <= {*ANGLES.split(), *TIMES}:
+                return f"{before} {after}".strip(), joint
+    return name, ""
+
+
+@cache
+def _are_numbers(joint_names: tuple[str, ...]) -> bool:
+    """True if the names of joints are their numbers, such as joint_1, joint_2."""
+    titles = [read_joint_title(x, True) for x in joint_names]
+    numbers = [x.key.joint if x else "" for x in titles]
+    return numbers == [str(k) for k in range(1, len(numbers) + 1)]
+
+
+def _time(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
+    """The title of a time, or of the nanoseconds or microseconds of a time in two columns."""
+    if not {x.meaning for x in words} <= {"t", "fraction", "topic", "q", "measured"}:
+        return None
+    for x in words:
+        if x.meaning == "fraction":
+            unit = "ns" if x.text.lower().startswith("n") else "us"
+            return Title(FRACTION, "s", unit, len(words))
+    return Title(TIME, "s", unit, len(words) - 1)
+
+
+def _joint(parts: Sequence[Sequence[_Word]]) -> str:
+    """Number or name of the joint, in the last part of a title that has any; "" without."""
+    for part in reversed(parts):
+        names = [x for x in part if x.meaning is None]
+        if names and all(x.text.isdigit() for x in names):
+            return names[-1].text.lstrip("0") or "0"
+        if names:
+            named = [x for x in part if x.meaning is None or x.text.lower() in ("joint", "axis")]
+            return named[0].text + "".join(x.link + x.text for x in named[1:])
+    return ""
+
+
+def _words(part: str) -> Iterator[_Word]:
+    """The words of one part of a title, with their meanings."""
+    before, end = None, 0
+    runs = list(_RUN.finditer(part))
+    for match, later in zip(runs, [*runs[1:], None], strict=False):
+        run, following = match[0], later[0] if later else ""
+        link, end = "_" if match.start() > end else "", match.end()
+        texts = [run] if run.isdigit() or _meaning(run) else _CAPITALS.findall(run)
+        for text in texts:
+            meaning = _meaning(text)
+            if text.lower() in ("a", "j") and not following.isdigit():
+                meaning = None
+            if text == "d" and before in ("q", "dq", "ddq") and following.isdigit():
+                meaning = "command"
+            if text.lower() == "current" and _meaning(following) == "q":
+                meaning = "measured"
+            yield _Word(text, meaning, link)
+            before, link = meaning, ""
+
+
+@cache
+def _meaning(word: str) -> str | None:
+    """Meaning of a word, also in the plural; None if it is not in the table."""
+    low = word.lower()
+    singular = f"{low[:-3]}y" if low.endswith("ies") else low.removesuffix("s")
+    return _MEANING.get(low) or _MEANING.get(singular)
+
 
 # Quantities of the columns, for messages.
 QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
-# Joint positions without a unit [rad] above this are asked about: they may be degrees. No arm of
-# the library turns by more than two turns.
+# Joint positions without a unit [rad] above this need one: they may be degrees. No arm of the
+# library turns by more than two turns.
 WIDEST = 4 * math.pi
-# Joints slower than this [rad/s] in steps of a second or more are asked about: in ms the same
-# numbers are usual speeds.
+# Times without a unit need one if joints are slower than this [rad/s] in steps of a second or more:
+# in ms the same numbers are usual speeds.
 SLOWEST = 0.01
 # Fewer samples may well be a second apart.
 FEW = 10
@@ -45,7 +257,7 @@ class TrajectoryFile(Checked):
         resolution: Value of the last printed digit of "t", "q", "dq", "ddq" [SI].
         joints: Names of the joints, as the file has them.
         left_out: Titles of columns that are not used.
-        notes: What was recognised in the file, or left out of it.
+        notes: Notes on recognised and omitted content of the file.
     """
 
     source: str
@@ -69,14 +281,14 @@ class TrajectoryFile(Checked):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableSamples:
-    """TableSamples of some columns, in SI units.
+    """Samples of some columns, in SI units.
 
     Args:
         t: Times [s], (n,).
         values: Values, (n, columns).
         digit: Value of the last printed digit of the times [s].
         digits: Printed digits per column.
-        notes: What was recognised or left out.
+        notes: Notes on recognised and omitted content.
     """
 
     t: FloatArray
@@ -86,7 +298,7 @@ class TableSamples:
     notes: tuple[str, ...]
 
 
-def read_csv_text(file: str | FilePath, what: str, topic: str | None = None) -> str:
+def read_csv_text(file: str | FilePath, kind: str, topic: str | None = None) -> str:
     """The text of a file of some kind, which has no topics.
 
     Raises:
@@ -95,13 +307,13 @@ def read_csv_text(file: str | FilePath, what: str, topic: str | None = None) -> 
     if topic is not None:
         name = FilePath(file).name
         raise InvalidInput(f"{name} is CSV, which has no topics: leave --topic out.")
-    return read_text(file, what, most=LARGE, latin=True)
+    return read_text(file, kind, most=LARGE, latin=True)
 
 
 def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
     """Joints with columns of a kind and role: in the order of their numbers, or of the file.
 
-    Joints with names are left out where others have numbers.
+    Joints with names are omitted where others have numbers.
     """
     every = [x.joint for x in table.columns if (x.kind, x.role) == (kind, role)]
     numbers = sorted((x for x in every if x.isdigit()), key=lambda x: (len(x), x))
@@ -113,7 +325,7 @@ def read_samples(
 ) -> TableSamples:
     """Read the times and some columns.
 
-    Rows that repeat the one before are left out, and those with cells of other columns only.
+    Rows that repeat the one before are omitted, and those with cells of other columns only.
     Rounded times that agree with even steps are replaced by these.
 
     Args:
@@ -123,8 +335,8 @@ def read_samples(
         end: Last time that is needed [s].
 
     Raises:
-        InvalidInput: There is no time, a cell is no number, a column without a unit looks as if
-            it had another one than SI, or needed times do not increase or values are too large.
+        InvalidInput: There is no time, a cell is no number, a column without a unit seems to have
+            another unit than SI, or needed times do not increase or values are too large.
     """
     times = [x for x in (TIME, FRACTION) if x in table.columns]
     if not times:
@@ -142,40 +354,36 @@ def read_samples(
     values, digit = values[:, len(times) :], digits[times.index(clock)]
     named = {x: [i for i, y in enumerate(keys) if y.kind == x] for x in QUANTITIES}
 
-    def place(name: str, i: int, j: int) -> str:
+    def locate(name: str, i: int, j: int) -> str:
         row, key = int(rows[i]), keys[named[name][j]] if name in named else times[0]
         return f"{table.place(row, key)}: {show(table.cell(row, key))}"
 
-    check_distance(t, place, lambda new: table.rename(new, table.columns[clock].title))
+    check_distance(t, locate, lambda new: table.rename(new, table.columns[clock].title))
     _ask_for_angles(table, keys, values)
     _ask_for_times(table, clock, t, values[:, [x.kind == "q" for x in keys]])
     last = last_digit([digit]) * table.columns[clock].factor
-    t, some, more = tidy_times(t, values, last, table.source)
-    values, rows = values[some], rows[some]
+    t, kept_rows, time_notes = tidy_times(t, values, last, table.source)
+    values, rows = values[kept_rows], rows[kept_rows]
     used = (t >= start) & (t <= end)
     rows = rows[used]
-    check_samples(t[used], {x: values[used][:, of] for x, of in named.items() if of}, place)
+    check_samples(t[used], {x: values[used][:, of] for x, of in named.items() if of}, locate)
     if any("joint_states" in table.columns[x].title and x.joint.isdigit() for x in keys):
-        more += (
+        time_notes += (
             "Joints of /joint_states are taken in the order of their numbers. Compare with the "
             "names in its messages, and rename columns with --columns where the order differs.",
         )
-    return TableSamples(t, values, last, digits[len(times) :], (*notes, *more))
+    return TableSamples(t, values, last, digits[len(times) :], (*notes, *time_notes))
 
 
 def _filled_rows(
     table: CsvTable[Key], values: FloatArray, keys: Sequence[Key], first: int
 ) -> IntArray:
-    """Rows without those that have cells of other columns only, as rows of other topics.
-
-    Raises:
-        InvalidInput: Another cell is empty, or all rows are left out.
-    """
-    known = {table.columns[x].index for x in keys}
+    """Rows without those that have cells of other columns only, as rows of other topics."""
+    used = {table.columns[x].index for x in keys}
     spare = [
         i
         for i in np.flatnonzero(np.isnan(values[:, first:]).all(axis=1)).tolist()
-        if any(x for k, x in enumerate(table.cells(i)) if k not in known)
+        if any(x for k, x in enumerate(table.cells(i)) if k not in used)
     ]
     every = np.arange(len(values))
     rows = every if len(spare) == len(every) else np.delete(every, spare)
@@ -198,7 +406,7 @@ def tidy_times(
     """
     again = np.zeros(len(t), dtype=bool)
     again[1:] = (np.diff(t) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
-    # A clock that stands still is refused later.
+    # A clock that does not advance is refused later.
     again &= not again[1:].all()
     rows, notes = np.flatnonzero(~again), []
     if again.any():
@@ -234,7 +442,7 @@ def _even_step(t: FloatArray, digit: float) -> float | None:
 
 
 def _ask_for_angles(table: CsvTable[Key], keys: Sequence[Key], values: FloatArray) -> None:
-    """Ask for the unit of positions without one that are many turns."""
+    """Refuse positions without a unit that would be many turns."""
     bare = [k for k, x in enumerate(keys) if x.kind == "q" and table.columns[x].unit is None]
     for k in bare:
         low, high = values[:, k].min(), values[:, k].max()
@@ -250,7 +458,7 @@ def _ask_for_angles(table: CsvTable[Key], keys: Sequence[Key], values: FloatArra
 
 
 def _ask_for_times(table: CsvTable[Key], clock: Key, t: FloatArray, q: FloatArray) -> None:
-    """Ask for the unit of times without one at which joints would hardly move."""
+    """Refuse times without a unit at which joints would hardly move."""
     steps, column = np.diff(t), table.columns[clock]
     usable = steps > 0
     if column.unit is not None or not usable.any() or not q.shape[1]:
@@ -269,5 +477,5 @@ def _ask_for_times(table: CsvTable[Key], clock: Key, t: FloatArray, q: FloatArra
 
 
 def title_pattern(title: str) -> str:
-    """Titles such as this one, as the option --columns takes them: a number is #."""
+    """A pattern for titles such as this one, for the option --columns: a number is #."""
     return re.sub(r"\d+(?=\D*$)", "#", title)

@@ -17,8 +17,16 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.text import list_some, show
 from armcontour.files.csv_table import MOST_NAMED, CsvTable, read_table
-from armcontour.files.joint_table import TrajectoryFile, joints_of, read_csv_text, read_samples
-from armcontour.files.joint_titles import AXES, Key, read_joint_title, read_tool_title
+from armcontour.files.joint_table import (
+    AXES,
+    Key,
+    TrajectoryFile,
+    joints_of,
+    read_csv_text,
+    read_joint_title,
+    read_samples,
+    read_tool_title,
+)
 from armcontour.files.ros_files import is_ros_file, read_ros_log
 from armcontour.motion.log import INTERPOLATIONS, Log, cut
 from armcontour.motion.log_checks import arrange
@@ -47,7 +55,7 @@ def read_log(
     `command 1`, `q1_cmd`, `shoulder command`, and a measured position such as `q1`, `measured 1`,
     `q1_actual`, `shoulder measured`; or as PlotJuggler, UR's RTDE client, KUKA's RSI, ABB's EGM and
     libfranka name them. Units are SI unless in brackets or a suffix: `t [ms]`, `command 1 [deg]`,
-    `q1_deg`, or in a second line. Other columns, and those without a partner, are left out.
+    `q1_deg`, or in a second line. Other columns, and those without a partner, are omitted.
     Separators are commas, semicolons, tabs or blanks. Lines that start with # are comments; the
     comment `# interpolation: step` gives the interpolation between set-points.
 
@@ -67,8 +75,8 @@ def read_log(
     Raises:
         InvalidInput: A file of another form, or samples that `Log` refuses; names file and line.
     """
-    place = checks.read_place("read_log", file)
-    return _read(place, (), start, end, unwrap, columns, topic, commanded=True)[0]
+    location = checks.read_place("read_log", file)
+    return _read(location, (), start, end, unwrap, columns, topic, commanded=True)[0]
 
 
 def read_run_log(
@@ -82,10 +90,10 @@ def read_run_log(
     topic: str | None = None,
     commanded: bool = False,
 ) -> Log | Recording:
-    """Read the log of one run of a robot, from which the next is learned.
+    """Read the log of one run of a robot, from which the next run is learned.
 
     It is a log as `read_log` takes it, or CSV with measured positions alone. Joints with the names
-    of the arm, also with a prefix, are put in the order of the arm; others stay in theirs.
+    of the arm, also with a prefix, get the order of the arm; others keep their order.
 
     Args:
         file: As in `read_log`.
@@ -127,7 +135,7 @@ def _read(
     Logs without commands are refused if `commanded`.
     """
     if is_ros_file(file):
-        found, interpolation = read_ros_log(file, topic, columns), None
+        motion, interpolation = read_ros_log(file, topic, columns), None
     else:
         table = read_table(
             read_csv_text(file, "log", topic),
@@ -137,31 +145,27 @@ def _read(
             columns=columns,
             option="--columns",
         )
-        found = _joint_motion(table, start, end, positions=not commanded)
+        motion = _joint_motion(table, start, end, positions=not commanded)
         interpolation = _find_interpolation(table.comments)
     log = cut(
-        found.t,
-        found.q if found.command is None else found.command,
-        found.q,
+        motion.t,
+        motion.q if motion.command is None else motion.command,
+        motion.q,
         start,
         end,
-        [f"joint {x}" if x.isdigit() else x for x in found.joints],
+        [f"joint {x}" if x.isdigit() else x for x in motion.joints],
         interpolation=interpolation,
-        source=found.source,
+        source=motion.source,
         unwrap=unwrap,
-        notes=found.notes,
+        notes=motion.notes,
     )
-    return log, found.command is not None
+    return log, motion.command is not None
 
 
 def _joint_motion(
     table: CsvTable[Key], start: float, end: float, *, positions: bool
 ) -> TrajectoryFile:
-    """Commands and measured positions; with `positions` also measured positions alone.
-
-    Raises:
-        InvalidInput: No joint has both.
-    """
+    """Commands and measured positions; with `positions` also measured positions alone."""
     joints = {role: joints_of(table, "q", role) for role in BOTH}
     if positions and joints["measured"] and not joints["command"]:
         roles, (names, notes) = ["measured"], (joints["measured"], list[str]())
@@ -181,8 +185,8 @@ def _joint_motion(
 
 def _find_interpolation(comments: Iterable[str]) -> str | None:
     """The interpolation that a comment gives; None without such a comment."""
-    found = (match["what"].lower() for x in comments if (match := _INTERPOLATION.fullmatch(x)))
-    return next((x for x in found if x in INTERPOLATIONS), None)
+    names = (match["what"].lower() for x in comments if (match := _INTERPOLATION.fullmatch(x)))
+    return next((x for x in names if x in INTERPOLATIONS), None)
 
 
 def _pair(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str], list[str]]:
@@ -218,12 +222,8 @@ def read_tool_positions(file: str | FilePath, dimension: int) -> tuple[FloatArra
 
     The first line names the columns: `t`, `x`, `y` and, of a tool in space, `z`, also as
     `tool x` or `tcp_x`. Units are SI unless in brackets or a suffix: `t [ms]`, `x [mm]`, `x_mm`.
-    Other columns are left out. Positions are those of the tool point in the frame of the job's
+    Other columns are omitted. Positions are those of the tool point in the frame of the job's
     path. Times, separators and comments are as in `read_log`.
-
-    Args:
-        file: The file.
-        dimension: Number of coordinates, 2 or 3.
 
     Returns:
         Times [s], (n,), and positions [m], (n, dimension).

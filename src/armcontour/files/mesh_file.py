@@ -37,7 +37,7 @@ def read_mesh(
 ) -> Mesh:
     """Read the triangles of a body.
 
-    Triangles without an area are left out: their edges belong to their neighbours.
+    Triangles without an area are omitted: their edges belong to their neighbours.
 
     Args:
         file: A .stl file, binary or ASCII, or a .obj file.
@@ -45,42 +45,41 @@ def read_mesh(
         scale: Factors of x, y and z, or one of all.
 
     Raises:
-        InvalidInput: No such file, another format, no triangles, a number that is none, too many
-            triangles, or a size that cannot be true if lengths are metres and neither unit nor
-            scale says otherwise.
+        InvalidInput: No such file, another format, no triangles, an invalid number, too many
+            triangles, or an unlikely size in metres without unit and scale.
     """
-    place = FilePath(file)
-    kind = place.suffix.lower()
+    location = FilePath(file)
+    kind = location.suffix.lower()
     if kind not in MESHES:
         raise InvalidInput(
-            f"The mesh {place} is not read: name a {' or '.join(MESHES)} file, to which programs "
-            "for meshes convert others."
+            f"The mesh {location} is not read: name a {' or '.join(MESHES)} file, to which "
+            "programs for meshes convert others."
         )
-    factor = 1.0 if unit is None else _factor(unit, place)
-    content = file_access.read_bytes(place, "mesh", most=MOST_BYTES)
-    points, triangles = (_read_stl if kind == ".stl" else _read_obj)(content, str(place))
+    factor = 1.0 if unit is None else _factor(unit, location)
+    content = file_access.read_bytes(location, "mesh", most=MOST_BYTES)
+    points, triangles = (_read_stl if kind == ".stl" else _read_obj)(content, str(location))
     points = points * factor * (1.0 if scale is None else np.asarray(scale))
     if unit is None and scale is None:
-        _refuse_size(points, place)
+        _refuse_size(points, location)
     first, second, third = points[triangles.T]
     flat = ~np.cross(second - first, third - first).any(axis=1)
     if flat.all():
-        raise InvalidInput(f"No triangle of the mesh {place} has an area: export it again.")
-    return Mesh(points=points, triangles=triangles[~flat], source=place.name)
+        raise InvalidInput(f"No triangle of the mesh {location} has an area: export it again.")
+    return Mesh(points=points, triangles=triangles[~flat], source=location.name)
 
 
-def _factor(unit: str, place: FilePath) -> float:
+def _factor(unit: str, location: FilePath) -> float:
     """A unit of length in metres."""
     try:
         return parse(f"1 {unit}", "m")
     except ValueError:
         raise InvalidInput(
-            f"The mesh {place} has the unit {show(unit)}, which is no unit of length such as mm."
+            f"The mesh {location} has the unit {show(unit)}, which is no unit of length such as mm."
         ) from None
 
 
-def _refuse_size(points: FloatArray, place: FilePath) -> None:
-    """Refuse a size that shows that lengths are not metres, with the unit that would fit."""
+def _refuse_size(points: FloatArray, location: FilePath) -> None:
+    """Check that the size is likely in metres; the error names a unit that fits."""
     size = float(np.ptp(points, axis=0).max())
     if SMALLEST <= size <= LARGEST:
         return
@@ -95,8 +94,8 @@ def _refuse_size(points: FloatArray, place: FilePath) -> None:
             )
             break
     raise InvalidInput(
-        f"The mesh {place} would be {size:.4g} m large if its lengths were metres, and bodies in a "
-        f"cell are {SMALLEST:g} to {LARGEST:g} m: say {hint}."
+        f"The mesh {location} would be {size:.4g} m large if its lengths were metres, and bodies "
+        f"in a cell are {SMALLEST:g} to {LARGEST:g} m: say {hint}."
     )
 
 
@@ -142,9 +141,9 @@ def _ascii_corners(content: bytes, where: str) -> FloatArray:
     except ValueError:
         good = False
     if not good:
-        for found in VERTEX.finditer(content):
-            line = content.count(b"\n", 0, found.start(1)) + 1
-            _three(found[1].decode("utf-8", "replace").split(), where, line)
+        for match in VERTEX.finditer(content):
+            line = content.count(b"\n", 0, match.start(1)) + 1
+            _three(match[1].decode("utf-8", "replace").split(), where, line)
     return corners
 
 
@@ -180,23 +179,23 @@ def _corner(word: str, count: int, where: str, line: int) -> int:
     except ValueError:
         index = 0
     # Indices count from 1, or back from the last vertex so far.
-    found = index - 1 if index > 0 else count + index
-    if index == 0 or not 0 <= found < count:
+    position = index - 1 if index > 0 else count + index
+    if index == 0 or not 0 <= position < count:
         raise InvalidInput(
             f"{where}, line {line}: the face names the vertex {show(text)}, and there are "
             f"{count} before it."
         )
-    return found
+    return position
 
 
 def _three(words: list[str], where: str, line: int) -> list[float]:
     """Three finite numbers of a line."""
-    found = [plain_number(x) for x in words]
-    if len(found) != 3 or None in found:
+    numbers = [plain_number(x) for x in words]
+    if len(numbers) != 3 or None in numbers:
         raise InvalidInput(
             f"{where}, line {line}: a vertex has three finite numbers, not {show(' '.join(words))}."
         )
-    return [float(x) for x in found if x is not None]
+    return [float(x) for x in numbers if x is not None]
 
 
 def _refuse_count(count: int, where: str) -> None:

@@ -1,6 +1,6 @@
-"""Patches: values of keys in the place of those that a job file has.
+"""Patches: values that replace keys of a job file.
 
-Options of the command line, edits of the Studio, batches and placements change keys by them only.
+Options of the command line, edits of the Studio, batches and placements use patches only.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from armcontour.jobs.job import ARC, FREE, OF_FREE
 from armcontour.motion import Method
 
 IN_JOB, IN_RUN = ({x.name for x in fields(of)} for of in (JobModel, RunModel))
-# Keys of which a run has some in the place of the job's; it replaces other keys as a whole.
+# Mappings of a run that are merged with those of the job; other keys replace the job's value.
 MERGED = ("limits", "command_limits")
-# Options of each choice, with the choice that they go with.
+# Options that need a choice, with that choice.
 TIMING_OPTIONS, COMPENSATION_OPTIONS = (
     {key: str(kind.method) for kind in methods.values() for key in kind.__annotations__}
     for methods in (planning.METHODS, compensation.METHODS)
@@ -75,7 +75,7 @@ def full_key(keys: Keys) -> Keys:
 
 
 def place(keys: Keys, data: Any, run: str | None = None) -> Keys:
-    """The keys where a value is set: those of the run if it has the value, else those of the job.
+    """The keys at which a value is set: in the run if it has the value, else in the job.
 
     Args:
         keys: The keys, such as ("limits", "speed"); numbers may be texts.
@@ -109,12 +109,6 @@ def place(keys: Keys, data: Any, run: str | None = None) -> Keys:
 def resolve(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
     """The changes of a job file that a patch makes.
 
-    Args:
-        data: The data of the job file.
-        patch: The values by their keys.
-        run: Name of the run that sees the values; by default the job has them, and all runs that
-            have values of their own.
-
     Raises:
         InvalidInput: A key that the data cannot have, or that no run takes.
     """
@@ -124,11 +118,6 @@ def resolve(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
 def apply(data: Any, patch: Patch, run: str | None = None) -> Any:
     """The data of a job file with the values of a patch; the given data stay as they are.
 
-    Args:
-        data: As of `resolve`.
-        patch: As of `resolve`.
-        run: As of `resolve`.
-
     Raises:
         InvalidInput: As `resolve`.
     """
@@ -137,11 +126,6 @@ def apply(data: Any, patch: Patch, run: str | None = None) -> Any:
 
 def write(text: str, patch: Patch, source: str = "job") -> str:
     """A job file with the values of a patch; its comments stay.
-
-    Args:
-        text: The job file.
-        patch: As of `resolve`.
-        source: Name of the text in messages.
 
     Raises:
         InvalidInput: As `resolve` and `change_text`.
@@ -158,9 +142,9 @@ def _resolved(data: Any, patch: Patch, run: str | None) -> tuple[Any, list[Chang
     """The data with the values of a patch, and the changes that lead there."""
     changes: list[Change] = []
     for keys in sorted(patch, key=_rank):
-        more = list(_changes(keys, patch[keys], data, run))
-        data = change_data(data, more)
-        changes += more
+        added = list(_changes(keys, patch[keys], data, run))
+        data = change_data(data, added)
+        changes += added
     return data, changes
 
 
@@ -189,11 +173,7 @@ def _changes(keys: Keys, value: Any, data: Any, run: str | None) -> Iterator[Cha
 
 
 def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iterator[Change]:
-    """The changes that a shape of the corners makes, in all runs that can have it.
-
-    Raises:
-        InvalidInput: There is no such run.
-    """
+    """The changes that a shape of the corners makes, in all runs that can have it."""
     refused = True
     for name in runs:
         inherited = place(("corners",), data, name)
@@ -218,33 +198,35 @@ def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iter
 
 
 def _set(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
-    """The changes that a value makes at its keys.
-
-    Raises:
-        InvalidInput: There is something on the way that has no keys.
-    """
+    """The changes that a value makes at its keys."""
     for k in range(1, len(keys)):
-        here, rest = value_at(data, keys[:k]), keys[k:]
+        outer_value, inner = value_at(data, keys[:k]), keys[k:]
         # Short forms of mappings are written whole.
-        if keys[:k] == ("arm",) and isinstance(here, str):
-            yield Change(keys[:k], change_data(arm_keys(here), [Change(rest, value)]))
+        if keys[:k] == ("arm",) and isinstance(outer_value, str):
+            yield Change(keys[:k], change_data(arm_keys(outer_value), [Change(inner, value)]))
             return
-        if keys[:k] == ("path", "layers") and isinstance(here, list):
-            layers: dict[str, Any] = {str(name): {} for name in here}
-            yield Change(keys[:k], change_data(layers, [Change(rest, value)]))
+        if keys[:k] == ("path", "layers") and isinstance(outer_value, list):
+            layers: dict[str, Any] = {str(name): {} for name in outer_value}
+            yield Change(keys[:k], change_data(layers, [Change(inner, value)]))
             return
-        listed = isinstance(here, list) and isinstance(keys[k], int)
-        if not (here is None or here == "sharp" or isinstance(here, Mapping) or listed):
+        listed = isinstance(outer_value, list) and isinstance(keys[k], int)
+        if not (
+            outer_value is None
+            or outer_value == "sharp"
+            or isinstance(outer_value, Mapping)
+            or listed
+        ):
             outer = ".".join(map(str, keys[:k]))
             raise InvalidInput(
-                f"{outer} is {show(here)} there, which has no key {keys[k]}: give {outer} whole."
+                f"{outer} is {show(outer_value)} there, which has no key {keys[k]}: give {outer} "
+                "whole."
             )
     old = value_at(data, keys)
     if keys == ("path", "layers") and isinstance(old, Mapping) and isinstance(value, list):
         # Chosen layers keep their speeds and tolerances.
         value = {name: old.get(name) or {} for name in map(str, value)}
     yield Change(keys, value)
-    beside = value_at(data, keys[:-1])
+    siblings = value_at(data, keys[:-1])
     for name, choice in CHOICES.get(keys[-2:], {}).items():
-        if choice != value and isinstance(beside, Mapping) and name in beside:
+        if choice != value and isinstance(siblings, Mapping) and name in siblings:
             yield Change((*keys[:-1], name), REMOVE)

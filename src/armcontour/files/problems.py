@@ -1,4 +1,4 @@
-"""Make one sentence from the problems that pydantic finds in the data of a file."""
+"""Error messages from the problems that pydantic finds in the data of a file."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ EXPECTED = {
 }
 # Problems of a value that has the right type.
 OF_VALUES = ("value_error", "too_short", "too_long", "greater_than_equal", "less_than_equal")
-# Keys that older files have, and what to write instead.
+# Keys of older files, and their replacements.
 GONE = {
     "ignore_jerk": "plans keep limits of jerk, so leave it out; write limits: {joint_jerk: inf} "
     "to lift the arm's own",
@@ -46,12 +46,7 @@ SHOWN = 80
 
 
 def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
-    """The most informative problem as a sentence, and the number of other problems.
-
-    Args:
-        error: The problems that pydantic found.
-        schema: JSON Schema of the whole file.
-    """
+    """The most informative problem as a sentence, and the number of other problems."""
     problems = error.errors()
     # If a key may have one of several types, take the problem of the type that fits best.
     first = max(problems, key=_rank)
@@ -65,21 +60,27 @@ def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
         sentence = f"{place(keys) or 'the file'}: {_words(first, alike)}"
     sentence = sentence.replace(place(keys), place(_named(keys, schema)), 1)
     others = {_keys(x) for x in problems}
-    more = sum(not _within(x, keys) and not _within(keys, x) for x in others)
+    others_count = sum(not _within(x, keys) and not _within(keys, x) for x in others)
     closing = "" if sentence.endswith("?") else "."
     return (
-        sentence + closing + (f" ({more} more problem{'s' if more > 1 else ''}.)" if more else "")
+        sentence
+        + closing
+        + (
+            f" ({others_count} more problem{'s' if others_count > 1 else ''}.)"
+            if others_count
+            else ""
+        )
     )
 
 
 def _named(keys: Sequence[int | str], schema: Mapping[str, Any]) -> tuple[int | str, ...]:
     """The keys, of which numbers that are keys of mappings are texts, unlike positions in lists."""
-    kinds, found = list(_alternatives(schema, schema)), list[int | str]()
+    kinds, named = list(_alternatives(schema, schema)), list[int | str]()
     for key in keys:
         listed = any("items" in x for x in kinds)
-        found.append(key if listed else str(key))
-        kinds = [x for kind in kinds for x in _alternatives(schema, _inside(kind, found[-1]))]
-    return tuple(found)
+        named.append(key if listed else str(key))
+        kinds = [x for kind in kinds for x in _alternatives(schema, _inside(kind, named[-1]))]
+    return tuple(named)
 
 
 def place(keys: Sequence[int | str]) -> str:
@@ -107,21 +108,21 @@ def _rank(problem: Any) -> tuple[bool, bool, bool, int]:
 
 
 def _words(problem: Any, alike: Sequence[Any]) -> str:
-    """Describe what is wrong with a value; `alike` are all problems of the same key."""
-    kind, given, facts = problem["type"], problem["input"], problem.get("ctx", {})
+    """Describe the problem of a value; `alike` are all problems of the same key."""
+    kind, value, facts = problem["type"], problem["input"], problem.get("ctx", {})
     expected = [x for x in map(_expected, alike) if x is not None]
     if kind == "too_short":
         return f"needs at least {_entries(facts['min_length'])}, but has {facts['actual_length']}"
     if kind == "too_long":
         return f"takes at most {_entries(facts['max_length'])}, but has {facts['actual_length']}"
     if kind == "string_pattern_mismatch":
-        return f"a name {NAME}, not {show(given)}"
+        return f"a name {NAME}, not {show(value)}"
     if kind == "greater_than_equal":
-        return f"must be at least {facts['ge']:g}, but is {given:g}"
+        return f"must be at least {facts['ge']:g}, but is {value:g}"
     if kind == "less_than_equal":
-        return f"must be at most {facts['le']:g}, but is {given:g}"
+        return f"must be at most {facts['le']:g}, but is {value:g}"
     if _expected(problem) is not None:
-        but = "but is empty" if given is None else f"not {show(given)}"
+        but = "but is empty" if value is None else f"not {show(value)}"
         return f"must be {' or '.join(dict.fromkeys(expected))}, {but}"
     if kind == "value_error":
         return str(facts["error"]).rstrip(".")
@@ -147,7 +148,7 @@ def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
     kinds = list(_alternatives(schema, schema))
     for key in outer:
         kinds = [x for kind in kinds for x in _alternatives(schema, _inside(kind, key))]
-    known = [x for kind in kinds for x in kind.get("properties", ())]
+    names = [x for kind in kinds for x in kind.get("properties", ())]
     if len(outer) == 2 and outer[0] == "runs" and name in schema.get("properties", ()):
         return (
             f"{name} is of the whole job, so write it beside runs; several values of it are "
@@ -158,13 +159,13 @@ def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
         return "a comma between braces ends a value, so write decimals with a point, such as 0.2 mm"
     inner = [
         f"{key}.{name}"
-        for key in ([] if outer else known)
+        for key in ([] if outer else names)
         for kind in _alternatives(schema, _inside(schema, key))
         if name in kind.get("properties", ())
     ]
     if inner:
         return f"did you mean {' or '.join(dict.fromkeys(inner))}?"
-    return suggest(str(name), known, f"the keys there are {', '.join(known)}")
+    return suggest(str(name), names, f"the keys there are {', '.join(names)}")
 
 
 def _inside(kind: Mapping[str, Any], key: int | str) -> Any:
@@ -195,7 +196,7 @@ def _keys(problem: Any) -> tuple[Any, ...]:
 
 
 def _within(outer: tuple[Any, ...], inner: tuple[Any, ...]) -> bool:
-    """Whether `inner` is `outer` or a key inside it: then both are one problem of two types."""
+    """True if `inner` is `outer` or a key inside it, so that both are one problem."""
     return inner[: len(outer)] == outer
 
 

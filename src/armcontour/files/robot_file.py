@@ -1,78 +1,129 @@
-"""Write an identified robot: an arm file, and its servo as keys of a job file."""
+"""Files about one robot: limits, an identified arm and its servo."""
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
 import yaml
 
 from armcontour._version import __version__
-from armcontour.control.identification import BodyIdentification, Estimate
+from armcontour.control.identification import (
+    BodyIdentification,
+    Estimate,
+    Identification,
+    JointIdentification,
+)
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import read_text
-from armcontour.core.render import jsonable
+from armcontour.core.quantities import Angle, Length
+from armcontour.core.render import figure, jsonable
 from armcontour.core.yaml_loader import load
-from armcontour.files.keys import Keys, read_keys
+from armcontour.files.file_keys import MappingKeys, SpecifiedKeys, read_keys
+from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 
 
-def robot_yaml(found: BodyIdentification, arm: str | Mapping[str, str], folder: FilePath) -> str:
-    """The identified arm as an arm file: another arm, with payload, friction and drive inertias.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LimitsFile(Limits):
+    """Keys of a limits file.
 
     Args:
-        found: The identification.
-        arm: The nominal arm: a built-in name, or `file` with `tip` and the like.
-        folder: Folder of the arm file, to which `file` will be relative.
+        deviation: Largest distance of the tool from its path [m].
+        orientation_deviation: Largest angle between the tool and its required orientation [rad].
     """
-    chain = found.arm.dynamics.chain
+
+    deviation: Length | None = None
+    orientation_deviation: Angle | None = None
+
+
+def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, float | None]:
+    """Read limits from a YAML file.
+
+    Limits that are not in the file are the arm's own; infinity lifts a limit, as in a job file.
+
+    Returns:
+        The limits, and the largest deviation from the path [m] and from the required orientation
+        [rad]; None if the file gives none.
+
+    Raises:
+        InvalidInput: No such file, not YAML, an unknown key, or a value that is not a limit.
+    """
+    location = FilePath(file)
+    text = read_text(location, "limits file")
+    data = load(text, location.name)
+    if not isinstance(data, dict):
+        raise InvalidInput(
+            f"{location.name} must hold a mapping of limits such as speed: 0.15 m/s."
+        )
+    if "joint_limits" in data:
+        raise InvalidInput(
+            f"{location.name} is a file of joint limits of MoveIt, which belongs to the arm: give "
+            "it with --joint-limits."
+        )
+    specified = read_keys(SpecifiedKeys(LimitsFile), data, location.name)
+    deviations = [specified.pop(name, None) for name in ("deviation", "orientation_deviation")]
+    with error_context(location.name):
+        limits = resolve_limits(location.name, arm, Limits(**specified))
+    return limits, *deviations
+
+
+def robot_yaml(
+    identification: BodyIdentification, arm: str | Mapping[str, str], folder: FilePath
+) -> str:
+    """The identified arm as an arm file: another arm, with payload, friction and drive inertias."""
+    chain = identification.arm.dynamics.chain
     base: Any = arm if isinstance(arm, str) else _relative(arm, folder)
     page: dict[str, Any] = {
-        "name": found.arm.name,
+        "name": identification.arm.name,
         "kind": "derived",
-        "source": f"identified from {found.source} by armcontour {__version__}",
+        "source": f"identified from {identification.source} by armcontour {__version__}",
         "arm": base,
     }
     load_of = chain.payload
     if load_of is not None:
-        x, y, z = found.payload_center
-        page["payload_mass"] = _quantity(load_of.mass, "kg", [found.payload_mass])
+        x, y, z = identification.payload_center
+        page["payload_mass"] = _quantity(load_of.mass, "kg", [identification.payload_mass])
         page["payload_center"] = _quantity(load_of.center, "m", [x, y, z])
         if load_of.inertia.any():
             six = load_of.inertia[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
             page["payload_inertia"] = _quantity(six, "kg m^2", [])
-    factor = found.parameters.get("armature")
-    inertias = [x.armature for x in found.joints] if factor is None else [factor]
+    factor = identification.parameters.get("armature")
+    inertias = [x.armature for x in identification.joints] if factor is None else [factor]
     page["armature"] = _quantity(chain.armature, "kg m^2", inertias)
     if factor is not None:
         page["armature"]["source"] += " times those of the nominal arm" * factor.determined
-    page["viscous"] = _quantity(chain.viscous, "N m s/rad", [x.viscous for x in found.joints])
-    page["coulomb"] = _quantity(chain.coulomb, "N m", [x.coulomb for x in found.joints])
+    page["viscous"] = _quantity(
+        chain.viscous, "N m s/rad", [x.viscous for x in identification.joints]
+    )
+    page["coulomb"] = _quantity(chain.coulomb, "N m", [x.coulomb for x in identification.joints])
     return yaml.safe_dump(page, sort_keys=False, width=96, allow_unicode=True)
 
 
-def robot_servo_yaml(found: BodyIdentification) -> str:
+def robot_servo_yaml(identification: BodyIdentification) -> str:
     """The key `servo` of a job file, with identified values.
 
     Raises:
-        InvalidInput: A gain is neither told nor known.
+        InvalidInput: A gain is neither specified nor identified.
     """
-    servo = found.servo_model()
+    servo = identification.servo_model()
     lines = [
-        f"# Identified from {found.source} by armcontour {__version__}: goes into a job file, with "
-        "robot.yaml as its arm.",
+        f"# Identified from {identification.source} by armcontour {__version__}: goes into a job "
+        "file, with robot.yaml as its arm.",
         "# inertia is J, by which the controller scales its loops: a log shows only its products "
         "with gains.",
-        *(f"# {joint.name}: {_ranges((joint.kp, joint.kv))}" for joint in found.joints),
+        *(f"# {joint.name}: {_ranges((joint.kp, joint.kv))}" for joint in identification.joints),
         "servo:",
         "  order: second",
         f"  kp: {_list(servo.kp)}    # 1/s",
         f"  kv: {_list(servo.kv)}    # 1/s",
         f"  inertia: {_list(servo.inertia)}    # kg m^2",
-        f"  dead_time: {_list(servo.for_joints(len(found.joints)).dead_time)}    # s",
+        f"  dead_time: {_list(servo.for_joints(len(identification.joints)).dead_time)}    # s",
         f"  interpolation: {servo.interpolation}",
     ]
     return "\n".join(lines) + "\n"
@@ -80,10 +131,6 @@ def robot_servo_yaml(found: BodyIdentification) -> str:
 
 def read_servo(file: FilePath, dof: int) -> ServoModel:
     """The key `servo` of a YAML file, such as a job file or an identified servo.yaml.
-
-    Args:
-        file: The file.
-        dof: Number of joints.
 
     Raises:
         InvalidInput: Not YAML, no key `servo`, or values that make no servo.
@@ -94,7 +141,7 @@ def read_servo(file: FilePath, dof: int) -> ServoModel:
             f"{file.name} has no key servo with gains: give a job file, or the servo.yaml of an "
             "identification."
         )
-    servo: ServoModel = read_keys(Keys(ServoModel), data["servo"], f"{file.name}: servo")
+    servo: ServoModel = read_keys(MappingKeys(ServoModel), data["servo"], f"{file.name}: servo")
     return servo.for_joints(dof)
 
 
@@ -108,12 +155,14 @@ def _relative(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
 
 
 def _quantity(values: Any, unit: str, estimates: Sequence[Estimate]) -> dict[str, Any]:
-    """A quantity of an arm file, whose source says how well each value is known."""
+    """A quantity of an arm file, whose source states the interval of each value."""
     array: FloatArray = values
     rounded = jsonable(array)
-    told = _ranges(estimates) if estimates else ""
-    kept = [x for x in estimates if not x.determined]
-    source = f"identified, 95 % intervals: {told}" if len(kept) < len(estimates) else "nominal"
+    intervals = _ranges(estimates) if estimates else ""
+    nominal = [x for x in estimates if not x.determined]
+    source = (
+        f"identified, 95 % intervals: {intervals}" if len(nominal) < len(estimates) else "nominal"
+    )
     if not estimates:
         source = "nominal"
     return {"value": rounded, "unit": unit, "source": source}
@@ -128,3 +177,83 @@ def _ranges(estimates: Sequence[Estimate]) -> str:
     return "; ".join(
         f"{x.low:.5g} to {x.high:.5g}" if x.determined else "nominal" for x in estimates
     )
+
+
+# Parameters with one value per joint in a servo file, with their units.
+LISTS = {
+    "kp": "1/s",
+    "kv": "1/s",
+    "ki": "1/s",
+    "velocity_feedforward": "",
+    "acceleration_feedforward": "",
+    "friction": "rad",
+    "dead_time": "s",
+    "acceleration_limit": "rad/s^2; none: it never saturates",
+    "model_error": "rad, largest error on motion that was not fitted",
+    "logged_velocity": "rad/s, largest one of that motion",
+    "logged_acceleration": "rad/s^2",
+}
+# Parameters with one value.
+SINGLE = {
+    "contour_ratio": "contour error with compensation over without, on motion that was not fitted",
+    "programs": "programs on which it was determined",
+    "drive_cycle": "s",
+}
+
+
+def servo_yaml(identification: Identification) -> str:
+    """The key `servo` of a job file, with identified values.
+
+    Raises:
+        InvalidInput: The logs determine the servo of no joint.
+    """
+    servo = identification.servo_model()
+    lines = [
+        f"# Identified from {identification.source} by armcontour {__version__}: goes into a job "
+        "file.",
+        *(f"# {x.note or f'{x.name}: {_joint_ranges(x)}'}" for x in identification.joints),
+        *(f"# {x.saturation}" for x in identification.joints if x.saturation),
+        *([f"# {servo.doubt}"] if servo.doubt else []),
+        *servo_lines(servo, len(identification.joints)),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def servo_values(identification: Identification) -> dict[str, Any]:
+    """The values of the key `servo` of a job file, as `servo_yaml` writes them.
+
+    Raises:
+        InvalidInput: As `servo_yaml`.
+    """
+    return dict(load(servo_yaml(identification), "servo")["servo"])
+
+
+def servo_lines(servo: ServoModel, dof: int) -> list[str]:
+    """The key `servo` with one value per joint, as lines of YAML."""
+    orders = [servo.order] * dof if isinstance(servo.order, str) else servo.order
+    lines = ["servo:", f"  order: [{', '.join(orders)}]"]
+    for name, unit in LISTS.items():
+        values = getattr(servo, name)
+        if values is not None:
+            lines.append(f"  {name}: {_yaml_list(values)}{f'    # {unit}' if unit else ''}")
+    for name, unit in SINGLE.items():
+        if (value := getattr(servo, name)) is not None:
+            lines.append(f"  {name}: {value:.6g}    # {unit}")
+    return [*lines, f"  interpolation: {servo.interpolation}"]
+
+
+def _yaml_list(values: Any) -> str:
+    """Numbers as a list in YAML; `none` is infinity."""
+    return "[" + ", ".join("none" if math.isinf(x) else f"{float(x):.6g}" for x in values) + "]"
+
+
+def _joint_ranges(joint: JointIdentification) -> str:
+    """Estimates of a joint with their ranges, for a comment."""
+    return "effective " * joint.effective + "; ".join(_range(x) for x in joint.estimates)
+
+
+def _range(x: Estimate) -> str:
+    """An estimate with its range, for a comment."""
+    if not x.determined:
+        return f"{x.label} not determined"
+    return f"{x.label} {figure(x.row)} {x.row.note}".rstrip()

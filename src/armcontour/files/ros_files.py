@@ -31,7 +31,7 @@ GOALS = tuple(
         ("control_msgs", "FollowJointTrajectory"),
         ("moveit_msgs", "ExecuteTrajectory"),
     )
-    for end in ("ActionGoal", "CertificateGoal", "_Goal", "_SendGoal_Request", "_SendGoal_Event")
+    for end in ("ActionGoal", "Goal", "_Goal", "_SendGoal_Request", "_SendGoal_Event")
 )
 # Messages that have a trajectory, and the fields of goals and messages that lead to it.
 AROUND = ("moveit_msgs/msg/RobotTrajectory", "moveit_msgs/msg/DisplayTrajectory", *GOALS)
@@ -47,16 +47,16 @@ STAMPS = (("sec", "nanosec"), ("secs", "nsecs"))
 YAMLS = (".yaml", ".yml")
 BAGS = (".mcap", ".db3")
 ARRAYS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
-# The decompression of rosbags is replaced for one bag at a time.
+# Only one bag may replace the decompression of rosbags.
 _rosbags = threading.Lock()
 # Times of ROS are whole nanoseconds [s].
 NANOSECOND = 1e-9
 
 
 def is_ros_file(file: str | FilePath) -> bool:
-    """Whether a file or folder is one of ROS, by its name."""
-    place = FilePath(file)
-    return place.is_dir() or place.suffix.lower() in (*YAMLS, *BAGS)
+    """True if the name of a file or folder is one of ROS."""
+    location = FilePath(file)
+    return location.is_dir() or location.suffix.lower() in (*YAMLS, *BAGS)
 
 
 def read_ros_motion(
@@ -92,10 +92,10 @@ def read_ros_motion(
         message = _trajectory_in(file.name, messages[0][1])
         return _join_points(file.name, called(message.joint_names), message.points, joint_names)
     every = [called(_names_of(kind, x[1])) for x in messages]
-    wanted = tuple(joint_names) or every[0]
-    orders = [match_joints(x, wanted, file.name) for x in every]
+    requested = tuple(joint_names) or every[0]
+    orders = [match_joints(x, requested, file.name) for x in every]
     if not any(orders):
-        raise InvalidInput(_describe_missing(file.name, every[0], wanted))
+        raise InvalidInput(_describe_missing(file.name, every[0], requested))
     some = [i for i, x in enumerate(orders) if x]
     return _tidy(
         file.name,
@@ -105,17 +105,13 @@ def read_ros_motion(
             [_measured_part(kind, messages[i][1]) for i in some],
             [orders[i] or [] for i in some],
         ),
-        wanted,
-        describe_match(every[some[0]], wanted, orders[some[0]] or []),
+        requested,
+        describe_match(every[some[0]], requested, orders[some[0]] or []),
     )
 
 
 def _renaming(source: str, names: str | None) -> Callable[[Sequence[str]], tuple[str, ...]]:
-    """A function that renames joints.
-
-    Raises:
-        InvalidInput: The names are those of columns.
-    """
+    """A function that renames joints."""
     if names is not None and "=" not in names:
         raise InvalidInput(
             f"{source} is a file of ROS, which has no columns to name: --columns can only rename "
@@ -133,7 +129,9 @@ def _tidy(
 ) -> TrajectoryFile:
     """The motion of messages with stamps, without repeated messages."""
     values = np.concatenate(list(arrays.values()), axis=1)
-    t, rows, more = tidy_times(_times([_stamp(x) for x in messages]), values, NANOSECOND, source)
+    t, rows, time_notes = tidy_times(
+        _times([_stamp(x) for x in messages]), values, NANOSECOND, source
+    )
     tidied: dict[str, Any] = {key: x[rows] for key, x in arrays.items()}
     return TrajectoryFile(
         source=source,
@@ -141,17 +139,12 @@ def _tidy(
         t=t,
         **tidied,
         resolution={"t": NANOSECOND},
-        notes=(*notes, *more),
+        notes=(*notes, *time_notes),
     )
 
 
 def read_ros_log(file: FilePath, topic: str | None, names: str | None = None) -> TrajectoryFile:
     """Read commands and measured positions from the state of a controller in a bag.
-
-    Args:
-        file: The bag.
-        topic: Its topic; by default the only one of that type.
-        names: New names of the joints, as `rename` takes them.
 
     Raises:
         InvalidInput: No such message, or messages without positions.
@@ -166,9 +159,9 @@ def read_ros_log(file: FilePath, topic: str | None, names: str | None = None) ->
     joints = called(messages[0][1].joint_names)
     orders = [_order(file.name, called(x[1].joint_names), joints) for x in messages]
     arrays = {}
-    for what, fields in (("command", COMMANDS), ("q", MEASUREMENTS)):
+    for role, fields in (("command", COMMANDS), ("q", MEASUREMENTS)):
         parts = [_point(x[1], fields) for x in messages]
-        arrays[what] = _stack(file.name, parts, orders, ("q",))["q"]
+        arrays[role] = _stack(file.name, parts, orders, ("q",))["q"]
     return _tidy(file.name, messages, arrays, joints, ())
 
 
@@ -177,12 +170,8 @@ def _read_yaml(
     joint_names: Sequence[str],
     called: Callable[[Sequence[str]], tuple[str, ...]],
 ) -> TrajectoryFile:
-    """A JointTrajectory as it is exported, or as `ros2 topic echo` prints it or what has it.
-
-    Raises:
-        InvalidInput: Another content.
-    """
-    # What `echo` prints ends with the mark of a next message.
+    """A JointTrajectory in YAML, in the form of `ros2 topic echo`, or a message with one."""
+    # The output of `echo` ends with a document separator.
     text = read_text(file, "trajectory file").rstrip().removesuffix("---")
     data = _trajectory_in(file.name, yaml_loader.load(text, file.name))
     if not isinstance(data, dict) or not {"joint_names", "points"} <= set(data):
@@ -198,15 +187,7 @@ def _read_yaml(
 
 
 def _trajectory_in(source: str, data: Any) -> Any:
-    """The JointTrajectory in a goal or a message, or the data itself.
-
-    Args:
-        source: Name of the file.
-        data: Mapping of YAML, or message of a bag.
-
-    Raises:
-        InvalidInput: There are several.
-    """
+    """The JointTrajectory in a goal or a message, or the data itself."""
     if isinstance(data, list):
         if len(data) > 1:
             raise InvalidInput(
@@ -283,15 +264,15 @@ def _join_points(
     """The motion of the points of one trajectory."""
     if not points:
         raise InvalidInput(f"{source} has a trajectory without points.")
-    wanted = tuple(joint_names) or tuple(names)
-    order = _order(source, names, wanted)
-    notes = tuple(describe_match(names, wanted, order))
+    requested = tuple(joint_names) or tuple(names)
+    order = _order(source, names, requested)
+    notes = tuple(describe_match(names, requested, order))
     arrays: dict[str, Any] = _stack(source, points, [order] * len(points))
     times = [_duration(x) for x in points]
     digits = {x: _digit(values) for x, values in arrays.items()} if printed else {}
     return TrajectoryFile(
         source=source,
-        joints=wanted,
+        joints=requested,
         t=np.array(times) * NANOSECOND,
         **arrays,
         resolution={"t": NANOSECOND, **digits},
@@ -301,9 +282,9 @@ def _join_points(
 
 def _digit(values: FloatArray) -> float:
     """Value of the last printed digit of numbers, as the shortest text of each has it."""
-    found = Digits()
-    found.add([repr(x) for x in values.ravel().tolist()])
-    return last_digit([found])
+    digits = Digits()
+    digits.add([repr(x) for x in values.ravel().tolist()])
+    return last_digit([digits])
 
 
 def _stack(
@@ -312,12 +293,8 @@ def _stack(
     orders: Sequence[list[int]],
     kinds: Sequence[str] = tuple(ARRAYS),
 ) -> dict[str, FloatArray]:
-    """Arrays of the points, with joints in the wanted order; those that points lack are left out.
-
-    Raises:
-        InvalidInput: A point without positions, or with another number of joints than the others.
-    """
-    found = {}
+    """Arrays of the points with joints in the requested order, without kinds that points lack."""
+    arrays = {}
     for kind in kinds:
         rows = [getattr(x, ARRAYS[kind], ()) for x in points]
         if kind != "q" and not all(len(x) for x in rows):
@@ -329,42 +306,34 @@ def _stack(
                     f"{max(order) + 1} joints are named: record all of them.",
                     index=number - 1,
                 )
-        found[kind] = np.array(
+        arrays[kind] = np.array(
             [[row[j] for j in order] for row, order in zip(rows, orders, strict=True)], dtype=float
         )
-    return found
+    return arrays
 
 
-def _order(source: str, names: Sequence[str], wanted: Sequence[str]) -> list[int]:
-    """Places of the wanted joints among those of a message.
-
-    Raises:
-        InvalidInput: One is missing.
-    """
-    found = match_joints(list(names), wanted, source)
-    if not found:
-        raise InvalidInput(_describe_missing(source, names, wanted))
-    return found
+def _order(source: str, names: Sequence[str], requested: Sequence[str]) -> list[int]:
+    """Indices of the requested joints among those of a message."""
+    order = match_joints(list(names), requested, source)
+    if not order:
+        raise InvalidInput(_describe_missing(source, names, requested))
+    return order
 
 
-def _describe_missing(source: str, known: Sequence[str], wanted: Sequence[str]) -> str:
+def _describe_missing(source: str, names: Sequence[str], requested: Sequence[str]) -> str:
     """A sentence on joints that a file lacks."""
     return (
-        f"{source} has the joints {', '.join(map(show, known))}, but "
-        f"{', '.join(map(show, wanted)) or 'the names of joints'} are needed: give the arm of the "
-        "file with --arm, or its names to the joints, such as --columns "
-        f"'{wanted[0] if wanted else 'NAME'}={next(iter(known), 'NAME')}'."
+        f"{source} has the joints {', '.join(map(show, names))}, but "
+        f"{', '.join(map(show, requested)) or 'the names of joints'} are needed: give the arm of "
+        "the file with --arm, or its names to the joints, such as --columns "
+        f"'{requested[0] if requested else 'NAME'}={next(iter(names), 'NAME')}'."
     )
 
 
 def _read_bag(
     file: FilePath, kinds: Sequence[str], topic: str | None
 ) -> tuple[str, list[tuple[int, Any]]]:
-    """Type, and times [ns] with messages, of one topic of a bag.
-
-    Raises:
-        InvalidInput: No bag, rosbags is not installed, or no topic or several that would do.
-    """
+    """Type, and times [ns] with messages, of one topic of a bag."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -375,11 +344,11 @@ def _read_bag(
     _refuse_size(file)
     unpacker, read = _Unpacker(file.name), _Unpacker(file.name)
     try:
-        # Bags of before 2023 do not say what their messages are made of.
+        # Bags of before 2023 have no message definitions.
         store = get_typestore(Stores.ROS2_HUMBLE)
         with unpacker.installed(), AnyReader([file], default_typestore=store) as reader:
             # Without an index, the whole bag has been unpacked once already.
-            unpacker.left = LARGE
+            unpacker.remaining = LARGE
             of_topic = {x.topic: x for x in reader.connections}
             used = _choose_topic(
                 file.name, {k: x.msgtype for k, x in of_topic.items()}, kinds, topic
@@ -418,17 +387,17 @@ class _Unpacker:
         source: Name of the bag.
 
     Attributes:
-        left: What may still be unpacked [bytes].
+        remaining: Remaining size that may be unpacked [bytes].
     """
 
     def __init__(self, source: str) -> None:
         self._source = source
-        self.left = LARGE
+        self.remaining = LARGE
 
     def count(self, data: bytes) -> bytes:
         """Return unpacked data, unless its size or the size of all data exceeds the bound."""
-        self.left -= len(data)
-        if self.left < 0 or len(data) > SMALL:
+        self.remaining -= len(data)
+        if self.remaining < 0 or len(data) > SMALL:
             raise InvalidInput(
                 f"{self._source} unpacks to more than {LARGE / MEGABYTE:.0f} MB, or one of its "
                 f"chunks or messages to more than {SMALL / MEGABYTE:.0f} MB: record only the topic "
@@ -438,7 +407,7 @@ class _Unpacker:
 
     @contextmanager
     def installed(self) -> Iterator[None]:
-        """Context in which rosbags uses this decompression; one bag at a time."""
+        """Context in which rosbags uses this decompression, for one bag per process."""
         import lz4.frame  # type: ignore[import-untyped, unused-ignore]
         import rosbags.rosbag2
 
@@ -447,7 +416,7 @@ class _Unpacker:
 
         def unpack(library: Any, data: bytes) -> bytes:
             with library.open(BytesIO(data), "rb") as unpacked:
-                return self.count(unpacked.read(min(self.left, SMALL) + 1))
+                return self.count(unpacked.read(min(self.remaining, SMALL) + 1))
 
         @contextmanager
         def open_counted(file: Any, mode: str) -> Iterator[Any]:
@@ -467,11 +436,7 @@ class _Unpacker:
 
 
 def _refuse_size(file: FilePath) -> None:
-    """Refuse a bag that is not there or too large.
-
-    Raises:
-        InvalidInput: As said.
-    """
+    """Check that a bag exists and is not too large."""
     if not file.exists():
         raise InvalidInput(f"There is no trajectory file or log {file}.")
     parts = [x for x in file.iterdir() if x.is_file()] if file.is_dir() else [file]
@@ -486,11 +451,7 @@ def _refuse_size(file: FilePath) -> None:
 def _choose_topic(
     source: str, types: dict[str, str], kinds: Sequence[str], topic: str | None
 ) -> str:
-    """The topic to read: the given one, or the only one of the first type that a bag has.
-
-    Raises:
-        InvalidInput: No topic, or several.
-    """
+    """The topic to read: the given one, or the only one of the first type that a bag has."""
     shown = ", ".join(f"{show(k)} ({x.rpartition('/')[2]})" for k, x in types.items()) or "none"
     names = " or ".join(x.rpartition("/")[2] for x in kinds)
     if topic is not None:
@@ -500,14 +461,14 @@ def _choose_topic(
             )
         return topic
     for kind in kinds:
-        found = [x for x, y in types.items() if y == kind]
-        if len(found) > 1:
+        topics = [x for x, y in types.items() if y == kind]
+        if len(topics) > 1:
             raise InvalidInput(
                 f"{source} has several topics of {kind.rpartition('/')[2]}: choose one with "
-                f"--topic ({', '.join(found)})."
+                f"--topic ({', '.join(topics)})."
             )
-        if found:
-            return found[0]
+        if topics:
+            return topics[0]
     raise InvalidInput(f"{source} has no topic of {names}: its topics are {shown}.")
 
 
@@ -536,8 +497,8 @@ class _State:
 def _point(message: Any, fields: Sequence[str]) -> Any:
     """The first of some fields of a controller's state that has positions, else the first."""
     points: Iterator[Any] = (getattr(message, x) for x in fields if hasattr(message, x))
-    found = list(points)
-    return next((x for x in found if len(x.positions)), found[0])
+    candidates = list(points)
+    return next((x for x in candidates if len(x.positions)), candidates[0])
 
 
 def _duration(point: Any) -> int:
@@ -548,11 +509,11 @@ def _duration(point: Any) -> int:
     return int(start.sec) * 10**9 + int(start.nanosec)
 
 
-def _stamp(given: tuple[int, Any]) -> int:
-    """Time of a message by its header [ns]; by the bag if the header has none."""
-    at, message = given
+def _stamp(timed_message: tuple[int, Any]) -> int:
+    """Time of a message by its header [ns], or by the bag if the header has none."""
+    bag_time, message = timed_message
     stamp = message.header.stamp
-    return (int(stamp.sec) * 10**9 + int(stamp.nanosec)) or at
+    return (int(stamp.sec) * 10**9 + int(stamp.nanosec)) or bag_time
 
 
 def _times(nanoseconds: Sequence[int]) -> FloatArray:

@@ -9,22 +9,17 @@ from functools import cache
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from armcontour.core.quantities import PartialFields, Quantity
+from armcontour.files.file_keys import MappingKeys, Methods, SpecifiedKeys
 from armcontour.files.forms import FORMS, Form
-from armcontour.files.keys import Given, Keys, Methods
 from armcontour.files.units import read_quantity
 
 # A quantity, a dataclass, or a type of lists or mappings.
 Kind = Any
 
 
-def quantity_of(of: type, keys: Sequence[str | int]) -> Quantity | None:
-    """The quantity that a key of a file takes; None if it takes none.
-
-    Args:
-        of: The dataclass of the file.
-        keys: The keys that lead there, from the outermost.
-    """
-    kinds: tuple[Kind, ...] = (of,)
+def quantity_of(file_class: type, keys: Sequence[str | int]) -> Quantity | None:
+    """The quantity that a key of a file takes; None if it takes none."""
+    kinds: tuple[Kind, ...] = (file_class,)
     for key in keys:
         # One value for all joints, or a list with one for each.
         of_all = (x for x in kinds if isinstance(x, Quantity) and isinstance(key, int))
@@ -32,20 +27,16 @@ def quantity_of(of: type, keys: Sequence[str | int]) -> Quantity | None:
     return next((x for x in kinds if isinstance(x, Quantity)), None)
 
 
-def in_si(data: Any, of: type) -> Any:
+def in_si(data: Any, file_class: type) -> Any:
     """The data of a file with plain numbers in SI units for all quantities.
 
-    What is no quantity of the required unit stays as it is: reading the file refuses it.
-
-    Args:
-        data: The data.
-        of: The dataclass of the file.
+    Values that are no quantity of the required unit are not converted, and are refused later.
     """
-    return _convert(data, (of,))
+    return _convert(data, (file_class,))
 
 
 def _convert(value: Any, kinds: tuple[Kind, ...]) -> Any:
-    """A value in SI units, by what its key may take."""
+    """A value in SI units, by the possible kinds of its key."""
     if isinstance(value, dict):
         return {key: _convert(x, _inside(kinds, key)) for key, x in value.items()}
     quantities = tuple(x for x in kinds if isinstance(x, Quantity))
@@ -62,41 +53,43 @@ def _convert(value: Any, kinds: tuple[Kind, ...]) -> Any:
 
 
 def _inside(kinds: Iterable[Kind], key: Any) -> tuple[Kind, ...]:
-    """What a key inside a mapping may take, or an item of a list."""
-    found: list[Kind] = []
+    """Possible kinds of a key inside a mapping, or of an item of a list."""
+    inner: list[Kind] = []
     for kind in kinds:
         if dataclasses.is_dataclass(kind) and isinstance(kind, type):
-            found += _fields(kind).get(key, ())
+            inner += _fields(kind).get(key, ())
             continue
         origin: Any = get_origin(kind)
         if origin in (dict, Mapping):
             numbered = get_args(kind)[0] is int
             if isinstance(key, int if numbered else str):
-                found += alternatives(get_args(kind)[1])
+                inner += alternatives(get_args(kind)[1])
         elif origin in (list, tuple) and isinstance(key, int):
-            found += alternatives(get_args(kind)[0])
-    return tuple(found)
+            inner += alternatives(get_args(kind)[0])
+    return tuple(inner)
 
 
 @cache
-def _fields(of: type) -> dict[str, tuple[Kind, ...]]:
-    """What the keys of a dataclass may take."""
-    form = FORMS.get(of, Form())
-    hints = {**get_type_hints(of, include_extras=True), **form.types}
+def _fields(owner: type) -> dict[str, tuple[Kind, ...]]:
+    """Possible kinds of the keys of a dataclass."""
+    form = FORMS.get(owner, Form())
+    hints = {**get_type_hints(owner, include_extras=True), **form.types}
     return {
         form.names.get(x.name, x.name): tuple(alternatives(hints[x.name]))
-        for x in dataclasses.fields(of)
+        for x in dataclasses.fields(owner)
     }
 
 
 def alternatives(hint: Any) -> Iterator[Kind]:
-    """All that an annotation allows, as far as it holds quantities."""
+    """Kinds that an annotation allows, if they can contain quantities."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         mark = parts[1]
         if isinstance(mark, Quantity):
             yield mark
-        elif isinstance(mark, Given | PartialFields | Keys):
+        elif isinstance(mark, SpecifiedKeys | MappingKeys):
+            yield mark.target
+        elif isinstance(mark, PartialFields):
             yield mark.of
         elif isinstance(mark, Methods):
             yield from mark.kinds

@@ -1,29 +1,46 @@
-"""Read time-stamped joint trajectories of any planner or log: CSV, and files of ROS."""
+"""Readers of joint trajectories (CSV, files of ROS) and of the runs in result folders."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.file_access import read_text
 from armcontour.core.text import count_noun, list_some, show
 from armcontour.files.csv_table import MOST_NAMED, CsvTable, last_digit, read_table
+from armcontour.files.exports.table import (
+    SetPointTable,
+    are_places,
+    check_export_cycle,
+    differentiate,
+    regular_times,
+    tabulate,
+)
 from armcontour.files.joint_table import (
     QUANTITIES,
+    Key,
     TrajectoryFile,
     joints_of,
     read_csv_text,
+    read_joint_title,
     read_samples,
     title_pattern,
 )
-from armcontour.files.joint_titles import Key, read_joint_title
+from armcontour.files.result_folder import SUMMARY, verify_file
 from armcontour.files.ros_files import is_ros_file, read_ros_motion
+from armcontour.motion import Samples, TimedEvent
 from armcontour.motion.log_checks import describe_match, match_joints
 
-# Columns of our own that are left out without a word.
+# Columns of exports that are ignored without a note.
 IGNORED = ("events",)
 EXAMPLE = "t [s],q1 [deg],q2 [deg], or t,u1,q1,u2,q2 for commands and measured positions"
 
@@ -41,7 +58,7 @@ def read_trajectory(
     The first line of CSV names the columns: `t`, `q1` or `joint 1`, `dq1`, `ddq1`, ..., each with a
     unit in brackets (`t [ms]`, `joint 1 [deg]`) or as a suffix (`q1_deg`) if the unit is not SI.
     The names of logs are known, too (see `read_log`): of measured positions and commands, the
-    measured ones are read. Other columns are left out. Separators are commas, semicolons, tabs or
+    measured ones are read. Other columns are omitted. Separators are commas, semicolons, tabs or
     blanks. Lines that start with # are comments.
 
     A bag, of storage mcap or sqlite3, is a folder or one file. Of its messages, a JointTrajectory
@@ -57,11 +74,11 @@ def read_trajectory(
     Raises:
         InvalidInput: A file of another form; names file and line.
     """
-    place = FilePath(file)
-    if is_ros_file(place):
-        return read_ros_motion(place, joint_names, topic, columns)
+    location = FilePath(file)
+    if is_ros_file(location):
+        return read_ros_motion(location, joint_names, topic, columns)
     text = read_csv_text(file, "trajectory file", topic)
-    return parse_trajectory(text, joint_names, source=place.name, columns=columns)
+    return parse_trajectory(text, joint_names, source=location.name, columns=columns)
 
 
 def parse_trajectory(
@@ -83,11 +100,11 @@ def parse_trajectory(
     samples = read_samples(table, keys)
     arrays, resolution = {}, {"t": samples.digit}
     for kind in QUANTITIES:
-        of = [i for i, key in enumerate(keys) if key.kind == kind]
-        if of:
-            arrays[kind] = samples.values[:, of]
-            factor = max(table.columns[keys[i]].factor for i in of)
-            resolution[kind] = factor * last_digit([samples.digits[i] for i in of])
+        indices = [i for i, key in enumerate(keys) if key.kind == kind]
+        if indices:
+            arrays[kind] = samples.values[:, indices]
+            factor = max(table.columns[keys[i]].factor for i in indices)
+            resolution[kind] = factor * last_digit([samples.digits[i] for i in indices])
     spare = [
         x.title for key, x in table.columns.items() if key.kind in QUANTITIES and key not in keys
     ]
@@ -103,11 +120,7 @@ def parse_trajectory(
 
 
 def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], list[str]]:
-    """The columns to read, and notes on how their joints were found.
-
-    Raises:
-        InvalidInput: A column is missing.
-    """
+    """The columns to read, and notes on how their joints were found."""
     notes = list[str]()
     roles = [x for x in ("measured", "command") if joints_of(table, "q", x)]
     role = roles[0] if roles else "measured"
@@ -132,30 +145,26 @@ def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], 
         )
     keys = [Key("q", role, x) for x in joints]
     for kind in ("dq", "ddq"):
-        own = [Key(kind, role, x) for x in joints]
-        some = [x for x in own if x in table.columns]
-        if len(some) == len(own):
-            keys += some
-        elif some:
-            lacking = next(x.joint for x in own if x not in table.columns)
+        needed = [Key(kind, role, x) for x in joints]
+        present = [x for x in needed if x in table.columns]
+        if len(present) == len(needed):
+            keys += present
+        elif present:
+            lacking = next(x.joint for x in needed if x not in table.columns)
             notes.append(
                 f"Joint {lacking} of {table.source} has no {QUANTITIES[kind]}: columns such as "
-                f"{show(table.columns[some[0]].title)} are left out."
+                f"{show(table.columns[present[0]].title)} are left out."
             )
     return keys, notes
 
 
 def _numbers(table: CsvTable[Key], role: str) -> list[str]:
-    """The numbers of the joints, from 1 on, or from 0 on if there is a joint 0.
-
-    Raises:
-        InvalidInput: A number is missing.
-    """
-    given = {int(x.joint) for x in table.columns if x.role == role and x.joint.isdigit()}
-    first = 0 if 0 in given else 1
+    """The numbers of the joints, from 1 on, or from 0 on if there is a joint 0."""
+    numbers = {int(x.joint) for x in table.columns if x.role == role and x.joint.isdigit()}
+    first = 0 if 0 in numbers else 1
     joints = []
     # The largest number may be of any size, so the search ends at the first gap.
-    for k in range(first, max(given, default=first) + 1):
+    for k in range(first, max(numbers, default=first) + 1):
         table.need(Key("q", role, str(k)))
         joints.append(str(k))
     return joints
@@ -164,11 +173,7 @@ def _numbers(table: CsvTable[Key], role: str) -> list[str]:
 def _refuse_other_joints(
     where: str, joints: Sequence[str], joint_names: Sequence[str], title: str
 ) -> None:
-    """Refuse positions of joints with names that the arm does not have.
-
-    Raises:
-        InvalidInput: Always.
-    """
+    """Raise the error for joints with names that the arm does not have."""
     have, arm = (list_some([show(x) for x in y], MOST_NAMED) for y in (joints, joint_names))
     fix = "give the arm of the file with --arm"
     if len(joints) >= len(joint_names):
@@ -182,3 +187,160 @@ def _refuse_other_joints(
         needed=len(joints),
         allowed=len(joint_names),
     )
+
+
+# Times that differ by less are equal, in cycles: they are printed with 12 digits.
+SAME_TIME = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredRun:
+    """A run of a result folder, of `run`, `demo`, `certify` or `learn`.
+
+    Args:
+        folder: The result folder.
+        name: Name of the run.
+        title: Name of the job.
+        joint_names: Names of the joints.
+        cycle: Cycle, which is also the time between rows of the plan [s].
+        events: Events with their times from the start of the plan.
+        analog: Names of analog outputs, whose values a result does not have.
+        plain: Whether set-points are those of the plan, without compensation.
+    """
+
+    folder: FilePath
+    name: str
+    title: str
+    joint_names: tuple[str, ...]
+    cycle: float
+    events: tuple[TimedEvent, ...]
+    analog: tuple[str, ...] = ()
+    plain: bool = False
+
+    def set_points(self, **options: Any) -> SetPointTable:
+        """The table of the set-points.
+
+        Raises:
+            InvalidInput: The file is missing or was changed, or as in `make_table`.
+        """
+        stored = self._read("set_points.csv")
+        start = float(stored.t[0])
+        return tabulate(
+            self._set_points(stored, options.get("derivatives", 2)),
+            name=f"{self.title} set-points",
+            cycle=self.cycle,
+            events=tuple(x.shifted(-start) for x in self.events),
+            start_time=start,
+            joint_names=self.joint_names,
+            **options,
+        )
+
+    def reference(self, cycle: float | None = None, **options: Any) -> SetPointTable:
+        """The table of the plan, every `cycle`.
+
+        Args:
+            cycle: Time between samples [s], a whole multiple of the cycle, as the
+                result has no times between; the cycle by default.
+            options: As in `set_points`.
+
+        Raises:
+            InvalidInput: The file is missing or was changed, the cycle is no multiple or longer
+                than the motion, or as in `make_table`.
+        """
+        step = self.cycle if cycle is None else cycle
+        every = round(step / self.cycle)
+        if every < 1 or abs(step - every * self.cycle) > 1e-9 * step:
+            example = max(1, int(step / self.cycle)) * self.cycle
+            raise InvalidInput(
+                f"The result in {self.folder} has the plan every {self.cycle * 1e3:g} ms, so the "
+                f"cycle must be a multiple of that, such as {example * 1e3:g} ms, and not "
+                f"{step * 1e3:g} ms.",
+                needed=step,
+                allowed=example,
+            )
+        planned = self._read("planned.csv")
+        if planned.dq is None or planned.ddq is None:
+            raise InvalidInput(f"{planned.source} has no velocities and accelerations.")
+        check_export_cycle(step, float(planned.t[-1]), f"{self.title} reference")
+        rows = np.unique(np.append(np.arange(0, len(planned.t), every), len(planned.t) - 1))
+        return tabulate(
+            Samples(
+                t=planned.t[rows], q=planned.q[rows], dq=planned.dq[rows], ddq=planned.ddq[rows]
+            ),
+            name=f"{self.title} reference",
+            cycle=step,
+            events=self.events,
+            joint_names=self.joint_names,
+            **options,
+        )
+
+    def _set_points(self, set_points: TrajectoryFile, derivatives: int) -> Samples:
+        """Set-points with their derivatives, as `make_table` gives them."""
+        if not self.plain or derivatives < 2:
+            return differentiate(set_points.q, self.cycle)
+        plan = self._read("planned.csv")
+        if plan.dq is None or plan.ddq is None or not are_places(set_points.q, plan.q):
+            return differentiate(set_points.q, self.cycle)
+        dq, ddq = plan.dq.copy(), plan.ddq.copy()
+        if abs(plan.t[-1] - set_points.t[-1]) > SAME_TIME * self.cycle:
+            # The plan ends between the last two set-points, and rests at the last one.
+            dq[-1], ddq[-1] = 0.0, 0.0
+        return Samples(t=regular_times(len(dq), self.cycle), q=set_points.q, dq=dq, ddq=ddq)
+
+    def _read(self, name: str) -> TrajectoryFile:
+        """Read a file of the run that did not change since it was written."""
+        return read_trajectory(verify_file(self.folder, f"{self.name}/{name}"), self.joint_names)
+
+
+def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
+    """Read a run of a result folder.
+
+    Raises:
+        InvalidInput: No result, no such run, or files that were changed.
+    """
+    location = FilePath(folder)
+    file = verify_file(location, SUMMARY)
+    try:
+        data = json.loads(read_text(file, "summary"))
+        run = _choose(location, data["runs"], name)
+        about = data["runs"][run]
+        return StoredRun(
+            folder=location,
+            name=run,
+            title=data["job"],
+            joint_names=tuple(data["arm"]["joints"]),
+            cycle=about["cycle"],
+            events=tuple(_event(x) for x in about.get("events", ())),
+            analog=tuple(about.get("analog", ())),
+            plain=about.get("compensation") == "none",
+        )
+    except InvalidInput:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InvalidInput(
+            f"{file} is not the summary of a run or a certificate: {type(error).__name__}."
+        ) from None
+
+
+def _event(x: Mapping[str, Any]) -> TimedEvent:
+    """An event of a summary."""
+    return TimedEvent(
+        name=x["name"],
+        value=x["value"],
+        t=x["t"],
+        due=x["due"],
+        s=x["s"],
+        point=tuple(x["point"]),
+    )
+
+
+def _choose(folder: FilePath, runs: Mapping[str, Any], name: str | None) -> str:
+    """The name of the requested run, or of the only one."""
+    names = list_some([repr(x) for x in runs], 6)
+    if name is None and len(runs) == 1:
+        return next(iter(runs))
+    if name is None:
+        raise InvalidInput(f"{folder} has the runs {names}: choose one with --run.")
+    if name not in runs:
+        raise InvalidInput(f"{folder} has no run {name!r}: its runs are {names}.")
+    return name

@@ -13,7 +13,7 @@ from armcontour.core.checks import suffix
 from armcontour.core.quantities import WHOLE_TURN, Quantity
 from armcontour.core.text import plain_number, show
 
-# What stands for infinity where a quantity may be infinite.
+# Values that mean infinity if a quantity may be infinite.
 ENDLESS = {
     "none": math.inf,
     "inf": math.inf,
@@ -66,10 +66,6 @@ def _registry() -> Any:
 def parse(value: Any, unit: str) -> float:
     """Convert a quantity to a number in `unit`.
 
-    Args:
-        value: A number, which is in `unit` already, or text such as "5 mm".
-        unit: The SI unit of the result, such as "m/s".
-
     Raises:
         ValueError: Neither a number nor text, text without a unit, an unknown unit, or a unit of
             another dimension.
@@ -91,14 +87,14 @@ def _parse_text(text: str, unit: str) -> float:
             f"{text!r} has no unit: write one, such as '{text} {unit}', or a plain number in {unit}"
         )
     # Checked here, because pint would compute any arithmetic in the text.
-    found = QUANTITY.fullmatch(text)
-    if not found:
+    match = QUANTITY.fullmatch(text)
+    if not match:
         pointed = re.sub(r"(?<=\d),(?=\d)", ".", text, count=1)
         if pointed != text and QUANTITY.fullmatch(pointed):
             raise ValueError(f"{text!r} has a decimal comma: write {pointed!r}")
         raise ValueError(f"{show(text)} is not a quantity in {unit}: write a number and a unit")
-    number, given = found.groups()
-    factor = USUAL.get(unit, {}).get(given.strip())
+    number, written_unit = match.groups()
+    factor = USUAL.get(unit, {}).get(written_unit.strip())
     result = _convert(text, unit) if factor is None else float(number) * factor
     if not math.isfinite(result):
         raise ValueError(f"must be finite, but is {text!r}")
@@ -135,21 +131,17 @@ def share(value: Any) -> float:
         ValueError: Neither a number nor a percentage.
     """
     if isinstance(value, str):
-        found = PERCENT.fullmatch(value[: MOST_CHARACTERS + 1])
-        if found is None or len(value) > MOST_CHARACTERS:
+        match = PERCENT.fullmatch(value[: MOST_CHARACTERS + 1])
+        if match is None or len(value) > MOST_CHARACTERS:
             raise ValueError(
                 f"must be a plain number or a percentage such as '10 %', not {show(value)}"
             )
-        return parse(float(found[1]), "%") / 100
+        return parse(float(match[1]), "%") / 100
     return parse(value, "1")
 
 
 def read_quantity(value: Any, kind: Quantity) -> float:
     """Convert a quantity that a user wrote to SI units, and check its range.
-
-    Args:
-        value: A plain number, or text with a unit.
-        kind: Unit and range of the quantity.
 
     Raises:
         ValueError: No quantity of this unit, or out of range.
@@ -158,17 +150,17 @@ def read_quantity(value: Any, kind: Quantity) -> float:
         endless = ENDLESS[value]
         if endless > 0 or kind.sign == "any":
             return endless
-    found = read_plain(value, kind)
+    number = read_plain(value, kind)
     low, high = kind.range
-    turned = kind.sign == "turn" and abs(found) > WHOLE_TURN and not isinstance(value, str)
-    if low <= found <= high and not turned:
-        return found
-    written = value.strip() if isinstance(value, str) else f"{found:g}{suffix(kind.words)}"
-    percent = kind.sign == "share" and not isinstance(value, str) and 1 <= found < 100
+    turned = kind.sign == "turn" and abs(number) > WHOLE_TURN and not isinstance(value, str)
+    if low <= number <= high and not turned:
+        return number
+    written = value.strip() if isinstance(value, str) else f"{number:g}{suffix(kind.words)}"
+    percent = kind.sign == "share" and not isinstance(value, str) and 1 <= number < 100
     hint = f": for {written} percent write {written} %" if percent else ""
     if turned:
-        hint = f": for {found:g} degrees write {found:g} deg"
-    needed = "be at most a whole turn without a unit" if turned else kind.needed(found)
+        hint = f": for {number:g} degrees write {number:g} deg"
+    needed = "be at most a whole turn without a unit" if turned else kind.needed(number)
     raise ValueError(f"must {needed}, but is {written}{hint}")
 
 
@@ -185,31 +177,26 @@ def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -
         Text with the unit of `old`, or a plain number. It differs from `value` by at most `within`,
         or by a few units in the last place of a float.
     """
-    found = _written(old, kind)
-    if found is None:
+    affixes = _written(old, kind)
+    if affixes is None:
         number = float(_shortest(value, value, float, within))
         return int(number) if isinstance(old, int) and number == int(number) else number
-    before, after = found
+    before, after = affixes
     one = read_plain(f"{before}1{after}", kind)
     text = _shortest(value / one, value, lambda x: read_plain(f"{before}{x}{after}", kind), within)
     return before + text + after
 
 
 def unit_of(old: Any, kind: Quantity) -> tuple[str, float]:
-    """The unit in which a quantity is written, and its size in SI units.
-
-    Args:
-        old: The quantity, such as "350 mm", a plain number, or None for the kind's usual unit.
-        kind: The kind of the quantity.
-    """
-    found = _written(old, kind)
-    if found is None:
+    """The unit in which a quantity is written, and its size in SI units."""
+    affixes = _written(old, kind)
+    if affixes is None:
         return ("" if kind.unit == "1" else kind.unit), 1.0
-    return found[1].strip(), read_plain(f"1{found[1]}", kind)
+    return affixes[1].strip(), read_plain(f"1{affixes[1]}", kind)
 
 
 def _written(old: Any, kind: Quantity) -> tuple[str, str] | None:
-    """What is before and behind the number of a quantity; None for a plain number."""
+    """The text before and after the number of a quantity; None for a plain number."""
     if isinstance(old, int | float) and not isinstance(old, bool):
         return None
     pattern = PERCENT if kind.unit == "1" else QUANTITY
@@ -223,10 +210,6 @@ def _written(old: Any, kind: Quantity) -> tuple[str, str] | None:
 def read_plain(value: Any, kind: Quantity) -> float:
     """Convert a quantity to SI units, in any range.
 
-    Args:
-        value: A plain number, or text with a unit.
-        kind: Its unit.
-
     Raises:
         ValueError: As in `read_quantity`.
     """
@@ -234,14 +217,7 @@ def read_plain(value: Any, kind: Quantity) -> float:
 
 
 def _shortest(number: float, value: float, read: Callable[[str], float], within: float) -> str:
-    """The fewest digits of a number that are read as a value.
-
-    Args:
-        number: The number.
-        value: The value [SI].
-        read: Gives the value of a text.
-        within: How far the value of the text may be off [SI].
-    """
+    """The fewest digits of a number that are read as a value."""
     allowed = max(within, NOISE * abs(value))
     text = "0"
     if abs(value) <= allowed:

@@ -1,4 +1,4 @@
-"""Where the values of a YAML text are written, and what replaces them."""
+"""Edits of YAML text that keep comments and layout."""
 
 from __future__ import annotations
 
@@ -9,19 +9,85 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from armcontour.core.yaml_loader import INT
-from armcontour.files.yaml_values import TEXT, WIDTH, behind, block_text, flow_text
+from armcontour.core.yaml_loader import INT, Loader
+
+# A value that would be longer on one line becomes a block of several lines.
+WIDTH = 100
+INDENT = 2
+TEXT = "tag:yaml.org,2002:str"
+
+
+class Dumper(yaml.SafeDumper):
+    """Dumper for `Loader`, which has other numbers than PyYAML."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Equal values are written twice."""
+        return True
+
+
+def _represent_text(dumper: Dumper, text: str) -> yaml.ScalarNode:
+    """A text, of which one with line breaks is written on one line."""
+    lines = any(x in text for x in "\r\n\x85\u2028\u2029")
+    return dumper.represent_scalar(TEXT, text, style='"' if lines else None)
+
+
+Dumper.add_representer(str, _represent_text)
+# Text that either of them reads as a number is quoted.
+Dumper.yaml_implicit_resolvers = {
+    first: [
+        *Loader.yaml_implicit_resolvers.get(first, []),
+        *yaml.SafeDumper.yaml_implicit_resolvers.get(first, []),
+    ]
+    for first in {*Loader.yaml_implicit_resolvers, *yaml.SafeDumper.yaml_implicit_resolvers}
+}
+
+
+def flow_text(value: Any, style: str | None = None) -> str:
+    """A value on one line, in flow style."""
+    quoted = style if isinstance(value, str) else None
+    text = yaml.dump(
+        [value],
+        Dumper=Dumper,
+        default_style=quoted,
+        default_flow_style=True,
+        sort_keys=False,
+        width=float("inf"),
+        allow_unicode=True,
+    )
+    return str(text).strip().removeprefix("[").removesuffix("]")
+
+
+def behind(value: Any, column: int, eol: str, *, in_list: bool) -> str:
+    """A value behind a key or a dash in a column: on its line if it fits, else below."""
+    line = flow_text(value)
+    if not (isinstance(value, dict | list) and value and column + len(line) > WIDTH):
+        return f" {line}"
+    inner = column + INDENT
+    start = " " if in_list else eol + " " * inner
+    return start + block_text(value, inner, eol)
+
+
+def block_text(value: dict[Any, Any] | list[Any], column: int, eol: str) -> str:
+    """A mapping or list in separate lines, of which the first is not indented."""
+    if isinstance(value, dict):
+        lines = [
+            flow_text(key) + ":" + behind(x, column, eol, in_list=False) for key, x in value.items()
+        ]
+    else:
+        lines = ["-" + behind(x, column, eol, in_list=True) for x in value]
+    return (eol + " " * column).join(lines)
+
 
 COMMENT = re.compile(r"#[^\r\n]*")
 ALIAS = re.compile(r"\*[^\s,\[\]{}]+")
 BREAK = re.compile(r"\r\n|\r|\n")
-# Blanks that put a comment into a column.
+# Blanks that align a comment to a column.
 GAP = re.compile(r" {4,}(?=#)")
 BLANK = " \t\r\n"
 
 
 class Shared(Exception):  # noqa: N818
-    """An alias stands for what has to change."""
+    """The value to change is an alias."""
 
 
 class Splice(NamedTuple):
@@ -33,7 +99,7 @@ class Splice(NamedTuple):
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether data are the same; what is not a number is the same as itself."""
+    """True if data are equal; NaN equals NaN."""
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(same(x, other[key]) for key, x in one.items())
     if isinstance(one, list) and isinstance(other, list):
@@ -44,7 +110,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 class YamlText:
-    """A YAML text and the places of its values.
+    """A YAML text and the positions of its values.
 
     Args:
         text: The text.
@@ -53,26 +119,28 @@ class YamlText:
 
     def __init__(self, text: str, node: yaml.Node | None) -> None:
         self.text = text
-        found = BREAK.search(text)
-        self.eol = "\n" if found is None else found[0]
-        self.root = Part(of=self, node=node, begin=0, end=len(text), outer=None, key=None)
+        line_break = BREAK.search(text)
+        self.eol = "\n" if line_break is None else line_break[0]
+        self.root = YamlPart(document=self, node=node, begin=0, end=len(text), outer=None, key=None)
         if node is not None:
             begin = node.start_mark.index
             end = _end(self, node, begin)
-            self.root = Part(of=self, node=node, begin=begin, end=end, outer=None, key=None)
+            self.root = YamlPart(
+                document=self, node=node, begin=begin, end=end, outer=None, key=None
+            )
 
-    def line_start(self, at: int) -> int:
-        """Where the line of a place begins."""
-        return max(self.text.rfind("\n", 0, at), self.text.rfind("\r", 0, at)) + 1
+    def line_start(self, position: int) -> int:
+        """Start of the line of a position."""
+        return max(self.text.rfind("\n", 0, position), self.text.rfind("\r", 0, position)) + 1
 
-    def line_end(self, at: int) -> int:
-        """Where the line of a place ends, before its line break."""
-        found = BREAK.search(self.text, at)
-        return len(self.text) if found is None else found.start()
+    def line_end(self, position: int) -> int:
+        """End of the line of a position, before its line break."""
+        line_break = BREAK.search(self.text, position)
+        return len(self.text) if line_break is None else line_break.start()
 
-    def is_first(self, at: int) -> bool:
-        """Whether only blanks are before a place in its line."""
-        return not self.text[self.line_start(at) : at].strip(BLANK)
+    def is_first(self, position: int) -> bool:
+        """True if only blanks precede a position in its line."""
+        return not self.text[self.line_start(position) : position].strip(BLANK)
 
     def cut(self, begin: int, end: int) -> Splice:
         """Remove a part of the text, and its lines where nothing else is left on them."""
@@ -92,25 +160,25 @@ class YamlText:
 
 
 @dataclass(kw_only=True, eq=False)
-class Part:
+class YamlPart:
     """A value in a text.
 
     Args:
-        of: The text.
+        document: The text.
         node: Its node; None for an alias, or in a text without a document.
-        begin, end: Where the value is written, without the comments after it.
-        outer: The mapping or list that it is in; None for the root.
+        begin, end: Range of the value, without the comments after it.
+        outer: The mapping or list that contains it; None for the root.
         key: Its key or its position.
-        head: Where the key begins, or the dash of an item; in a list on one line the value.
-        name_end: Where key and colon end, or the dash.
+        head: Start of the key, or of the dash of an item; in a flow list start of the value.
+        name_end: End of key and colon, or of the dash.
         column: The column of the key or the dash.
     """
 
-    of: YamlText
+    document: YamlText
     node: yaml.Node | None
     begin: int
     end: int
-    outer: Part | None
+    outer: YamlPart | None
     key: Any
     head: int = 0
     name_end: int = 0
@@ -118,24 +186,24 @@ class Part:
 
     @property
     def flow(self) -> bool:
-        """Whether the value is a mapping or list between braces or brackets, or in one."""
-        own = isinstance(self.node, yaml.CollectionNode) and bool(self.node.flow_style)
-        return own or (self.outer is not None and self.outer.flow)
+        """True if the value is a mapping or list in flow style, or inside of one."""
+        is_flow = isinstance(self.node, yaml.CollectionNode) and bool(self.node.flow_style)
+        return is_flow or (self.outer is not None and self.outer.flow)
 
     @property
     def is_block(self) -> bool:
-        """Whether the value is a mapping or list in lines of their own."""
+        """True if the value is a mapping or list in block style."""
         return isinstance(self.node, yaml.CollectionNode) and not self.flow
 
     @cached_property
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[YamlPart]:
         """The values in a mapping or a list, in their order."""
         if isinstance(self.node, yaml.MappingNode):
             return _values(self, self.node)
         return _items(self, self.node) if isinstance(self.node, yaml.SequenceNode) else []
 
     def holds(self, key: Any) -> bool:
-        """Whether the value is a list for a position, or a mapping for another key.
+        """True if the value is a list for a position, or a mapping for another key.
 
         Raises:
             Shared: The value is an alias.
@@ -146,7 +214,7 @@ class Part:
             return isinstance(key, int)
         return isinstance(self.node, yaml.MappingNode)
 
-    def part(self, key: Any) -> Part | None:
+    def part(self, key: Any) -> YamlPart | None:
         """The value of a key or a position."""
         if isinstance(self.node, yaml.SequenceNode):
             return self.parts[int(key)]
@@ -155,12 +223,8 @@ class Part:
     def replace(self, old: Any, new: Any) -> list[Splice]:
         """Replace the value; lists of the same length and mappings of the same keys keep theirs.
 
-        Args:
-            old: The value that is there.
-            new: The new one.
-
         Raises:
-            Shared: An alias stands for the value.
+            Shared: The value is an alias.
         """
         if same(old, new):
             return []
@@ -180,20 +244,20 @@ class Part:
         column = self.parts[0].column
         return [self._append_line(self.parts[-1], column, name + ":", value)]
 
-    def insert(self, at: int, value: Any) -> list[Splice]:
+    def insert(self, index: int, value: Any) -> list[Splice]:
         """Insert an item into a list."""
-        if at == len(self.parts) and self.flow:
+        if index == len(self.parts) and self.flow:
             return [self._append_inline(flow_text(value))]
         if self.flow:
-            head = self.parts[at].begin
+            head = self.parts[index].begin
             gap = " "
-            if self.of.is_first(head):
-                gap = self.of.eol + self.of.text[self.of.line_start(head) : head]
+            if self.document.is_first(head):
+                gap = self.document.eol + self.document.text[self.document.line_start(head) : head]
             return [Splice(head, head, f"{flow_text(value)},{gap}")]
-        if at > 0:
-            return [self._append_line(self.parts[at - 1], self.parts[0].column, "-", value)]
+        if index > 0:
+            return [self._append_line(self.parts[index - 1], self.parts[0].column, "-", value)]
         first = self.parts[0]
-        line = "-" + self.child(value, first.column) + self.of.eol + " " * first.column
+        line = "-" + self.child(value, first.column) + self.document.eol + " " * first.column
         return [Splice(first.head, first.head, line)]
 
     def remove(self, key: Any) -> list[Splice]:
@@ -204,25 +268,25 @@ class Part:
         if len(self.parts) == 1:
             return self._empty()
         following = self.parts[k + 1].head if k + 1 < len(self.parts) else None
-        if self.flow and following is None and not self.of.is_first(gone.head):
+        if self.flow and following is None and not self.document.is_first(gone.head):
             return [Splice(self.parts[k - 1].end, gone.end, "")]
         if self.flow and following is None:
-            comma = _skip(self.of.text, gone.end, ",")
-            rest = self.of.text[comma : self.of.line_end(comma)].strip(BLANK)
-            if rest.startswith("#"):
-                return [self.of.cut_lines(gone.head, comma)]
-            return [self.of.cut(gone.head, comma)]
-        if following is not None and (self.flow or not self.of.is_first(gone.head)):
+            comma = _skip(self.document.text, gone.end, ",")
+            trailing = self.document.text[comma : self.document.line_end(comma)].strip(BLANK)
+            if trailing.startswith("#"):
+                return [self.document.cut_lines(gone.head, comma)]
+            return [self.document.cut(gone.head, comma)]
+        if following is not None and (self.flow or not self.document.is_first(gone.head)):
             return [Splice(gone.head, following, "")]
-        return [self.of.cut_lines(gone.head, gone.end)]
+        return [self.document.cut_lines(gone.head, gone.end)]
 
     def _empty(self) -> list[Splice]:
         """Remove all that is in a mapping or a list, with the comments behind it."""
         empty: Any = {} if isinstance(self.node, yaml.MappingNode) else []
-        found = self._write(empty)
-        if len(found) > 1:
-            found[1] = self.of.cut_lines(self.begin, self.end)
-        return found
+        splices = self._write(empty)
+        if len(splices) > 1:
+            splices[1] = self.document.cut_lines(self.begin, self.end)
+        return splices
 
     def _write(self, new: Any) -> list[Splice]:
         """Write another value in the place of this one."""
@@ -232,26 +296,26 @@ class Part:
         line = flow_text(new, style if style in ("'", '"') else None)
         long = isinstance(new, dict | list) and self.column + len(line) > WIDTH
         if self.is_block and long:
-            column = _column(self.of, self.begin)
-            return [Splice(self.begin, self.end, block_text(new, column, self.of.eol))]
+            column = _column(self.document, self.begin)
+            return [Splice(self.begin, self.end, block_text(new, column, self.document.eol))]
         if long and not self.outer.flow:
             return [Splice(self.name_end, self.end, self.outer.child(new, self.column))]
         if self.begin == self.end:
             of_mapping = isinstance(self.outer.node, yaml.MappingNode)
-            colon = ":" if of_mapping and self.of.text[self.name_end - 1] != ":" else ""
+            colon = ":" if of_mapping and self.document.text[self.name_end - 1] != ":" else ""
             return [Splice(self.name_end, self.end, f"{colon} {line}")]
         if not self.is_block:
             return [self._in_column(line)]
-        if BREAK.search(self.of.text, self.name_end, self.begin) is None:
+        if BREAK.search(self.document.text, self.name_end, self.begin) is None:
             return [Splice(self.begin, self.end, line)]
         return [
             Splice(self.name_end, self.name_end, f" {line}"),
-            self.of.cut(self.begin, self.end),
+            self.document.cut(self.begin, self.end),
         ]
 
     def _in_column(self, line: str) -> Splice:
         """Write a value on its line; a comment behind it stays in its column if it can."""
-        gap = GAP.match(self.of.text, self.end)
+        gap = GAP.match(self.document.text, self.end)
         if gap is None:
             return Splice(self.begin, self.end, line)
         blanks = len(gap[0]) - len(line) + self.end - self.begin
@@ -260,9 +324,19 @@ class Part:
     def _write_root(self, new: Any) -> list[Splice]:
         """Write another document; comments before it stay."""
         if self.node is None:
-            gap = self.of.eol if self.of.text and not self.of.text.endswith(("\r", "\n")) else ""
-            return [Splice(self.end, self.end, gap + block_text(new, 0, self.of.eol) + self.of.eol)]
-        text = block_text(new, 0, self.of.eol) if new else flow_text(new)
+            gap = (
+                self.document.eol
+                if self.document.text and not self.document.text.endswith(("\r", "\n"))
+                else ""
+            )
+            return [
+                Splice(
+                    self.end,
+                    self.end,
+                    gap + block_text(new, 0, self.document.eol) + self.document.eol,
+                )
+            ]
+        text = block_text(new, 0, self.document.eol) if new else flow_text(new)
         return [Splice(self.begin, self.end, text)]
 
     def _append_inline(self, entry: str) -> Splice:
@@ -271,35 +345,44 @@ class Part:
             return Splice(self.parts[-1].end, self.parts[-1].end, f", {entry}")
         return Splice(self.end - 1, self.end - 1, entry)
 
-    def _append_line(self, after: Part, column: int, name: str, value: Any) -> Splice:
+    def _append_line(self, after: YamlPart, column: int, name: str, value: Any) -> Splice:
         """Add a line, or several, after those of a part."""
-        at = self.of.line_end(after.end)
-        line = self.of.eol + " " * column + name + self.child(value, column)
-        return Splice(at, at, line)
+        position = self.document.line_end(after.end)
+        line = self.document.eol + " " * column + name + self.child(value, column)
+        return Splice(position, position, line)
 
     def child(self, value: Any, column: int) -> str:
         """A value after a key or a dash in a column."""
-        return behind(value, column, self.of.eol, in_list=isinstance(self.node, yaml.SequenceNode))
+        return behind(
+            value, column, self.document.eol, in_list=isinstance(self.node, yaml.SequenceNode)
+        )
 
 
-def _values(outer: Part, node: yaml.MappingNode) -> list[Part]:
+def _values(outer: YamlPart, node: yaml.MappingNode) -> list[YamlPart]:
     """The values of a mapping."""
-    text, found = outer.of.text, []
+    text, parts = outer.document.text, []
     for name, value in node.value:
-        at = name.end_mark.index
-        colon = _skip(text, at, ":")
-        begin, own = value.start_mark.index, value
-        if begin < at:
-            begin, end, own = *_alias(text, colon), None
+        name_end = name.end_mark.index
+        colon = _skip(text, name_end, ":")
+        begin, value_node = value.start_mark.index, value
+        if begin < name_end:
+            begin, end, value_node = *_alias(text, colon), None
         else:
-            end = _end(outer.of, value, begin)
-        # A value that is not there begins where its key ends.
+            end = _end(outer.document, value, begin)
+        # A missing value begins at the end of its key.
         begin, end = max(begin, colon), max(end, colon)
-        part = Part(of=outer.of, node=own, begin=begin, end=end, outer=outer, key=_key(name))
+        part = YamlPart(
+            document=outer.document,
+            node=value_node,
+            begin=begin,
+            end=end,
+            outer=outer,
+            key=_key(name),
+        )
         part.head, part.name_end = name.start_mark.index, colon
         part.column = name.start_mark.column
-        found.append(part)
-    return found
+        parts.append(part)
+    return parts
 
 
 def _keys(value: Any) -> list[Any]:
@@ -309,24 +392,26 @@ def _keys(value: Any) -> list[Any]:
     return list(value) if isinstance(value, dict) else []
 
 
-def _items(outer: Part, node: yaml.SequenceNode) -> list[Part]:
+def _items(outer: YamlPart, node: yaml.SequenceNode) -> list[YamlPart]:
     """The items of a list."""
-    of, found, at = outer.of, [], outer.begin
+    text, parts, position = outer.document, [], outer.begin
     for k, value in enumerate(node.value):
-        begin, own = value.start_mark.index, value
-        if begin < at:
-            begin, end, own = *_alias(of.text, at), None
+        begin, value_node = value.start_mark.index, value
+        if begin < position:
+            begin, end, value_node = *_alias(text.text, position), None
         else:
-            end = _end(of, value, begin)
-        part = Part(of=of, node=own, begin=begin, end=end, outer=outer, key=k, head=begin)
-        part.name_end, part.column = begin, _column(of, begin)
+            end = _end(text, value, begin)
+        part = YamlPart(
+            document=text, node=value_node, begin=begin, end=end, outer=outer, key=k, head=begin
+        )
+        part.name_end, part.column = begin, _column(text, begin)
         if not node.flow_style:
-            masked = COMMENT.sub(lambda x: " " * len(x[0]), of.text[at:begin])
-            part.head = at + masked.rindex("-")
-            part.name_end, part.column = part.head + 1, _column(of, part.head)
-        found.append(part)
-        at = max(end, part.name_end)
-    return found
+            masked = COMMENT.sub(lambda x: " " * len(x[0]), text.text[position:begin])
+            part.head = position + masked.rindex("-")
+            part.name_end, part.column = part.head + 1, _column(text, part.head)
+        parts.append(part)
+        position = max(end, part.name_end)
+    return parts
 
 
 def _key(node: yaml.Node) -> Any:
@@ -336,31 +421,31 @@ def _key(node: yaml.Node) -> Any:
     return node.value if node.tag == TEXT else None
 
 
-def _end(of: YamlText, node: yaml.Node, begin: int) -> int:
-    """Where the text of a value ends, without blanks and comments after it."""
+def _end(text: YamlText, node: yaml.Node, begin: int) -> int:
+    """End of the text of a value, without blanks and comments after it."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style:
-        part = Part(of=of, node=node, begin=begin, end=begin, outer=None, key=None)
+        part = YamlPart(document=text, node=node, begin=begin, end=begin, outer=None, key=None)
         return part.parts[-1].end
     end = node.end_mark.index
-    return begin + len(of.text[begin:end].rstrip(BLANK))
+    return begin + len(text.text[begin:end].rstrip(BLANK))
 
 
-def _alias(text: str, at: int) -> tuple[int, int]:
-    """Where the next alias is written."""
-    masked = COMMENT.sub(lambda x: " " * len(x[0]), text[at:])
-    found = ALIAS.search(masked)
-    assert found is not None
-    return at + found.start(), at + found.end()
+def _alias(text: str, position: int) -> tuple[int, int]:
+    """Begin and end of the next alias."""
+    masked = COMMENT.sub(lambda x: " " * len(x[0]), text[position:])
+    match = ALIAS.search(masked)
+    assert match is not None
+    return position + match.start(), position + match.end()
 
 
-def _skip(text: str, at: int, mark: str) -> int:
-    """The place behind a mark that is next, or the same place if something else is."""
-    stop = at
+def _skip(text: str, position: int, mark: str) -> int:
+    """The position after a mark that follows, or the same position if another mark follows."""
+    stop = position
     while stop < len(text) and text[stop] in BLANK:
         stop += 1
-    return stop + 1 if text.startswith(mark, stop) else at
+    return stop + 1 if text.startswith(mark, stop) else position
 
 
-def _column(of: YamlText, at: int) -> int:
-    """The column of a place."""
-    return at - of.line_start(at)
+def _column(text: YamlText, position: int) -> int:
+    """The column of a position."""
+    return position - text.line_start(position)

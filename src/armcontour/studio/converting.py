@@ -13,10 +13,10 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import Quantity
+from armcontour.files.file_keys import MappingKeys, read_keys
 from armcontour.files.job_edits import Change, change_data
 from armcontour.files.job_model import PathModel
 from armcontour.files.job_path import READING, path_of
-from armcontour.files.keys import Keys, read_keys
 from armcontour.files.units import write_like
 from armcontour.geometry import Path
 from armcontour.studio.handles import ANGLE, FILE, LENGTH, Handles
@@ -173,7 +173,7 @@ def _verify(path: Path, written: Mapping[str, Any], handles: Handles) -> None:
     Raises:
         InvalidInput: They are.
     """
-    model = read_keys(Keys(PathModel), written, "the waypoints")
+    model = read_keys(MappingKeys(PathModel), written, "the waypoints")
     again = path_of(model, FilePath(), handles.job.arm.dimension)
     assert isinstance(again, Path)
     alike = len(again) == len(path) and abs(again.vertices - path.vertices).max() <= SAME

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from armcontour.files.job_edits import Keys, value_at
+from armcontour.files.job_form import usual_ranges
 from armcontour.files.job_model import JobModel
-from armcontour.files.job_options import usual_ranges
 from armcontour.files.patch import full_key, place
 from armcontour.files.si_data import quantity_of
 from armcontour.files.units import unit_of

@@ -16,7 +16,7 @@ from armcontour.files.cell import OWN_PATH
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_edits import Change, Keys, change_data
 from armcontour.files.job_model import FrameModel, PathModel
-from armcontour.files.scene import BodiesModel, SceneModel
+from armcontour.files.scene_file import BodiesModel, SceneModel
 from armcontour.files.si_data import in_si
 from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job

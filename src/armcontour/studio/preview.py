@@ -21,7 +21,7 @@ from armcontour.files.job_arm import arm_of, equipped
 from armcontour.files.job_file import job_on, model_of
 from armcontour.files.job_model import JobModel
 from armcontour.files.job_path import part_of, placed_path, unplaced_path
-from armcontour.files.scene import scene_of
+from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Experiment, Job, Run
 from armcontour.jobs.alternatives import below_base

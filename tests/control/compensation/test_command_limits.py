@@ -12,7 +12,7 @@ from armcontour.control.compensation import METHODS
 from armcontour.core.render import number
 from armcontour.files.exports import export
 from armcontour.files.job_file import read_job
-from armcontour.files.json_text import data_json
+from armcontour.files.result_folder import data_json
 from armcontour.report import render_report
 
 # Limits of libfranka 0.15 for an FR3, rate_limiting.h; velocities at the middle of the ranges.

@@ -16,10 +16,9 @@ from armcontour.cli.identify_command import identify_files
 from armcontour.cli.options import IdentifyOptions
 from armcontour.control.identification import Log, identify
 from armcontour.core.errors import InvalidInput
-from armcontour.files.json_text import data_json
 from armcontour.files.log_file import read_log
-from armcontour.files.robot_file import read_servo
-from armcontour.files.servo_file import servo_yaml
+from armcontour.files.result_folder import data_json
+from armcontour.files.robot_file import read_servo, servo_yaml
 from armcontour.report.identification import render_identification
 
 ROWS = "\n" + "\n".join(f"{i},{i * 0.1:.6f},{i * 0.1 - 0.05:.6f}" for i in range(60)) + "\n"

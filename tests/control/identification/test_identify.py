@@ -12,7 +12,7 @@ import armcontour as ac
 from armcontour.control.identification import Log, identify
 from armcontour.core.errors import InvalidInput
 from armcontour.files.log_file import read_log
-from armcontour.files.servo_file import servo_yaml
+from armcontour.files.robot_file import servo_yaml
 from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 
 KR300 = Path(__file__).parent / "kuka_kr300"

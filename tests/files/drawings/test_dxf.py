@@ -15,7 +15,7 @@ from tests.files.tables import refusals
 
 import armcontour as ac
 from armcontour.files.drawings.dxf import UNITS, read_dxf
-from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.read_options import ReadOptions
 
 MM = 1e-3
 TOLERANCE = 1e-5

@@ -14,7 +14,7 @@ from tests.files.tables import refusals, rows
 
 from armcontour.core.errors import InvalidInput
 from armcontour.files.drawings.gcode import read_gcode
-from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 
 CORPUS = Path(__file__).with_name("gcode")

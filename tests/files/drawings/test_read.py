@@ -10,9 +10,8 @@ from scipy.interpolate import BSpline
 from tests.files.tables import refusals
 
 import armcontour as ac
-from armcontour.files.drawings.chain import Chain
-from armcontour.files.drawings.shapes import Outline, paths_of
-from armcontour.files.drawings.splines import Spline, fit_splines
+from armcontour.files.drawings.arc_chain import ArcChain
+from armcontour.files.drawings.outlines import BezierSpline, Outline, fit_splines, paths_of
 
 CSV = "x,y,contour,layer\n0,0,a,CUT\n20,0,a,CUT\n0,10,b,MARK\n20,10,b,MARK\n"
 GCODE = "G21 F600\nG0 X0 Y0\nG1 X20\nG0 X0 Y10 Z2\nG1 X20\n"
@@ -145,7 +144,7 @@ TOLERANCE = 1e-5
 
 
 def arc(a, b, angle, centre=(0.0, 0.0)):
-    return Chain.arc(np.array(centre), np.array([a, 0.0]), np.array([0.0, b]), angle)
+    return ArcChain.arc(np.array(centre), np.array([a, 0.0]), np.array([0.0, b]), angle)
 
 
 def test_a_short_arc_of_a_huge_circle_ends_where_it_is_drawn():
@@ -153,7 +152,7 @@ def test_a_short_arc_of_a_huge_circle_ends_where_it_is_drawn():
     ends = np.array([(-half, 0.0), (half, 0.0)])
     centre = np.array([0.0, half**2 / (2 * radius) - radius])
     sine, angle = np.array([radius, half]), 2 * np.arcsin(half / radius)
-    chain = Chain.arc(centre, ends[0] - centre, sine, angle, ends)
+    chain = ArcChain.arc(centre, ends[0] - centre, sine, angle, ends)
     np.testing.assert_allclose(chain.to_segments(TOLERANCE).ends, ends[1:], atol=1e-12)
     # `reach` is the extent of the arc, not of the circle.
     assert np.abs(chain.reach).max() < 1
@@ -167,7 +166,7 @@ def test_a_b_spline_with_any_knots_and_weights_is_followed(seed, degree, extra):
     points, weights = rng.uniform(-0.05, 0.05, (n, 2)), rng.uniform(0.3, 3.0, n)
     knots = np.sort(np.round(rng.uniform(0, 4, n + degree + 1), 1)) * 0.7
     knots[: degree + 1], knots[-degree - 1 :] = -0.7, 3.5
-    spline = Spline.from_knots(points, weights, knots, degree)
+    spline = BezierSpline.from_knots(points, weights, knots, degree)
     if np.unique(knots[1:-1], return_counts=True)[1].max(initial=0) > degree + 1 or spline is None:
         # A gap: the curve on both sides of a knot that occurs too often.
         assert np.unique(knots[degree + 1 : n], return_counts=True)[1].max() > degree
@@ -180,12 +179,14 @@ def test_a_b_spline_with_any_knots_and_weights_is_followed(seed, degree, extra):
 
 
 def test_many_curves_at_once_are_what_each_is_alone(monkeypatch):
-    monkeypatch.setattr("armcontour.files.drawings.splines.AT_ONCE", 20)
+    monkeypatch.setattr("armcontour.files.drawings.outlines.AT_ONCE", 20)
     rng = np.random.default_rng(4)
     counts = 3 * rng.integers(1, 6, 16) + 1
-    splines = [Spline(points=rng.uniform(0, 0.1, (n, 2)), degree=3) for n in counts]
-    splines[7] = Spline(points=splines[7].points, weights=rng.uniform(1, 2, len(splines[7].points)))
-    splines[9] = Spline(points=rng.uniform(0, 0.1, (5, 2)), degree=2)
+    splines = [BezierSpline(points=rng.uniform(0, 0.1, (n, 2)), degree=3) for n in counts]
+    splines[7] = BezierSpline(
+        points=splines[7].points, weights=rng.uniform(1, 2, len(splines[7].points))
+    )
+    splines[9] = BezierSpline(points=rng.uniform(0, 0.1, (5, 2)), degree=2)
     together = dict(fit_splines(splines, TOLERANCE))
     assert sorted(together) == list(range(16))
     for i, spline in enumerate(splines):

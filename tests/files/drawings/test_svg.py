@@ -12,7 +12,7 @@ from tests.files.tables import refusals, rows
 
 from armcontour.core.errors import InvalidInput
 from armcontour.files.drawings import svg
-from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.drawings.svg import read_svg
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 

@@ -11,8 +11,8 @@ from tests.files.tables import refusals
 
 from armcontour import read_path
 from armcontour.core.errors import InvalidInput
-from armcontour.files.drawings.options import ReadOptions
-from armcontour.files.drawings.waypoints import read_waypoints
+from armcontour.files.drawings.read_options import ReadOptions
+from armcontour.files.drawings.waypoint_table import read_waypoints
 
 
 def read(text, **reading):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armcontour import SetPoints
-from armcontour.files.exports import Table
+from armcontour.files.exports import SetPointTable
 from armcontour.motion import TimedEvent
 
 CYCLE = 0.004
@@ -32,7 +32,7 @@ def table():
         arrays = np.random.default_rng(dof).normal(scale=2.0, size=(3, count, dof))
         names = tuple(f"axis_{i}" for i in range(1, dof + 1))
         arrays = dict(zip(("q", "dq", "ddq"), arrays, strict=True), t=np.arange(count) * CYCLE)
-        return Table(name="part 7", joint_names=names, cycle=CYCLE, events=events, **arrays)
+        return SetPointTable(name="part 7", joint_names=names, cycle=CYCLE, events=events, **arrays)
 
     return make
 

@@ -147,7 +147,7 @@ def test_refuses_what_cannot_be_a_table(set_points, conventional, arm):
 def test_refuses_arrays_that_do_not_fit(table):
     good = table()
     changes = [
-        ({"dq": good.q[:-1]}, "part 7: dq of a table has shape"),
+        ({"dq": good.q[:-1]}, "part 7: dq of a set point table has shape"),
         ({"t": good.t[::-1]}, "start at zero and increase"),
         ({"q": good.q * np.nan}, "finite"),
         ({"name": "two\nlines"}, "one line of text"),

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.files.tables import refusals
 
-from armcontour.files.exports import Table, TemplateFormat, URScriptFormat
+from armcontour.files.exports import SetPointTable, TemplateFormat, URScriptFormat
 from armcontour.files.exports.template import describe_program, templates
 from armcontour.motion import TimedEvent
 
@@ -307,7 +307,9 @@ def test_events_come_within_half_an_interval_and_the_set_points_stay_in_order(ta
 def test_any_events_come_in_order_within_half_an_interval(tmp_path_factory, count, times, cycle):
     q, t = np.arange(6.0 * count).reshape(count, 6), np.arange(count) * cycle
     events = tuple(x for at in times for x in said("tool", True, at))
-    table = Table(name="any", joint_names=tuple("abcdef"), cycle=cycle, t=t, q=q, events=events)
+    table = SetPointTable(
+        name="any", joint_names=tuple("abcdef"), cycle=cycle, t=t, q=q, events=events
+    )
     points, found, _ = run(program(table, tmp_path_factory.mktemp("any"), outputs={"tool": 0}))
     at = [x for x, _ in found]
     assert len(at) == len(times)

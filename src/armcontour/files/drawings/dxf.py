@@ -19,7 +19,8 @@ from armcontour.core.checks import FloatArray, raise_if
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.core.text import count_noun, list_some
-from armcontour.files.drawings._dxf_entities import (
+from armcontour.files.drawings.arc_chain import WITHOUT_Z, Affine
+from armcontour.files.drawings.dxf_entities import (
     NO_CONTOUR,
     SHAPES,
     Unreadable,
@@ -28,11 +29,16 @@ from armcontour.files.drawings._dxf_entities import (
     grid,
     insertions,
 )
-from armcontour.files.drawings.chain import WITHOUT_Z, Affine
-from armcontour.files.drawings.options import ReadOptions
-from armcontour.files.drawings.reading import SKIP, hex_of
-from armcontour.files.drawings.shapes import Outline
-from armcontour.files.drawings.walk import NAMED, WALKED, Drawn, Place, Walk, place_outline
+from armcontour.files.drawings.outlines import Outline
+from armcontour.files.drawings.read_options import SKIP, ReadOptions, hex_of
+from armcontour.files.drawings.walk import (
+    NAMED,
+    WALKED,
+    EntityOutlines,
+    Inherited,
+    Walk,
+    place_outline,
+)
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Program
 
@@ -59,13 +65,13 @@ UNITS = {
     23: 3600 / 3937,
     24: 6336000 / 3937,
 }
-# Largest depth of blocks in blocks, and largest number of copied entities: a document with more
-# is made to do harm.
+# Largest depth of nested blocks, and largest number of copied entities: a document with more is
+# malicious.
 DEEPEST = 50
 EXPLODE = "explode it into lines and arcs in the CAD program"
 MOST_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
-# Reasons to leave entities out.
+# Reasons for omitted entities.
 HIDDEN = "Left out, on layers that are off or frozen"
 INVISIBLE = "Left out, because they are invisible"
 NOT_READ = "Left out, because it is no line, arc or curve"
@@ -78,7 +84,7 @@ WHITE = frozenset({"7", "#ffffff", "#000000"})
 BINARY = b"AutoCAD Binary DXF"
 DRAWING_DATABASE = b"AC10"
 CUT_OFF = "The file has no end mark (EOF): it seems to be cut off, and contours may be missing."
-# What is between entities.
+# Structure of the file between entities.
 STRUCTURE = ("SECTION", "ENDSEC", "TABLE", "ENDTAB", "EOF")
 # Classes of entities that ezdxf does not read without the marks of their classes, and codes that
 # come before the mark.
@@ -105,13 +111,6 @@ def read_dxf(
     points have z = 0, the program is in the plane, otherwise in space. A contour is named after
     the handle of its first entity; in a block, the handle of the INSERT comes before.
 
-    Args:
-        data: Content of the file, ASCII or binary.
-        source: Name of the file.
-        options: Settings of the reader.
-        progress: Called from time to time with the name of the source and the share of it that is
-            read.
-
     Raises:
         InvalidInput: The file is not readable as DXF, the unit is not known, an entity is unknown
             and unknown entities are refused, or there is no contour.
@@ -119,18 +118,14 @@ def read_dxf(
     with silence_log(), np.errstate(all="ignore"):
         document, notes = open_document(data, source, skip=options.skips)
         walk = DxfWalk(document, partial(line_of_handle, data), source, options, progress)
-        # Without a header, ezdxf's own one says metres.
+        # Without a header ezdxf adds one with metres.
         stated = b"$INSUNITS" in data
         unit = _unit(document.header.get("$INSUNITS", 0) if stated else 0, source, options)
         return walk.program(_flattened(list(walk.shapes(unit)), source), notes)
 
 
 def _unit(code: Any, source: str, options: ReadOptions) -> float:
-    """Length of the drawing's unit [m], by its code in the header.
-
-    Raises:
-        InvalidInput: Neither the reading nor the drawing has a known unit.
-    """
+    """Length of the drawing's unit [m], by its code in the header."""
     if options.unit is not None:
         return options.unit
     if code in UNITS:
@@ -139,41 +134,37 @@ def _unit(code: Any, source: str, options: ReadOptions) -> float:
     raise InvalidInput(f"{source} {why} ($INSUNITS): give it, such as `units: mm` or --units mm.")
 
 
-def _flattened(found: list[Drawn], source: str) -> list[Drawn]:
-    """The entities in the plane if all z are 0, otherwise in space.
-
-    Raises:
-        InvalidInput: A drawing in space is clipped.
-    """
+def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlines]:
+    """The entities in the plane if all z are 0, otherwise in space."""
 
     def is_flat(points: FloatArray) -> bool:
         return bool(np.abs(points[:, 2]).max() <= REPEATED_POINT)
 
-    flat = all(is_flat(y.reach) for x in found for y in x.outlines)
-    for x in found:
+    flat = all(is_flat(y.reach) for x in entities for y in x.outlines)
+    for x in entities:
         if x.clips and not (flat and all(is_flat(clip.corners) for clip in x.clips)):
             raise InvalidInput(
                 f"{source}: {x.where} is in a block that is clipped in space, which is not read: "
                 "clip drawings at z = 0 only."
             )
     if not flat:
-        return found
+        return entities
     return [
         dataclasses.replace(
             x,
             outlines=[y.place(WITHOUT_Z) for y in x.outlines],
             clips=tuple(clip.place(WITHOUT_Z) for clip in x.clips),
         )
-        for x in found
+        for x in entities
     ]
 
 
 class DxfWalk(Walk):
-    """Traversal of a document's entities, which records the entities that it leaves out.
+    """Traversal of a document's entities, which records the entities that it omits.
 
     Args:
         document: ezdxf's document.
-        line_of: Text that says in which line of the file a handle stands.
+        line_of: Returns the line of a handle in the file as text, such as " in line 12".
         source: Name of the file.
         options: Settings of the reader.
         progress: Called from time to time with the share of the file that is read.
@@ -198,14 +189,14 @@ class DxfWalk(Walk):
         self._layer_colors: dict[str, frozenset[str]] = {}
 
     def explain_empty(self) -> str:
-        """Why there is no contour: all entities are on other layers."""
+        """The reason for a program without contours: all entities are on other layers."""
         if not self.elsewhere:
             return ""
-        wanted = ", ".join(repr(x) for x in sorted(self.wanted or ()))
+        requested = ", ".join(repr(x) for x in sorted(self.requested_layers or ()))
         there = list_some([repr(x) for x in sorted(self.elsewhere)], 12)
-        return f"has no contour on the layer {wanted}: it has entities on {there}"
+        return f"has no contour on the layer {requested}: it has entities on {there}"
 
-    def shapes(self, unit: float) -> Iterator[Drawn]:
+    def shapes(self, unit: float) -> Iterator[EntityOutlines]:
         """Yield the shapes of all entities of the model space, in the order of the document.
 
         Args:
@@ -223,12 +214,12 @@ class DxfWalk(Walk):
         except Exception as error:
             raise InvalidInput(f"{self.source} is damaged: {said(error)}.") from None
         world = Affine(unit * np.eye(3), np.zeros(3))
-        drawing = Place(to=world, layer="0", color=WHITE)
+        drawing = Inherited(to=world, layer="0", color=WHITE)
         for k, entity in enumerate(entities):
             self.tell(WALKED * k / len(entities))
             yield from self._shapes_in([entity], drawing)
 
-    def _shapes_in(self, entities: Iterable[Any], block: Place) -> Iterator[Drawn]:
+    def _shapes_in(self, entities: Iterable[Any], block: Inherited) -> Iterator[EntityOutlines]:
         """Yield the shapes of the entities of a block or of the drawing."""
         for entity in entities:
             kind = entity.dxftype()
@@ -237,7 +228,7 @@ class DxfWalk(Walk):
             layer, state = self._layer(entity, block)
             try:
                 if kind == "ATTDEF" and block.inside:
-                    # A template of a text; the drawing shows the texts of the INSERT instead.
+                    # A template of a text; the drawing shows the texts of the INSERT.
                     continue
                 if state == FROZEN or (state == OFF and kind != "INSERT"):
                     self.leave_out(HIDDEN, layer)
@@ -246,7 +237,7 @@ class DxfWalk(Walk):
                 elif kind == "INSERT":
                     yield from self._insert(entity, block, name, layer)
                 elif not self.wants_layer(layer):
-                    # Nothing on other layers matters, broken or not.
+                    # Entities on other layers are ignored, also broken ones.
                     self.elsewhere[self.labels(layer)] += kind in SHAPES
                 else:
                     yield from self._drawn(entity, kind, name, layer, block)
@@ -259,13 +250,9 @@ class DxfWalk(Walk):
                 self._leave(kind, name, layer, f"is damaged: {said(error)}", handle)
 
     def _drawn(
-        self, entity: Any, kind: str, name: str, layer: str, block: Place
-    ) -> Iterator[Drawn]:
-        """Yield the shapes of a visible entity, of which MLINE and TEXT have several.
-
-        Raises:
-            Unreadable: The entity is unknown, or does not define a shape.
-        """
+        self, entity: Any, kind: str, name: str, layer: str, block: Inherited
+    ) -> Iterator[EntityOutlines]:
+        """Yield the shapes of a visible entity, of which MLINE and TEXT have several."""
         if kind == "MLINE":
             for k, part in enumerate(entity.virtual_entities()):
                 yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)
@@ -283,13 +270,9 @@ class DxfWalk(Walk):
             raise Unreadable(f"is not read: {EXPLODE}")
 
     def _shape(
-        self, entity: Any, kind: str, name: str, layer: str, block: Place
-    ) -> Iterator[Drawn]:
-        """Yield the shape of an entity, if it has a length and one of the chosen colours.
-
-        Raises:
-            Unreadable: The entity does not define a shape.
-        """
+        self, entity: Any, kind: str, name: str, layer: str, block: Inherited
+    ) -> Iterator[EntityOutlines]:
+        """Yield the shape of an entity, if it has a length and one of the chosen colours."""
         if not self.wants_color(self._color(entity, layer, block)):
             return
         check_found(entity)
@@ -300,7 +283,7 @@ class DxfWalk(Walk):
             if defect:
                 raise Unreadable(defect)
             outlines = [placed]
-        yield Drawn(
+        yield EntityOutlines(
             outlines=outlines,
             where=f"{kind} {name} on layer {layer!r}",
             name=self.labels(name),
@@ -308,7 +291,7 @@ class DxfWalk(Walk):
             clips=block.clips,
         )
 
-    def _color(self, entity: Any, layer: str, block: Place) -> frozenset[str]:
+    def _color(self, entity: Any, layer: str, block: Inherited) -> frozenset[str]:
         """The names of the colour in which an entity is drawn."""
         number = _attribute(entity, "color", BY_LAYER)
         if _attribute(entity, "true_color", None) is None:
@@ -318,19 +301,17 @@ class DxfWalk(Walk):
                 return self._layer_colors.get(_key(layer), WHITE)
         return _color_names(entity, number)
 
-    def _layer(self, entity: Any, block: Place) -> tuple[str, str]:
+    def _layer(self, entity: Any, block: Inherited) -> tuple[str, str]:
         """Name of an entity's layer, and the layer's state: off, frozen or empty."""
-        own = str(_attribute(entity, "layer", "") or _layer_tag(entity))
+        layer = str(_attribute(entity, "layer", "") or _layer_tag(entity))
         # In a block, layer 0 means the layer of the INSERT.
-        own = block.layer if own == "0" and block.inside else own
-        return self._layers.get(_key(own), (own, ""))
+        layer = block.layer if layer == "0" and block.inside else layer
+        return self._layers.get(_key(layer), (layer, ""))
 
-    def _insert(self, entity: Any, block: Place, name: str, layer: str) -> Iterator[Drawn]:
-        """Yield the shapes of all copies of a block.
-
-        Raises:
-            Unreadable: The block is missing, contains itself, or has too many copies.
-        """
+    def _insert(
+        self, entity: Any, block: Inherited, name: str, layer: str
+    ) -> Iterator[EntityOutlines]:
+        """Yield the shapes of all copies of a block."""
         if self.wants_layer(layer):
             for _ in getattr(entity, "attribs", ()):
                 self.leave_out(NOT_READ, "ATTRIB")
@@ -353,7 +334,7 @@ class DxfWalk(Walk):
         for k, offset in enumerate(offsets):
             copy = block.to @ Affine(affine.linear, affine.offset + offset)
             row, column = k // columns + 1, k % columns + 1
-            inner = Place(
+            inner = Inherited(
                 name=name if len(offsets) == 1 else f"{name}[{row},{column}]",
                 to=copy,
                 layer=layer,
@@ -371,28 +352,24 @@ class DxfWalk(Walk):
             self._sizes[name] = 1
             content = self.document.blocks.get(name)
             inner = [x for x in content or () if x.dxftype() == "INSERT"]
-            own = 1 + (len(content) if content is not None else 0)
-            self._sizes[name] = own + sum(self._copies_of(x) for x in inner)
+            count = 1 + (len(content) if content is not None else 0)
+            self._sizes[name] = count + sum(self._copies_of(x) for x in inner)
         rows, columns = grid(entity)
         return rows * columns * self._sizes[name]
 
     def _leave(self, kind: str, name: str, layer: str, why: str, handle: str) -> None:
-        """Leave out an entity that cannot be read, or refuse it.
-
-        Raises:
-            InvalidInput: Such entities are refused.
-        """
+        """Leave out an entity that cannot be read, or refuse it."""
         if kind != "INSERT" and not self.wants_layer(layer):
             return
-        # Looking for a line takes as long as the file; the notes name the first entities only.
+        # The search for a line reads the whole file, so only the first entities get their lines.
         line = self.line_of(handle) if len(self.left_out.get(BROKEN, ())) < NAMED else ""
-        what = f"{kind} {name}{line} on layer {layer!r} {why}"
+        defect = f"{kind} {name}{line} on layer {layer!r} {why}"
         if not self.skip:
             raise InvalidInput(
-                f"{self.source}: {what}. Mend it in the drawing, choose the layers to follow "
+                f"{self.source}: {defect}. Mend it in the drawing, choose the layers to follow "
                 f"(layers, or --layer), or {SKIP}."
             )
-        self.leave_out(BROKEN, what)
+        self.leave_out(BROKEN, defect)
 
 
 def letters_of(entity: Any) -> list[Any]:
@@ -422,8 +399,8 @@ def _key(name: str) -> str:
 def _layer_tag(entity: Any) -> str:
     """Layer of an entity whose type ezdxf does not know."""
     tags = getattr(entity, "xtags", None)
-    found = (x.value for part in (tags.subclasses if tags else ()) for x in part if x.code == 8)
-    return str(next(found, "0"))
+    layers = (x.value for part in (tags.subclasses if tags else ()) for x in part if x.code == 8)
+    return str(next(layers, "0"))
 
 
 def _color_names(entity: Any, number: int) -> frozenset[str]:
@@ -438,17 +415,12 @@ def _color_names(entity: Any, number: int) -> frozenset[str]:
 
 
 def _is_mesh(entity: Any) -> bool:
-    """Whether a POLYLINE is a mesh and not a curve."""
+    """True if a POLYLINE is a mesh and not a curve."""
     return entity.dxftype() == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)
 
 
 def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[str]]:
     """Open the document in a DXF file.
-
-    Args:
-        data: Content of the file, ASCII or binary.
-        source: Name of the file.
-        skip: Whether entities that ezdxf cannot read are left out.
 
     Returns:
         ezdxf's document, and a sentence on the damage if the file had to be repaired.
@@ -476,24 +448,24 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
     try:
         document, changes = _repair(data)
         if notes and not changes:
-            # What is left of a file that is cut off is intact.
+            # The remaining part of a truncated file is intact.
             return document, notes
         mended = f" and was mended in {count_noun(changes, 'place')}" if changes else ""
         why = ADDRESS.sub("", said(first))
         damage = f"The file is damaged ({why}){mended}; damaged parts may be missing."
         return document, [*notes, damage]
     except Exception:
-        rest, broken = (b"", []) if data.startswith(BINARY) else _without_broken(data)
+        intact, broken = (b"", []) if data.startswith(BINARY) else _without_broken(data)
     if not broken:
         with contextlib.suppress(Exception):
-            return _read(rest), notes
+            return _read(intact), notes
         raise InvalidInput(
             f"{source} is no DXF file that can be read: {' '.join([_reason(first), *notes])}"
         )
     if not skip:
         raise InvalidInput(f"{source} has an entity that cannot be read, {broken[0]}: {SKIP}.")
     try:
-        document = _read(rest)
+        document = _read(intact)
     except Exception as error:
         raise InvalidInput(f"{source} is no DXF file that can be read: {said(error)}.") from None
     return document, [
@@ -503,7 +475,7 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
 
 
 def _has_end(data: bytes) -> bool:
-    """Whether the last line of an ASCII file is its end mark."""
+    """True if the last line of an ASCII file is its end mark."""
     return data.startswith(BINARY) or data.rstrip(b"\0\x1a \t\r\n").endswith(b"EOF")
 
 
@@ -522,7 +494,7 @@ def _read(data: bytes) -> Any:
 
 
 def _reason(error: Exception) -> str:
-    """Why ezdxf cannot read a file, as a sentence; its own mistakes tell a user nothing."""
+    """A sentence on an error of ezdxf; internal errors of ezdxf get a general sentence."""
     from ezdxf.lldxf.const import DXFError
 
     if isinstance(error, DXFError):
@@ -531,7 +503,7 @@ def _reason(error: Exception) -> str:
 
 
 def _repair(data: bytes) -> tuple[Any, int]:
-    """Ezdxf's document of a damaged file, and in how many places it was mended."""
+    """Ezdxf's document of a damaged file, and the number of repairs."""
     from ezdxf import recover
 
     document, auditor = recover.read(io.BytesIO(data))
@@ -550,7 +522,7 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
     )
     # Codes and values alternate; the code 0 begins an entity.
     begins = [i for i in range(first + 1, len(lines) - 1, 2) if lines[i].strip() == "0"]
-    kept, broken = lines[: begins[0] if begins else len(lines)], []
+    intact, broken = lines[: begins[0] if begins else len(lines)], []
     marked = False
     for i, end in itertools.pairwise([*begins, len(lines)]):
         kind, part = lines[i + 1].strip(), lines[i:end]
@@ -563,10 +535,10 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
         except Exception as error:
             broken.append(f"{kind} in line {i + 2} ({ADDRESS.sub('', said(error))})")
         else:
-            kept += part
+            intact += part
     if marked:
-        kept = _without_version_12(kept)
-    return "\n".join([*kept, ""]).encode("utf-8", errors="surrogateescape"), broken
+        intact = _without_version_12(intact)
+    return "\n".join([*intact, ""]).encode("utf-8", errors="surrogateescape"), broken
 
 
 def _without_version_12(lines: list[str]) -> list[str]:
@@ -583,22 +555,22 @@ def _without_version_12(lines: list[str]) -> list[str]:
 
 
 def _mark_class(lines: list[str], name: str) -> list[str]:
-    """An entity with the marks of its classes, which some programs leave out."""
+    """An entity with the marks of its classes, which some programs omit."""
     codes = [x.strip() for x in lines[::2]]
     if "100" in codes:
         return lines
-    own = 2 * next((k for k, x in enumerate(codes) if x not in COMMON_CODES), len(codes))
-    return [*lines[:own], "100", "AcDbEntity", "100", name, *lines[own:]]
+    position = 2 * next((k for k, x in enumerate(codes) if x not in COMMON_CODES), len(codes))
+    return [*lines[:position], "100", "AcDbEntity", "100", name, *lines[position:]]
 
 
 def line_of_handle(data: bytes, handle: str) -> str:
-    """` in line 12`, where the entity of a handle says it; "" if the file does not."""
-    found = re.search(
+    """The line of an entity as ` in line 12`; "" if the file does not contain its handle."""
+    match = re.search(
         rb"^[ \t]*5[ \t]*\r?\n[ \t]*0*" + re.escape(handle.encode()) + rb"[ \t]*\r?$",
         data,
         re.MULTILINE | re.IGNORECASE,
     )
-    return f" in line {data.count(bytes([10]), 0, found.start()) + 2}" if found else ""
+    return f" in line {data.count(bytes([10]), 0, match.start()) + 2}" if match else ""
 
 
 def said(error: Exception) -> str:

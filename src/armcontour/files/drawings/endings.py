@@ -1,4 +1,4 @@
-"""Which files are drawings, by their endings: known before anything is loaded that reads them."""
+"""Extensions of drawings and their readers, available without loading the readers."""
 
 from __future__ import annotations
 
@@ -11,15 +11,12 @@ READERS = {
     ".dxf": ("dxf", "read_dxf"),
     ".svg": ("svg", "read_svg"),
     **dict.fromkeys((".ngc", ".nc", ".gcode", ".tap", ".cnc"), ("gcode", "read_gcode")),
-    ".csv": ("waypoints", "read_waypoints"),
+    ".csv": ("waypoint_table", "read_waypoints"),
 }
 
 
 def find_reader(file: str | FilePath) -> tuple[FilePath, str]:
     """The path and the extension of a file that has a reader.
-
-    Args:
-        file: The file.
 
     Raises:
         InvalidInput: The argument is not the path of a file, or no reader has the extension.

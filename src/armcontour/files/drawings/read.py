@@ -1,4 +1,4 @@
-"""The function `read_path`, which reads a file into a program by its extension."""
+"""The function `read_path`, which selects a reader by the extension of a file."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from armcontour.core.file_access import read_bytes
 from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.endings import READERS, find_reader
-from armcontour.files.drawings.options import FARTHEST, ReadOptions
-from armcontour.files.drawings.reading import LARGEST
+from armcontour.files.drawings.read_options import FARTHEST, LARGEST, ReadOptions
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Program, smooth_curvature
 
@@ -26,8 +25,8 @@ from armcontour.program import Program, smooth_curvature
 WITH_PROGRESS = ("gcode", "dxf", "svg")
 # Options of some kinds of files only: the modules that read these, and the kinds in words.
 ONLY = {
-    "smooth_axes": (("waypoints",), "smooth_axes is for tables of waypoints with tool axes"),
-    "columns": (("waypoints",), "columns (--waypoint-columns) is for waypoints in CSV"),
+    "smooth_axes": (("waypoint_table",), "smooth_axes is for tables of waypoints with tool axes"),
+    "columns": (("waypoint_table",), "columns (--waypoint-columns) is for waypoints in CSV"),
     "colors": (("dxf", "svg"), "colors is for DXF and SVG drawings"),
     "words": (("gcode",), 'unknown: {skip: [...]} is for G-code (others take "skip")'),
 }
@@ -55,7 +54,7 @@ def read_path(
         options: How to read it, such as ReadOptions(units="mm", layers=["CUT"]).
         frame: Frame of the drawing; if it lifts or tilts the drawing, the program is in space.
         progress: Called from time to time with the name of the file and the fraction of it that is
-            read, where the reader can tell.
+            read, if the reader supports it.
 
     Raises:
         InvalidInput: The file cannot be read, or has no use for an option; the message names the
@@ -82,7 +81,7 @@ def read_path(
         f"With the unit {options.units}, {program.source} reaches {far:.4g} m from its origin, "
         f"more than {LARGEST_PART:g} m: check the unit.",
     )
-    if far > FARTHEST_ARM and (unit, module) == (None, "waypoints"):
+    if far > FARTHEST_ARM and (unit, module) == (None, "waypoint_table"):
         note = (
             f"the coordinates of {program.source} reach {far:.4g} m from their origin, farther "
             "than arms do. Columns without a unit are in metres: if these are mm, write x [mm], or "
@@ -102,14 +101,10 @@ def read_path(
 
 
 def _select(program: Program, options: ReadOptions) -> Program:
-    """The program's contours on the layers and with the names of the options.
-
-    Raises:
-        InvalidInput: A layer or a name does not exist.
-    """
+    """The program's contours on the layers and with the names of the options."""
     layers = options.layers
     if isinstance(layers, Mapping):
-        # The mapping holds settings for layers; a drawing need not have all of these layers.
+        # The mapping has settings for layers; a drawing need not have all of these layers.
         existing = {x.layer for x in program.contours}
         notes = [f"there is nothing on the layer {x!r}." for x in layers if x not in existing]
         program = replace(program, notes=(*program.notes, *notes))
@@ -123,11 +118,7 @@ def _farthest(program: Program) -> float:
 
 
 def _refuse_odd_size(program: Program, factor: float) -> None:
-    """Refuse a scale after which coordinates are too large or contours too short.
-
-    Raises:
-        InvalidInput: The scaled program is beyond the limits that the readers keep.
-    """
+    """Check that a scale leaves coordinates and contours within the limits of the readers."""
     far = _farthest(program)
     short = min(x.path.length for x in program.contours)
     if not far <= FARTHEST:

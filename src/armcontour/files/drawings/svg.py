@@ -11,13 +11,14 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
-from armcontour.files.drawings._svg_shapes import SHAPES, shape_of
-from armcontour.files.drawings._svg_tree import Element, tree_of
-from armcontour.files.drawings._svg_units import (
+from armcontour.files.drawings.arc_chain import Affine, ArcChain
+from armcontour.files.drawings.read_options import SKIP, ReadOptions, color_of
+from armcontour.files.drawings.svg_elements import (
     FONT,
     IDENTITY,
     INCH,
     PIXEL,
+    Element,
     ViewBox,
     affine,
     font_size,
@@ -26,18 +27,24 @@ from armcontour.files.drawings._svg_units import (
     make_absolute,
     number_of,
     transform_of,
+    tree_of,
     view_box,
     viewbox_transform,
 )
-from armcontour.files.drawings.chain import Affine, Chain
-from armcontour.files.drawings.clipping import Clip
-from armcontour.files.drawings.options import ReadOptions
-from armcontour.files.drawings.reading import SKIP, color_of
-from armcontour.files.drawings.walk import NO_SIZE, WALKED, Drawn, Place, Walk, place_outline
+from armcontour.files.drawings.svg_shapes import SHAPES, shape_of
+from armcontour.files.drawings.walk import (
+    NO_SIZE,
+    WALKED,
+    Clip,
+    EntityOutlines,
+    Inherited,
+    Walk,
+    place_outline,
+)
 from armcontour.program import Program
 
-# Versions of Inkscape with 90 px per inch, the comment of Illustrator, which has 72, and the bytes
-# in which it is; lengths that depend on no pixel.
+# Versions of Inkscape with 90 px per inch; the comment of Illustrator, which has 72 px per inch,
+# and the number of bytes in which it occurs; lengths in absolute units.
 OLD_INKSCAPE = re.compile(r"0\.(?:[0-8]\d?|9|9[01])(?!\d)[.\d]*")
 ILLUSTRATOR = re.compile(rb"Generator:\s*Adobe\s+Illustrator", re.IGNORECASE)
 BEGINNING = 10_000
@@ -62,9 +69,9 @@ SILENT = (
 )
 # Elements that draw their children or the element that they refer to.
 CONTAINERS = ("g", "a", "svg", "symbol", "use", "switch")
-# Elements that are no outline, left out with a note.
+# Elements that are no outline, skipped with a note.
 NO_OUTLINE = ("text", "image", "foreignObject")
-# Properties that add marks to the ends of outlines, left out with a note.
+# Properties that add marks to the ends of outlines, skipped with a note.
 MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
 # Style sheets are not evaluated, so declarations of these properties are refused, except for the
 # harmless values.
@@ -79,7 +86,7 @@ _URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
 HIDDEN = "Left out because hidden"
 # Largest number of segments, a curve counted as one; no drawing of contours has more.
 MOST_SEGMENTS = 500_000
-# Largest number of elements drawn by reference; a file with more is made to do harm.
+# Largest number of elements drawn by reference; a file with more is malicious.
 MOST_REPEATED = 100_000
 # Largest depth of references in references.
 DEEPEST_USE = 50
@@ -92,7 +99,7 @@ def read_svg(
 
     Shapes become contours in drawing order, placed by their groups, transforms and references;
     each subpath is a contour. Separate elements whose ends touch are chained. Strokes, fills and
-    the edges of the page have no effect; hidden elements are left out.
+    the edges of the page have no effect; hidden elements are omitted.
 
     Coordinates are in metres from the lower left corner of the page, x to the right and y up.
     `options.unit` is the length of the user unit. If it is None, width, height and viewBox define
@@ -101,13 +108,6 @@ def read_svg(
 
     Lines are kept, and so are arcs that are still circular after all transforms; other curves
     become tangent arcs within `options.fit_tolerance`.
-
-    Args:
-        data: Content of the file.
-        source: Name of the file.
-        options: Settings of the reader.
-        progress: Called from time to time with the name of the source and the share of it that is
-            read.
 
     Raises:
         InvalidInput: The file is not SVG, or has content that is not read; the message names the
@@ -125,7 +125,7 @@ def _program_pixel(root: Element, data: bytes) -> tuple[float, str]:
     if version:
         number = OLD_INKSCAPE.match(version)
         return (INCH / 90, f"Inkscape {number[0]}") if number else (PIXEL, "")
-    # It may be UTF-16.
+    # The file may be UTF-16.
     illustrator = ILLUSTRATOR.search(data[:BEGINNING].replace(b"\0", b""))
     return (INCH / 72, "Adobe Illustrator") if illustrator else (PIXEL, "")
 
@@ -133,15 +133,7 @@ def _program_pixel(root: Element, data: bytes) -> tuple[float, str]:
 def _page(
     root: Element, options: ReadOptions, data: bytes
 ) -> tuple[Affine, ViewBox | None, list[str]]:
-    """The coordinates of the page.
-
-    Returns:
-        The map from user units to metres on the page with y up, the viewport in user units (None
-        if it is not known), and notes for the user.
-
-    Raises:
-        InvalidInput: Width, height or viewBox is invalid, or the outermost svg has a transform.
-    """
+    """The coordinates of the page."""
     if root.get("transform"):
         root.refuse("a transform of the outermost svg is not read: put a group with it inside")
     box = view_box(root)
@@ -157,7 +149,7 @@ def _page(
                 "so, and not as the 1/96 inch of CSS. To change this, give the unit."
             )
         if absolute:
-            # Millimetres of the page are true, whatever a px is.
+            # Absolute lengths of the page do not depend on the size of a px.
             width, height = (x and x * PIXEL / unit for x in (width, height))
     if box is not None:
         # If only one of width and height is given, the aspect ratio of the viewBox gives the other.
@@ -191,7 +183,7 @@ def _up(height: float, unit: float) -> Affine:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Place(Place):
+class _SvgInherited(Inherited):
     """The properties that an element inherits from the elements around it.
 
     Args:
@@ -210,7 +202,7 @@ class _Place(Place):
 
 
 class SvgWalk(Walk):
-    """Traversal of a drawing's elements, which records the elements that it leaves out.
+    """Traversal of a drawing's elements, which records the elements that it omits.
 
     Args:
         root: The outermost element.
@@ -229,30 +221,26 @@ class SvgWalk(Walk):
         self._repeated = self._segments = 0
 
     def explain_empty(self) -> str:
-        """Why there is no contour: the file is a font."""
+        """The reason for a program without contours: the file is a font."""
         if all(x.tag != "glyph" for x in self._all):
             return ""
         return "is a font, whose glyphs are no drawing: give one whose text is converted to paths"
 
-    def shapes(self, to: Affine, view: ViewBox | None) -> Iterator[Drawn]:
+    def shapes(self, to: Affine, view: ViewBox | None) -> Iterator[EntityOutlines]:
         """Yield the shapes in the order in which they are drawn.
-
-        Args:
-            to: Map from the drawing's user units to the page.
-            view: The viewport in user units; None if it is not known.
 
         Raises:
             InvalidInput: An element is unknown or invalid, or references have no end.
         """
         counts = dict.fromkeys(SHAPES, 0)
         color = frozenset({color_of(self.root.style("stroke") or "none")})
-        place = _Place(to=to, view=view, color=color, font=font_size(self.root, FONT))
-        todo = [(x, place) for x in reversed(self.root.children)]
-        seen = 0
+        inherited = _SvgInherited(to=to, view=view, color=color, font=font_size(self.root, FONT))
+        todo = [(x, inherited) for x in reversed(self.root.children)]
+        visited = 0
         while todo:
             element, around = todo.pop()
-            seen += 1
-            self.tell(WALKED * min(seen / len(self._all), 1.0))
+            visited += 1
+            self.tell(WALKED * min(visited / len(self._all), 1.0))
             self._repeated += bool(around.inside)
             if self._repeated > MOST_REPEATED:
                 element.refuse(f"use repeats more than {MOST_REPEATED} elements by here")
@@ -269,12 +257,8 @@ class SvgWalk(Walk):
                 name = element.get("id") or inner.name or f"{element.tag} {counts[element.tag]}"
                 yield self._drawn(element, inner, name)
 
-    def _drawn(self, element: Element, place: _Place, name: str) -> Drawn:
-        """The outlines of a shape.
-
-        Raises:
-            InvalidInput: The shape is invalid or too far away, or the drawing is too large.
-        """
+    def _drawn(self, element: Element, inherited: _SvgInherited, name: str) -> EntityOutlines:
+        """The outlines of a shape."""
 
         def spend(segments: int) -> None:
             self._segments += segments
@@ -284,38 +268,34 @@ class SvgWalk(Walk):
                 )
 
         outlines = []
-        for outline in shape_of(make_absolute(element, place.view, place.font), spend):
-            placed, defect = place_outline(outline, place.to)
+        for outline in shape_of(make_absolute(element, inherited.view, inherited.font), spend):
+            placed, defect = place_outline(outline, inherited.to)
             if defect:
                 element.refuse(f"it {defect}")
             outlines.append(placed)
-        return Drawn(
+        return EntityOutlines(
             outlines=outlines,
             where=element.name,
             name=self.labels(name),
-            layer=self.labels(place.layer),
-            clips=place.clips,
+            layer=self.labels(inherited.layer),
+            clips=inherited.clips,
         )
 
-    def _enter(self, element: Element, around: _Place) -> _Place | None:
-        """The properties that the children of an element inherit; None if it draws nothing.
-
-        Raises:
-            InvalidInput: The element or a property of it is unknown and not to be left out.
-        """
+    def _enter(self, element: Element, around: _SvgInherited) -> _SvgInherited | None:
+        """The properties that the children of an element inherit; None if it draws nothing."""
         tag = element.tag
         if tag == "symbol" and around.used_by is None:
             return None
         if tag not in (*SHAPES, *CONTAINERS):
-            # What SVG does not know, it does not draw.
+            # SVG does not draw unknown elements.
             self._check_undrawn(element, around.layer)
             return None
         if element.style("display") == "none":
             self.leave_out(HIDDEN, element.name)
             return None
         self._check_style(element)
-        own = transform_of(element)
-        to = around.to if own is IDENTITY else around.to @ own
+        transform = transform_of(element)
+        to = around.to if transform is IDENTITY else around.to @ transform
         if not to.finite:
             element.refuse("its transforms together have numbers that are too large")
         if is_flat(to):
@@ -323,29 +303,25 @@ class SvgWalk(Walk):
             return None
         visibility = element.style("visibility")
         hidden = around.hidden if visibility in ("", "inherit") else visibility != "visible"
-        place = _layer(element, around)
+        inherited = _layer(element, around)
         stroke = element.style("stroke")
-        place = dataclasses.replace(
-            place,
+        inherited = dataclasses.replace(
+            inherited,
             to=to,
             hidden=hidden,
             used_by=None,
-            color=place.color if stroke in ("", "inherit") else frozenset({color_of(stroke)}),
-            font=font_size(element, place.font),
+            color=inherited.color if stroke in ("", "inherit") else frozenset({color_of(stroke)}),
+            font=font_size(element, inherited.font),
         )
         clip = element.style("clip-path")
         if clip not in NOTHING:
-            place = self._clipped(element, place, clip)
+            inherited = self._clipped(element, inherited, clip)
         if tag in ("svg", "symbol"):
-            return self._viewport(element, place, around.used_by)
-        return place
+            return self._viewport(element, inherited, around.used_by)
+        return inherited
 
     def _check_undrawn(self, element: Element, layer: str) -> None:
-        """Record an element without an outline, and style sheets that change what is drawn.
-
-        Raises:
-            InvalidInput: There is such a sheet, and unknown properties are refused.
-        """
+        """Record an element without an outline, and style sheets that change what is drawn."""
         if element.tag in NO_OUTLINE and element.style("display") != "none":
             if self.wants_layer(layer):
                 self.leave_out(NOT_READ, element.name)
@@ -360,11 +336,7 @@ class SvgWalk(Walk):
                 break
 
     def _check_style(self, element: Element) -> None:
-        """Refuse or record style properties that are not evaluated.
-
-        Raises:
-            InvalidInput: There is one, and unknown properties are refused.
-        """
+        """Refuse or record style properties that are not evaluated."""
         if element.style("mask") not in NOTHING:
             self._unknown(element, "its mask is not followed")
         if any(element.style(key) not in NOTHING for key in MARKERS):
@@ -372,21 +344,17 @@ class SvgWalk(Walk):
         if element.style_property("transform") or element.style("transform-origin"):
             self._unknown(element, "transforms by style, or about an origin, are not followed")
 
-    def _clipped(self, element: Element, place: _Place, given: str) -> _Place:
-        """The properties of an element with the clip that its clip-path names.
-
-        Raises:
-            InvalidInput: The clip is no single polygon, and unknown properties are refused.
-        """
-        name = _URL.fullmatch(given)
+    def _clipped(self, element: Element, inherited: _SvgInherited, reference: str) -> _SvgInherited:
+        """The properties of an element with the clip that its clip-path names."""
+        name = _URL.fullmatch(reference)
         target = self._ids.get(name[1]) if name else None
-        corners = None if target is None else self._clip_corners(target, place)
+        corners = None if target is None else self._clip_corners(target, inherited)
         if corners is None:
             self._unknown(element, "its clip-path is no single polygon of this file")
-            return place
-        return dataclasses.replace(place, clips=(*place.clips, Clip(corners)))
+            return inherited
+        return dataclasses.replace(inherited, clips=(*inherited.clips, Clip(corners)))
 
-    def _clip_corners(self, target: Element, place: _Place) -> FloatArray | None:
+    def _clip_corners(self, target: Element, inherited: _SvgInherited) -> FloatArray | None:
         """Corners of the polygon of a clipPath on the page, (n, 2); None for another form."""
         drawn = [x for x in target.children if x.tag not in SILENT]
         units = target.get("clipPathUnits") or "userSpaceOnUse"
@@ -395,70 +363,59 @@ class SvgWalk(Walk):
         (shape,) = drawn
         if shape.tag not in SHAPES or target.get("clip-path") or shape.get("clip-path"):
             return None
-        outlines = shape_of(make_absolute(shape, place.view, place.font), lambda n: None)
+        outlines = shape_of(make_absolute(shape, inherited.view, inherited.font), lambda n: None)
         chains = outlines[0].shapes if len(outlines) == 1 else []
-        if len(chains) != 1 or not isinstance(chains[0], Chain) or chains[0].angles.any():
+        if len(chains) != 1 or not isinstance(chains[0], ArcChain) or chains[0].angles.any():
             return None
         corners = np.concatenate([chains[0].starts, chains[0].ends[-1:]])
-        return (place.to @ transform_of(target) @ transform_of(shape))(corners)
+        return (inherited.to @ transform_of(target) @ transform_of(shape))(corners)
 
-    def _unknown(self, element: Element, what: str) -> None:
-        """Record an unknown element, or refuse it; `what` is the reason.
-
-        Raises:
-            InvalidInput: Unknown elements are refused.
-        """
+    def _unknown(self, element: Element, reason: str) -> None:
+        """Record an unknown element, or refuse it; `reason` is the reason."""
         if not self.skip:
-            element.refuse(f"{what}: change it in the drawing, or {SKIP}")
-        self.leave_out(what, element.name)
+            element.refuse(f"{reason}: change it in the drawing, or {SKIP}")
+        self.leave_out(reason, element.name)
 
-    def _inside(self, element: Element, place: _Place) -> list[tuple[Element, _Place]]:
+    def _inside(
+        self, element: Element, inherited: _SvgInherited
+    ) -> list[tuple[Element, _SvgInherited]]:
         """The elements that a container draws, with the properties that they inherit."""
         if element.tag == "use":
-            return [self._resolve_use(element, place)]
+            return [self._resolve_use(element, inherited)]
         inside = element.children
         if element.tag == "switch":
             conditions = {"requiredExtensions", "systemLanguage"}
             inside = [x for x in inside if not conditions & set(x.attributes)][:1]
-        return [(x, place) for x in inside]
+        return [(x, inherited) for x in inside]
 
-    def _resolve_use(self, element: Element, place: _Place) -> tuple[Element, _Place]:
-        """The element that a use element refers to, with the properties that it inherits.
-
-        Raises:
-            InvalidInput: The element is not in this file, or it refers back to the use element.
-        """
-        given = element.get("href") or element.get("xlink:href")
-        target = self._ids.get(given[1:]) if given.startswith("#") else None
+    def _resolve_use(
+        self, element: Element, inherited: _SvgInherited
+    ) -> tuple[Element, _SvgInherited]:
+        """The element that a use element refers to, with the properties that it inherits."""
+        reference = element.get("href") or element.get("xlink:href")
+        target = self._ids.get(reference[1:]) if reference.startswith("#") else None
         if target is None:
-            element.refuse(f"it refers to {given[:60]!r}, which is no element of this file")
-        if target in place.inside or len(place.inside) >= DEEPEST_USE:
-            element.refuse(f"it refers to {given[:60]!r}, which refers back to it")
-        plain = make_absolute(element, place.view, place.font)
+            element.refuse(f"it refers to {reference[:60]!r}, which is no element of this file")
+        if target in inherited.inside or len(inherited.inside) >= DEEPEST_USE:
+            element.refuse(f"it refers to {reference[:60]!r}, which refers back to it")
+        plain = make_absolute(element, inherited.view, inherited.font)
         shift = affine(1, 0, 0, 1, number_of(plain, "x"), number_of(plain, "y"))
         inner = dataclasses.replace(
-            place,
-            to=place.to @ shift,
-            inside=(*place.inside, target),
+            inherited,
+            to=inherited.to @ shift,
+            inside=(*inherited.inside, target),
             used_by=element,
-            name=element.get("id") or place.name,
+            name=element.get("id") or inherited.name,
         )
         return target, inner
 
-    def _viewport(self, element: Element, place: _Place, user: Element | None) -> _Place | None:
-        """The properties that the children of a nested svg or symbol inherit; None without size.
-
-        Args:
-            element: The svg or symbol.
-            place: The properties that the element itself inherits.
-            user: The use element that refers to it, if any.
-
-        Raises:
-            InvalidInput: The element has a viewBox but no known size.
-        """
-        outer = place.view
-        element = make_absolute(element, outer, place.font)
-        user = None if user is None else make_absolute(user, outer, place.font)
+    def _viewport(
+        self, element: Element, inherited: _SvgInherited, user: Element | None
+    ) -> _SvgInherited | None:
+        """The properties that the children of a nested svg or symbol inherit; None without size."""
+        outer = inherited.view
+        element = make_absolute(element, outer, inherited.font)
+        user = None if user is None else make_absolute(user, outer, inherited.font)
         width = _extent(element, user, "width", outer.width if outer else None)
         height = _extent(element, user, "height", outer.height if outer else None)
         x, y = number_of(element, "x"), number_of(element, "y")
@@ -467,16 +424,16 @@ class SvgWalk(Walk):
             if box is not None:
                 element.refuse("it has a viewBox and needs a width and a height to fit it into")
             shift = affine(1, 0, 0, 1, x, y)
-            return dataclasses.replace(place, to=place.to @ shift, view=None)
+            return dataclasses.replace(inherited, to=inherited.to @ shift, view=None)
         if width <= 0 or height <= 0:
             self.leave_out(NO_SIZE, element.name)
             return None
         if box is None:
             box = ViewBox(0.0, 0.0, width, height)
-        inner = place.to @ viewbox_transform(element, box, ViewBox(x, y, width, height))
+        inner = inherited.to @ viewbox_transform(element, box, ViewBox(x, y, width, height))
         if not inner.finite or is_flat(inner):
             element.refuse("its viewBox does not fit its width and height")
-        return dataclasses.replace(place, to=inner, view=box)
+        return dataclasses.replace(inherited, to=inner, view=box)
 
 
 def _extent(element: Element, user: Element | None, key: str, whole: float | None) -> float | None:
@@ -484,15 +441,6 @@ def _extent(element: Element, user: Element | None, key: str, whole: float | Non
 
     The value is taken from the use element, else from the element, else it is that of the outer
     viewport.
-
-    Args:
-        element: The svg or symbol.
-        user: The use element that refers to it, if any.
-        key: "width" or "height".
-        whole: Width or height of the outer viewport.
-
-    Raises:
-        InvalidInput: The value is not a length.
     """
     for x in (user, element):
         if x is not None and x.get(key) not in ("", "auto"):
@@ -500,23 +448,23 @@ def _extent(element: Element, user: Element | None, key: str, whole: float | Non
     return whole
 
 
-def _layer(element: Element, around: _Place) -> _Place:
+def _layer(element: Element, around: _SvgInherited) -> _SvgInherited:
     """The inherited properties with the layer of a group.
 
     A layer is a layer of Inkscape, or else the innermost group with a name.
     """
     if element.tag != "g":
         return around
-    own = element.get("inkscape:label") or element.get("id")
+    name = element.get("inkscape:label") or element.get("id")
     if element.get("inkscape:groupmode") == "layer":
-        return dataclasses.replace(around, layer=own, inkscape=True)
-    return around if around.inkscape or not own else dataclasses.replace(around, layer=own)
+        return dataclasses.replace(around, layer=name, inkscape=True)
+    return around if around.inkscape or not name else dataclasses.replace(around, layer=name)
 
 
 def _all_elements(root: Element) -> list[Element]:
     """All elements in their order."""
-    found, todo = [], [root]
+    elements, todo = [], [root]
     while todo:
-        found.append(todo.pop())
-        todo.extend(reversed(found[-1].children))
-    return found
+        elements.append(todo.pop())
+        todo.extend(reversed(elements[-1].children))
+    return elements

@@ -1,4 +1,4 @@
-"""Traversal of DXF and SVG drawings: what entities inherit, what is left out, and the contours."""
+"""Traversal of DXF and SVG drawings: inheritance, clips, omitted entities, and the contours."""
 
 from __future__ import annotations
 
@@ -9,18 +9,125 @@ from itertools import islice
 
 import numpy as np
 
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.core.text import list_some
-from armcontour.files.drawings.chain import Affine
-from armcontour.files.drawings.chaining import DrawnEntity, chain_pieces
-from armcontour.files.drawings.clipping import Clip, clip_path
-from armcontour.files.drawings.mending import repair
-from armcontour.files.drawings.options import FARTHEST, ReadOptions
-from armcontour.files.drawings.reading import Labels, tell_share
-from armcontour.files.drawings.shapes import Outline, paths_of
+from armcontour.files.drawings.arc_chain import Affine
+from armcontour.files.drawings.entity_chains import DrawnEntity, chain_pieces
+from armcontour.files.drawings.outlines import Outline, paths_of
+from armcontour.files.drawings.read_options import FARTHEST, Labels, ReadOptions, repair, tell_share
+from armcontour.geometry import Path
+from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program import Program
 from armcontour.program.moves import describe_not_run
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Clip:
+    """A polygon at which entities are cut.
+
+    Args:
+        corners: Its corners, (n, dimension); the inside has a winding number other than 0.
+        outside: Whether the clip keeps the outside instead of the inside.
+    """
+
+    corners: FloatArray
+    outside: bool = False
+
+    def place(self, to: Affine) -> Clip:
+        """The image of the clip under an affine map."""
+        return Clip(to(self.corners), self.outside)
+
+
+def clip_path(path: Path, *clips: Clip) -> list[Path]:
+    """The parts of a path in the plane that all clips keep, in their order.
+
+    Lines and arcs are cut where they cross the edges; a closed path that begins inside goes on
+    through its start.
+
+    Args:
+        path: A path in the plane.
+        clips: The clips in the plane [m]; points on their edges belong to them.
+    """
+    parts = [path]
+    for clip in clips:
+        parts = [x for part in parts for x in _clip_once(part, clip)]
+    return parts
+
+
+def _clip_once(path: Path, clip: Clip) -> list[Path]:
+    """The parts of a path that one clip keeps."""
+    table, polygon = path.segments, clip.corners
+    i, begin, end = _cut_at_edges(table, polygon)
+    inside = _kept(table.at(i, (begin + end) / 2), clip)
+    if not inside.any():
+        return []
+    if inside.all():
+        return [path]
+    runs = np.split(np.arange(len(i)), np.flatnonzero(np.diff(inside)) + 1)
+    inner_runs = [run for run in runs if inside[run[0]]]
+    closed = np.linalg.norm(path.vertices[-1] - path.vertices[0]) <= REPEATED_POINT
+    if closed and inside[0] and inside[-1]:
+        *inner_runs, last = inner_runs
+        inner_runs[0] = np.concatenate([last, inner_runs[0]])
+    return [Path(segments=table.cut(i[run], begin[run], end[run])) for run in inner_runs]
+
+
+def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Segment, begin and end [m] of the parts between the crossings with a polygon's edges."""
+    n = len(table)
+    rows, distances = [np.arange(n)], [np.zeros(n)]
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        size = float(np.linalg.norm(b - a))
+        if size <= REPEATED_POINT:
+            continue
+        along = (b - a) / size
+        for u in _crossings(table, a, np.array([-along[1], along[0]])):
+            # Crossings at the ends of a segment or outside of the edge do not cut.
+            good = (u > REPEATED_POINT) & (u < table.lengths - REPEATED_POINT)
+            i = np.flatnonzero(good)
+            x = (table.at(i, u[i]) - a) @ along
+            i = i[(x >= -REPEATED_POINT) & (x <= size + REPEATED_POINT)]
+            rows.append(i)
+            distances.append(u[i])
+    row, begin = np.concatenate(rows), np.concatenate(distances)
+    order = np.lexsort([begin, row])
+    row, begin = row[order], begin[order]
+    apart = np.append(True, (np.diff(row) > 0) | (np.diff(begin) > REPEATED_POINT))
+    row, begin = row[apart], begin[apart]
+    last = np.append(np.diff(row) > 0, True)
+    return row, begin, np.where(last, table.lengths[row], np.append(begin[1:], 0.0))
+
+
+def _crossings(table: Segments, a: FloatArray, normal: FloatArray) -> list[FloatArray]:
+    """Distances along each segment [m] at which it meets a straight line; not finite for none."""
+    k = table.curvatures
+    height = (table.starts - a) @ normal
+    rise, normal_rise = table.tangents @ normal, table.normals @ normal
+    with np.errstate(divide="ignore", invalid="ignore"):
+        straight = -height / rise
+        # k height + bend + rise sin(ku) - bend cos(ku) = 0, and rise² + bend² = 1 for an arc.
+        middle, half = np.arctan2(rise, -normal_rise), np.arccos(-(k * height + normal_rise))
+        turns = [np.mod(middle + x, 2 * np.pi) / k for x in (-half, half)]
+    return [np.where(k > 0, x, straight) for x in turns]
+
+
+def _kept(points: FloatArray, clip: Clip) -> BoolArray:
+    """Mask of the points that a clip keeps, (n,)."""
+    winding = np.zeros(len(points), dtype=np.intp)
+    near = np.zeros(len(points), dtype=bool)
+    for a, b in zip(clip.corners, np.roll(clip.corners, -1, axis=0), strict=True):
+        edge, v = b - a, points - a
+        side = edge[0] * v[:, 1] - edge[1] * v[:, 0]
+        up = (a[1] <= points[:, 1]) & (b[1] > points[:, 1])
+        down = (a[1] > points[:, 1]) & (b[1] <= points[:, 1])
+        winding += (up & (side > 0)).astype(np.intp) - (down & (side < 0))
+        size = float(edge @ edge)
+        share = np.clip(v @ edge / size, 0.0, 1.0) if size else np.zeros(len(v))
+        near |= np.linalg.norm(v - share[:, None] * edge, axis=1) <= REPEATED_POINT
+    return np.asarray(((winding != 0) != clip.outside) | near)
+
 
 # Share of the reading of a drawing after which its entities are known and their curves are fitted.
 WALKED = 0.4
@@ -30,14 +137,14 @@ NO_SIZE = "Left out because of no size"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Place:
-    """What the entities in a group, block or reference inherit.
+class Inherited:
+    """Properties that the entities in a group, block or reference inherit.
 
     Args:
         to: Map from their coordinates to the page or the world [m].
-        layer: Their layer, if they have none of their own.
+        layer: Layer of entities without a layer.
         name: Name of the reference or INSERT around them.
-        inside: What is placed by references or INSERTs around them.
+        inside: Targets of the references or INSERTs around them.
         color: Names of their colour.
         clips: Clips around them [m].
     """
@@ -51,7 +158,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drawn:
+class EntityOutlines:
     """The outlines of one entity in metres.
 
     Args:
@@ -70,7 +177,7 @@ class Drawn:
 
 
 class Walk:
-    """What a traversal looks for, and what it leaves out.
+    """Base of the traversals of drawings: selection of entities, notes, and contours.
 
     Args:
         source: Name of the file.
@@ -78,31 +185,31 @@ class Walk:
         progress: Called from time to time with the share of the file that is read.
     """
 
-    # Whether the parts of one entity are never chained, and have its name.
+    # True if the parts of one entity are never chained and share its name.
     apart = False
     # The part of a file that is read, for messages.
     part = ""
 
     def __init__(self, source: str, options: ReadOptions, progress: Progress | None) -> None:
         self.source, self.options, self.skip = source, options, options.skips
-        self.wanted, self.colors = options.layer_set, options.color_set
+        self.requested_layers, self.colors = options.layer_set, options.color_set
         self.tell = tell_share(progress, source)
         self.labels = Labels()
-        # Names of what is left out, by the reasons; entities on other layers and of other colours.
+        # Names of omitted items by the reasons; entities on other layers and of other colours.
         self.left_out: dict[str, Counter[str]] = {}
         self.elsewhere: Counter[str] = Counter()
         self.others: Counter[str] = Counter()
 
     def leave_out(self, reason: str, name: str) -> None:
-        """Record that something is left out, and why."""
+        """Record an omitted item and the reason."""
         self.left_out.setdefault(reason, Counter())[name] += 1
 
     def wants_layer(self, layer: str) -> bool:
-        """Whether contours on a layer matter."""
-        return self.wanted is None or self.labels(layer) in self.wanted
+        """True if contours on a layer are read."""
+        return self.requested_layers is None or self.labels(layer) in self.requested_layers
 
     def wants_color(self, names: frozenset[str]) -> bool:
-        """Whether entities of a colour are read; counts them otherwise."""
+        """True if entities of a colour are read; counts other entities."""
         if self.colors is None or names & self.colors:
             return True
         self.others[min(names)] += 1
@@ -110,25 +217,21 @@ class Walk:
 
     @property
     def notes(self) -> list[str]:
-        """Sentences on what was left out or changed."""
-        found = [f"{why}: {list_counted(x)}." for why, x in self.left_out.items()]
-        return found + self.labels.notes
+        """Notes on omitted entities and changed names."""
+        sentences = [f"{why}: {list_counted(x)}." for why, x in self.left_out.items()]
+        return sentences + self.labels.notes
 
     def explain_empty(self) -> str:
-        """Why there is no contour, if it is not by what was left out."""
+        """The reason for a program without contours, if the notes do not explain it."""
         return ""
 
-    def program(self, found: Iterable[Drawn], notes: Sequence[str]) -> Program:
+    def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
         """The program of all contours.
-
-        Args:
-            found: The entities, in their order.
-            notes: Sentences on the file.
 
         Raises:
             InvalidInput: An entity makes no path, or there is no contour.
         """
-        pieces = self._pieces(list(found))
+        pieces = self._pieces(list(entities))
         contours, chaining_notes = chain_pieces(pieces, self.options.join_tolerance)
         notes = [*notes, *self.notes, *chaining_notes]
         if not contours:
@@ -146,28 +249,24 @@ class Walk:
         )
         return repair(program, self.options)
 
-    def _pieces(self, found: Sequence[Drawn]) -> list[DrawnEntity]:
-        """The paths of all outlines, clipped.
-
-        Raises:
-            InvalidInput: An outline makes no path.
-        """
+    def _pieces(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
+        """The paths of all outlines, clipped."""
         options = self.options
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 paths = paths_of(
-                    [y for x in found for y in x.outlines],
+                    [y for x in entities for y in x.outlines],
                     options.fit_tolerance,
                     options.join_tolerance,
                     lambda share: self.tell(WALKED + (1 - WALKED) * share),
                 )
         except InvalidInput as error:
             assert error.index is not None
-            where = [x.where for x in found for _ in x.outlines][error.index]
+            where = [x.where for x in entities for _ in x.outlines][error.index]
             raise InvalidInput(f"{self.source}: {where}: {error}") from None
         pieces: list[DrawnEntity] = []
         drawn = iter(paths)
-        for x in found:
+        for x in entities:
             whole = [path for path in islice(drawn, len(x.outlines)) if path is not None]
             if not whole:
                 self.leave_out(NO_SIZE, x.where)
@@ -187,7 +286,7 @@ def list_counted(names: Counter[str]) -> str:
 
 
 def place_outline(outline: Outline, to: Affine) -> tuple[Outline, str]:
-    """The image of an outline under an affine map [m], and what is wrong if it is too far away."""
+    """The image of an outline under an affine map [m], and its defect if it is too far away."""
     with np.errstate(over="ignore", invalid="ignore"):
         placed = outline.place(to)
         reach = float(np.abs(placed.reach).max())

@@ -9,14 +9,14 @@ from armcontour.files.exports.formats import (
     URScriptFormat,
     export,
 )
-from armcontour.files.exports.table import Table, make_table
+from armcontour.files.exports.table import SetPointTable, make_table
 
 __all__ = [
     "CsvFormat",
     "McapFormat",
     "NpzFormat",
     "RosYamlFormat",
-    "Table",
+    "SetPointTable",
     "TemplateFormat",
     "URScriptFormat",
     "export",

@@ -14,7 +14,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import AtLeast
 from armcontour.files.exports.ros import write_mcap, write_ros_yaml
-from armcontour.files.exports.table import Table, make_table, write_csv, write_npz
+from armcontour.files.exports.table import SetPointTable, make_table, write_csv, write_npz
 from armcontour.files.exports.template import describe_program, write_template
 from armcontour.files.exports.urscript import JOINTS, write_urscript
 from armcontour.motion import SetPoints, Trajectory
@@ -35,8 +35,7 @@ class ExportFormat(Checked):
             template kuka always takes.
     """
 
-    # Name of the format, and its file extension, which is empty if any is possible; the number of
-    # joints of the arms that it is for.
+    # Name of the format; its extension, empty if any is possible; required number of joints.
     kind: ClassVar[str] = ""
     ending: ClassVar[str] = ""
     joints: ClassVar[int | None] = None
@@ -47,12 +46,8 @@ class ExportFormat(Checked):
         """Name of the format, or of its template."""
         return self.kind
 
-    def write(self, table: Table, file: FilePath) -> None:
+    def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table directly to a path, without a temporary file.
-
-        Args:
-            table: The table.
-            file: The path; of a bag a folder that does not exist yet.
 
         Raises:
             InvalidInput: The format cannot hold the table.
@@ -151,7 +146,7 @@ class URScriptFormat(ExportFormat):
     analog: Analog | None = None
     call: bool = False
 
-    def write(self, table: Table, file: FilePath) -> None:
+    def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
         write_urscript(table, file, self.outputs, call=self.call)
 
@@ -176,7 +171,7 @@ class TemplateFormat(TableFormat):
         """Name of the template."""
         return str(self.template)
 
-    def write(self, table: Table, file: FilePath) -> None:
+    def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
         write_template(table, file, self.template, self.outputs)
 
@@ -218,7 +213,7 @@ def format_of(file: FilePath) -> type[ExportFormat]:
 
 
 def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:
-    """Outputs of events by their names; none of formats without outputs."""
+    """Outputs of events by their names; empty for formats without outputs."""
     return (isinstance(format, WITH_OUTPUTS) and format.outputs) or {}
 
 
@@ -244,7 +239,7 @@ def export(
             that of the file's extension.
         arm: The arm; gives joint names, and tool points if the format contains them.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
-        cycle: Time between samples of a trajectory [s], 4 ms by default; set-points have their own.
+        cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
 
     Warns:
         UserWarning: A program of URScript or of the template kuka or abb does not switch an event,
@@ -263,7 +258,7 @@ def export(
         arm=arm,
         joint_names=joint_names,
         cycle=cycle,
-        # A format has these or not.
+        # Some formats do not have these options.
         derivatives=getattr(chosen, "derivatives", 0),
         tool_motion=getattr(chosen, "tool_motion", False),
         analog=getattr(chosen, "analog", None),
@@ -271,15 +266,15 @@ def export(
     outputs = outputs_of(chosen)
     names = (*(x.name for x in table.events), *table.analog)
     check_outputs(outputs, names, option="outputs", owner=repr(table.name))
-    # Where warnings are errors, nothing is written.
-    for said in describe_program(
+    # If warnings are errors, nothing is written.
+    for sentence in describe_program(
         table,
         chosen.label,
         outputs,
         lambda event, output: f"outputs={{{event!r}: {output!r}}}",
     ):
         kind = "Template" if isinstance(chosen, TemplateFormat) else "Format"
-        warnings.warn(f"{kind} {chosen.label}: {said}", stacklevel=3)
+        warnings.warn(f"{kind} {chosen.label}: {sentence}", stacklevel=3)
     put(
         destination,
         lambda path: chosen.write(table, path),
@@ -290,21 +285,15 @@ def export(
 def check_outputs(
     outputs: Mapping[str, int | str], events: Iterable[str], *, option: str, owner: str
 ) -> None:
-    """Refuse outputs for events that do not exist.
-
-    Args:
-        outputs: Outputs by names of events.
-        events: Names of the existing events.
-        option: Name of the option in which the outputs were given, for the message.
-        owner: Name of the program with the events, for the message.
+    """Check that outputs belong to existing events.
 
     Raises:
         InvalidInput: An output is for an unknown event.
     """
-    known = sorted(set(events))
+    names = sorted(set(events))
     for name in outputs:
-        if name not in known:
-            has = f"it has {', '.join(known)}" if known else "it switches nothing"
+        if name not in names:
+            has = f"it has {', '.join(names)}" if names else "it switches nothing"
             raise InvalidInput(f"{option} names {name!r}, which {owner} does not switch: {has}.")
 
 
@@ -312,11 +301,6 @@ def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = Fal
     """Write a file or folder to a temporary path, then move it to the destination.
 
     If writing fails, an earlier file at the destination stays.
-
-    Args:
-        file: The destination.
-        write: Called with the temporary path, which has the same name; writes the file there.
-        folder: Whether `write` writes a folder.
 
     Raises:
         InvalidInput: The destination cannot be written.
@@ -329,12 +313,7 @@ def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = Fal
 
 
 def _refuse_destination(file: FilePath, folder: bool) -> None:
-    """Refuse a destination where something else would be lost.
-
-    Raises:
-        InvalidInput: A folder is at the path of a file, a file at the path of a folder, or the
-            folder has files that are not of a bag.
-    """
+    """Check that writing to a destination would not destroy other files."""
     if not file.name or "\0" in str(file):
         raise InvalidInput(f"Cannot write {str(file)!r}: it is not the name of a file.")
     if not folder and file.is_dir():

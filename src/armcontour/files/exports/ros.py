@@ -12,7 +12,7 @@ import numpy as np
 
 from armcontour.core.checks import IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.exports.table import FIXED, Table, event_data, filled, write_pieces
+from armcontour.files.exports.table import FIXED, SetPointTable, event_data, filled, write_pieces
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 EVENTS_TOPIC = "/armcontour/events"
@@ -21,16 +21,17 @@ SECOND = 1_000_000_000
 LONGEST = 2**31 - 1
 
 
-def write_ros_yaml(table: Table, file: FilePath) -> None:
+def write_ros_yaml(table: SetPointTable, file: FilePath) -> None:
     """Write the table as the YAML of a trajectory_msgs/msg/JointTrajectory.
 
     The text is valid for `ros2 topic pub` and has the form of `ros2 topic echo`. The message has
     no field for events, so each event is a comment at the top in JSON, `# event: {...}`.
     """
-    of = {"positions": table.q, "velocities": table.dq, "accelerations": table.ddq}
-    present = {name: x for name, x in of.items() if x is not None}
+    fields = {"positions": table.q, "velocities": table.dq, "accelerations": table.ddq}
+    present = {name: x for name, x in fields.items() if x is not None}
     lines = [
-        f"  {name}: [{', '.join([FIXED] * table.dof) if name in present else ''}]\n" for name in of
+        f"  {name}: [{', '.join([FIXED] * table.dof) if name in present else ''}]\n"
+        for name in fields
     ]
     point = (
         f"- {''.join(lines).lstrip()}"
@@ -48,7 +49,7 @@ def write_ros_yaml(table: Table, file: FilePath) -> None:
     write_pieces(file, chain([head], filled(point, values)))
 
 
-def write_mcap(table: Table, file: FilePath) -> None:
+def write_mcap(table: SetPointTable, file: FilePath) -> None:
     """Write a bag with storage MCAP: a folder with the trajectory message and the events.
 
     The trajectory message is at time 0 of the bag. Each event is a std_msgs/msg/String of JSON on
@@ -74,7 +75,7 @@ def write_mcap(table: Table, file: FilePath) -> None:
         bag.rename(file)
 
 
-def _fill(writer: Any, table: Table, store: Any) -> None:
+def _fill(writer: Any, table: SetPointTable, store: Any) -> None:
     """Write the messages into an open bag."""
     kind = "trajectory_msgs/msg/JointTrajectory"
     topic = writer.add_connection(TOPIC, kind, typestore=store)
@@ -85,11 +86,11 @@ def _fill(writer: Any, table: Table, store: Any) -> None:
     topic = writer.add_connection(EVENTS_TOPIC, kind, typestore=store)
     for event in table.events:
         message = store.types[kind](data=json.dumps(event_data(event)))
-        at = max(0, round(event.t * SECOND))
-        writer.write(topic, at, store.serialize_cdr(message, kind))
+        time = max(0, round(event.t * SECOND))
+        writer.write(topic, time, store.serialize_cdr(message, kind))
 
 
-def _message(table: Table, types: Any) -> Any:
+def _message(table: SetPointTable, types: Any) -> Any:
     """The table as a JointTrajectory message of rosbags."""
     make = {
         name.rpartition("/")[2]: types[name]
@@ -127,12 +128,8 @@ def _message(table: Table, types: Any) -> Any:
     )
 
 
-def _nanoseconds(table: Table) -> IntArray:
-    """Times of the points in whole nanoseconds, (n,).
-
-    Raises:
-        InvalidInput: The duration is too long for ROS, or two points have the same nanosecond.
-    """
+def _nanoseconds(table: SetPointTable) -> IntArray:
+    """Times of the points in whole nanoseconds, (n,)."""
     if table.duration > LONGEST:
         raise InvalidInput(
             f"{table.name} takes {table.duration:g} s, but a duration in ROS is at most "

@@ -34,22 +34,22 @@ from armcontour.robot import Arm, Limits, SerialArm
 # An event that is earlier than a point by less than this fraction of an interval belongs to the
 # point: the times are sums and multiples with rounding errors.
 ON_THE_POINT = 1e-9
-# Set-points this near to their plan are places of it [rad]: results have 12 decimals.
+# Set-points this near to their plan are equal to it [rad]: results have 12 decimals.
 SAME_PLACE = 2e-12
 # Largest number of samples of a trajectory: more do not fit in memory together with the export.
 MOST_SAMPLES = 20_000_000
 # Decimals of a number; the rounding error is at most half of the last digit.
 DECIMALS = 12
 FIXED = f"%.{DECIMALS}f"
-# Number of values that are formatted at once: more take more memory and are not faster.
+# Number of values per formatting step: more take more memory and are not faster.
 CHUNK = 1 << 16
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
-# Rows of which the motion of the tool is computed at once.
+# Rows per block of the tool motion.
 AT_ONCE = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Table(Checked):
+class SetPointTable(Checked):
     """Joint positions over time, with events.
 
     Args:
@@ -108,11 +108,7 @@ class Table(Checked):
             )
 
     def _check_shapes(self) -> None:
-        """Refuse arrays of wrong shapes and times that do not start at zero and increase.
-
-        Raises:
-            InvalidInput: There is such an array.
-        """
+        """Check the shapes of arrays, and that times start at zero and increase."""
         n = len(self.t)
         for key, values in self.analog.items():
             if values.shape != (n,):
@@ -128,19 +124,15 @@ class Table(Checked):
             raise InvalidInput(f"The times of {self.name!r} must start at zero and increase.")
 
     def _check_names(self) -> None:
-        """Refuse names that are not one line of text, and equal joint names.
-
-        Raises:
-            InvalidInput: There is such a name.
-        """
-        given = [("name", self.name), *(("joint name", x) for x in self.joint_names)]
-        given += [("name of an analog output", x) for x in self.analog]
-        for what, text in [*given, *(("name of an event", x.name) for x in self.events)]:
+        """Check that names are one line of text, and that joint names differ."""
+        named = [("name", self.name), *(("joint name", x) for x in self.joint_names)]
+        named += [("name of an analog output", x) for x in self.analog]
+        for kind, text in [*named, *(("name of an event", x.name) for x in self.events)]:
             if not isinstance(text, str) or not text.strip() or not text.isprintable():
-                raise InvalidInput(f"A {what} must be one line of text, but is {text!r}.")
-            if what != "name":
+                raise InvalidInput(f"A {kind} must be one line of text, but is {text!r}.")
+            if kind != "name":
                 # The name of the table is by default that of a file, which may be longer.
-                checks.check_name(what, text)
+                checks.check_name(kind, text)
         repeated = {x for x in self.joint_names if self.joint_names.count(x) > 1}
         if repeated:
             raise InvalidInput(f"Joint names must differ, but {min(repeated)!r} is there twice.")
@@ -159,8 +151,8 @@ class Table(Checked):
     def point_of_events(self) -> list[int]:
         """Index of the last point at or before each event."""
         times = np.array([x.t for x in self.events]) + ON_THE_POINT * self.cycle
-        found = np.searchsorted(self.t, times, side="right") - 1
-        return [int(i) for i in found]
+        indices = np.searchsorted(self.t, times, side="right") - 1
+        return [int(i) for i in indices]
 
 
 def make_table(
@@ -173,7 +165,7 @@ def make_table(
     derivatives: int = 2,
     tool_motion: bool = False,
     analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
-) -> Table:
+) -> SetPointTable:
     """The table of set-points or of a sampled trajectory; time counts from the first point.
 
     Velocities and accelerations of a trajectory are its own; where they jump, the values after the
@@ -187,8 +179,7 @@ def make_table(
         name: Name of the program.
         arm: The arm; gives joint names and tool points.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
-        cycle: Time between samples of a trajectory [s], by default `DEFAULT_CYCLE`; set-points have
-            their own.
+        cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only.
         tool_motion: Whether the table has orientation and speed of the tool too.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
@@ -196,7 +187,7 @@ def make_table(
 
     Raises:
         InvalidInput: The cycle differs from that of set-points; the number of joints or names is
-            wrong; the motion of the tool is wanted, but no arm is given; or as for `Table`.
+            wrong; the motion of the tool needs an arm; or as for `SetPointTable`.
     """
     if not isinstance(data, SetPoints | Trajectory):
         raise InvalidInput(
@@ -235,8 +226,8 @@ def tabulate(
     derivatives: int = 2,
     tool_motion: bool = False,
     **about: Any,
-) -> Table:
-    """The table of samples; the arguments are those of `make_table`, and `about` of `Table`.
+) -> SetPointTable:
+    """The table of samples; `about` are further fields of `SetPointTable`.
 
     Raises:
         InvalidInput: As in `make_table`.
@@ -253,7 +244,7 @@ def tabulate(
         raise InvalidInput(f"The motion of the tool of {name!r} needs the arm: give arm.")
     if joint_names is None:
         joint_names = arm.joint_names if arm else [f"joint {i}" for i in range(1, dof + 1)]
-    return Table(
+    return SetPointTable(
         joint_names=joint_names,  # type: ignore[arg-type]  # converted by the field
         t=samples.t,
         q=samples.q,
@@ -269,18 +260,18 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
 
     The rows are computed in blocks: the matrices of millions of rows take gigabytes.
     """
-    found: dict[str, list[FloatArray]] = {}
+    blocks: dict[str, list[FloatArray]] = {}
     for i in range(0, len(samples.q), AT_ONCE):
         rows = slice(i, i + AT_ONCE)
-        here = {"tool": arm.tool_position(samples.q[rows])}
+        block = {"tool": arm.tool_position(samples.q[rows])}
         if motion:
             velocity = arm.tool_velocity(samples.q[rows], samples.dq[rows])
-            here["tool_speed"] = np.linalg.norm(velocity, axis=1)
+            block["tool_speed"] = np.linalg.norm(velocity, axis=1)
             if isinstance(arm, SerialArm):
-                here["tool_rotation"] = quaternions(arm.pose(samples.q[rows])[1])
-        for key, values in here.items():
-            found.setdefault(key, []).append(values)
-    whole = {key: np.concatenate(values) for key, values in found.items()}
+                block["tool_rotation"] = quaternions(arm.pose(samples.q[rows])[1])
+        for key, values in block.items():
+            blocks.setdefault(key, []).append(values)
+    whole = {key: np.concatenate(values) for key, values in blocks.items()}
     if "tool_rotation" in whole:
         q = whole["tool_rotation"]
         flips = np.sum(q[1:] * q[:-1], axis=1) < 0
@@ -289,7 +280,7 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
 
 
 def check_export_cycle(cycle: float, duration: float, name: str) -> None:
-    """Refuse a cycle that leaves nothing of a motion but its ends.
+    """Check that a cycle is not longer than the motion.
 
     Args:
         cycle: The cycle [s].
@@ -297,7 +288,7 @@ def check_export_cycle(cycle: float, duration: float, name: str) -> None:
         name: Name of the program, for the message.
 
     Raises:
-        InvalidInput: The cycle is longer than the motion and than any usual cycle.
+        InvalidInput: The cycle is longer than the motion, and than `LONGEST_CLOCK`.
     """
     # A cycle may be longer than a tiny motion.
     if cycle > max(duration, LONGEST_CLOCK):
@@ -310,12 +301,7 @@ def check_export_cycle(cycle: float, duration: float, name: str) -> None:
 
 
 def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> float:
-    """The cycle at which a trajectory is sampled [s].
-
-    Raises:
-        InvalidInput: The cycle is not above zero, longer than the motion, or too short
-            for its duration.
-    """
+    """The cycle at which a trajectory is sampled [s]."""
     step = DEFAULT_CYCLE if cycle is None else checks.positive("cycle", cycle, "s")
     check_export_cycle(step, trajectory.duration, name)
     if trajectory.duration > MOST_SAMPLES * step:
@@ -329,17 +315,13 @@ def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> f
 
 
 def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) -> Samples:
-    """The set-points of set-points with their derivatives, as `make_table` says.
-
-    Raises:
-        InvalidInput: The given cycle is not that of the set-points.
-    """
-    wanted = set_points.cycle if cycle is None else checks.positive("cycle", cycle, "s")
-    if not math.isclose(wanted, set_points.cycle, rel_tol=1e-9):
+    """Set-points with their derivatives, as documented in `make_table`."""
+    requested = set_points.cycle if cycle is None else checks.positive("cycle", cycle, "s")
+    if not math.isclose(requested, set_points.cycle, rel_tol=1e-9):
         raise InvalidInput(
             f"Set-points have their own cycle of {set_points.cycle:g} s and cannot be exported "
-            f"every {wanted:g} s: remove the cycle, or compensate for that cycle.",
-            needed=wanted,
+            f"every {requested:g} s: remove the cycle, or compensate for that cycle.",
+            needed=requested,
             allowed=set_points.cycle,
         )
     plan, t = set_points.trajectory, set_points.t
@@ -352,7 +334,7 @@ def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) ->
 
 
 def are_places(q: FloatArray, plan: FloatArray) -> bool:
-    """Whether set-points are the places of their plan at the same times, (n, dof) each."""
+    """True if set-points equal their plan at the same times, (n, dof) each."""
     return q.shape == plan.shape and bool((np.abs(q - plan) <= SAME_PLACE).all())
 
 
@@ -390,11 +372,7 @@ def differentiate(q: FloatArray, cycle: float) -> Samples:
 
 
 def _clean(event: TimedEvent) -> TimedEvent:
-    """The event with Python's own types, which all formats can write.
-
-    Raises:
-        InvalidInput: The value or the time of the event is not finite.
-    """
+    """The event with Python's own types, which all formats can write."""
     value = event.value.item() if isinstance(event.value, np.generic) else event.value
     if isinstance(value, float) and not math.isfinite(value):
         raise InvalidInput(
@@ -421,7 +399,7 @@ def joint_columns(
     Args:
         t: Times [s], (n,).
         joint_names: One per joint.
-        quantities: By their names in `UNITS`, (n, dof) each; None is left out.
+        quantities: By their names in `UNITS`, (n, dof) each; None is omitted.
     """
     called = [x.removeprefix("joint ") for x in joint_names]
     if len(set(called)) < len(called):
@@ -437,11 +415,11 @@ def joint_columns(
 def csv_pieces(
     header: Sequence[str], columns: Sequence[FloatArray], cells: Mapping[int, str] | None = None
 ) -> Iterator[str]:
-    """Yield numbers as CSV with 12 decimals, several thousand rows at a time.
+    """Yield numbers as CSV with 12 decimals, in blocks of rows.
 
     Args:
         header: Titles of all columns, with units.
-        columns: Arrays (n,) or (n, columns), which are put side by side.
+        columns: Arrays (n,) or (n, columns), which are joined to one table.
         cells: Texts of a last column by their rows; empty in the other rows. None without that
             column.
     """
@@ -459,11 +437,11 @@ def _csv_line(cells: Sequence[str]) -> str:
 
 
 def filled(row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None) -> Iterator[str]:
-    """Yield all rows as text, several thousand rows at a time.
+    """Yield all rows as text, in blocks of rows.
 
     Args:
         row: Format of one row.
-        columns: Numbers, (n,) or (n, columns), which are put side by side.
+        columns: Numbers, (n,) or (n, columns), which are joined to one table.
         lines: Other formats of some rows, by their rows.
     """
     at_once = max(1, CHUNK // max(1, row.count("%")))
@@ -501,7 +479,7 @@ def event_data(event: TimedEvent) -> dict[str, Any]:
     }
 
 
-def write_csv(table: Table, file: FilePath) -> None:
+def write_csv(table: SetPointTable, file: FilePath) -> None:
     """Write columns t, then q, dq and ddq of all joints, and `events` if there are any, as CSV.
 
     If the table has the speed of the tool, its point, orientation and speed are columns too; so
@@ -516,14 +494,14 @@ def write_csv(table: Table, file: FilePath) -> None:
     write_pieces(file, csv_pieces(header, columns, cells))
 
 
-def write_npz(table: Table, file: FilePath) -> None:
+def write_npz(table: SetPointTable, file: FilePath) -> None:
     """Write the table to an npz file.
 
     The arrays are name, joint_names, cycle, start_time, t, q, dq, ddq, tool,
     tool_rotation and tool_speed; for analog outputs `analog_name`, (outputs,), and `analog`,
     (n, outputs); and for the events `event_name`, `event_value` (JSON), `event_t`, `event_due` and
     `event_s`, (events,).
-    Arrays that the table does not have are left out. Nothing is pickled.
+    Arrays that the table does not have are omitted. Nothing is pickled.
     """
     events = table.events
     arrays: dict[str, Any] = {
@@ -547,8 +525,8 @@ def write_npz(table: Table, file: FilePath) -> None:
         np.savez(stream, **arrays)
 
 
-def _columns(table: Table) -> tuple[list[str], list[FloatArray]]:
-    """Titles and columns of joints, of analog outputs, and of the tool if its speed is there."""
+def _columns(table: SetPointTable) -> tuple[list[str], list[FloatArray]]:
+    """Titles and columns of joints, of analog outputs, and of the tool if its speed is given."""
     header, columns = joint_columns(
         table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
     )
@@ -568,7 +546,7 @@ def _columns(table: Table) -> tuple[list[str], list[FloatArray]]:
     return header, columns
 
 
-def _event_cells(table: Table) -> dict[int, str]:
+def _event_cells(table: SetPointTable) -> dict[int, str]:
     """The events of each point as text, by the index of the point."""
     cells: dict[int, str] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):

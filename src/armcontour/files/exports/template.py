@@ -15,7 +15,7 @@ import numpy as np
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_text
 from armcontour.core.text import list_some, show
-from armcontour.files.exports.table import DECIMALS, Table, format_event
+from armcontour.files.exports.table import DECIMALS, SetPointTable, format_event
 from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import COMMAND_SLACK
 
@@ -23,11 +23,11 @@ ENDING = ".j2"
 SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
 # Outputs as these controllers name them, for messages.
 EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17, "urscript": 0}
-# What their programs have in the place of an event without an output.
+# Replacement for an event without an output in the programs.
 INSTEAD = {"abb": "comments", "kuka": "comments", "urscript": "messages (textmsg)"}
 ANALOG_EXAMPLES: dict[str, int | str] = {"abb": "aoPower", "kuka": 1, "urscript": "AO0"}
-# Points of a program of about 1 MB; longer programs are not confirmed on any controller. What to
-# do instead, by format.
+# Points of a program of about 1 MB; longer programs are not confirmed on any controller. Advice for
+# long programs, by format.
 MOST_POINTS = 10_000
 FEWER = {
     **dict.fromkeys(SHIPPED, "use a longer cycle (--cycle)"),
@@ -35,12 +35,12 @@ FEWER = {
 }
 # Last digit of joint positions in programs [rad]; other formats have 12 decimals or more.
 LAST_DIGIT = {"urscript": 1e-6, **dict.fromkeys(SHIPPED, math.radians(1e-6))}
-# So many events are named in one sentence.
+# Number of events that one sentence lists.
 MOST_NAMES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Switch:
+class OutputSwitch:
     """An event in templates: the data of `TimedEvent`, and `text`, such as "tool=on"."""
 
     name: str
@@ -78,7 +78,7 @@ class Point:
     tool_rotation: tuple[float, ...] | None
     tool_speed: float | None
     analog: Mapping[str, float]
-    events: tuple[Switch, ...]
+    events: tuple[OutputSwitch, ...]
 
 
 class _Refused(Exception):
@@ -97,20 +97,13 @@ def templates() -> tuple[str, ...]:
 
 
 def template_of(
-    table: Table,
+    table: SetPointTable,
     template: str | FilePath,
     outputs: Mapping[str, int | str] | None = None,
     *,
     file: str,
 ) -> str:
     """The program that a template makes of a table.
-
-    Args:
-        table: The table.
-        template: "kuka", "abb", or the path of a jinja2 file.
-        outputs: The output of each event by the event's name; the variable `outputs` of the
-            template.
-        file: Name of the file without its ending; the variable `file` of the template.
 
     Raises:
         InvalidInput: The template does not exist, has an error, or refuses the table; the message
@@ -128,7 +121,7 @@ def template_of(
 
 
 def describe_program(
-    table: Table,
+    table: SetPointTable,
     name: str | FilePath,
     outputs: Mapping[str, int | str] | None,
     name_output: Callable[[str, int | str], str],
@@ -136,66 +129,62 @@ def describe_program(
     """Sentences on programs of urscript and of the package's templates: outputs not set, and size.
 
     The templates of users may switch events without outputs.
-
-    Args:
-        table: The table, with events and analog outputs.
-        name: The template, or the format.
-        outputs: The outputs of events and analog outputs by their names.
-        name_output: How users name the output of an event.
     """
-    found, given = _describe_rounding(table, name), outputs or {}
+    sentences, named_outputs = _describe_rounding(table, name), outputs or {}
     if name in FEWER and len(table.t) > MOST_POINTS:
-        found.append(
+        sentences.append(
             f"the program has {len(table.t)} points, and a controller may not hold more than "
             f"{MOST_POINTS}: {FEWER[str(name)]}, or split the job."
         )
-    unset = [x for x in table.analog if x not in given]
+    unset = [x for x in table.analog if x not in named_outputs]
     if unset and name in ANALOG_EXAMPLES:
         example = name_output(unset[0], ANALOG_EXAMPLES[str(name)])
-        found.append(
+        sentences.append(
             f"the program does not set {list_some(unset, MOST_NAMES)}, as no analog output is "
             f"named. Name an output, such as {example}."
         )
     if name not in EXAMPLES:
-        return found
-    left, name = [x for x in table.events if x.name not in given], str(name)
-    valued = {x.name: None for x in left if not isinstance(x.value, bool)}
-    switches = {x.name: None for x in left if x.name not in valued}
+        return sentences
+    unswitched, name = [x for x in table.events if x.name not in named_outputs], str(name)
+    valued = {x.name: None for x in unswitched if not isinstance(x.value, bool)}
+    switches = {x.name: None for x in unswitched if x.name not in valued}
     if switches:
         example = name_output(next(iter(switches)), EXAMPLES[name])
-        found.append(
+        sentences.append(
             f"nothing is switched for {list_some(list(switches), MOST_NAMES)}, as no output is "
             f"named: the program has {INSTEAD[name]} in these places. Name an output, such as "
             f"{example}."
         )
     if valued:
-        found.append(
+        sentences.append(
             f"nothing is switched for {list_some(list(valued), MOST_NAMES)}, whose values are not "
             f"on or off: the program has {INSTEAD[name]} in these places. Such values need a "
             "template of your own."
         )
-    return found
+    return sentences
 
 
-def _describe_rounding(table: Table, name: str | FilePath) -> list[str]:
+def _describe_rounding(table: SetPointTable, name: str | FilePath) -> list[str]:
     """A sentence on set-points that exceed limits of commands with the digits that are written."""
     digit = LAST_DIGIT.get(str(name))
     if table.command_limits is None or digit is None:
         return []
     rounded = np.round(table.q / digit) * digit
     uses = command_use(rounded, table.cycle, table.command_limits)
-    most, worst = max(((float(x.max()), name) for name, x in uses.items()), default=(0.0, ""))
-    if most <= 1 + COMMAND_SLACK:
+    largest_use, worst = max(
+        ((float(x.max()), name) for name, x in uses.items()), default=(0.0, "")
+    )
+    if largest_use <= 1 + COMMAND_SLACK:
         return []
     return [
         f"joint positions are rounded to {digit:.2g} rad, with which set-points need "
-        f"{most:.4f} times command_limits.{worst}: reduce this limit by "
-        f"{math.ceil((most - 1) * 100)} %, or use a format with 12 decimals, such as csv."
+        f"{largest_use:.4f} times command_limits.{worst}: reduce this limit by "
+        f"{math.ceil((largest_use - 1) * 100)} %, or use a format with 12 decimals, such as csv."
     ]
 
 
 def write_template(
-    table: Table,
+    table: SetPointTable,
     file: FilePath,
     template: str | FilePath,
     outputs: Mapping[str, int | str] | None = None,
@@ -206,11 +195,7 @@ def write_template(
 
 
 def _read(template: str | FilePath) -> tuple[str, str, FilePath]:
-    """Name, text and folder of a template.
-
-    Raises:
-        InvalidInput: The template does not exist or cannot be read.
-    """
+    """Name, text and folder of a template."""
     if isinstance(template, str) and template in SHIPPED:
         file = FilePath(__file__).parent / "templates" / SHIPPED[template]
     else:
@@ -224,12 +209,7 @@ def _read(template: str | FilePath) -> tuple[str, str, FilePath]:
 
 
 def _read_included(folder: FilePath, name: str) -> str:
-    """The text of a template that another template includes.
-
-    Raises:
-        InvalidInput: The template is a link out of the folder, or cannot be read.
-        TemplateNotFound: The template does not exist.
-    """
+    """The text of a template that another template includes."""
     from jinja2 import TemplateNotFound
     from jinja2.loaders import split_template_path
 
@@ -267,7 +247,7 @@ def _environment(folder: FilePath) -> Any:
     return environment
 
 
-def _variables(table: Table, outputs: Mapping[str, int | str], file: str) -> dict[str, Any]:
+def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str) -> dict[str, Any]:
     """The variables of a template by name."""
     points = _points(table)
     return {
@@ -284,12 +264,12 @@ def _variables(table: Table, outputs: Mapping[str, int | str], file: str) -> dic
     }
 
 
-def _points(table: Table) -> tuple[Point, ...]:
+def _points(table: SetPointTable) -> tuple[Point, ...]:
     """The rows of a table, each with its events."""
-    switches: dict[int, list[Switch]] = {}
+    switches: dict[int, list[OutputSwitch]] = {}
     for x, i in zip(table.events, table.point_of_events, strict=True):
         switches.setdefault(i, []).append(
-            Switch(
+            OutputSwitch(
                 name=x.name,
                 value=x.value,
                 t=x.t,
@@ -349,11 +329,7 @@ def _identifier(text: str) -> str:
 
 
 def _refuse(reason: str) -> NoReturn:
-    """Refuse the table; templates call this function as `refuse`.
-
-    Raises:
-        _Refused: Always.
-    """
+    """Refuse the table; templates call this function as `refuse`."""
     raise _Refused(reason)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.exports.table import Table, filled, format_event, write_pieces
+from armcontour.files.exports.table import SetPointTable, filled, format_event, write_pieces
 from armcontour.motion import TimedEvent
 
 JOINTS = 6
@@ -44,7 +44,7 @@ def {program}():
 
 
 def write_urscript(
-    table: Table,
+    table: SetPointTable,
     file: FilePath,
     outputs: Mapping[str, int | str] | None = None,
     *,
@@ -55,18 +55,11 @@ def write_urscript(
     The program is one function, which begins in the first line and ends in the last one, as the
     controller requires of programs over a socket (script manual, "Connecting to URControl").
 
-    An event is executed at the nearest set-point, at most half an interval early or late; a comment
+    An event is executed at the nearest set-point, at most half a cycle before or after; a comment
     gives its exact time. The last sample of a trajectory comes a whole interval after the one
     before it, even if its own time is earlier. An event with a digital output switches the output
     on or off; any other event writes a message by `textmsg`. An analog output with a number is set
     at every set-point at which its level changes. Comments name the contours.
-
-    Args:
-        table: The table of an arm with six joints.
-        file: The file.
-        outputs: Number of the standard digital output, 0 to 7, by names of events; 0, 1, "AO0" or
-            "AO1" by names of analog outputs.
-        call: Whether a call of the program follows, for script files that a pendant includes.
 
     Raises:
         InvalidInput: The number of joints is not six, the interval is not a multiple of 2 ms, an
@@ -74,9 +67,9 @@ def write_urscript(
             written.
     """
     _check(table)
-    given = outputs or {}
-    analog = {x: n for x, n in given.items() if x in table.analog}
-    digital = _digital_outputs(table, {x: n for x, n in given.items() if x not in analog})
+    named_outputs = outputs or {}
+    analog = {x: n for x, n in named_outputs.items() if x in table.analog}
+    digital = _digital_outputs(table, {x: n for x, n in named_outputs.items() if x not in analog})
     cycle = f"{table.cycle:.12g}"
     point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {cycle}, lookahead, gain)\n"
     numbers = [", ".join(ANGLE % x for x in q) for q in (table.q[0], table.q[-1])]
@@ -90,7 +83,7 @@ def write_urscript(
         joints=", ".join(table.joint_names),
         first=numbers[0],
     )
-    # Before anything is written, as an event may be refused.
+    # Computed before the file is opened, because an event may be refused.
     lines = [(t / table.cycle, f"  # contour {name}\n") for t, name in table.contours if name]
     lines += [(x.t / table.cycle, _set_output(x, digital)) for x in table.events]
     for name, number in analog.items():
@@ -102,21 +95,14 @@ def write_urscript(
 
 
 def _commands(
-    table: Table, lines: Sequence[tuple[float, str]], point: str, last: str
+    table: SetPointTable, lines: Sequence[tuple[float, str]], point: str, last: str
 ) -> Iterator[str]:
-    """Yield the commands of set-points and other lines in the order of their times.
-
-    Args:
-        table: The table.
-        lines: Other lines with their times in intervals, in order.
-        point: Format of the command of a set-point.
-        last: Joint positions of the last set-point as text; repeated for events after the end.
-    """
+    """Yield the commands of set-points and other lines in the order of their times."""
     done, count = 0, len(table.q)
-    for at, command in lines:
+    for position, command in lines:
         # A servoj lasts for one interval, so the line after it is executed at the time of the next
         # set-point.
-        before = round(at)
+        before = round(position)
         yield from filled(point, table.q[done : min(before, count)])
         if before > max(done, count):
             yield _repeat_last(last, (before - max(done, count)) * table.cycle)
@@ -132,24 +118,16 @@ def _repeat_last(last: str, duration: float) -> str:
 
 
 def _analog_number(name: str, number: int | str) -> int:
-    """The number of a standard analog output, given as a number or as "AO0".
-
-    Raises:
-        InvalidInput: There is no such output.
-    """
+    """The number of a standard analog output, given as a number or as "AO0"."""
     names = {f"AO{k}": k for k in range(ANALOG_OUTPUTS)}
-    found = names.get(number) if isinstance(number, str) else number
-    if found is None or isinstance(found, bool) or found not in names.values():
+    value = names.get(number) if isinstance(number, str) else number
+    if value is None or isinstance(value, bool) or value not in names.values():
         raise InvalidInput(f"The analog output of {name} must be AO0 or AO1, but is {number!r}.")
-    return int(found)
+    return int(value)
 
 
 def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float, str]]:
-    """The commands that set an analog output, with the indices of their set-points.
-
-    Raises:
-        InvalidInput: A value is below 0 or above 1.
-    """
+    """The commands that set an analog output, with the indices of their set-points."""
     low, high = float(values.min()), float(values.max())
     if not -SAME_LEVEL <= low <= high <= 1.0 + SAME_LEVEL:
         raise InvalidInput(
@@ -164,15 +142,11 @@ def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float,
 
 
 def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
-    """The command of an event: it switches its output, or writes a message if it has none.
-
-    Raises:
-        InvalidInput: The message cannot be written in URScript.
-    """
-    words, at = format_event(event), f"  # {format_event(event)} at {event.t:.6f} s\n"
+    """The command of an event: it switches its output, or writes a message if it has none."""
+    words, comment = format_event(event), f"  # {format_event(event)} at {event.t:.6f} s\n"
     if event.name in outputs:
         state = "True" if event.value is not False else "False"
-        return f"  set_standard_digital_out({outputs[event.name]}, {state}){at}"
+        return f"  set_standard_digital_out({outputs[event.name]}, {state}){comment}"
     value = (
         {True: "on", False: "off"}[event.value] if isinstance(event.value, bool) else event.value
     )
@@ -183,15 +157,11 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
             f"URScript cannot write the event {words}: give it a name and a value of one line "
             "without quotes and backslashes."
         )
-    return f'  textmsg("{message}"){at}'
+    return f'  textmsg("{message}"){comment}'
 
 
-def _check(table: Table) -> None:
-    """Refuse a table that URScript cannot hold.
-
-    Raises:
-        InvalidInput: The number of joints is not six, or the interval is not a multiple of 2 ms.
-    """
+def _check(table: SetPointTable) -> None:
+    """Check that URScript can represent a table."""
     if table.dof != JOINTS:
         raise InvalidInput(
             f"URScript is for arms with {JOINTS} joints, but {table.name!r} has {table.dof}: "
@@ -210,13 +180,9 @@ def _check(table: Table) -> None:
         )
 
 
-def _digital_outputs(table: Table, outputs: Mapping[str, int | str]) -> dict[str, int]:
-    """The digital outputs of events by the events' names.
-
-    Raises:
-        InvalidInput: An output does not exist, or an event with an output has a number as value.
-    """
-    found: dict[str, int] = {}
+def _digital_outputs(table: SetPointTable, outputs: Mapping[str, int | str]) -> dict[str, int]:
+    """The digital outputs of events by the events' names."""
+    numbers: dict[str, int] = {}
     for name, number in outputs.items():
         if isinstance(number, bool) or not isinstance(number, int | np.integer):
             raise InvalidInput(
@@ -227,12 +193,12 @@ def _digital_outputs(table: Table, outputs: Mapping[str, int | str]) -> dict[str
             raise InvalidInput(
                 f"The output of {name} must be from 0 to {OUTPUTS - 1}, but is {number}."
             )
-        found[name] = int(number)
+        numbers[name] = int(number)
     for event in table.events:
         # A text such as "reverse" or "mist" means on; a number would be lost.
-        if event.name in found and not isinstance(event.value, bool | str):
+        if event.name in numbers and not isinstance(event.value, bool | str):
             raise InvalidInput(
                 f"The event {event.name} switches to {json.dumps(event.value)}, but a digital "
                 "output is only on or off: leave its output out."
             )
-    return found
+    return numbers

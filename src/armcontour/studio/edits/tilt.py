@@ -12,11 +12,11 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import exp, quaternions, shortest, to_rpy
 from armcontour.core.text import plain_number
+from armcontour.files.file_keys import MappingKeys as Model
+from armcontour.files.file_keys import read_keys
 from armcontour.files.job_edits import Change, Keys, value_at
 from armcontour.files.job_model import OrientationModel
-from armcontour.files.keys import Keys as Model
-from armcontour.files.keys import read_keys
-from armcontour.files.scene import rotation_of
+from armcontour.files.scene_file import rotation_of
 from armcontour.files.units import read_quantity, write_like
 from armcontour.geometry.orienting import POINTING_DOWN
 from armcontour.studio.edits.state import EditState

@@ -39,7 +39,7 @@ def measured(x: Request) -> Frame:
 def identify(x: Request) -> Frame:
     """The servo of each joint from the logs, and the edit that puts it into the job."""
     from armcontour.control.identification import ServoFit, identify
-    from armcontour.files.servo_file import servo_values
+    from armcontour.files.robot_file import servo_values
 
     logs = read_logs(x, commanded=True)
     found = identify(logs, ServoFit(kinematics=x.job.arm), progress=x.progress)

@@ -8,14 +8,13 @@ import ezdxf
 import numpy as np
 
 import armcontour as ac
-from armcontour.files.drawings.chaining import DrawnEntity, chain_pieces
 from armcontour.files.drawings.dxf import read_dxf
+from armcontour.files.drawings.entity_chains import DrawnEntity, chain_pieces
 from armcontour.files.drawings.gcode import read_gcode
-from armcontour.files.drawings.options import ReadOptions
-from armcontour.files.drawings.shapes import Outline, paths_of
-from armcontour.files.drawings.splines import Spline
+from armcontour.files.drawings.outlines import BezierSpline, Outline, paths_of
+from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.drawings.svg import read_svg
-from armcontour.files.drawings.waypoints import read_waypoints
+from armcontour.files.drawings.waypoint_table import read_waypoints
 
 RNG = np.random.default_rng(0)
 READ = {"source": "part", "options": ReadOptions()}
@@ -45,7 +44,7 @@ def long_drawings():
     document.write(text)
     yield partial(read_dxf, text.getvalue().encode(), **READ)
     corners = RNG.uniform(0, 1, (5000, 1, 2)) + RNG.uniform(0, 0.01, (5000, 4, 2))
-    yield partial(paths_of, [Outline([Spline(points=x)]) for x in corners], 1e-5)
+    yield partial(paths_of, [Outline([BezierSpline(points=x)]) for x in corners], 1e-5)
     ring, order = circle(20_000), RNG.permutation(20_000)
     star, same = (np.zeros((6000, 2)), circle(5999)), (np.zeros((6000, 2)), np.ones((6000, 2)))
     for ends in ((ring[:-1][order], ring[1:][order]), star, same):

@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from armcontour.files.drawings.gcode.faults import Fault
+from armcontour.files.drawings.gcode.words import Fault
 from armcontour.geometry.segments import REPEATED_POINT
 
 Point = tuple[float, float]
@@ -28,7 +28,7 @@ Point = tuple[float, float]
 ROUNDED = {"mm": 2 * math.sqrt(2) * 1e-5, "inch": 2 * math.sqrt(2) * 2.54e-5}
 MOST = {"mm": 0.5e-3, "inch": 0.05 * 0.0254}
 RELATIVE = 1e-3
-# By this length [m] a radius may be too short to reach the end; a smaller radius counts as zero
+# A radius may be too short for the end point by this length [m]; a smaller radius is zero
 # (LinuxCNC's RADIUS_TOLERANCE).
 SHORT = 0.00005 * 0.0254
 # A larger swept angle [rad] is drawn as two arcs. At this angle the projection onto the bisector
@@ -65,7 +65,7 @@ class ArcPart:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """An arc as it is programmed, up to one full turn.
+    """A programmed arc of up to one full turn.
 
     Args:
         center: Centre [m].
@@ -105,14 +105,14 @@ def around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> 
     radius, end_radius = math.hypot(px, py), math.hypot(qx, qy)
     if min(radius, end_radius) < SHORT:
         raise Fault("an arc whose centre is its start or end point, so that it has no radius")
-    off = abs(radius - end_radius)
+    difference = abs(radius - end_radius)
     relative = RELATIVE * max(radius, end_radius)
-    if off > MOST[dialect] or (off > ROUNDED[dialect] and off > relative):
+    if difference > MOST[dialect] or (difference > ROUNDED[dialect] and difference > relative):
         allowed = min(MOST[dialect], max(ROUNDED[dialect], relative))
         raise Fault(
             "an arc whose centre is {} from its start but {} from its end, a difference of {} "
             "where {} are allowed: correct I, J and K, or write G90.1 if they are absolute",
-            radius, end_radius, off, allowed,
+            radius, end_radius, difference, allowed,
         )  # fmt: skip
     if math.dist(start, end) <= REPEATED_POINT:
         return Circle(center, start, start, turn, 2 * math.pi, radius, radius)
@@ -168,16 +168,12 @@ def pieces_of(circle: Circle, turns: int) -> list[ArcPart]:
 def _distance_to_bisector(circle: Circle) -> float:
     """Distance from the centre to the perpendicular bisector of start and end [m]."""
     x = circle
-    off = (x.radius - x.end_radius) * (x.radius + x.end_radius)
-    return abs(off) / (2 * math.dist(x.start, x.end))
+    square_difference = (x.radius - x.end_radius) * (x.radius + x.end_radius)
+    return abs(square_difference) / (2 * math.dist(x.start, x.end))
 
 
 def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
-    """The arc between two points around the projection of the centre onto their bisector.
-
-    Raises:
-        Fault: Rounding makes the arc miss its end.
-    """
+    """The arc between two points around the projection of the centre onto their bisector."""
     chord = math.dist(start, end)
     ux, uy = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord
     height = (center[1] - (start[1] + end[1]) / 2) * ux - (center[0] - (start[0] + end[0]) / 2) * uy
@@ -192,11 +188,7 @@ def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
 
 
 def _arc_around(circle: Circle, sweep: float) -> ArcPart:
-    """The arc around the programmed centre from its start over an angle `sweep` [rad].
-
-    Raises:
-        Fault: Rounding makes the arc miss its end.
-    """
+    """The arc around the programmed centre from its start over an angle `sweep` [rad]."""
     x = circle
     normal = ((x.center[0] - x.start[0]) / x.radius, (x.center[1] - x.start[1]) / x.radius)
     tangent = (x.turn * normal[1], -x.turn * normal[0])
@@ -213,11 +205,7 @@ def _arc_around(circle: Circle, sweep: float) -> ArcPart:
 
 
 def _two_arcs(circle: Circle) -> list[ArcPart]:
-    """An arc around the programmed centre over half the angle, and a tangent arc to the end.
-
-    Raises:
-        Fault: Rounding makes an arc miss its end.
-    """
+    """An arc around the programmed centre over half the angle, and a tangent arc to the end."""
     x = circle
     first = _arc_around(x, x.sweep / 2)
     ex = (first.end[0] - x.center[0]) / x.radius
@@ -232,11 +220,7 @@ def _two_arcs(circle: Circle) -> list[ArcPart]:
 
 
 def _refuse_a_miss(start: Point, piece: ArcPart) -> None:
-    """Refuse an arc that misses its end by more than `MISS`.
-
-    Raises:
-        Fault: The arc does.
-    """
+    """Refuse an arc that misses its end by more than `MISS`."""
     turn = piece.curvature * piece.length
     along = math.sin(turn) / piece.curvature
     across = 2 * math.sin(turn / 2) ** 2 / piece.curvature
@@ -251,7 +235,7 @@ def _refuse_a_miss(start: Point, piece: ArcPart) -> None:
 
 
 def helix_length(circle: Circle, turns: int, rise: float) -> float:
-    """Length of a helix of so many turns [m]; where its radius changes, by the mean radius."""
+    """Length of a helix [m], computed with its mean radius."""
     total = circle.sweep + 2 * math.pi * (turns - 1)
     return math.hypot((circle.radius + circle.end_radius) / 2 * total, rise)
 

@@ -1,4 +1,4 @@
-"""What there is to know of a code before it is carried out: its group, and who understands it.
+"""G and M codes: their modal groups, and which of them the reader executes, skips or refuses.
 
 G codes are counted in tenths, so that G61.1 is 611. Source of the groups: LinuxCNC manual, "G-code
 Overview", section "Modal Groups".
@@ -6,7 +6,7 @@ Overview", section "Modal Groups".
 
 from __future__ import annotations
 
-# How a program in a programming language becomes one that is read.
+# Advice for programs with flow control.
 PLAIN_MOVES = "let the CAM system post-process it to plain moves (G0 to G3)"
 
 RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL = 0, 10, 20, 30, 40
@@ -29,10 +29,10 @@ TOOL_LENGTH = (430, 431, 432, 490)
 SYSTEMS = (540, 550, 560, 570, 580, 590, 591, 592, 593)
 REFERENCE_MOVES = frozenset((280, 300))
 SET_DATA, MACHINE, SHIFT = 100, 530, 920
-# G92.1, G92.2: the shift of G92 taken back.
+# G92.1, G92.2: cancel the shift of G92.
 NO_SHIFT = frozenset((921, 922))
 RETURN_TO_START, RETURN_TO_R = 980, 990
-# Cutter radius compensation; the second and the fourth have the tool's diameter itself as D.
+# Cutter radius compensation; in G41.1 and G42.1 the word D is the tool's diameter.
 NO_COMPENSATION, COMPENSATION = 400, (410, 411, 420, 421)
 ON_THE_RIGHT, BY_DIAMETER = (420, 421), (411, 421)
 MOTION = "motion"
@@ -65,9 +65,8 @@ M_GROUP: dict[float, str] = {
     **dict.fromkeys((48, 49), "overrides"),
 }
 
-# Codes that are carried out, or that ask for what is so anyway: feed and speed in the usual units
-# (G94, G97), radius (G8), no scale, rotation or polar coordinates (G15, G69), nothing called at
-# every move (G67).
+# Codes that are executed, or that select the default: feed and speed in the usual units (G94, G97),
+# radius (G8), no scale, rotation or polar coordinates (G15, G69), no modal macro call (G67).
 UNDERSTOOD_G = frozenset(
     (
         *(RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL, CANCEL_MOTION, XY, ZX, YZ),
@@ -80,13 +79,13 @@ UNDERSTOOD_G = frozenset(
 )
 UNDERSTOOD_M = frozenset((0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 30, 60, 62, 63, 64, 65, 67, 68, 82, 83))
 
-# Codes that move nothing without coordinates, and are left out with a note: smoothing (G5, G5.1 and
-# G187 of other controllers), retraction of filament (G11), levelling of a printer's bed (G29),
-# largest spindle speed (G50), constant surface speed (G96). Their P, Q, S, D and so on are theirs.
+# Codes without motion (if they have no coordinates), skipped with a note and with their words:
+# smoothing (G5, G5.1 and G187 of other controllers), retraction of filament (G11), levelling of a
+# printer's bed (G29), largest spindle speed (G50), constant surface speed (G96).
 HARMLESS_G = frozenset((50, 51, 110, 290, 500, 960, 1870))
-# Their letters may stand without a value: G28 X Y, G29 G.
+# Codes whose letters need no value: G28 X Y, G29 G.
 BARE_WORDS = REFERENCE_MOVES | HARMLESS_G
-# Why what shifts or turns the rest of the program is not read.
+# Reasons for refusing codes that would shift or rotate the rest of the program.
 REFUSED_G = {
     70: "diameter mode, in which X is twice the radius: let the post-processor write radii (G8)",
     **dict.fromkeys((120, 130), "a circular pocket or polar coordinates: write G1, G2 and G3"),
@@ -122,8 +121,8 @@ REFUSED_G = {
     ),
 }
 
-# Motions of other kinds and other dialects: without them the rest of the program would be drawn
-# somewhere else. Among them units (G70, G71) and planes of other axes.
+# Motions and modes of other dialects, such as units (G70, G71) and planes of other axes: skipping
+# one would displace the rest of the program.
 NEVER_SKIPPED_G = frozenset(
     (
         *(120, 130, 160, 510, 511, 650, 660, 680, 700, 710, 720, 842, 171, 181, 191),
@@ -132,12 +131,12 @@ NEVER_SKIPPED_G = frozenset(
 )
 # Calls and returns of subprograms.
 CALLS = frozenset((97, 98, 99))
-# Brings back modes that M70 saved; with words of its own it is a printer's.
+# Restores modes that M70 saved; with the words P, R or S it is a code of printers.
 RESTORE = 72
-# To these belong all words of their line but F and S: where they are skipped, so is its motion.
+# Codes that use all words of their line except F and S: skipping one skips the motion of the line.
 OWN_THE_LINE = frozenset((SET_DATA, *REFERENCE_MOVES, 431, 432, MACHINE, SHIFT))
 
 
 def g_name(code: int) -> str:
-    """How a G code is written."""
+    """The text of a G code."""
     return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")

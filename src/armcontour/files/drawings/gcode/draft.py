@@ -1,4 +1,4 @@
-"""Moves as they are read, and the `Program` that they make."""
+"""Drafts of programs: moves and events in the order of the file, converted to a `Program`."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import numpy as np
 
 from armcontour.core.errors import InvalidInput
 from armcontour.files.drawings.gcode.arcs import ArcPart
-from armcontour.files.drawings.gcode.faults import Fault
+from armcontour.files.drawings.gcode.words import Fault
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.program.moves import Move, Value
 
 NEAR = REPEATED_POINT**2
-# What adding up relative moves leaves of a z that is zero [m].
+# Largest rounding error of a z of zero after relative moves [m].
 FLAT = 1e-12
-# One line can ask for any number of turns; more segments than this fit no planner's memory.
+# One line can request any number of turns; more segments do not fit into a planner's memory.
 MOST_SEGMENTS = 1_000_000
 
 Point = tuple[float, float, float]
@@ -29,8 +29,8 @@ Feed = tuple[float, float, int]
 
 
 @dataclass(slots=True)
-class Chain:
-    """Feed moves without a stop: their points, flat, and what belongs to every one of them."""
+class FeedChain:
+    """Feed moves without a stop: flat coordinates of their points, and data per move."""
 
     points: array[float]
     line: int
@@ -42,13 +42,13 @@ class Chain:
     events: list[tuple[int, str, Value]] = field(default_factory=list)
 
 
-class Draft:
-    """A program in the making."""
+class ProgramDraft:
+    """Moves and events of a program that is being read."""
 
     def __init__(self) -> None:
-        self.moves: list[Chain | array[float] | Event | Dwell] = []
+        self.moves: list[FeedChain | array[float] | Event | Dwell] = []
         self.last: Point = (0.0, 0.0, 0.0)
-        self.chain: Chain | None = None
+        self.chain: FeedChain | None = None
         self.rapid: array[float] | None = None
         self.begun = False
         self.across = False
@@ -56,13 +56,9 @@ class Draft:
         self.layer, self.layers, self.typed = "", 0, False
 
     def set_layer(self, number: str | None, kind: str | None) -> None:
-        """A slicer's comment: a layer or a type begins, and with it another contour.
+        """Start a layer or a type by a slicer's comment, and with it another contour.
 
         Contours are on the layers of their types; in a file without types, of their layers.
-
-        Args:
-            number: The layer's number, None if the comment has none.
-            kind: The type, None for a layer.
         """
         name = self.layer
         if kind is not None:
@@ -76,13 +72,13 @@ class Draft:
         self.layer = name
 
     def feed(self, x: float, y: float, z: float, feed: Feed) -> None:
-        """A straight feed move; none where the tool is there already."""
+        """Add a straight feed move; a move without length is ignored."""
         px, py, pz = self.last
         if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
             return
         self._extend(feed, (x, y, z))
 
-    def bend(self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed) -> None:
+    def arc(self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed) -> None:
         """An arc in the plane of the first two of `axes`."""
         a, b, _ = axes
         end, tangent, normal = list(self.last), [0.0] * 3, [0.0] * 3
@@ -96,10 +92,10 @@ class Draft:
         self.across = self.across or 2 in (a, b)
 
     def room_for(self, segments: int) -> None:
-        """Counts segments of helices and of further turns.
+        """Count segments of helices and of further turns.
 
         Raises:
-            Fault: More than fit.
+            Fault: More than `MOST_SEGMENTS`.
         """
         self.segments += segments
         if self.segments > MOST_SEGMENTS:
@@ -109,7 +105,7 @@ class Draft:
             )
 
     def go(self, x: float, y: float, z: float) -> None:
-        """A rapid move. Where it comes from is not known before the first contour."""
+        """Add a rapid move. Before the first contour only its end is stored."""
         px, py, pz = self.last
         if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
             return
@@ -121,12 +117,12 @@ class Draft:
         self.last = (x, y, z)
 
     def resume_at(self, point: Sequence[float]) -> None:
-        """The tool is at a point to which the file does not say how it came."""
+        """Continue at a point; the file does not define the move to it."""
         self.rest()
         self.last = _point(point)
 
     def event(self, name: str, value: Value) -> None:
-        """Something is switched: on the open contour, or where the tool stands."""
+        """Add an event, to the open contour or at the current position."""
         if self.chain is not None:
             self.chain.events.append((len(self.chain.speeds), name, value))
         else:
@@ -134,22 +130,18 @@ class Draft:
             self.moves.append(Event(name=name, value=value))
 
     def rest(self) -> None:
-        """The tool comes to rest: what is open ends."""
+        """End the open contour or rapid: the tool comes to rest."""
         self._close()
         self._flush()
 
     def dwell(self, duration: float) -> None:
-        """The tool rests for a time [s]; 0 only brings it to rest."""
+        """Add a dwell [s]; 0 is a stop only."""
         self.rest()
         if duration > 0:
             self.moves.append(Dwell(duration=duration))
 
     def program(self, source: str, notes: tuple[str, ...]) -> Program:
-        """What was drafted.
-
-        Args:
-            source: Name of the file.
-            notes: Sentences on what was left out.
+        """The drafted program.
 
         Raises:
             InvalidInput: No contour, or one that makes no path.
@@ -164,7 +156,7 @@ class Draft:
         counts: Counter[int] = Counter()
         moves: list[Move] = []
         for x in self.moves:
-            if isinstance(x, Chain):
+            if isinstance(x, FeedChain):
                 counts[x.line] += 1
                 moves.append(_contour(x, dimension, counts[x.line], source))
             elif isinstance(x, array):
@@ -173,14 +165,16 @@ class Draft:
                 moves.append(x)
         return Program(moves=tuple(moves), source=source, notes=notes)
 
-    def _extend(self, feed: Feed, end: Point) -> Chain:
-        """Lead the open contour, or a new one, to a point."""
+    def _extend(self, feed: Feed, end: Point) -> FeedChain:
+        """Extend the open contour, or a new one, to a point."""
         speed, tolerance, line = feed
         chain = self.chain
         if chain is None:
             self._flush()
             self.begun = True
-            chain = self.chain = Chain(points=array("d", self.last), line=line, layer=self.layer)
+            chain = self.chain = FeedChain(
+                points=array("d", self.last), line=line, layer=self.layer
+            )
         chain.points.extend(end)
         chain.speeds.append(speed)
         chain.tolerances.append(tolerance)
@@ -200,8 +194,8 @@ class Draft:
 
     def _leaves_the_plane(self) -> bool:
         for x in self.moves:
-            if isinstance(x, Chain | array):
-                points = np.frombuffer(x.points if isinstance(x, Chain) else x)
+            if isinstance(x, FeedChain | array):
+                points = np.frombuffer(x.points if isinstance(x, FeedChain) else x)
                 if (np.abs(points[2::3]) > FLAT).any():
                     return True
         return False
@@ -211,7 +205,7 @@ def _point(values: Sequence[float]) -> Point:
     return (values[0], values[1], values[2])
 
 
-def _contour(chain: Chain, dimension: int, count: int, source: str) -> Contour:
+def _contour(chain: FeedChain, dimension: int, count: int, source: str) -> Contour:
     """The contour of feed moves, named after its line, which may have started others before."""
     try:
         path = _path(chain.points, dimension, chain)
@@ -225,7 +219,7 @@ def _contour(chain: Chain, dimension: int, count: int, source: str) -> Contour:
     return Contour(path=path, name=name, layer=chain.layer, events=events, keep_start=True)
 
 
-def _path(points: array[float], dimension: int, chain: Chain | None = None) -> Path:
+def _path(points: array[float], dimension: int, chain: FeedChain | None = None) -> Path:
     """Straight segments between the points, and the chain's arcs."""
     vertices = np.frombuffer(points).reshape(-1, 3)[:, :dimension]
     if chain is None:

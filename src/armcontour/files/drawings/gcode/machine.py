@@ -1,29 +1,180 @@
-"""A machine that runs G-code, and what it does with a line.
-
-A line's words are carried out in the order of the LinuxCNC manual ("G-code Order of Execution"):
-feed, spindle, tool, outputs, coolant, dwell, plane, units, coordinate system, path control,
-distance mode, references and offsets, motion, stop.
-"""
+"""Machine state that executes the blocks of a G-code program."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 from armcontour.files.drawings.gcode import codes
 from armcontour.files.drawings.gcode.codes import AXES, PLANES
-from armcontour.files.drawings.gcode.compensation import Compensation
-from armcontour.files.drawings.gcode.cycles import Cycles
-from armcontour.files.drawings.gcode.draft import Draft
-from armcontour.files.drawings.gcode.faults import MILLIMETRE, Fault, Notes
-from armcontour.files.drawings.gcode.modes import Modes, unit_of
-from armcontour.files.drawings.gcode.motions import Tool
-from armcontour.files.drawings.gcode.offsets import Offsets
-from armcontour.files.drawings.gcode.switches import Extruder, Switches
-from armcontour.files.drawings.gcode.unknown import Unknown
-from armcontour.files.drawings.gcode.words import Block, Dialect, whole
-from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.gcode.cutter_compensation import Compensation
+from armcontour.files.drawings.gcode.draft import ProgramDraft
+from armcontour.files.drawings.gcode.modes import Extruder, Modes, Offsets, Switches, unit_of
+from armcontour.files.drawings.gcode.motions import Cycles, ToolMotion
+from armcontour.files.drawings.gcode.words import (
+    LASER,
+    MILLIMETRE,
+    Block,
+    Dialect,
+    Fault,
+    Notes,
+    whole,
+)
+from armcontour.files.drawings.read_options import ReadOptions
 
-# Codes and words of lines that only move the tool.
+# Rotary axes, and linear axes other than X, Y and Z.
+OTHER_AXES = "ABCUVW"
+# Words that cause no motion: offsets of tools, pockets, values of skipped codes.
+IDLE = "DEHLOT"
+# Positions of such an axis up to this are zero [degrees or units].
+TURNED = 1e-9
+# Words of an unknown M code on a line with a motion.
+OF_M = "DEHLOPQST"
+
+
+class Unknown:
+    """Skips codes and words that are not executed, with notes, or refuses them.
+
+    Args:
+        notes: Takes the notes.
+        skip: Words and codes to skip, such as "M6" or "T"; `read_path` refuses
+            words of coordinates.
+        lenient: Whether unknown codes without coordinates are skipped.
+    """
+
+    def __init__(self, notes: Notes, skip: Collection[str], lenient: bool) -> None:
+        self.notes, self.skipped, self.lenient = notes, frozenset(skip), lenient
+
+    def screen(self, block: Block) -> None:
+        """Remove from a line the codes and words that are not executed.
+
+        Raises:
+            Fault: A code that cannot be skipped, because it displaces the rest of the program.
+        """
+        words = block.words.keys()
+        if "I" in words and math.isnan(block.words["I"]) and not LASER.isdisjoint(block.m):
+            block.drop("I")
+            self.notes.count("I of M3, M4 or M5 (power of a laser that changes with moves)")
+        if (
+            codes.SHIFT in block.g
+            and words.isdisjoint("XYZES")
+            and not words.isdisjoint(OTHER_AXES)
+        ):
+            block.g.remove(codes.SHIFT)
+            block.drop(OTHER_AXES)
+            self.notes.count("G92 of other axes")
+        if self.skipped:
+            self._skip_words(block)
+        strange_m = [x for x in block.m if x not in codes.UNDERSTOOD_M]
+        if strange_m:
+            self._leave_m(block, strange_m)
+        if codes.SHIFT in block.g and "S" in words and words.isdisjoint("XYZE"):
+            # The largest spindle speed of lathes.
+            block.g.remove(codes.SHIFT)
+            block.drop("S")
+            self.notes.count("G92 S")
+        for code in [x for x in block.g if x not in codes.UNDERSTOOD_G]:
+            self._leave_g(block, code)
+        if not block.words.keys().isdisjoint(OTHER_AXES):
+            self._check_axes(block)
+
+    def _leave_m(self, block: Block, strange: list[float]) -> None:
+        """Skip M codes of other machines; RepRap's M201 and M203 have parameters X, Y and Z."""
+        for code in strange:
+            if code in codes.CALLS:
+                raise Fault(f"M{code:g}: subprograms are not read; {codes.PLAIN_MOVES}")
+            if code == codes.RESTORE and block.words.keys().isdisjoint("PRS"):
+                raise Fault(f"M72, which restores saved modes, is not read; {codes.PLAIN_MOVES}")
+            block.m.remove(code)
+            self.notes.count(f"M{code:g}")
+        alone = block.motion is None and not any(x in codes.OWN_THE_LINE for x in block.g)
+        parameters = list(block.words)[block.before_m :]
+        block.drop(x for x in parameters if alone or x in OF_M)
+
+    def _leave_g(self, block: Block, code: int) -> None:
+        name, moves = codes.g_name(code), not block.words.keys().isdisjoint("XYZ")
+        if code in codes.REFUSED_G:
+            raise Fault(f"{name}, {codes.REFUSED_G[code]}")
+        if code in codes.NEVER_SKIPPED_G:
+            raise Fault(
+                f"{name}, which this reader does not carry out and does not skip either, because "
+                "the moves after it would be elsewhere: write G0, G1, G2 and G3"
+            )
+        if moves:
+            raise Fault(
+                f"{name} with coordinates, which this reader does not know: write G0, G1, G2 and "
+                f"G3, or have it left out with its words (unknown: {{skip: [{name}]}}, or --skip "
+                f"{name})"
+            )
+        if code not in codes.HARMLESS_G and not self.lenient:
+            raise Fault(
+                f"{name}, which this reader does not know: remove it, or have it left out "
+                f"(unknown: {{skip: [{name}]}}, or --skip {name})"
+            )
+        block.g.remove(code)
+        if block.motion == code:
+            block.motion = None
+        self.notes.count(name)
+        block.drop([x for x, y in block.words.items() if x in "IJKR" + OF_M or math.isnan(y)])
+
+    def _skip_words(self, block: Block) -> None:
+        """Skip the codes and words that the options list, with their parameters."""
+        for code in [x for x in block.g if codes.g_name(x) in self.skipped]:
+            name = codes.g_name(code)
+            if code in codes.NEVER_SKIPPED_G or codes.G_GROUP.get(code) == codes.MOTION:
+                raise Fault(f"{name}, a motion, which cannot be left out: write it otherwise")
+            block.g.remove(code)
+            self.notes.count(name)
+            strange = code not in codes.UNDERSTOOD_G and block.motion is None
+            owns_line = strange or code in codes.OWN_THE_LINE
+            block.drop(OTHER_AXES + "XYZIJKR" + OF_M if owns_line else "DHL")
+        for found in [x for x in block.m if f"M{x:g}" in self.skipped]:
+            self._leave_m(block, [found])
+        for letter in [x for x in block.words if x in self.skipped]:
+            del block.words[letter]
+            self.notes.count(f"the word {letter}")
+
+    def _check_axes(self, block: Block) -> None:
+        """Check positions of axes other than X, Y and Z: only zero is skipped."""
+        for letter in [x for x in OTHER_AXES if x in block.words]:
+            value = block.words.pop(letter)
+            if abs(value) > TURNED:
+                raise Fault(
+                    f"{letter}{value:g}, a move of the axis {letter}, which this reader does not "
+                    "have: it reads X, Y and Z (to have the word left out all the same: unknown: "
+                    f"{{skip: [{letter}]}}, or --skip {letter})"
+                )
+            if not math.isnan(value):
+                self.notes.count(f"the word {letter} of zero")
+
+    def leave_idle(self, block: Block) -> None:
+        """Remove the remaining words of a line that cause no motion.
+
+        Raises:
+            Fault: Words of a motion on a line without that motion.
+        """
+        for letter in list(block.words):
+            if letter in "PQ" and not self._has_modes(block):
+                with_what = {"P": "G4, G64, G2, G3", "Q": "G64"}[letter]
+                raise Fault(
+                    f"the word {letter}, which belongs to nothing here: it goes with {with_what}"
+                )
+            if letter in "IJKR":
+                raise Fault(
+                    f"the word {letter}, which belongs to nothing here: it goes with G2 and G3"
+                )
+            if letter not in IDLE + "PQ":
+                raise Fault(f"the word {letter}, which belongs to nothing here: remove it")
+            del block.words[letter]
+            self.notes.count(f"the word {letter}")
+
+    @staticmethod
+    def _has_modes(block: Block) -> bool:
+        """True if P and Q may belong to a mode of another controller, such as G8 P1 or M0 P500."""
+        return bool(block.m) or 80 in block.g
+
+
+# Codes and words of simple motions.
 SIMPLE_CODES = (codes.RAPID, codes.LINE, *codes.ARCS)
 SIMPLE_WORDS = frozenset("XYZIJKFE")
 # A dwell this long [s] may be meant in milliseconds.
@@ -31,22 +182,22 @@ LONG_DWELL = 60.0
 
 
 class Machine:
-    """What is in force, and the draft of what was done so far.
+    """Modal state of a program, and the draft of its moves.
 
     Args:
-        options: How the file is to be read.
+        options: Options of the reader.
         dialect: Properties of the whole program.
     """
 
     def __init__(self, options: ReadOptions, dialect: Dialect) -> None:
         stated = options.unit is not None
         self.modes = Modes(unit=options.unit or MILLIMETRE, stated=stated)
-        self.draft = Draft()
+        self.draft = ProgramDraft()
         self.offsets = Offsets()
         self.compensation = Compensation(self.draft, options.fit_tolerance)
         self.tools = options.unscaled_tools
         self.notes = Notes()
-        self.tool = Tool(
+        self.tool = ToolMotion(
             self.compensation, self.notes, self.modes, self.offsets, options.fit_tolerance
         )
         self.unknown = Unknown(self.notes, options.words, options.skips)
@@ -57,7 +208,7 @@ class Machine:
         self.dialect = dialect
 
     def ready(self) -> bool:
-        """Whether a line of nothing but X, Y, Z and F is a straight feed move to that point."""
+        """True if a line with only X, Y, Z and F is a straight feed move to that point."""
         modes = self.modes
         plain = (
             modes.motion == codes.LINE
@@ -65,9 +216,9 @@ class Machine:
             and not modes.inverse_time
             and modes.unit <= 0.1
             and self.draft.begun
-            and self.compensation.off
+            and self.compensation.inactive
             and not self.tool.away
-            and not self.extruder.on
+            and not self.extruder.active
             and self.offsets.plain
         )
         if plain:
@@ -75,30 +226,30 @@ class Machine:
         return plain
 
     def feed_to(self, x: str | None, y: str | None, z: str | None, f: str | None) -> None:
-        """A line of nothing but those words, where the machine is `ready`."""
+        """Execute a line with only these words; the machine must be `ready`."""
         modes, tool = self.modes, self.tool
         if f is not None:
             modes.feed_per_minute(float(f))
         if x is None and y is None and z is None:
             return
-        at, unit, shift = tool.at, modes.unit, self.shift
+        position, unit, shift = tool.position, modes.unit, self.shift
         if x is not None:
-            at[0] = float(x) * unit + shift[0]
+            position[0] = float(x) * unit + shift[0]
         if y is not None:
-            at[1] = float(y) * unit + shift[1]
+            position[1] = float(y) * unit + shift[1]
         if z is not None:
-            at[2] = float(z) * unit + shift[2]
+            position[2] = float(z) * unit + shift[2]
         feed = (modes.feed, modes.tolerance, self.notes.line) if modes.feed else tool.feed_of(0.0)
-        self.draft.feed(at[0], at[1], at[2], feed)
+        self.draft.feed(position[0], position[1], position[2], feed)
 
     def execute(self, block: Block) -> bool:
-        """Carries out a line.
+        """Execute a line.
 
         Returns:
             Whether it ends the program.
 
         Raises:
-            Fault: What cannot be carried out.
+            Fault: A code or a word that cannot be executed.
         """
         if not block.m and self._is_simple(block):
             if "F" in block.words:
@@ -129,16 +280,16 @@ class Machine:
         return self._stop(block)
 
     def _is_simple(self, block: Block) -> bool:
-        """Whether a line has nothing but a motion and its words, as nearly all lines have."""
+        """True if a line has only a motion and its words, as nearly all lines."""
         g = block.g
         return (
             (not g or (len(g) == 1 and g[0] in SIMPLE_CODES))
             and SIMPLE_WORDS.issuperset(block.words)
-            and not self.unknown.wanted
+            and not self.unknown.skipped
         )
 
     def _refuse_two_users(self, block: Block) -> None:
-        """A word P that may belong to two codes of its line."""
+        """Refuse a word P that may belong to two codes of its line."""
         users = [codes.g_name(x) for x in (codes.DWELL, codes.BLEND) if x in block.g]
         if self._turns_on(block):
             users.append("the arc")
@@ -146,7 +297,7 @@ class Machine:
             raise Fault(f"the word P, which may belong to {' or '.join(users)}: write two lines")
 
     def _turns_on(self, block: Block) -> bool:
-        """Whether a line asks for an arc."""
+        """True if a line draws an arc."""
         explicit = block.motion
         if explicit is not None:
             return explicit in codes.ARCS
@@ -205,7 +356,7 @@ class Machine:
                 self._compensate_length(block, code)
 
     def _compensate_radius(self, block: Block) -> None:
-        """G41, G42: the tool beside the contour from the next move on."""
+        """G41, G42: offset the tool from the contour, starting with the next move."""
         code = next((x for x in block.g if x in codes.COMPENSATION), None)
         if code is None:
             return
@@ -215,30 +366,26 @@ class Machine:
         if self.tool.away:
             raise Fault(f"{name} at a position that the file does not give: go on by G0 before")
         diameter = self._diameter(block, code)
-        left = -diameter / 2 if code in codes.ON_THE_RIGHT else diameter / 2
-        self.compensation.start(code, left)
+        offset = -diameter / 2 if code in codes.ON_THE_RIGHT else diameter / 2
+        self.compensation.start(code, offset)
 
     def _diameter(self, block: Block, code: int) -> float:
-        """The tool's diameter for G41 or G42 of a line [m]; takes its words from the line.
-
-        Raises:
-            Fault: A diameter that nothing gives.
-        """
+        """The tool's diameter for G41 or G42 of a line [m]; removes its words from the line."""
         in_spindle = self.switches.tool
-        name, given = codes.g_name(code), block.words.pop("D", None)
+        name, word = codes.g_name(code), block.words.pop("D", None)
         if code in codes.BY_DIAMETER:
             if block.words.pop("L", 0.0) != 0.0:
                 raise Fault(f"{name} with L, the orientation of a lathe's tool, which is not read")
-            if given is None:
+            if word is None:
                 raise Fault(f"{name} without D, the tool's diameter")
-            return given * self.modes.unit
-        if not given and not in_spindle and 0 not in self.tools:
+            return word * self.modes.unit
+        if not word and not in_spindle and 0 not in self.tools:
             raise Fault(
                 f"{name} without D, while no tool is in the spindle (T, M6): give D, the number of "
                 f"a tool, and {_explain_tool(1)}"
             )
         # D0 is the tool in the spindle, as in LinuxCNC.
-        number = whole(given or 0.0, f"{name} with a tool D") or in_spindle
+        number = whole(word or 0.0, f"{name} with a tool D") or in_spindle
         if number not in self.tools:
             raise Fault(
                 f"{name}, cutter radius compensation by the tool {number}, whose diameter is in "
@@ -248,7 +395,7 @@ class Machine:
         return self.tools[number]
 
     def _compensate_length(self, block: Block, code: int) -> None:
-        """G43: the programmed point is the tip of the tool, as a calibrated tool has it anyway."""
+        """G43: the programmed point is the tip of the tool, as for a calibrated tool."""
         block.words.pop("H", None)
         if code != codes.TOOL_LENGTH[-1]:
             self.notes.once(
@@ -270,7 +417,7 @@ class Machine:
         return largest * self.modes.unit
 
     def _move_once(self, block: Block) -> bool:
-        """Codes that take the coordinates of their line for themselves; whether there is one."""
+        """Execute a code that uses the coordinates of its line; returns False if there is none."""
         g = block.g
         for code in codes.OWN_THE_LINE.intersection(g):
             self.compensation.refuse(codes.g_name(code))
@@ -310,7 +457,7 @@ class Machine:
         words, unit = block.words, self.modes.unit
         fed = words.pop("E", None)
         if fed is not None:
-            self.extruder.at = fed
+            self.extruder.position = fed
         values = {i: words.pop(x) * unit for i, x in enumerate(AXES) if x in words}
         if not values and fed is None:
             raise Fault("G92 without coordinates: say which axes it sets, such as G92 X0 Y0 Z0")
@@ -345,7 +492,7 @@ class Machine:
         block.drop(AXES)
 
     def _travel(self, block: Block, feeds: bool) -> None:
-        """Moves the tool; `feeds` is true if it feeds material."""
+        """Move the tool; `feeds` is true if the move feeds material."""
         motion, target = self.modes.motion, self.tool.target(block)
         if motion == codes.RAPID:
             self.tool.go(target)
@@ -354,7 +501,7 @@ class Machine:
         elif not feeds and self.tool.lost and self.dialect.printer:
             self.tool.pass_by(target)
         elif not feeds and not self.draft.begun and self.dialect.extrudes:
-            # Nothing is printed yet: the tool only goes to where the print begins.
+            # Before the first extrusion the tool only moves to the start of the print.
             self.notes.once(
                 "Feed moves before the first extrusion, first in line {}, are read as rapids: the "
                 "program begins where material flows."
@@ -370,11 +517,11 @@ class Machine:
                 self.compensation.event("pause", value)
         if 2 not in block.m and 30 not in block.m:
             return False
-        self.switches.off()
+        self.switches.switch_off()
         return True
 
     def finish(self) -> None:
-        """The end of the program, which ends compensation too."""
+        """End the program, and with it the compensation."""
         self.compensation.stop()
 
 

@@ -1,4 +1,4 @@
-"""Motions of a line: where the tool goes, and what of it is drafted."""
+"""Motions of G-code: lines, arcs and drilling cycles."""
 
 from __future__ import annotations
 
@@ -15,16 +15,14 @@ from armcontour.files.drawings.gcode.arcs import (
 )
 from armcontour.files.drawings.gcode.arcs import Point as InPlane
 from armcontour.files.drawings.gcode.codes import AXES, OFFSETS, PLANES
-from armcontour.files.drawings.gcode.compensation import Compensation
+from armcontour.files.drawings.gcode.cutter_compensation import Compensation
 from armcontour.files.drawings.gcode.draft import Feed
-from armcontour.files.drawings.gcode.faults import Fault, Notes
-from armcontour.files.drawings.gcode.modes import Modes
-from armcontour.files.drawings.gcode.offsets import Offsets
-from armcontour.files.drawings.gcode.words import WHOLE, Block
+from armcontour.files.drawings.gcode.modes import Modes, Offsets
+from armcontour.files.drawings.gcode.words import WHOLE, Block, Fault, Notes, whole
 
 # Largest coordinate [m]: beyond it a double does not resolve a nanometre.
 FARTHEST = 1e6
-# Heights this near are one [m].
+# Heights that differ by less are equal [m].
 CLOSE = 1e-9
 
 UNKNOWN = (
@@ -34,13 +32,13 @@ UNKNOWN = (
 )
 
 
-class Tool:
-    """Where the tool is in the drawing, and its moves from there.
+class ToolMotion:
+    """Position of the tool in the drawing, and its moves.
 
     Args:
-        draft: What takes the moves.
-        notes: Takes notes, and has the line.
-        modes: What is in force.
+        draft: Receives the moves.
+        notes: Receives notes, and has the line.
+        modes: The modal state.
         offsets: From the program to the drawing.
         chord_tolerance: Largest distance between a helix and its chords [m].
     """
@@ -55,31 +53,31 @@ class Tool:
     ) -> None:
         self.draft, self.notes, self.modes, self.offsets = draft, notes, modes, offsets
         self.chord_tolerance = chord_tolerance
-        self.at = [0.0, 0.0, 0.0]
-        # Axes on which the tool went to a place that the file does not give.
+        self.position = [0.0, 0.0, 0.0]
+        # Axes on which the tool moved to a position that the file does not define.
         self.lost: set[int] = set()
-        # Whether the last drafted move ends somewhere else than where the tool is now.
+        # True if the last drafted move does not end at the tool's current position.
         self.away = False
 
     def target(self, block: Block) -> list[float]:
-        """Where the coordinates of a line lead, in the drawing.
+        """Target of the coordinates of a line, in the drawing [m].
 
         Raises:
-            Fault: Too far, or in a coordinate system whose place is not known.
+            Fault: A coordinate is too large, or its coordinate system has an unknown position.
         """
         words, unit = block.words, self.modes.unit
-        given = {i: words[x] * unit for i, x in enumerate(AXES) if x in words}
-        for i, value in given.items():
+        coordinates = {i: words[x] * unit for i, x in enumerate(AXES) if x in words}
+        for i, value in coordinates.items():
             if not abs(value) <= FARTHEST:
                 raise Fault(
                     f"{AXES[i]}{value / unit:g} leads to {value:g} m, beyond the {FARTHEST:g} m "
                     "that are read"
                 )
         if self.modes.absolute:
-            self.lost -= given.keys()
-            point = self.offsets.to_drawing(given, self.at)
+            self.lost -= coordinates.keys()
+            point = self.offsets.to_drawing(coordinates, self.position)
         else:
-            point = [self.at[i] + given.get(i, 0.0) for i in (0, 1, 2)]
+            point = [self.position[i] + coordinates.get(i, 0.0) for i in (0, 1, 2)]
         self._refuse_far(point)
         return point
 
@@ -100,7 +98,7 @@ class Tool:
         elif not self.lost:
             self.draft.resume_at(target)
             self.away = False
-        self.at[:] = target
+        self.position[:] = target
 
     def set_position(self, values: dict[int, float]) -> None:
         """G92: the tool is at these coordinates."""
@@ -109,15 +107,15 @@ class Tool:
                 "G92 at a reference position (G28, G30, G53) that the file does not give: go to an "
                 f"absolute {AXES[i]} by G0 before"
             )
-        self.offsets.set_position(values, self.at)
+        self.offsets.set_position(values, self.position)
         if not self.draft.begun:
-            self.draft.resume_at(self.at)
+            self.draft.resume_at(self.position)
 
     def lose(self, name: str, axes: set[int]) -> None:
-        """The tool goes where the file does not say, on some axes: it comes to rest before.
+        """Move some axes to a position that the file does not define, after a stop.
 
-        The program goes on from the next point that the file gives. Before the first contour the
-        tool is at zero of the program, as where nothing is given.
+        The program continues at the next point that the file defines. Before the first contour the
+        tool is at zero of the program.
         """
         self.notes.count(name, UNKNOWN)
         self.draft.rest()
@@ -126,13 +124,13 @@ class Tool:
             self.away = True
             return
         for i in axes:
-            self.at[i] = self.offsets.shift[i] or 0.0
-        self.draft.resume_at(self.at)
+            self.position[i] = self.offsets.shift[i] or 0.0
+        self.draft.resume_at(self.position)
 
     def go_to_reference(self, block: Block, code: int) -> None:
-        """G28, G30: by the point of the line's coordinates to the reference position.
+        """G28, G30: move through the point of the line to the reference position.
 
-        Without coordinates all axes go there, otherwise those that the line names.
+        Without coordinates all axes move there, otherwise the axes of the line.
         """
         words = block.words
         words.pop("P", None)
@@ -153,12 +151,12 @@ class Tool:
                 "a move in coordinates of the machine (G53) that is no rapid: their place is in "
                 "the controller and not in the file; write it in coordinates of the program"
             )
-        given = {i for i, x in enumerate(AXES) if block.words.pop(x, None) is not None}
-        self.lose("G53", given)
+        axes = {i for i, x in enumerate(AXES) if block.words.pop(x, None) is not None}
+        self.lose("G53", axes)
 
     def pass_by(self, target: list[float]) -> None:
-        """A feed move to a point of which the file does not give all axes; it draws nothing."""
-        self.at[:] = target
+        """Make a feed move from an undefined position, which is not drawn."""
+        self.position[:] = target
         self.notes.count("G1 from there", UNKNOWN)
 
     def feed(self, target: list[float]) -> None:
@@ -166,18 +164,18 @@ class Tool:
         self._refuse_lost()
         self.offsets.place()
         x, y, z = target
-        self.draft.feed(x, y, z, self.feed_of(math.dist(self.at, target)))
-        self.at[:] = target
+        self.draft.feed(x, y, z, self.feed_of(math.dist(self.position, target)))
+        self.position[:] = target
 
     def feed_of(self, length: float) -> Feed:
         """Speed, tolerance and line of a feed move of a length [m]; notes a missing feed rate."""
-        found = self.modes.speed_of(length)
-        if found != found:
+        speed = self.modes.speed_of(length)
+        if speed != speed:
             self.notes.once(
                 "The file gives no feed rate for moves, first in line {}: they have no speed of "
                 "their own, and the job's limits hold."
             )
-        return found, self.modes.tolerance, self.notes.line
+        return speed, self.modes.tolerance, self.notes.line
 
     def _refuse_lost(self) -> None:
         if self.away:
@@ -188,7 +186,7 @@ class Tool:
             )
 
     def arc(self, block: Block, target: list[float]) -> None:
-        """An arc or a helix of the plane in force; takes its words from the line."""
+        """Add an arc or a helix in the active plane; removes its words from the line."""
         self._refuse_lost()
         self.offsets.place()
         modes = self.modes
@@ -197,7 +195,7 @@ class Tool:
         last = self.draft.start_of_arc()
         circle = self._circle(block, (last[a], last[b]), (target[a], target[b]))
         rise = target[c] - last[c]
-        if abs(rise) > CLOSE and not self.draft.left:
+        if abs(rise) > CLOSE and not self.draft.offset:
             feed = self.feed_of(helix_length(circle, turns, rise))
             points = helix_points(circle, turns, self.chord_tolerance, self.draft.room_for)
             x = list(last)
@@ -210,8 +208,8 @@ class Tool:
             length = sum(x.length for x in pieces)
             feed = self.feed_of(math.hypot(length, rise))
             for piece in pieces:
-                self.draft.bend(piece, axes, feed, rise=rise * piece.length / length)
-        self.at[:] = target
+                self.draft.arc(piece, axes, feed, rise=rise * piece.length / length)
+        self.position[:] = target
 
     def _circle(self, block: Block, start: InPlane, end: InPlane) -> Circle:
         modes = self.modes
@@ -225,7 +223,7 @@ class Tool:
         u, v = (self._length(x, block.words.get(x, 0.0)) for x in letters)
         block.drop(OFFSETS)
         if modes.arc_absolute:
-            point = self.offsets.to_drawing({a: u, b: v}, self.at)
+            point = self.offsets.to_drawing({a: u, b: v}, self.position)
             center = (point[a], point[b])
         else:
             center = (start[0] + u, start[1] + v)
@@ -241,31 +239,31 @@ class Tool:
 
 
 def turns_of(block: Block) -> int:
-    """P, the number of turns begun; takes it from the line.
+    """P, the number of turns begun; removes it from the line.
 
     Raises:
         Fault: Not a whole number from 1.
     """
-    given = block.words.pop("P", 1.0)
-    turns = round(given)
-    if abs(given - turns) > WHOLE or turns < 1:
-        raise Fault(f"an arc of P{given:g} turns, which must be a whole number from 1")
+    word = block.words.pop("P", 1.0)
+    turns = round(word)
+    if abs(word - turns) > WHOLE or turns < 1:
+        raise Fault(f"an arc of P{word:g} turns, which must be a whole number from 1")
     return turns
 
 
 def by_radius(block: Block, plane: int) -> bool:
-    """Whether the arc is given by its radius.
+    """True if the arc is given by its radius.
 
     Raises:
-        Fault: And by its centre too, or without an end.
+        Fault: The arc also has a centre, or has no end.
     """
     words = block.words
     if "R" not in words:
         return False
     a, b, _ = PLANES[plane]
-    given = [x for x in OFFSETS if x in words]
-    if given:
-        raise Fault(f"an arc with both R and {given[0]}, of which only one can be meant")
+    centre_words = [x for x in OFFSETS if x in words]
+    if centre_words:
+        raise Fault(f"an arc with both R and {centre_words[0]}, of which only one can be meant")
     if AXES[a] not in words and AXES[b] not in words:
         raise Fault(f"an arc by its radius R with neither {AXES[a]} nor {AXES[b]} to end at")
     return True
@@ -280,17 +278,141 @@ def center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
     words = block.words
     a, b, c = PLANES[plane]
     both = f"{OFFSETS[min(a, b)]} and {OFFSETS[max(a, b)]}"
-    # Posts for three axes write all three offsets: one of zero across the plane says nothing.
+    # Posts for three axes write all three offsets; a zero normal to the plane is ignored.
     if words.get(OFFSETS[c], 0.0) != 0:
         raise Fault(
             f"the word {OFFSETS[c]} for an arc in the plane {codes.g_name(plane)}, whose centre is "
             f"given by {both}"
         )
-    given = [x for x in OFFSETS if x in words and x != OFFSETS[c]]
-    if not given:
+    centre_words = [x for x in OFFSETS if x in words and x != OFFSETS[c]]
+    if not centre_words:
         raise Fault(f"an arc without its centre ({both}) or radius (R)")
-    if absolute and len(given) < 2:
+    if absolute and len(centre_words) < 2:
         raise Fault(
-            f"an arc by its absolute centre (G90.1) that gives only {given[0]}: it needs {both}"
+            f"an arc by its absolute centre (G90.1) that gives only {centre_words[0]}: it needs "
+            f"{both}"
         )
     return OFFSETS[a], OFFSETS[b]
+
+
+# Clearance above the last depth at which a rapid of a peck cycle stops [m] (0.010 inch).
+CLEARANCE = 0.254e-3
+# One line can request any number of holes and pecks; this many contours take half a gigabyte.
+MOST_PECKS = 100_000
+# Words that stay valid while the same cycle is active.
+STICKY = "RQP"
+
+
+class Cycles:
+    """The active drilling cycle, its words and its moves.
+
+    Args:
+        tool: The tool.
+        modes: The modal state.
+    """
+
+    def __init__(self, tool: ToolMotion, modes: Modes) -> None:
+        self.tool, self.modes = tool, modes
+        self.code: int | None = None
+        self.sticky: dict[str, float] = {}
+        # Axis and height at which the series began: the initial level of all its lines.
+        self.level: tuple[int, float] | None = None
+        self.made = 0
+
+    def end(self) -> None:
+        """Another motion or G80 ends the series."""
+        self.code = self.level = None
+
+    def run(self, block: Block) -> None:
+        """Run the active cycle at the positions of a line; removes its words from the line.
+
+        Raises:
+            Fault: Words are missing or invalid.
+        """
+        code = self.modes.motion
+        assert code is not None
+        a, b, c = PLANES[self.modes.plane]
+        self._take_sticky_words(block, code, AXES[c])
+        repeats = whole(block.words.pop("L", 1.0), "a number L of repeats")
+        if repeats < 1:
+            raise Fault(f"L{repeats} repeats of a cycle, which must be from 1")
+        if self.level is None or self.level[0] != c:
+            self.level = (c, self.tool.position[c])
+        level = self.level[1]
+        retract, bottom = self._heights(c, level)
+        step = self.sticky["Q"] * self.modes.unit if code == codes.PECK else math.inf
+        coordinates = {x: block.words.pop(x) for x in (AXES[a], AXES[b]) if x in block.words}
+        if c in self.tool.lost:
+            raise Fault(
+                f"a cycle from a height that the file does not give: go to an absolute {AXES[c]} "
+                "by G0 before"
+            )
+        self.made += math.ceil(repeats * max((retract - bottom) / step, 1.0))
+        if self.made > MOST_PECKS:
+            raise Fault(
+                f"cycles of more than {MOST_PECKS} holes and pecks together: give fewer repeats L, "
+                "or a larger Q"
+            )
+        if self.tool.position[c] < retract:
+            self._rise(c, retract)
+        clear = retract if self.modes.return_to_r else max(level, retract)
+        for _ in range(repeats):
+            hole = Block()
+            hole.words = dict(coordinates)
+            target = self.tool.target(hole)
+            target[c] = self.tool.position[c]
+            self.tool.go(target)
+            self._rise(c, retract)
+            depth = retract - step
+            while depth > bottom:
+                self._feed(c, depth)
+                self._rise(c, retract)
+                self._rise(c, depth + CLEARANCE)
+                depth -= step
+            self._feed(c, bottom)
+            if code == codes.DRILL_AND_DWELL:
+                self.tool.draft.dwell(self.sticky.get("P", 0.0))
+            self._rise(c, clear)
+
+    def _take_sticky_words(self, block: Block, code: int, height: str) -> None:
+        """Take from a line the words that are also valid for the next lines."""
+        if code != self.code:
+            self.code, self.sticky = code, {}
+        for letter in (*STICKY, height):
+            if letter in block.words:
+                self.sticky[letter] = block.words.pop(letter)
+        name = codes.g_name(code)
+        for letter in ("R", height):
+            if letter not in self.sticky:
+                raise Fault(f"the cycle {name} without {letter}: give it on the cycle's first line")
+        if code == codes.PECK and self.sticky.get("Q", 0.0) <= 0:
+            raise Fault(f"the cycle {name} without a depth Q above zero of each peck")
+        if self.sticky.get("P", 0.0) < 0:
+            raise Fault(f"the cycle {name} with a dwell P below zero")
+        if self.modes.inverse_time:
+            raise Fault(f"the cycle {name} under G93, which gives its feed moves no time")
+
+    def _heights(self, c: int, level: float) -> tuple[float, float]:
+        """The heights R and Z in the drawing; under G91, R is relative to the initial level."""
+        r, z = (self.sticky[x] * self.modes.unit for x in ("R", AXES[c]))
+        if self.modes.absolute:
+            retract, bottom = (
+                self.tool.offsets.to_drawing({c: x}, self.tool.position)[c] for x in (r, z)
+            )
+        else:
+            retract = level + r
+            bottom = retract + z
+        if retract < bottom:
+            raise Fault(f"a cycle whose R ({{}}) is below its {AXES[c]} ({{}})", retract, bottom)
+        return retract, bottom
+
+    def _rise(self, c: int, height: float) -> None:
+        """A rapid move along the axis of the cycle."""
+        target = list(self.tool.position)
+        target[c] = height
+        self.tool.go(target)
+
+    def _feed(self, c: int, height: float) -> None:
+        target = list(self.tool.position)
+        target[c] = height
+        self.tool.feed(target)

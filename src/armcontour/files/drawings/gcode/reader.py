@@ -1,4 +1,4 @@
-"""Reading G-code: lines, the frame of percent signs, and the end of the program."""
+"""Reader of G-code: lines, percent signs, and the end of the program."""
 
 from __future__ import annotations
 
@@ -7,16 +7,13 @@ import re
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
-from armcontour.files.drawings.gcode.faults import Fault
 from armcontour.files.drawings.gcode.machine import Machine
-from armcontour.files.drawings.gcode.words import LONGEST_LINE, dialect_of, parse
-from armcontour.files.drawings.mending import repair
-from armcontour.files.drawings.options import ReadOptions
-from armcontour.files.drawings.reading import Tell, tell_share
+from armcontour.files.drawings.gcode.words import LONGEST_LINE, Fault, dialect_of, parse
+from armcontour.files.drawings.read_options import ReadOptions, Tell, repair, tell_share
 from armcontour.program import Program
 
-# A line of nothing but coordinates and feed, as nearly all lines of long programs are. Whatever it
-# does not match is taken apart word by word, to the same effect.
+# A line with only coordinates and feed, as nearly all lines of long programs. Other lines are
+# parsed word by word.
 _NUMBER = r"([+-]?(?:[0-9]{1,6}(?:\.[0-9]{0,12})?|\.[0-9]{1,12})) ?"
 PLAIN = re.compile(
     r"(?:N[0-9]{1,9} ?)?(?:G0?1 ?)?"
@@ -31,7 +28,7 @@ PROGRAM_NUMBER = re.compile(r":[0-9]+ *(?:\([^()]*\))?")
 MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM](11[578]|486)(?![0-9])")
 # Macros of Klipper and similar firmware: START_PRINT BED_TEMP=60.
 MACRO = re.compile(r"[ \t]*([A-Za-z]{2,}[0-9]*_\w+|[A-Za-z]{2,}(?=[ \t]+[A-Za-z]{2,}\w*=))")
-# Macros that place the moves after them elsewhere.
+# Macros that shift the moves after them.
 SHIFTING = ("SET_GCODE_OFFSET", "SET_KINEMATIC_POSITION", "RESTORE_GCODE_STATE")
 # Comments of slicers: a layer, with its number or without, and the type of what follows.
 SLICER = re.compile(
@@ -51,16 +48,8 @@ def read_gcode(
     points. Spindle, coolant, tool, outputs and extruder are events. See docs/guides/gcode.md for
     every word.
 
-    Args:
-        data: Content of the file.
-        source: Name of the file.
-        options: How to read it; its unit holds until G20 or G21, millimetres by default.
-        progress: Called from time to time with the name of the source and the share of it that is
-            read.
-
     Raises:
-        InvalidInput: Something that cannot be read or carried out, with its line; `index` is the
-            line's, from 0.
+        InvalidInput: A line cannot be read or executed; `index` is the index of the line, from 0.
     """
     lines = _lines(data, source)
     machine = Machine(options, dialect_of(lines))
@@ -73,14 +62,10 @@ def read_gcode(
 
 
 def _lines(data: bytes, source: str) -> list[str]:
-    """Lines that end with any of the three ends of line.
-
-    Raises:
-        InvalidInput: A byte that no text has.
-    """
-    at = data.find(b"\0")
-    if at >= 0:
-        line = 1 + sum(1 for _ in LINE_END.finditer(data, 0, at))
+    """Lines that end with any of the three ends of line."""
+    position = data.find(b"\0")
+    if position >= 0:
+        line = 1 + sum(1 for _ in LINE_END.finditer(data, 0, position))
         raise InvalidInput(
             f"{source}, line {line}: a byte of value 0, so that this is no G-code as text: save it "
             "as plain text (ASCII, Latin-1 or UTF-8).",
@@ -93,28 +78,21 @@ def _lines(data: bytes, source: str) -> list[str]:
 
 
 class _Runner:
-    """Carries out the lines of a program in their order.
+    """Executes the lines of a program in their order.
 
     Args:
         lines: All lines of the file.
         source: Name of the file.
-        machine: What the lines are carried out by.
+        machine: The machine that executes the lines.
     """
 
     def __init__(self, lines: list[str], source: str, machine: Machine) -> None:
         self.lines, self.source, self.machine = lines, source, machine
-        # Whether a percent sign opened the program, a word was read, and the program has ended.
-        self.framed = self.seen = self.ended = False
+        # True if a percent sign opened the program, a word was read, the program has ended.
+        self.framed = self.has_words = self.ended = False
 
     def run(self, tell: Tell) -> None:
-        """Carries out all lines up to the end of the program.
-
-        Args:
-            tell: Called now and then with the share of the program that is read.
-
-        Raises:
-            InvalidInput: What cannot be carried out, with its line.
-        """
+        """Execute all lines up to the end of the program."""
         machine, notes, lines = self.machine, self.machine.notes, self.lines
         plain = machine.ready()
         try:
@@ -122,9 +100,9 @@ class _Runner:
                 notes.line = i + 1
                 if not i % LINES_BETWEEN_REPORTS:
                     tell(i / len(lines))
-                found = PLAIN.fullmatch(line) if plain else None
-                if found is not None:
-                    machine.feed_to(*found.groups())
+                match = PLAIN.fullmatch(line) if plain else None
+                if match is not None:
+                    machine.feed_to(*match.groups())
                     continue
                 self._run_line(line)
                 if self.ended:
@@ -135,8 +113,10 @@ class _Runner:
             machine.finish()
         except Fault as fault:
             number = fault.line or max(notes.line, 1)
-            told = fault.told(inch=machine.modes.inch)
-            raise InvalidInput(f"{self.source}, line {number}: {told}.", index=number - 1) from None
+            message = fault.message(inch=machine.modes.inch)
+            raise InvalidInput(
+                f"{self.source}, line {number}: {message}.", index=number - 1
+            ) from None
         if self.framed and not self.ended:
             raise InvalidInput(
                 f"{self.source}, line {len(lines)}: the file ends without a second % that its "
@@ -145,11 +125,7 @@ class _Runner:
             )
 
     def _run_line(self, line: str) -> None:
-        """Carries out a line.
-
-        Raises:
-            Fault: What cannot be carried out.
-        """
+        """Execute a line."""
         machine = self.machine
         if len(line) > LONGEST_LINE:
             raise Fault(
@@ -159,28 +135,24 @@ class _Runner:
         text = line.strip(WHITE)
         if text.startswith("%"):
             # The start or the end of the program; a name may follow the first.
-            if text != "%" and (self.framed or self.seen):
+            if text != "%" and (self.framed or self.has_words):
                 machine.notes.count("what follows % on its line")
-            self.ended, self.framed = self.framed or self.seen, True
+            self.ended, self.framed = self.framed or self.has_words, True
         elif text.startswith("/"):
             machine.notes.count("lines with a slash (block delete)", "Left out: {}.")
         elif text and PROGRAM_NUMBER.fullmatch(text) is None and not self._is_text(line):
-            if ";" in line and (found := SLICER.match(line)) is not None:
-                machine.compensation.set_layer(found[1], found[2])
+            if ";" in line and (match := SLICER.match(line)) is not None:
+                machine.compensation.set_layer(match[1], match[2])
             block = parse(line)
-            self.seen |= bool(block.g or block.m or block.words)
+            self.has_words |= bool(block.g or block.m or block.words)
             self.ended = machine.execute(block)
 
     def _is_text(self, line: str) -> bool:
-        """Whether a line is a message or a macro of a printer, which is skipped with a note.
-
-        Raises:
-            Fault: A macro that places the moves after it elsewhere.
-        """
-        found = MESSAGE.match(line)
-        name = found and f"M{found[1]}"
-        if found is None and (found := MACRO.match(line)) is not None:
-            name = found[1].upper()
+        """Skip a message or a macro of a printer, with a note; returns False for other lines."""
+        match = MESSAGE.match(line)
+        name = match and f"M{match[1]}"
+        if match is None and (match := MACRO.match(line)) is not None:
+            name = match[1].upper()
             if name in SHIFTING:
                 raise Fault(
                     f"the macro {name}, which places the moves after it elsewhere: write the moves "

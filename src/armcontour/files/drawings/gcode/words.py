@@ -1,4 +1,4 @@
-"""A line of G-code taken apart into its words, and the dialect of all lines."""
+"""Words of G-code lines, and messages about them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from armcontour.core.text import count_noun, list_some
 from armcontour.files.drawings.gcode.codes import (
     BARE_WORDS,
     G_GROUP,
@@ -16,30 +17,90 @@ from armcontour.files.drawings.gcode.codes import (
     UNDERSTOOD_M,
     g_name,
 )
-from armcontour.files.drawings.gcode.faults import Fault
 
-# Seventeen digits tell all doubles apart; twice as many are no measure of anything.
+MILLIMETRE, INCH = 1e-3, 0.0254
+IDLE = "Left out, because it moves nothing: {}."
+# Largest number of kinds that a note names.
+MOST_KINDS = 12
+
+
+class Fault(Exception):
+    """An error in a line; the text completes a sentence that names the line.
+
+    Args:
+        text: The words, with `{}` in place of each length.
+        lengths: The lengths [m], which are written in the unit of the program.
+        line: The line, if it is not the current one.
+    """
+
+    def __init__(self, text: str, *lengths: float, line: int = 0) -> None:
+        super().__init__(text)
+        self.lengths, self.line = lengths, line
+
+    def message(self, *, inch: bool) -> str:
+        """The words with the lengths, in inches or in millimetres."""
+        text = str(self)
+        if not self.lengths:
+            return text
+        unit, name = (INCH, "inch") if inch else (MILLIMETRE, "mm")
+        return text.format(*(f"{x / unit:.6g} {name}" for x in self.lengths))
+
+
+class Notes:
+    """Notes on skipped content and on the interpretation of lines, with the current line."""
+
+    def __init__(self) -> None:
+        self.line = 0
+        # Count and first line of each kind, by the sentence; first lines by the sentence.
+        self.counts: dict[str, dict[str, list[int]]] = {IDLE: {}}
+        self.firsts: dict[str, int] = {}
+
+    def count(self, kind: str, sentence: str = IDLE) -> None:
+        """Count a skipped item; `{}` in the sentence is replaced by all kinds."""
+        self.counts.setdefault(sentence, {}).setdefault(kind, [0, self.line])[0] += 1
+
+    def once(self, sentence: str) -> None:
+        """Note how lines are read; `{}` in the sentence is replaced by the first such line."""
+        self.firsts.setdefault(sentence, self.line)
+
+    def sentences(self) -> list[str]:
+        """All notes."""
+        listed = {
+            sentence: list_some(
+                [
+                    f"{x} ({count_noun(n, 'time')}, first in line {i})"
+                    for x, (n, i) in kinds.items()
+                ],
+                MOST_KINDS,
+            )
+            for sentence, kinds in self.counts.items()
+        }
+        counted = [sentence.format(x) for sentence, x in listed.items() if x]
+        return counted + [sentence.format(line) for sentence, line in self.firsts.items()]
+
+
+# Seventeen digits distinguish all doubles; longer numbers are not meaningful.
 MOST_CHARACTERS = 34
-# Largest value of a word, whatever it means; coordinates have a limit of their own.
+# Largest value of any word; coordinates have a separate limit.
 LARGEST_VALUE = 1e9
 # A program has lines of some ten characters, and comments of some hundred.
 LONGEST_LINE = 65_536
-# So many characters of what is refused are shown.
+# Number of characters of refused text in messages.
 SHOWN = 30
 # Smaller M codes have no decimals.
 FIRST_WITH_DECIMALS = 100
-# A value that is to be a whole number is one this near to it (LinuxCNC manual, "Numbers").
+# A value this near to a whole number is whole (LinuxCNC manual, "Numbers").
 WHOLE = 1e-4
 
 TOKEN = re.compile(r"([A-Z])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|\([^()]*\)|;.*", re.DOTALL)
 EXPONENT = re.compile(r"[0-9.][eE]")
 COMMENTS = re.compile(r"\([^()]*\)|;.*", re.DOTALL)
-# The start of an O word, and one that only names the program.
+# The start of an O word, and an O word that is a program number.
 O_WORD = re.compile(r"(?:N[0-9]+)?O")
 PROGRAM_NUMBER = re.compile(r"(?:N[0-9]+)?O[0-9]+(?:\.0*)?")
 # Flow control of Fanuc.
 FANUC_FLOW = re.compile(r"IF|WHILE|GOTO|END|DO|ELSE|THEN")
-# What is computed, or a word with such a value: #1=2, X#1, Y-[2*#1], ZSIN[30].
+# Expressions, and words with expressions as values: #1=2, X#1, Y-[2*#1], ZSIN[30].
 COMPUTED = re.compile(r"[A-Z]?[-+]*(?:#|[A-Z]*\[)")
 # Letters without a value, and text, which 3D printers have: G28 X Y, M84 X Y E, M862.3 P "MK3S".
 BARE = re.compile(r"[A-Z](?=[A-Z(;\"]|$)")
@@ -48,7 +109,7 @@ TEXT = re.compile(r'"[^"]*"')
 LASER = frozenset({3, 4, 5})
 # The sum of bytes that senders of 3D printers add to numbered lines: "N3 T0*57".
 CHECKSUM = re.compile(r"^(N[0-9]+[^;(*]*)\*[0-9]+(?=;|$)")
-# Spaces may stand anywhere, and case means nothing (LinuxCNC manual, "Format of a line").
+# Spaces are allowed anywhere, and case is ignored (LinuxCNC manual, "Format of a line").
 COMPACT = str.maketrans(
     {c: None for c in " \t\r\n"} | {chr(i): chr(i - 32) for i in range(ord("a"), ord("z") + 1)}
 )
@@ -67,7 +128,7 @@ class Block:
         m: M codes.
         motion: The code of the group for motion.
         words: Values of all other letters, in their order; NaN of those without a value.
-        before_m: How many of the words come before the first M code.
+        before_m: Number of words before the first M code.
     """
 
     __slots__ = ("before_m", "g", "m", "motion", "words")
@@ -89,24 +150,24 @@ def parse(line: str) -> Block:
     """The words of a line.
 
     Raises:
-        Fault: Something that is no word or comment, or words that exclude each other.
+        Fault: Text that is no word or comment, or words that exclude each other.
     """
     text = line.translate(COMPACT)
     block = Block()
     if "O" in text and O_WORD.match(text) is not None:
         _refuse_flow(line)
         return block
-    at = 0
-    while at < len(text):
-        found = TOKEN.match(text, at)
-        if found is None:
-            at = _read_other(block, text, at)
+    position = 0
+    while position < len(text):
+        match = TOKEN.match(text, position)
+        if match is None:
+            position = _read_other(block, text, position)
             continue
-        if found[1] is not None:
-            _add(block, found[1], found[2], at)
-        at = found.end()
-        if text[at : at + 1] == "*" and (summed := CHECKSUM.match(text)) is not None:
-            at = summed.end()
+        if match[1] is not None:
+            _add(block, match[1], match[2], position)
+        position = match.end()
+        if text[position : position + 1] == "*" and (summed := CHECKSUM.match(text)) is not None:
+            position = summed.end()
     if "E" in block.words and EXPONENT.search(COMMENTS.sub(" ", line)):
         raise Fault(
             "a number with an exponent, which G-code does not have: write it out, or a space "
@@ -116,45 +177,37 @@ def parse(line: str) -> Block:
 
 
 def _refuse_flow(line: str) -> None:
-    """Refuses an O word that is more than the number of a program.
-
-    Raises:
-        Fault: It is one.
-    """
+    """Refuse an O word that is not the number of a program."""
     text = COMMENTS.sub("", line)
     if PROGRAM_NUMBER.fullmatch(text.translate(COMPACT)) is None:
         shown = " ".join(text.split())[:SHOWN]
         raise Fault(f"{ascii(shown)[1:-1]}: flow control is not read; {PLAIN_MOVES}")
 
 
-def _read_other(block: Block, text: str, at: int) -> int:
-    """A letter without a value, or text; returns where it ends.
-
-    Raises:
-        Fault: None of these.
-    """
+def _read_other(block: Block, text: str, position: int) -> int:
+    """Read a letter without a value, or text; returns its end."""
     # As Marlin marks power that changes with moves: M3 S20 I.
-    if text[at] == "I" and not LASER.isdisjoint(block.m) and BARE.match(text, at):
+    if text[position] == "I" and not LASER.isdisjoint(block.m) and BARE.match(text, position):
         _add_word(block, "I", math.nan)
-        return at + 1
+        return position + 1
     strange = any(x not in UNDERSTOOD_M for x in block.m)
-    if strange and (found := TEXT.match(text, at)) is not None:
-        return found.end()
+    if strange and (match := TEXT.match(text, position)) is not None:
+        return match.end()
     bare = strange or not BARE_WORDS.isdisjoint(block.g)
-    if bare and BARE.match(text, at):
-        _add_word(block, text[at], math.nan)
-        return at + 1
-    raise Fault(_what_is_wrong(text, at))
+    if bare and BARE.match(text, position):
+        _add_word(block, text[position], math.nan)
+        return position + 1
+    raise Fault(_explain_syntax(text, position))
 
 
-def _add(block: Block, letter: str, number: str, at: int) -> None:
+def _add(block: Block, letter: str, number: str, position: int) -> None:
     if len(number) > MOST_CHARACTERS:
         raise Fault(
             f"the number after {letter} has {len(number)} characters, but at most "
             f"{MOST_CHARACTERS} are read: round it"
         )
     if letter == "N":
-        if at or number[0] in "+-":
+        if position or number[0] in "+-":
             raise Fault("a line number N that is not a plain number at the start of the line")
         return
     text, value = letter + number, float(number)
@@ -207,49 +260,55 @@ def _add_m(codes: list[float], value: float, text: str) -> None:
 
 
 def _refuse_two(first: str, second: str, group: str | None) -> None:
-    what = f" of the group for {group}" if group else ""
+    group_name = f" of the group for {group}" if group else ""
     raise Fault(
-        f"{first} and {second}, two codes{what} of which a line takes only one: "
+        f"{first} and {second}, two codes{group_name} of which a line takes only one: "
         "write them in two lines"
     )
 
 
-def whole(value: float, what: str) -> int:
-    """A value that has to be a whole number.
+def whole(value: float, word: str) -> int:
+    """Convert a value that must be a whole number.
 
     Raises:
         Fault: It is not.
     """
     if not math.isfinite(value) or abs(value - round(value)) > WHOLE:
-        raise Fault(f"{what} of {value:g}, which must be a whole number")
+        raise Fault(f"{word} of {value:g}, which must be a whole number")
     return round(value)
 
 
-def _what_is_wrong(text: str, at: int) -> str:
-    """Why no word or comment starts there."""
-    here = text[at]
-    if FANUC_FLOW.match(text, at) is not None:
-        return f"{ascii(text[at : at + SHOWN])}: flow control is not read; {PLAIN_MOVES}"
-    if (found := COMPUTED.match(text, at)) is not None:
-        what = "a parameter #" if found[0].endswith("#") else "an expression [ ]"
-        return f"{what} ({ascii(text[at : at + SHOWN])}), which is not read; {PLAIN_MOVES}"
-    if here == "(":
-        inner = text.find("(", at + 1)
-        close = text.find(")", at + 1)
+def _explain_syntax(text: str, position: int) -> str:
+    """The reason why no word or comment starts at a position."""
+    character = text[position]
+    if FANUC_FLOW.match(text, position) is not None:
+        return (
+            f"{ascii(text[position : position + SHOWN])}: flow control is not read; {PLAIN_MOVES}"
+        )
+    if (match := COMPUTED.match(text, position)) is not None:
+        kind = "a parameter #" if match[0].endswith("#") else "an expression [ ]"
+        return (
+            f"{kind} ({ascii(text[position : position + SHOWN])}), which is not read; {PLAIN_MOVES}"
+        )
+    if character == "(":
+        inner = text.find("(", position + 1)
+        close = text.find(")", position + 1)
         if close < 0 or inner < 0:
             return "a comment that begins with ( and does not end: close it with )"
         return "a comment ( ) within a comment: leave out the inner parentheses"
-    if text.startswith(("//", "/*"), at):
-        return f"a comment {text[at : at + 2]}, which G-code does not have: write ( ) or ;"
-    if here.isascii() and here.isalpha():
-        return f"the letter {here} without a number after it"
-    if here in "@^":
+    if text.startswith(("//", "/*"), position):
+        return (
+            f"a comment {text[position : position + 2]}, which G-code does not have: write ( ) or ;"
+        )
+    if character.isascii() and character.isalpha():
+        return f"the letter {character} without a number after it"
+    if character in "@^":
         return "polar coordinates (@ or ^), which this reader does not have: write X and Y"
-    if here == "$":
+    if character == "$":
         return "$, which belongs to a sender or a controller and is no G-code: leave the line out"
     if text.startswith(("->", "<-", "<~")):
         return "the record of a sender (->, <-), which is no G-code: give the file of the program"
-    return f"{ascii(here)}, which begins no word"
+    return f"{ascii(character)}, which begins no word"
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,7 +337,7 @@ def dialect_of(lines: list[str]) -> Dialect:
 
 
 def _has(pattern: re.Pattern[str], lines: Iterable[str]) -> bool:
-    """Whether a pattern occurs in a line, outside of comments."""
+    """True if a pattern occurs in a line outside of comments."""
     return any(
         pattern.search(COMMENTS.sub("", x)) is not None for x in lines if len(x) <= LONGEST_LINE
     )

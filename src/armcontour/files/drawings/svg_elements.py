@@ -1,4 +1,4 @@
-"""Numbers, lengths, transforms and viewports of SVG."""
+"""Elements of SVG files: their tree, styles, lengths and transforms."""
 
 from __future__ import annotations
 
@@ -6,14 +6,194 @@ import dataclasses
 import itertools
 import math
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import NoReturn
 
 import numpy as np
 
 from armcontour.core.checks import frozen_array
-from armcontour.files.drawings._svg_tree import Element
-from armcontour.files.drawings.chain import Affine
+from armcontour.core.errors import InvalidInput
+from armcontour.files.drawings.arc_chain import Affine
+
+SVG = "http://www.w3.org/2000/svg"
+# Namespaces of attributes that are read, with their usual prefixes.
+PREFIXES = {
+    "http://www.w3.org/1999/xlink": "xlink:",
+    "http://www.inkscape.org/namespaces/inkscape": "inkscape:",
+    SVG: "",
+}
+# Largest number of elements; no drawing of contours has more.
+MOST_ELEMENTS = 500_000
+# Largest number of characters that entities may add to a file; namespaces need some thousand.
+MOST_EXPANDED = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Element:
+    """An element of an SVG file.
+
+    Args:
+        tag: Name of the element without a namespace; "" if it belongs to another namespace.
+        attributes: Attributes by name, those of the namespaces in `PREFIXES` with their prefix.
+        source: Name of the file.
+        line: Line of the file in which the element starts.
+        children: Elements in this element.
+        text: Parts of the element's text; stored for style sheets only.
+    """
+
+    tag: str
+    attributes: Mapping[str, str]
+    source: str
+    line: int
+    children: list[Element] = field(default_factory=list)
+    text: list[str] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """Name of the element in messages, such as `path 'leaf' in line 7`."""
+        identifier = self.attributes.get("id")
+        return f"{self.tag[:40]}{f' {identifier[:60]!r}' if identifier else ''} in line {self.line}"
+
+    def get(self, key: str) -> str:
+        """An attribute without the blanks around it; "" if it is missing."""
+        return self.attributes.get(key, "").strip()
+
+    def style(self, key: str) -> str:
+        """A property from the attribute style, or else the attribute of that name; "" if none."""
+        return self.style_property(key) or self.get(key)
+
+    def style_property(self, key: str) -> str:
+        """A property from the attribute style; "" if it is missing."""
+        style = self.attributes.get("style", "")
+        if key in style:
+            for declaration in reversed(style.split(";")):
+                name, _, value = declaration.partition(":")
+                if name.strip() == key:
+                    return value.replace("!important", "").strip()
+        return ""
+
+    def refuse(self, defect: str) -> NoReturn:
+        """Refuse the element with a description of its defect.
+
+        Raises:
+            InvalidInput: Always.
+        """
+        raise InvalidInput(f"{self.source}: {self.name}: {defect}.")
+
+
+def tree_of(data: bytes, source: str) -> Element:
+    """The outermost element of an SVG file, with all elements in it.
+
+    Entities must be plain text in the file, and together add at most `MOST_EXPANDED` characters, as
+    a short file could expand to any size. Other files are never loaded.
+
+    Raises:
+        InvalidInput: The file is not XML, defines other entities or has too many elements, or its
+            outermost element is not svg.
+    """
+    from xml.parsers import expat
+
+    if data[:2] == b"\x1f\x8b":
+        raise InvalidInput(f"{source} is compressed (svgz): unpack it first.")
+    builder = _Builder(source, data)
+    try:
+        parser = expat.ParserCreate(namespace_separator="\n")
+        parser.buffer_text = True
+        builder.listen(parser)
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        reason = expat.ErrorString(error.code)
+        raise InvalidInput(
+            f"{source}, line {error.lineno}: this is not well-formed XML: {reason}."
+        ) from None
+    except (LookupError, ValueError) as error:
+        if isinstance(error, InvalidInput):
+            raise
+        raise InvalidInput(f"{source} cannot be read as XML: {str(error)[:200]}.") from None
+    return _svg_element(builder.root, source)
+
+
+def _svg_element(root: Element | None, source: str) -> Element:
+    """The outermost element of a file, if it is svg."""
+    if root is None or root.tag != "svg":
+        beginning = (
+            f"begins with {root.tag[:40] or 'an element of another language'}"
+            if root
+            else "is empty"
+        )
+        raise InvalidInput(f"{source} is no SVG file: it {beginning}, not with svg.")
+    return root
+
+
+class _Builder:
+    """Builds the tree of elements from the events of the XML parser."""
+
+    def __init__(self, source: str, data: bytes) -> None:
+        self.source = source
+        self._data = data
+        self._expanded = 0
+        self.root: Element | None = None
+        self._open: list[Element] = []
+        self._count = 0
+        self._line = 0
+
+    def listen(self, parser: object) -> None:
+        """Register this builder's methods as handlers of the parser."""
+
+        def start(name: str, attributes: dict[str, str]) -> None:
+            self._start(name, attributes, parser.CurrentLineNumber)  # type: ignore[attr-defined]
+
+        def entity(name: str, parameter: int, value: str | None, *_: object) -> None:
+            line = parser.CurrentLineNumber  # type: ignore[attr-defined]
+            self._check_entity(name, None if parameter else value, line)
+
+        parser.StartElementHandler = start  # type: ignore[attr-defined]
+        parser.EndElementHandler = self._end  # type: ignore[attr-defined]
+        parser.CharacterDataHandler = self._text  # type: ignore[attr-defined]
+        parser.EntityDeclHandler = entity  # type: ignore[attr-defined]
+
+    def _check_entity(self, name: str, value: str | None, line: int) -> None:
+        """Refuse an entity that is not plain text in the file, or expands to too much."""
+        where = f"{self.source}, line {line}: the entity {name[:60]!r}"
+        if value is None or "&" in value or "%" in value or "<" in value:
+            raise InvalidInput(
+                f"{where} is not plain text in the file, which is not read: save it as plain SVG."
+            )
+        # Counted before the parser expands it; the file's encoding must contain ASCII.
+        self._expanded += len(value) * self._data.count(f"&{name};".encode())
+        if self._expanded > MOST_EXPANDED or b"<!ENTITY" not in self._data:
+            raise InvalidInput(
+                f"{where} would make the file longer by more than {MOST_EXPANDED} characters, or "
+                "nobody can tell: save it as plain SVG."
+            )
+
+    def _start(self, name: str, attributes: dict[str, str], line: int) -> None:
+        """Add an element to the innermost open element."""
+        self._count += 1
+        if self._count > MOST_ELEMENTS:
+            raise InvalidInput(f"{self.source} has more than {MOST_ELEMENTS} elements: split it.")
+        space, _, local = name.rpartition("\n")
+        read = {}
+        for key, value in attributes.items():
+            owner, _, bare = key.rpartition("\n")
+            if not owner or owner in PREFIXES:
+                read[PREFIXES.get(owner, "") + bare] = value
+        tag = local if space in ("", SVG) else ""
+        element = Element(tag, read, self.source, line)
+        if self._open:
+            self._open[-1].children.append(element)
+        else:
+            self.root = element
+        self._open.append(element)
+
+    def _end(self, _: str) -> None:
+        self._open.pop()
+
+    def _text(self, data: str) -> None:
+        if self._open[-1].tag == "style":
+            self._open[-1].text.append(data)
+
 
 # Lengths of an inch and of a CSS pixel [m]; a CSS pixel is SVG's user unit if there is no viewBox.
 INCH = 0.0254
@@ -36,7 +216,7 @@ ACROSS = frozenset({"x", "x1", "x2", "cx", "rx", "width"})
 UPWARDS = frozenset({"y", "y1", "y2", "cy", "ry", "height"})
 LENGTHS = ACROSS | UPWARDS | {"r"}
 SQRT2 = math.sqrt(2)
-# Size of the font if nothing says it, as browsers have it [CSS pixels].
+# Default font size of browsers [CSS pixels].
 FONT = 16.0
 NUMBER = r"[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+"
 NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*+[\s,]*+")
@@ -70,7 +250,7 @@ def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine
 
 
 def is_flat(transform: Affine) -> bool:
-    """Whether a transform maps every area to zero."""
+    """True if a transform maps every area to zero."""
     size = float(np.abs(transform.linear).max())
     if size == 0:
         return True
@@ -86,16 +266,16 @@ def numbers_of(element: Element, key: str, text: str) -> list[float]:
     """
     if not NUMBERS.fullmatch(text):
         bad = NUMBERS.match(text)
-        at = bad.end() if bad else 0
-        element.refuse(f"{key} has {text[at : at + 20]!r} where a number should be")
+        position = bad.end() if bad else 0
+        element.refuse(f"{key} has {text[position : position + 20]!r} where a number should be")
     return check_numbers(
         element, key, [float(x[0]) for x in limit_matches(EACH_NUMBER.finditer(text))]
     )
 
 
-def limit_matches(found: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
+def limit_matches(matches: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
     """The first matches, at most one more than `MOST_NUMBERS`."""
-    return itertools.islice(found, MOST_NUMBERS + 1)
+    return itertools.islice(matches, MOST_NUMBERS + 1)
 
 
 def check_numbers(element: Element, key: str, values: list[float]) -> list[float]:
@@ -144,13 +324,7 @@ def number_of(element: Element, key: str) -> float:
 
 
 def make_absolute(element: Element, view: ViewBox | None, font: float) -> Element:
-    """The element with its lengths in % and em as numbers.
-
-    Args:
-        element: The element.
-        view: The viewport of which percentages are taken; without it they stay.
-        font: Size of the font in user units, which is one em.
-    """
+    """The element with its lengths in % and em as numbers."""
     changed = {}
     for key in LENGTHS & element.attributes.keys():
         match = _LENGTH.fullmatch(element.get(key))
@@ -192,22 +366,22 @@ def transform_of(element: Element) -> Affine:
     text = element.get("transform")
     if text in ("", "none"):
         return IDENTITY
-    whole, at, count = IDENTITY, 0, 0
-    while at < len(text):
-        match = _TRANSFORM.match(text, at)
+    whole, position, count = IDENTITY, 0, 0
+    while position < len(text):
+        match = _TRANSFORM.match(text, position)
         if match is None or match[1] not in COUNTS or count >= MOST_TRANSFORMS:
-            if not text[at:].strip(" \t\r\n,"):
+            if not text[position:].strip(" \t\r\n,"):
                 break
             element.refuse(
-                f"transform has {text[at : at + 30].strip()!r}, which is not one of "
+                f"transform has {text[position : position + 30].strip()!r}, which is not one of "
                 f"{', '.join(COUNTS)}"
             )
         values = numbers_of(element, f"transform {match[1]}", match[2])
         if len(values) not in COUNTS[match[1]]:
-            wanted = " or ".join(map(str, COUNTS[match[1]]))
-            element.refuse(f"{match[1]} takes {wanted} numbers, but has {len(values)}")
+            counts = " or ".join(map(str, COUNTS[match[1]]))
+            element.refuse(f"{match[1]} takes {counts} numbers, but has {len(values)}")
         whole = whole @ _single_transform(match[1], values)
-        at, count = match.end(), count + 1
+        position, count = match.end(), count + 1
     if not whole.finite:
         element.refuse("transform has numbers that are too large")
     return whole
@@ -236,8 +410,8 @@ def _single_transform(kind: str, values: list[float]) -> Affine:
 
 def _cos_sin(degrees: float) -> tuple[float, float]:
     """Cosine and sine of an angle, exact for multiples of a right angle."""
-    quarters, rest = divmod(degrees, 90.0)
-    c, s = math.cos(math.radians(rest)), math.sin(math.radians(rest))
+    quarters, remainder = divmod(degrees, 90.0)
+    c, s = math.cos(math.radians(remainder)), math.sin(math.radians(remainder))
     for _ in range(int(quarters % 4)):
         c, s = -s, c
     return c, s
@@ -273,11 +447,6 @@ def view_box(element: Element) -> ViewBox | None:
 def viewbox_transform(element: Element, inner: ViewBox, outer: ViewBox) -> Affine:
     """The map from the viewBox of an element into its viewport, by its preserveAspectRatio.
 
-    Args:
-        element: The element.
-        inner: The viewBox.
-        outer: The viewport.
-
     Raises:
         InvalidInput: The value of preserveAspectRatio is not known.
     """
@@ -289,6 +458,6 @@ def viewbox_transform(element: Element, inner: ViewBox, outer: ViewBox) -> Affin
     shares = SHARES[match[2] or "Min"], SHARES[match[3] or "Min"]
     if match[1] is None:
         x = y = max(x, y) if match[4] == "slice" else min(x, y)
-    left = outer.x + shares[0] * (outer.width - x * inner.width) - x * inner.x
-    top = outer.y + shares[1] * (outer.height - y * inner.height) - y * inner.y
-    return affine(x, 0, 0, y, left, top)
+    x_offset = outer.x + shares[0] * (outer.width - x * inner.width) - x * inner.x
+    y_offset = outer.y + shares[1] * (outer.height - y * inner.height) - y * inner.y
+    return affine(x, 0, 0, y, x_offset, y_offset)

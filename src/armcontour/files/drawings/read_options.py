@@ -1,15 +1,21 @@
-"""`ReadOptions`: how a drawing, G-code or a table of waypoints is read."""
+"""Options of all readers of drawings, and the names, colours and progress that they share."""
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from armcontour.core import checks
+from armcontour.core.checks import LONGEST_NAME
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
+from armcontour.core.file_access import SMALL
+from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import (
     About,
     AngularDistance,
@@ -19,10 +25,119 @@ from armcontour.core.quantities import (
     Length,
     Tolerance,
 )
-from armcontour.core.text import show
+from armcontour.core.text import digits, make_printable, show
 from armcontour.files.units import parse
 from armcontour.geometry import SegmentLimits
+from armcontour.geometry.mending import Mended, mend_vertices
 from armcontour.geometry.rounding import Continuity
+from armcontour.program import Contour, Program
+from armcontour.program.moves import Move
+
+# Largest file that is read [bytes]: the data structures made from it take many times its size.
+LARGEST = SMALL
+# Length of a name that is cut [characters]; a number is appended if two cut names are equal.
+KEPT = LONGEST_NAME - 12
+# Advice in messages to choose "skip".
+SKIP = "have it left out (unknown: skip, or --skip-unknown)"
+# Names of CSS that drawings for lasers and plotters use; other names are used as written.
+NAMED = {
+    "black": "#000000",
+    "white": "#ffffff",
+    "red": "#ff0000",
+    "lime": "#00ff00",
+    "green": "#008000",
+    "blue": "#0000ff",
+    "yellow": "#ffff00",
+    "cyan": "#00ffff",
+    "aqua": "#00ffff",
+    "magenta": "#ff00ff",
+    "fuchsia": "#ff00ff",
+    "orange": "#ffa500",
+    "purple": "#800080",
+    "gray": "#808080",
+    "grey": "#808080",
+    "silver": "#c0c0c0",
+    "navy": "#000080",
+    "maroon": "#800000",
+}
+_SHORT = re.compile(r"#([0-9a-f])([0-9a-f])([0-9a-f])")
+_RGB = re.compile(r"rgb\(\s*([\d.]+)(%?)[\s,]+([\d.]+)%?[\s,]+([\d.]+)%?\s*\)")
+
+
+Tell = Callable[[float], None]
+
+
+def tell_share(progress: Progress | None, source: str) -> Tell:
+    """A function that reports the fraction of a file that is read, in whole percents."""
+    if progress is None:
+        return lambda share: None
+    say, shown = subprogress(progress, source), -1
+
+    def tell(share: float) -> None:
+        nonlocal shown
+        percent = int(100 * min(share, 1.0))
+        if percent > shown:
+            shown = percent
+            say(Step((), percent / 100))
+
+    return tell
+
+
+@dataclass(slots=True)
+class Labels:
+    """Converts names of entities and layers to names that contours can have.
+
+    A name that is too long is cut, and characters that are not printable become escapes: some CAD
+    programs write such names, and the user cannot change them. Different names stay different.
+    """
+
+    _changed: dict[str, str] = field(default_factory=dict)
+    _alike: Counter[str] = field(default_factory=Counter)
+
+    def __call__(self, name: str) -> str:
+        """The name of a contour or layer for a name in the drawing."""
+        if len(name) <= LONGEST_NAME and name.isprintable():
+            return name
+        if name not in self._changed:
+            self._changed[name] = self._fitted(name)
+        return self._changed[name]
+
+    def _fitted(self, name: str) -> str:
+        """A printable, unique name of at most `LONGEST_NAME` characters."""
+        plain = make_printable(name[: LONGEST_NAME + 1])
+        short = len(name) <= LONGEST_NAME and len(plain) <= LONGEST_NAME
+        first = plain if short else f"{plain[:KEPT]}..."
+        self._alike[first] += 1
+        count = self._alike[first]
+        return first if count == 1 else f"{plain[:KEPT]}... ({count})"
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes on changed names; empty if there are none."""
+        if not self._changed:
+            return []
+        name, label = next(iter(self._changed.items()))
+        return [
+            f"Names that have more than {LONGEST_NAME} characters, or some that are not printable, "
+            f"were changed ({len(self._changed)}), such as {show(name)} to '{label}'."
+        ]
+
+
+def color_of(text: str) -> str:
+    """A colour as `#rrggbb`, from a name, #rgb, #rrggbb or rgb(r, g, b); else lower-case text."""
+    plain = text.strip().lower()
+    if short := _SHORT.fullmatch(plain):
+        return "#" + "".join(2 * x for x in short.groups())
+    if parts := _RGB.fullmatch(plain):
+        factor = 2.55 if parts[2] else 1.0
+        return hex_of(*(min(round(float(parts[k]) * factor), 255) for k in (1, 3, 4)))
+    return NAMED.get(plain, plain)
+
+
+def hex_of(red: int, green: int, blue: int) -> str:
+    """A colour as `#rrggbb`, from its parts from 0 to 255."""
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
 
 # Largest coordinate [m]: beyond it floating point does not resolve the smallest distance between
 # two points. Such a drawing has a wrong unit.
@@ -33,7 +148,7 @@ UNKNOWN = ("refuse", "skip")
 TEXTS = ("leave_out", "contours")
 # Share of the chord tolerance that arcs take where transitions between them take the rest.
 FIT_SHARE = 0.5
-# Codes and letters of G-code that may be left out by name.
+# Codes and letters of G-code that can be skipped by name.
 WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 
 
@@ -102,7 +217,7 @@ class ReadOptions(Checked):
     continuity: Continuity = "tangent"
 
     def _check_together(self) -> None:
-        # Refuses what has no meaning, before any file is read.
+        # Invalid options are refused before any file is read.
         _ = self.unit, self.layer_set, self.color_set, self.words, self.unscaled_tools
 
     @property
@@ -125,12 +240,12 @@ class ReadOptions(Checked):
 
     @property
     def skips(self) -> bool:
-        """Whether elements that the reader does not know are skipped."""
+        """True if elements that the reader does not know are skipped."""
         return self.unknown == "skip"
 
     @property
     def words(self) -> frozenset[str]:
-        """Words and codes of G-code to leave out, such as G43 or T."""
+        """Words and codes of G-code to skip, such as G43 or T."""
         if isinstance(self.unknown, str):
             return frozenset()
         if list(self.unknown) != ["skip"]:
@@ -160,16 +275,14 @@ class ReadOptions(Checked):
     @property
     def layer_tolerances(self) -> dict[str, float]:
         """Largest corner errors on layers that have one [m], by their names."""
-        given = self.layers if isinstance(self.layers, Mapping) else {}
-        return {name: x.tolerance for name, x in given.items() if x.tolerance is not None}
+        limits = self.layers if isinstance(self.layers, Mapping) else {}
+        return {name: x.tolerance for name, x in limits.items() if x.tolerance is not None}
 
     @property
     def color_set(self) -> frozenset[str] | None:
         """The colours as `color_of` names them; None for all colours."""
         if self.colors is None:
             return None
-        from armcontour.files.drawings.reading import color_of
-
         if not self.colors:
             raise InvalidInput('colors must be one colour or more, such as ["red", "#00ff00"].')
         return frozenset(color_of(str(x)) for x in self.colors)
@@ -181,3 +294,38 @@ class ReadOptions(Checked):
             checks.check_int("number of a tool", number, 0, MOST_TOOLS): diameter / self.scale
             for number, diameter in (self.tools or {}).items()
         }
+
+
+def repair(program: Program, options: ReadOptions) -> Program:
+    """The program with vertices made tangent that rounded coordinates can have bent.
+
+    Contours with a tool orientation stay.
+    """
+    moves: list[Move] = list(program.moves)
+    tolerances, changed = options.layer_tolerances, []
+    for i, x in enumerate(moves):
+        if not isinstance(x, Contour) or x.path.orientation is not None:
+            continue
+        tolerance = tolerances.get(x.layer, math.inf)
+        mended = mend_vertices(x.path, options.mend_vertices, tolerance)
+        if mended is not None:
+            changed.append(mended)
+            events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
+            moves[i] = dataclasses.replace(x, path=mended.path, events=events)
+    if not changed:
+        return program
+    notes = (*program.notes, _note(changed))
+    return dataclasses.replace(program, moves=tuple(moves), notes=notes)
+
+
+def _note(done: list[Mended]) -> str:
+    """A note on the repaired vertices."""
+    count = sum(x.count for x in done)
+    kink, deviation = (max(getattr(x, y) for x in done) for y in ("kink", "deviation"))
+    vertices = f"{count} vertices, at which" if count > 1 else "1 vertex, at which"
+    return (
+        f"Mended {vertices} rounded coordinates can explain the turn of at most "
+        f"{digits(math.degrees(kink), 2)}°: the path is tangent there, at most "
+        f"{digits(deviation * 1e3, 2)} mm from the file's (path.mend_vertices: 0 mm keeps such "
+        "turns, at which the tool stops)."
+    )

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour as ac
-from armcontour.files.drawings.chaining import DrawnEntity, chain_pieces
+from armcontour.files.drawings.entity_chains import DrawnEntity, chain_pieces
 from armcontour.geometry.cutting import cut_path
 
 TOLERANCE = 1e-5

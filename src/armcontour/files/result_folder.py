@@ -1,4 +1,4 @@
-"""Result folders: written completely or not at all; files of others are never overwritten.
+"""Result folders: written completely or not at all; files of other programs stay.
 
 A result is written to a hidden folder first, then renamed. An earlier result is moved aside before,
 and removed after. Its summary is moved first, and the new summary last: a folder without
@@ -16,9 +16,21 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour._version import __version__
-from armcontour.core import file_access, staging
+from armcontour.core import file_access, render, staging
 from armcontour.core.errors import InvalidInput
+from armcontour.core.result import Data
 from armcontour.core.text import list_some
+
+
+def to_json(data: Any) -> str:
+    """Data as indented JSON text."""
+    return json.dumps(render.jsonable(data), indent=2, allow_nan=False) + "\n"
+
+
+def data_json(data: Data) -> str:
+    """A result as the text of a file, in SI units."""
+    return to_json(render.plain(data))
+
 
 SUMMARY = "summary.json"
 # Names and checksums of the written files: --force removes only files with these checksums.
@@ -77,9 +89,9 @@ class ResultFolder:
 
     def _made(self, name: str) -> FilePath:
         """A folder in the staging folder."""
-        place = self._staging.place / name
-        place.mkdir(exist_ok=True)
-        return place
+        folder = self._staging.place / name
+        folder.mkdir(exist_ok=True)
+        return folder
 
     def __enter__(self) -> ResultFolder:
         return self
@@ -114,11 +126,7 @@ class ResultFolder:
             self._staging.remove()
 
     def _find_earlier(self) -> list[str]:
-        """Names of the files and folders of the earlier result in the destination.
-
-        Raises:
-            InvalidInput: The destination has files that must not be replaced.
-        """
+        """Names of the files and folders of the earlier result in the destination."""
         hidden = staging.inside(self._target).name
         present = _names_in(self._target) - {hidden}
         if not present:
@@ -191,10 +199,10 @@ def _files_below(folder: FilePath, name: str) -> list[str]:
 
     Links count as files.
     """
-    place = folder / name
-    if place.is_symlink() or not place.is_dir():
+    location = folder / name
+    if location.is_symlink() or not location.is_dir():
         return [name]
-    return [y for x in sorted(_names_in(place)) for y in _files_below(folder, f"{name}/{x}")]
+    return [y for x in sorted(_names_in(location)) for y in _files_below(folder, f"{name}/{x}")]
 
 
 def _manifest(folder: FilePath) -> dict[str, Any]:
@@ -209,10 +217,6 @@ def _manifest(folder: FilePath) -> dict[str, Any]:
 
 def verify_file(folder: FilePath, name: str) -> FilePath:
     """The path of a file of a result, if armcontour wrote the file and it did not change.
-
-    Args:
-        folder: The result folder.
-        name: Name of the file relative to the folder.
 
     Raises:
         InvalidInput: The folder has no result, the result has no such file, or the file changed.
@@ -235,7 +239,7 @@ def verify_file(folder: FilePath, name: str) -> FilePath:
 
 
 def _is_unchanged(file: FilePath, checksum: object) -> bool:
-    """Whether a file is a regular file with a checksum."""
+    """True if a file is a regular file with a checksum."""
     return bool(checksum) and _checksum(file) == checksum
 
 

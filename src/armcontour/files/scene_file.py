@@ -1,4 +1,4 @@
-"""Make the scene, and the shapes of links and tool, that a job file describes."""
+"""The key `scene` of a job file, and obstacles from descriptions of cells (URDF)."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from armcontour.core import checks
+from armcontour.core import checks, file_access
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import Frame, exp, from_rpy, rotations
 from armcontour.core.quantities import Choice, Distance, Length, Turn
 from armcontour.core.text import list_some, show
+from armcontour.files.file_keys import Number
 from armcontour.files.forms import Place
-from armcontour.files.keys import Number
+from armcontour.files.robots.collision import Packages, collisions, shape_of
+from armcontour.files.robots.description import Description
+from armcontour.files.robots.tree import read_tree
 from armcontour.robot import Arm
 from armcontour.robot.scene import (
     ASSUMED_GAP,
@@ -39,6 +42,45 @@ from armcontour.robot.scene import (
     Sphere,
 )
 
+
+def read_scene_file(
+    file: str | FilePath,
+    *,
+    unit: str | None = None,
+    packages: Packages | None = None,
+) -> tuple[Obstacle, ...]:
+    """Read the obstacles of a description of a cell (.urdf), in its own frame.
+
+    Its `<collision>` elements are obstacles; movable joints are at 0, or at the end of their range
+    that is nearest to 0.
+
+    Args:
+        file: The description.
+        unit: Unit of the lengths of meshes that it names without a scale; metres by default.
+        packages: Folders of its ROS packages; others are searched near the file.
+
+    Raises:
+        InvalidInput: No such file, another format, or an invalid body.
+    """
+    location = FilePath(file)
+    if location.suffix.lower() != ".urdf":
+        raise InvalidInput(
+            f"The file of obstacles {location} is not read: name a .urdf file, and meshes under "
+            "the key meshes."
+        )
+    tree = read_tree(str(location), file_access.read_bytes(location, "description of a cell"))
+    obstacles: list[Obstacle] = []
+    for link, (_, frame) in Description(tree, (), (), {}, tree.root).carried().items():
+        for k, x in enumerate(collisions(tree, link)):
+            with error_context(location.name):
+                shape = shape_of(tree, x, packages, unit)
+                name = link if k == 0 else f"{link} {k + 1}"
+                obstacles.append(Obstacle(name=name, shape=shape, place=frame @ x.place))
+    if not obstacles:
+        raise InvalidInput(f"{location} has no collision elements, so it describes no obstacles.")
+    return tuple(obstacles)
+
+
 # Keys of bodies that only obstacles have, and only shapes of links.
 OF_OBSTACLES, OF_LINKS = ("fixed_to", "margin", "allow"), ("link",)
 MOST_NAMED = 40
@@ -49,38 +91,26 @@ Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
     """The scene of a job.
 
-    Args:
-        model: The value of the key `scene`.
-        folder: Folder of the job file.
-        part: The frame of the path, in the frame of the arm's paths.
-
     Raises:
-        InvalidInput: Values that make no body, or a file that is not there or wrong.
+        InvalidInput: Values that make no body, or a file that is missing or invalid.
     """
     obstacles = []
     for where, x in _bodies(model, "scene", OF_LINKS, "shapes of links"):
         with error_context(where):
-            found = Obstacle(name=x.name, shape=_shape(x, folder), place=_place(x))
-        obstacles.append(_stand(found, x, part))
-    for given in model.files:
-        file = SceneFileModel(file=given) if isinstance(given, str) else given
+            obstacle = Obstacle(name=x.name, shape=_shape(x, folder), place=_place(x))
+        obstacles.append(_stand(obstacle, x, part))
+    for entry in model.files:
+        file = SceneFileModel(file=entry) if isinstance(entry, str) else entry
         _refuse_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
         with error_context("scene.files"):
-            from armcontour.files.scene_files import read_scene_file
-
-            for found in read_scene_file(folder / file.file, unit=file.unit):
-                moved = dataclasses.replace(found, place=_place(file) @ found.place)
+            for obstacle in read_scene_file(folder / file.file, unit=file.unit):
+                moved = dataclasses.replace(obstacle, place=_place(file) @ obstacle.place)
                 obstacles.append(_stand(moved, file, part))
     return Scene(obstacles=tuple(obstacles), margins=model.margins, floor=model.floor)
 
 
 def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
     """The shapes of a tool, which are in the frame of the tip.
-
-    Args:
-        model: The value of the key `shapes` of a tool.
-        folder: Folder of the job file.
-        arm: The arm.
 
     Raises:
         InvalidInput: As in `scene_of`.
@@ -100,9 +130,6 @@ def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
 
     It ends before the tool point, which touches the work. A tool that is too short for it has no
     shape.
-
-    Args:
-        arm: The arm with its tool frame.
     """
     chain = arm.chain
     if chain is None:
@@ -129,33 +156,24 @@ def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
 def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
     """Shapes that a job adds to links of its arm, in the frames of the links.
 
-    Args:
-        model: The value of the key `shapes` of an arm.
-        folder: Folder of the job file.
-        arm: The arm.
-
     Raises:
         InvalidInput: As in `scene_of`, or there is no such link.
     """
     links = {x.name: x.link for x in (() if arm.shapes is None else arm.shapes.shapes)}
     links |= {BASE: 0} | {name: k for k, name in enumerate(arm.joint_names, start=1)}
-    found = []
+    shapes = []
     for where, x in _bodies(model, "arm.shapes", OF_OBSTACLES, "obstacles"):
         if x.link not in links:
             raise InvalidInput(
                 f"{where}: link must be one of {list_some(list(links), MOST_NAMED)}, "
                 f"{'but is missing' if x.link is None else f'not {x.link!r}'}."
             )
-        found.append(_link_shape(where, x, folder, links[x.link]))
-    return tuple(found)
+        shapes.append(_link_shape(where, x, folder, links[x.link]))
+    return tuple(shapes)
 
 
 def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
     """The rotation matrix of a model, (3, 3); None if the model gives no rotation.
-
-    Args:
-        key: Key of the model, for messages; empty if these are located already.
-        model: The model.
 
     Raises:
         InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
@@ -170,7 +188,7 @@ def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
 def _bodies(
     model: BodiesModel, key: str, keys: tuple[str, ...], whose: str
 ) -> Iterator[tuple[str, BodyModel]]:
-    """All bodies under a key, with their places in the job; none may have some keys."""
+    """All bodies under a key, with their locations in the job; the keys `keys` are refused."""
     for x in dataclasses.fields(BodiesModel):
         for body in getattr(model, x.name):
             where = f"{key}.{x.name}: {body.name}"
@@ -183,10 +201,10 @@ def _link_shape(
 ) -> LinkShape:
     """A shape of a link, or with `tip` of the tool, whose frame that is in the last link."""
     with error_context(where):
-        shape, place = _shape(model, folder), _place(model)
+        shape, frame = _shape(model, folder), _place(model)
         if tip is not None:
-            place = tip @ place
-        body = LinkShape(name=model.name, link=link, shape=shape, place=place, tool=tip is not None)
+            frame = tip @ frame
+        body = LinkShape(name=model.name, link=link, shape=shape, place=frame, tool=tip is not None)
         return body.with_hull()
 
 
@@ -240,11 +258,7 @@ def upright(z: FloatArray) -> FloatArray:
 
 
 def _shape(model: BodyModel, folder: FilePath) -> Shape:
-    """The shape of a body.
-
-    Raises:
-        InvalidInput: A size that no body has, or a mesh that is not there.
-    """
+    """The shape of a body."""
     match model:
         case BoxModel():
             return Box(size=np.array(model.size))
@@ -262,7 +276,7 @@ def _shape(model: BodyModel, folder: FilePath) -> Shape:
 
 
 def _refuse_keys(where: str, model: PlacedModel, keys: tuple[str, ...], whose: str) -> None:
-    """Refuse keys that bodies of another use have."""
+    """Check that a body has no keys of other uses."""
     for key in keys:
         if getattr(model, key) is not None:
             raise InvalidInput(f"{where}: {key} is a key of {whose}: leave it out here.")
@@ -296,7 +310,7 @@ class RotationModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacedModel(RotationModel):
-    """What obstacles, and shapes of links and tools, have in common.
+    """Keys of obstacles, and of shapes of links and tools.
 
     Args:
         at: The position of its origin [m]: the middle of boxes, cylinders, spheres and capsules, a

@@ -15,8 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
 from armcontour.core.text import plain_number, show
 from armcontour.files.csv_table import CsvTable, Title, read_table
-from armcontour.files.drawings.mending import repair
-from armcontour.files.drawings.options import FARTHEST, ReadOptions
+from armcontour.files.drawings.read_options import FARTHEST, ReadOptions, repair
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.smooth_axes import smooth_axes
@@ -49,11 +48,6 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     belong to the line that ends at the row. A new name in `contour` or `layer` starts a new
     contour.
 
-    Args:
-        data: Content of the file: CSV with commas, semicolons or tabs.
-        source: Name of the file.
-        options: Options for reading the file.
-
     Raises:
         InvalidInput: A table of another form; names the line or row and the column.
     """
@@ -84,11 +78,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
 
 
 def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str], list[str]]:
-    """The table in a file, and notes on unknown columns that are left out.
-
-    Raises:
-        InvalidInput: No table, or a column that is unknown, repeated or missing.
-    """
+    """The table in a file, and notes on unknown columns."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -126,11 +116,7 @@ def _title(name: str, has_unit: bool) -> Title[str] | None:
 
 
 def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatArray]:
-    """All numbers in SI units, by their columns; NaN where a cell is empty.
-
-    Raises:
-        InvalidInput: Points of which only some columns have a unit, or an invalid number.
-    """
+    """All numbers in SI units, by their columns; NaN where a cell is empty."""
     has_unit = {x: table.columns[x].unit is not None for x in POINT if x in table.columns}
     if len(set(has_unit.values())) > 1:
         has, lacks = (next(k for k, v in has_unit.items() if v is x) for x in (True, False))
@@ -168,15 +154,15 @@ def _orientation(
     table: CsvTable[str], values: Mapping[str, FloatArray]
 ) -> tuple[tuple[str, ...], FloatArray] | None:
     """The columns of the tool orientation, and their numbers, (rows, 3 or 4); None without."""
-    given = [x for x in (QUATERNION, ANGLES, AXIS) if x[0] in values]
-    if not given:
+    kinds = [x for x in (QUATERNION, ANGLES, AXIS) if x[0] in values]
+    if not kinds:
         return None
-    if len(given) > 1:
+    if len(kinds) > 1:
         raise InvalidInput(
-            f"{table.source} gives the tool orientation twice, by {given[0][0]} and by "
-            f"{given[1][0]}: leave one out."
+            f"{table.source} gives the tool orientation twice, by {kinds[0][0]} and by "
+            f"{kinds[1][0]}: leave one out."
         )
-    keys = given[0]
+    keys = kinds[0]
     if "z" not in values:
         raise InvalidInput(f"{table.source}: a tool orientation needs space: add the column z.")
     numbers = np.stack([values[key] for key in keys], axis=1)
@@ -218,11 +204,7 @@ def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:
 
 
 def _path(table: CsvTable[str], values: Mapping[str, FloatArray], rows: slice) -> Path:
-    """Lines through the points of some rows.
-
-    Raises:
-        InvalidInput: Fewer than two different points.
-    """
+    """Lines through the points of some rows."""
     points = np.stack([values[key][rows] for key in POINT if key in values], axis=1)
     first = int(table.numbers[rows][0])
     if (np.linalg.norm(points - points[0], axis=1) <= REPEATED_POINT).all():
@@ -246,12 +228,7 @@ def _orient(
     orientation: tuple[tuple[str, ...], FloatArray] | None,
     rows: slice,
 ) -> Path:
-    """Give a path the tool orientation of some rows.
-
-    Raises:
-        InvalidInput: Only some rows have an orientation, one point has two orientations, or a line
-            turns the tool by half a turn.
-    """
+    """Give a path the tool orientation of some rows."""
     if orientation is None:
         return path
     keys, numbers = orientation[0], orientation[1][rows]
@@ -283,11 +260,7 @@ def _smooth(
     rows: slice,
     tolerance: float,
 ) -> tuple[Path, list[str]]:
-    """The path of some rows with smooth tool axes, if it has any, and a sentence on them.
-
-    Raises:
-        InvalidInput: The table has no tool axes.
-    """
+    """The path of some rows with smooth tool axes, if it has any, and a sentence on them."""
     if orientation is None or orientation[0] != AXIS:
         raise InvalidInput(
             f"{table.source}: smooth_axes (path.smooth_axes) is for tool axes in the columns "
@@ -295,19 +268,19 @@ def _smooth(
         )
     if path.orientation is None:
         return path, []
-    kept = np.delete(np.arange(rows.stop - rows.start), path.merged)
-    given = orientation[1][rows][kept]
-    smooth = smooth_axes(path.vertices[path.waypoints], given, tolerance)
-    before = given / np.linalg.norm(given, axis=1, keepdims=True)
-    most = float(angle_between(smooth, before).max())
+    indices = np.delete(np.arange(rows.stop - rows.start), path.merged)
+    axes = orientation[1][rows][indices]
+    smooth = smooth_axes(path.vertices[path.waypoints], axes, tolerance)
+    before = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    largest_turn = float(angle_between(smooth, before).max())
     # A repeated point has the axis of the one before it.
-    every = np.searchsorted(kept, np.arange(rows.stop - rows.start), side="right") - 1
+    every = np.searchsorted(indices, np.arange(rows.stop - rows.start), side="right") - 1
     turned = path.pointing(smooth[every])
-    place = int(table.numbers[rows][0])
+    first_line = int(table.numbers[rows][0])
     return turned, [
-        f"Smoothed the tool axes of {len(kept)} waypoints from line {place} on: they are "
-        f"turned by up to {np.degrees(most):.3g}°, and {np.degrees(tolerance):.3g}° are allowed "
-        "(path.smooth_axes)."
+        f"Smoothed the tool axes of {len(indices)} waypoints from line {first_line} on: they are "
+        f"turned by up to {np.degrees(largest_turn):.3g}°, and {np.degrees(tolerance):.3g}° are "
+        "allowed (path.smooth_axes)."
     ]
 
 
@@ -320,7 +293,7 @@ def _events(
     # A point that repeats the point before is not a vertex of its own.
     repeated = np.zeros(rows.stop - rows.start, dtype=np.intp)
     repeated[list(path.merged)] = 1
-    places = np.arange(len(repeated)) - np.cumsum(repeated)
+    vertices = np.arange(len(repeated)) - np.cumsum(repeated)
     events = []
     for i in range(rows.start, rows.stop):
         for part in texts[i].split(";") if texts[i] else ():
@@ -331,7 +304,7 @@ def _events(
                     "such as laser=on, with semicolons between several.",
                     index=i,
                 )
-            s = float(path.breaks[places[i - rows.start]])
+            s = float(path.breaks[vertices[i - rows.start]])
             try:
                 events.append(Event(name=name, value=_value(value) if equals else True, s=s))
             except InvalidInput as error:

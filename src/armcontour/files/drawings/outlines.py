@@ -1,18 +1,19 @@
-"""Splines of drawings as Bézier curves in sequence, and their tangent arcs."""
+"""Outlines of chains and splines, and the paths that approximate them."""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.drawings.chain import Affine
+from armcontour.files.drawings.arc_chain import Affine, ArcChain, draw_plain
 from armcontour.geometry import Path, Segments
 from armcontour.geometry.fit import fit_many
 from armcontour.geometry.segments import REPEATED_POINT
@@ -25,7 +26,7 @@ SAME = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spline:
+class BezierSpline:
     """Rational Bézier curves of one degree in sequence, each from the end of the one before.
 
     Args:
@@ -41,7 +42,7 @@ class Spline:
     @classmethod
     def from_knots(
         cls, points: FloatArray, weights: FloatArray, knots: FloatArray, degree: int
-    ) -> Spline | None:
+    ) -> BezierSpline | None:
         """The Bézier curves of a rational B-spline; None if it has a gap.
 
         Args:
@@ -57,16 +58,16 @@ class Spline:
         # at the same point; the scale of a curve's weights does not matter.
         ratios = parts[:-1, -1, -1] / parts[1:, 0, -1]
         parts = parts * np.cumprod(np.append(1.0, ratios))[:, None, None]
-        at = parts[..., :-1] / parts[..., -1:]
-        gaps = np.abs(at[1:, 0] - at[:-1, -1]).max(initial=0.0)
+        controls = parts[..., :-1] / parts[..., -1:]
+        gaps = np.abs(controls[1:, 0] - controls[:-1, -1]).max(initial=0.0)
         if gaps > SAME * max(float(np.ptp(points, axis=0).max()), float(np.abs(points).max())):
             return None
-        flat = np.concatenate([at[:, :-1].reshape(-1, points.shape[1]), at[-1:, -1]])
+        flat = np.concatenate([controls[:, :-1].reshape(-1, points.shape[1]), controls[-1:, -1]])
         same = np.ptp(weights) == 0
         w = None if same else np.append(parts[:, :-1, -1].ravel(), parts[-1, -1, -1])
         return cls(points=flat, weights=w, degree=degree)
 
-    def place(self, to: Affine) -> Spline:
+    def place(self, to: Affine) -> BezierSpline:
         """The image of the spline under an affine map."""
         return dataclasses.replace(self, points=to(self.points))
 
@@ -80,11 +81,11 @@ class Spline:
         """Start and end point of the last curve, (2, dimension)."""
         return self.points[[-1 - self.degree, -1]]
 
-    def start_at(self, point: FloatArray) -> Spline:
+    def start_at(self, point: FloatArray) -> BezierSpline:
         """A copy of the spline with another start point, (dimension,)."""
         return dataclasses.replace(self, points=np.concatenate([point[None], self.points[1:]]))
 
-    def end_at(self, point: FloatArray) -> Spline:
+    def end_at(self, point: FloatArray) -> BezierSpline:
         """A copy of the spline with another end point, (dimension,), and the same end tangent."""
         moved = [self.points[-2] + point - self.points[-1], point]
         return dataclasses.replace(self, points=np.concatenate([self.points[:-2], moved]))
@@ -101,7 +102,7 @@ class Spline:
 
     @property
     def has_length(self) -> bool:
-        """Whether its points are not all one point."""
+        """True if its points are not all one point."""
         return bool(np.ptp(self.points, axis=0).max() > REPEATED_POINT)
 
 
@@ -114,7 +115,7 @@ def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatA
     n = len(points)
     k = degree + np.flatnonzero(np.diff(knots[degree : n + 1]) > 0)
     a, b = knots[k], knots[k + 1]
-    found = np.empty((len(k), degree + 1, points.shape[1]))
+    controls = np.empty((len(k), degree + 1, points.shape[1]))
     for j in range(degree + 1):
         p = points[k[:, None] + np.arange(-degree, 1)]
         for r in range(1, degree + 1):
@@ -123,11 +124,13 @@ def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatA
             x = (b if r <= j else a)[:, None]
             share = ((x - low) / (high - low))[..., None]
             p = (1 - share) * p[:, :-1] + share * p[:, 1:]
-        found[:, j] = p[:, 0]
-    return found
+        controls[:, j] = p[:, 0]
+    return controls
 
 
-def fit_splines(splines: Sequence[Spline], tolerance: float) -> Iterator[tuple[int, Segments]]:
+def fit_splines(
+    splines: Sequence[BezierSpline], tolerance: float
+) -> Iterator[tuple[int, Segments]]:
     """Yield the number of each spline and tangent arcs within a tolerance [m] of it.
 
     Args:
@@ -151,7 +154,7 @@ def fit_splines(splines: Sequence[Spline], tolerance: float) -> Iterator[tuple[i
 
 
 def _fit_alike(
-    splines: Sequence[Spline], numbers: list[int], tolerance: float
+    splines: Sequence[BezierSpline], numbers: list[int], tolerance: float
 ) -> list[tuple[int, Segments]]:
     """Numbers and arcs of splines of one degree, as in `fit_splines`."""
     table = _Table([splines[i] for i in numbers])
@@ -160,7 +163,7 @@ def _fit_alike(
     except InvalidInput as error:
         if len(numbers) == 1:
             raise InvalidInput(str(error), index=numbers[0]) from None
-    # One of them cannot be fitted: alone it is found.
+    # The splines are fitted one by one to identify the failing one.
     return [x for i in numbers for x in _fit_alike(splines, [i], tolerance)]
 
 
@@ -171,7 +174,7 @@ class _Table:
         splines: The splines, all with weights or all without.
     """
 
-    def __init__(self, splines: Sequence[Spline]) -> None:
+    def __init__(self, splines: Sequence[BezierSpline]) -> None:
         self.degree = splines[0].degree
         self.plain = splines[0].weights is None
         self._points = np.concatenate([x.points for x in splines])
@@ -185,8 +188,8 @@ class _Table:
     @property
     def breaks(self) -> tuple[FloatArray, IntArray]:
         """Parameters of the ends of all curves, and the spline of each."""
-        at = np.concatenate([np.arange(n + 1.0) for n in self._counts])
-        return at, np.repeat(np.arange(len(self._counts)), self._counts + 1)
+        parameters = np.concatenate([np.arange(n + 1.0) for n in self._counts])
+        return parameters, np.repeat(np.arange(len(self._counts)), self._counts + 1)
 
     def __call__(self, row: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Points (order 0) or derivatives (order 1) of the splines `row` at `t`."""
@@ -211,13 +214,157 @@ def _slopes(control: list[FloatArray]) -> list[FloatArray]:
 
 
 def _blend(control: list[FloatArray], share: FloatArray) -> FloatArray:
-    """Points of Bézier curves by de Casteljau's algorithm.
+    """Points of Bézier curves by de Casteljau's algorithm."""
+    complement = 1 - share
+    while len(control) > 1:
+        control = [complement * a + share * b for a, b in itertools.pairwise(control)]
+    return control[0]
+
+
+# The gap of a closed outline is closed by moving the end only if it is at most this fraction of
+# the length of the last line, arc or curve; otherwise a line closes it.
+SMALL_GAP = 0.1
+
+Shape = ArcChain | BezierSpline
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """Shapes in sequence.
 
     Args:
-        control: The first control points of all curves, the second ones, ..., each (n, dimension).
-        share: Parameters from 0 to 1, (n, 1).
+        shapes: The shapes, each of which starts at the end of the one before.
+        closed: Whether the last shape must end where the first one starts.
     """
-    rest = 1 - share
-    while len(control) > 1:
-        control = [rest * a + share * b for a, b in itertools.pairwise(control)]
-    return control[0]
+
+    shapes: Sequence[Shape]
+    closed: bool = False
+
+    def place(self, to: Affine) -> Outline:
+        """The image of the outline under an affine map."""
+        return Outline([x.place(to) for x in self.shapes], self.closed)
+
+    @property
+    def reach(self) -> FloatArray:
+        """Points whose largest coordinates bound the outline, (m, dimension)."""
+        return np.concatenate([x.reach for x in self.shapes])
+
+    def parts(self, tolerance: float, join: float) -> list[Segments | BezierSpline]:
+        """Segments of its chains, and its splines, each from the end of the part before.
+
+        Args:
+            tolerance: As in `paths_of` [m].
+            join: As in `paths_of` [m].
+
+        Raises:
+            InvalidInput: An arc is too large for the tolerance.
+        """
+        parts: list[Segments | BezierSpline] = []
+        for shape in self.closed_up(join):
+            x = shape
+            if parts:
+                before = parts[-1]
+                end = before.points[-1] if isinstance(before, BezierSpline) else before[-1:].ends[0]
+                x = x.start_at(end)
+            part = (
+                x.to_segments(tolerance) if isinstance(x, ArcChain) else x if x.has_length else None
+            )
+            if part is not None:
+                parts.append(part)
+        return parts
+
+    def closed_up(self, join: float) -> Sequence[Shape]:
+        """The shapes, of a closed outline with its gap closed: by moving the end, or by a line.
+
+        Args:
+            join: As in `paths_of` [m].
+        """
+        if not self.closed:
+            return self.shapes
+        *others, last = self.shapes
+        start, (before, end) = self.shapes[0].starts[0], last.last
+        if np.array_equal(start, end):
+            return self.shapes
+        gap, size = (float(np.linalg.norm(end - x)) for x in (start, before))
+        if gap > min(join, SMALL_GAP * size):
+            return [*self.shapes, ArcChain.straight(np.stack([end, start]))]
+        return [*others, last.end_at(start)]
+
+
+def paths_of(
+    outlines: Sequence[Outline],
+    tolerance: float,
+    join: float = 0.0,
+    tell: Callable[[float], None] = lambda done: None,
+) -> list[Path | None]:
+    """The paths of outlines; None for an outline that has no length.
+
+    Lines stay lines, and arcs of circles arcs; other curves become tangent arcs.
+
+    Args:
+        outlines: The outlines. The curves of all of them are fitted together, which is faster.
+        tolerance: Largest distance between a curve and its arcs [m].
+        join: Largest gap of a closed outline that is closed by moving its end [m].
+        tell: Called from time to time with the fraction that is done.
+
+    Raises:
+        InvalidInput: A curve is too large for the tolerance; with the index of its outline.
+    """
+    plain = _draw_plain(outlines, tolerance, join)
+    parts: list[list[Segments | BezierSpline]] = []
+    for i, outline in enumerate(outlines):
+        with _indexed(i):
+            parts.append([plain[i]] if i in plain else outline.parts(tolerance, join))
+    positions = [
+        (i, k)
+        for i, x in enumerate(parts)
+        for k, part in enumerate(x)
+        if isinstance(part, BezierSpline)
+    ]
+    splines = [x for row in parts for x in row if isinstance(x, BezierSpline)]
+    try:
+        for done, (n, segments) in enumerate(fit_splines(splines, tolerance)):
+            i, k = positions[n]
+            parts[i][k] = segments
+            tell((done + 1) / len(splines))
+    except InvalidInput as error:
+        assert error.index is not None
+        raise InvalidInput(str(error), index=positions[error.index][0]) from None
+    return _join_parts([[x for x in row if isinstance(x, Segments)] for row in parts])
+
+
+def _draw_plain(outlines: Sequence[Outline], tolerance: float, join: float) -> dict[int, Segments]:
+    """Segments of the outlines that are one chain of lines and circular arcs, by index."""
+    alone: dict[int, ArcChain] = {}
+    for i, outline in enumerate(outlines):
+        shapes = outline.closed_up(join)
+        if len(shapes) == 1 and isinstance(shapes[0], ArcChain):
+            alone[i] = shapes[0]
+    drawn = draw_plain(list(alone.values()), tolerance)
+    return {i: x for i, x in zip(alone, drawn, strict=True) if x is not None}
+
+
+def _join_parts(rows: Sequence[Sequence[Segments]]) -> list[Path | None]:
+    """A path of the parts of every outline; None for an outline without parts."""
+    full = [i for i, x in enumerate(rows) if x]
+    bounds = np.cumsum([0, *(sum(map(len, rows[i])) for i in full)])
+    paths: list[Path | None] = [None] * len(rows)
+    try:
+        # One check of all segments is faster.
+        tables = Segments.join([x for i in full for x in rows[i]]).split(bounds) if full else []
+    except InvalidInput:
+        # Separate checks give an error with the index of its outline.
+        tables = [Segments.join(rows[i]) for i in full]
+    for i, table in zip(full, tables, strict=True):
+        with _indexed(i):
+            paths[i] = Path(segments=table)
+    return paths
+
+
+@contextmanager
+def _indexed(i: int) -> Iterator[None]:
+    """Give an error the index of the outline that it comes from."""
+    try:
+        yield
+    except InvalidInput as error:
+        raise InvalidInput(str(error), index=i) from None

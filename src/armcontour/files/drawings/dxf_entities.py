@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.files.drawings.chain import Affine, Chain
-from armcontour.files.drawings.clipping import Clip
-from armcontour.files.drawings.shapes import Shape
-from armcontour.files.drawings.splines import Spline
+from armcontour.files.drawings.arc_chain import Affine, ArcChain
+from armcontour.files.drawings.outlines import BezierSpline, Shape
+from armcontour.files.drawings.walk import Clip
 
 # An arc with a smaller swept angle [rad] is a full circle with rounded angles.
 NO_SWEEP = 1e-8
@@ -33,7 +32,7 @@ class Unreadable(Exception):
 def line(entity: Any) -> Shape | None:
     """Shape of a LINE, whose points are in world coordinates."""
     ends = _numbers("ends", [tuple(entity.dxf.start), tuple(entity.dxf.end)])
-    return Chain.straight(ends)
+    return ArcChain.straight(ends)
 
 
 def old_line(entity: Any) -> Shape | None:
@@ -42,7 +41,7 @@ def old_line(entity: Any) -> Shape | None:
     if not {10, 11} <= values.keys():
         raise Unreadable("has no start or no end")
     # Points of releases before 10 may lack z.
-    return Chain.straight(_numbers("ends", [[*values[k], 0.0][:3] for k in (10, 11)]))
+    return ArcChain.straight(_numbers("ends", [[*values[k], 0.0][:3] for k in (10, 11)]))
 
 
 def circle(entity: Any) -> Shape | None:
@@ -65,7 +64,7 @@ def _arc(entity: Any, start: float, sweep: float) -> Shape | None:
         raise Unreadable(f"has a radius of {radius:g}, which must be above zero")
     c, s = np.cos(start), np.sin(start)
     cosine, sine = radius * (axes @ [c, s, 0.0]), radius * (axes @ [-s, c, 0.0])
-    return Chain.arc(centre, cosine, sine, sweep)
+    return ArcChain.arc(centre, cosine, sine, sweep)
 
 
 def ellipse(entity: Any) -> Shape | None:
@@ -80,7 +79,7 @@ def ellipse(entity: Any) -> Shape | None:
         start = 0.0
     c, s = np.cos(start), np.sin(start)
     centre = _numbers("centre", tuple(entity.dxf.center))
-    return Chain.arc(centre, c * major + s * minor, c * minor - s * major, sweep)
+    return ArcChain.arc(centre, c * major + s * minor, c * minor - s * major, sweep)
 
 
 def lwpolyline(entity: Any) -> Shape | None:
@@ -108,14 +107,7 @@ def polyline(entity: Any) -> Shape | None:
 def _polyline_shape(
     points: FloatArray, bulges: FloatArray, closed: bool, axes: FloatArray
 ) -> Shape | None:
-    """Shape of a polyline; None if it has no segment.
-
-    Args:
-        points: Vertices along the given axes, (n, 3).
-        bulges: Bulge of the segment after each vertex, (n,).
-        closed: Whether a segment leads from the last vertex to the first.
-        axes: Axes of the polyline's plane, as columns.
-    """
+    """Shape of a polyline; None if it has no segment."""
     points = points @ axes.T
     if closed and len(points):
         return _polyline(np.concatenate([points, points[:1]]), bulges, axes)
@@ -126,27 +118,22 @@ def _polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Shape
     """Shape of an open polyline with one bulge per segment; None if it has no segment."""
     if len(points) < 2:
         return None
-    return _bulge_polyline(points, bulges, axes) if bulges.any() else Chain.straight(points)
+    return _bulge_polyline(points, bulges, axes) if bulges.any() else ArcChain.straight(points)
 
 
-def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Chain:
+def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> ArcChain:
     """Lines and arcs of an open polyline with bulges.
 
     A bulge is the tangent of a quarter of the arc's swept angle.
-
-    Args:
-        points: Vertices, (n + 1, 3).
-        bulges: Bulges of the segments, positive for counter-clockwise arcs, (n,).
-        axes: Axes of the plane in which the arcs lie, as columns.
     """
     chord = np.diff(points, axis=0)
     bent = (np.abs(bulges) > NO_BULGE) & (np.abs(chord).max(axis=1, initial=0.0) > 0)
     b = np.where(bent, bulges, 1.0)[:, None]
-    left = np.cross(axes[:, 2], chord)
+    perpendicular = np.cross(axes[:, 2], chord)
     # The vector from the centre to the start, without a difference of large numbers.
-    cosines = -chord / 2 - left * (1 - b * b) / (4 * b)
+    cosines = -chord / 2 - perpendicular * (1 - b * b) / (4 * b)
     sines = np.sign(b) * np.cross(axes[:, 2], cosines)
-    return Chain(
+    return ArcChain(
         starts=points[:-1],
         ends=points[1:],
         cosines=np.where(bent[:, None], cosines, 0.0),
@@ -181,21 +168,14 @@ def spline(entity: Any) -> Shape | None:
         raise Unreadable(f"must have {n} weights above zero, of similar size")
     # Parameters from 0 to 1, so that very small or large knots do not cost precision.
     knots = (knots - knots[degree]) / (knots[n] - knots[degree])
-    found = Spline.from_knots(points, weights, knots, degree)
-    if found is None:
+    curve = BezierSpline.from_knots(points, weights, knots, degree)
+    if curve is None:
         raise Unreadable(f"is not continuous at a knot that occurs more than {degree} times")
-    return found
+    return curve
 
 
 def _fit_spline(entity: Any) -> Shape | None:
-    """The cubic spline through the fit points, with chord-length parameters as in CAD programs.
-
-    Returns:
-        The spline; None if fewer than two points differ.
-
-    Raises:
-        Unreadable: Too many points, or an end tangent of zero.
-    """
+    """The cubic spline through the fit points, with chord-length parameters as in CAD programs."""
     from scipy.interpolate import make_interp_spline
 
     points = _numbers("fit points", [tuple(x) for x in entity.fit_points]).reshape(-1, 3)
@@ -208,7 +188,7 @@ def _fit_spline(entity: Any) -> Shape | None:
     points = points[np.concatenate([[True], step > 1e-12 * scale])] if len(points) else points
     if len(points) < 2:
         return None
-    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    parameters = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     ends: Any = "natural"
     if closed and len(points) > 3:
         ends = "periodic"
@@ -218,8 +198,10 @@ def _fit_spline(entity: Any) -> Shape | None:
         if (size == 0).any():
             raise Unreadable("has an end tangent of zero")
         ends = ([(1, t[0] / size[0])], [(1, t[1] / size[1])])
-    found = make_interp_spline(at / at[-1], points, k=3, bc_type=_scale_ends(ends, at[-1]))
-    return Spline.from_knots(found.c, np.ones(len(found.c)), found.t, 3)
+    curve = make_interp_spline(
+        parameters / parameters[-1], points, k=3, bc_type=_scale_ends(ends, parameters[-1])
+    )
+    return BezierSpline.from_knots(curve.c, np.ones(len(curve.c)), curve.t, 3)
 
 
 def _scale_ends(ends: Any, by: float) -> Any:
@@ -228,11 +210,7 @@ def _scale_ends(ends: Any, by: float) -> Any:
 
 
 def _refuse_many_points(n: int) -> None:
-    """Refuse a spline of more than `MOST_POINTS` points.
-
-    Raises:
-        Unreadable: It has more.
-    """
+    """Refuse a spline of more than `MOST_POINTS` points."""
     if n > MOST_POINTS:
         raise Unreadable(f"has {n} points, more than the {MOST_POINTS} that are read")
 
@@ -257,8 +235,8 @@ SHAPES: dict[str, Callable[[Any], Shape | None]] = {
     "SPLINE": spline,
     "HELIX": spline,
 }
-# Types that are left out: texts, dimensions, points, filled areas, bodies, pictures, endless lines.
-# Of a type that is in neither table nobody knows what it draws.
+# Types that are skipped with a note: texts, dimensions, points, filled areas, bodies, images and
+# infinite lines. A type in neither table is refused as unknown.
 NO_CONTOUR = frozenset(
     {
         *("TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT", "SHAPE", "ACAD_TABLE"),
@@ -283,7 +261,7 @@ NO_CONTOUR = frozenset(
 
 
 def check_found(entity: Any) -> None:
-    """Refuse an entity that lacks a required attribute.
+    """Check that an entity has its required attributes.
 
     Raises:
         Unreadable: An attribute of `NEEDED` is missing.
@@ -319,12 +297,12 @@ def insertions(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
     c, s = np.cos(turn), np.sin(turn)
     rotation = axes @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     linear = rotation * _numbers("scale", [dxf.xscale, dxf.yscale, dxf.zscale])
-    at = axes @ _numbers("insertion point", tuple(dxf.insert))
+    insertion = axes @ _numbers("insertion point", tuple(dxf.insert))
     rows, columns = grid(entity)
     step = _numbers("spacing", [dxf.column_spacing, dxf.row_spacing])
     k = np.arange(rows * columns)
     offsets = np.column_stack([k % columns * step[0], k // columns * step[1], np.zeros(len(k))])
-    return Affine(linear, at - linear @ base), offsets @ rotation.T
+    return Affine(linear, insertion - linear @ base), offsets @ rotation.T
 
 
 def clip_of(entity: Any) -> Clip | None:
@@ -342,11 +320,11 @@ def clip_of(entity: Any) -> Clip | None:
     dxf = limits.dxf if limits is not None else None
     if dxf is None or dxf.has_front_clipping_plane or dxf.has_back_clipping_plane:
         raise Unreadable("is clipped by planes in space, which is not read")
-    given = path.inverted_clip if path.is_inverted_clip else path.vertices
-    corners = _numbers("clip", [tuple(x) for x in given]).reshape(-1, 2)
+    polygon = path.inverted_clip if path.is_inverted_clip else path.vertices
+    corners = _numbers("clip", [tuple(x) for x in polygon]).reshape(-1, 2)
     if len(corners) == 2:
-        (left, low), (right, high) = corners
-        corners = np.array([(left, low), (right, low), (right, high), (left, high)])
+        (x_min, y_min), (x_max, y_max) = corners
+        corners = np.array([(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max)])
     if len(corners) < 3:
         raise Unreadable("is clipped at a polygon of fewer than three corners")
     return Clip(np.pad(corners, ((0, 0), (0, 1))), bool(path.is_inverted_clip))
@@ -376,11 +354,7 @@ def _swept_angle(angle: float) -> float:
 
 
 def _numbers(name: str, values: Any) -> FloatArray:
-    """The values as an array of finite numbers; `name` is for the message.
-
-    Raises:
-        Unreadable: A value is not a finite number.
-    """
+    """The values as an array of finite numbers; `name` is for the message."""
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

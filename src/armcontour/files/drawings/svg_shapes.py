@@ -1,4 +1,4 @@
-"""Outlines from the path data of SVG paths (the attribute d)."""
+"""Outlines of SVG paths and shapes, in the coordinates of their elements."""
 
 from __future__ import annotations
 
@@ -10,18 +10,20 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.files.drawings._svg_tree import Element
-from armcontour.files.drawings._svg_units import (
+from armcontour.files.drawings.arc_chain import WELL_KNOWN, ArcChain
+from armcontour.files.drawings.outlines import BezierSpline, Outline, Shape
+from armcontour.files.drawings.svg_elements import (
     EACH_NUMBER,
     MOST_NUMBERS,
     NUMBER,
     NUMBERS,
+    Element,
     check_numbers,
+    length_of,
     limit_matches,
+    number_of,
+    numbers_of,
 )
-from armcontour.files.drawings.chain import WELL_KNOWN, Chain
-from armcontour.files.drawings.shapes import Outline, Shape
-from armcontour.files.drawings.splines import Spline
 
 # Number of arguments of each command.
 COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
@@ -42,10 +44,6 @@ Command = tuple[str, list[float]]
 def outlines_of(element: Element, spend: Callable[[int], None]) -> list[Outline]:
     """The outlines of a path, one per subpath.
 
-    Args:
-        element: The path.
-        spend: Called with a number of segments before they are made; may refuse them.
-
     Raises:
         InvalidInput: The path data do not follow SVG's grammar.
     """
@@ -57,11 +55,7 @@ def outlines_of(element: Element, spend: Callable[[int], None]) -> list[Outline]
 
 
 def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Command]:
-    """Yield the commands of a path, each repetition with its own numbers.
-
-    Raises:
-        InvalidInput: A command is unknown, or has the wrong number of arguments.
-    """
+    """Yield the commands of a path, each repetition with its own numbers."""
     text = element.get("d")
     if text == "none":
         return
@@ -73,63 +67,51 @@ def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Comman
     # Each command is a segment; repetitions are added below.
     spend(sum(text.count(x) for x in LETTERS))
     parts = _LETTER.split(text)
-    at = len(parts[0])
+    position = len(parts[0])
     if parts[0].strip() or (len(parts) > 1 and parts[1] not in "Mm"):
         element.refuse(f"path data begins with {text[:20]!r}: it must begin with M")
     for letter, chunk in zip(parts[1::2], parts[2::2], strict=True):
         count = COUNTS[letter.upper()]
-        values = (_arcs if count == 7 else _numbers)(element, chunk, at + 1)
-        repeats, rest = divmod(len(values), count) if count else (1, len(values))
-        if rest or not repeats:
+        values = (_arcs if count == 7 else _numbers)(element, chunk, position + 1)
+        repeats, remainder = divmod(len(values), count) if count else (1, len(values))
+        if remainder or not repeats:
             element.refuse(
-                f"the command {letter} at character {at + 1} of the path data takes {count} "
+                f"the command {letter} at character {position + 1} of the path data takes {count} "
                 f"numbers, but has {len(values)}"
             )
-        at += 1 + len(chunk)
+        position += 1 + len(chunk)
         spend(repeats - 1)
         for k in range(repeats):
             yield FURTHER.get(letter, letter) if k else letter, values[k * count : (k + 1) * count]
 
 
-def _numbers(element: Element, chunk: str, at: int) -> list[float]:
-    """The arguments of a command, whose text `chunk` starts at character `at` (from 0).
-
-    Raises:
-        InvalidInput: The text is not a list of numbers.
-    """
+def _numbers(element: Element, chunk: str, position: int) -> list[float]:
+    """The arguments of a command, whose text `chunk` starts at character `position` (from 0)."""
     good = NUMBERS.match(chunk)
     end = good.end() if good else 0
     if end < len(chunk):
-        _refuse(element, chunk, at, end)
+        _refuse(element, chunk, position, end)
     values = [float(x[0]) for x in limit_matches(EACH_NUMBER.finditer(chunk))]
-    return check_numbers(element, f"path data after character {at}", values)
+    return check_numbers(element, f"path data after character {position}", values)
 
 
-def _arcs(element: Element, chunk: str, at: int) -> list[float]:
-    """The arguments of a command A, whose text `chunk` starts at character `at` (from 0).
-
-    Raises:
-        InvalidInput: The text is not a list of arguments of A.
-    """
+def _arcs(element: Element, chunk: str, position: int) -> list[float]:
+    """The arguments of a command A, whose text `chunk` starts at character `position` (from 0)."""
     values: list[float] = []
     end = 0
     while (match := _ARC.match(chunk, end)) and len(values) <= MOST_NUMBERS:
         values += [float(x) for x in match.groups()]
         end = match.end()
     if match is None and chunk[end:].strip(" \t\r\n,"):
-        _refuse(element, chunk, at, end)
-    return check_numbers(element, f"path data after character {at}", values)
+        _refuse(element, chunk, position, end)
+    return check_numbers(element, f"path data after character {position}", values)
 
 
-def _refuse(element: Element, chunk: str, at: int, end: int) -> None:
-    """Refuse the arguments of a command from character `end` of its text.
-
-    Raises:
-        InvalidInput: Always.
-    """
+def _refuse(element: Element, chunk: str, position: int, end: int) -> None:
+    """Refuse the arguments of a command from character `end` of its text."""
     element.refuse(
-        f"path data has {chunk[end : end + 20].strip()!r} at character {at + end + 1}, which is "
-        "not what its command takes"
+        f"path data has {chunk[end : end + 20].strip()!r} at character {position + end + 1}, which "
+        "is not what its command takes"
     )
 
 
@@ -219,15 +201,13 @@ class Pen:
         """Make a shape of the points in `drawn`."""
         if len(self.drawn) > 1:
             points = _plane(self.drawn)
-            self.shapes.append(Spline(points=points) if self.curved else Chain.straight(points))
+            self.shapes.append(
+                BezierSpline(points=points) if self.curved else ArcChain.straight(points)
+            )
         self.drawn = []
 
     def _arc(self, numbers: Sequence[float], end: complex) -> None:
-        """Draw an arc from the current point, with the arguments of A before its end point.
-
-        Raises:
-            InvalidInput: The radii do not fit the end points.
-        """
+        """Draw an arc from the current point, with the arguments of A before its end point."""
         rx, ry, tilt, large, sweep = numbers
         if rx == 0 or ry == 0 or self.here == end:
             self._line(end)
@@ -260,18 +240,10 @@ def _arc_between(
     tilt: float,
     large: bool,
     sweep: bool,
-) -> Chain:
+) -> ArcChain:
     """The elliptical arc between two points as defined by SVG's command A.
 
     Radii that are too small are increased until the ellipse passes through both points.
-
-    Args:
-        first: Start point, (2,).
-        last: End point, different from the start point, (2,).
-        radii: Semi-axes of the ellipse, above zero.
-        tilt: Rotation of the ellipse [rad].
-        large: Whether the arc is the one of more than half a turn.
-        sweep: Whether the angle increases along the arc.
     """
     c, s = math.cos(tilt), math.sin(tilt)
     axes = np.array([[c, -s], [s, c]]) * radii
@@ -287,5 +259,115 @@ def _arc_between(
     angle = 2 * math.pi - angle if large else angle
     sine = np.array([center[1], -center[0]]) * (1.0 if sweep else -1.0)
     ends = np.stack([first, last])
-    arc = Chain.arc(first + axes @ center, axes @ -center, axes @ sine, angle, ends)
+    arc = ArcChain.arc(first + axes @ center, axes @ -center, axes @ sine, angle, ends)
     return arc.halve() if angle > WELL_KNOWN else arc
+
+
+Spend = Callable[[int], None]
+
+
+def shape_of(element: Element, spend: Spend) -> list[Outline]:
+    """The outlines of an element with a tag of `SHAPES`; empty if it has no size.
+
+    Raises:
+        InvalidInput: The attributes do not define the shape.
+    """
+    return SHAPES[element.tag](element, spend)
+
+
+def _line(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of a line; empty if it has no length."""
+    spend(1)
+    x1, y1, x2, y2 = (number_of(element, key) for key in ("x1", "y1", "x2", "y2"))
+    if (x1, y1) == (x2, y2):
+        return []
+    return [Outline([ArcChain.straight(np.array([[x1, y1], [x2, y2]]))])]
+
+
+def _polyline(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of a polyline or polygon; empty if it has fewer than two points."""
+    points = _read_points(element, spend)
+    closed = element.tag == "polygon"
+    return [Outline([ArcChain.straight(points)], closed)] if len(points) > 1 else []
+
+
+def _read_points(element: Element, spend: Spend) -> FloatArray:
+    """The attribute points of an element, (n, 2)."""
+    values = numbers_of(element, "points", element.get("points"))
+    if len(values) % 2:
+        element.refuse(f"points are pairs of x and y, but there are {len(values)} numbers")
+    spend(len(values) // 2)
+    return np.array(values).reshape(-1, 2)
+
+
+def _rect(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of a rect with sharp or round corners; empty without width or height."""
+    spend(8)
+    x, y, width, height = (number_of(element, key) for key in ("x", "y", "width", "height"))
+    radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
+    rx, ry = (b if a is None else a for a, b in (radii, radii[::-1]))
+    rx, ry = rx or 0.0, ry or 0.0
+    for key, value in (("width", width), ("height", height), ("rx", rx), ("ry", ry)):
+        if value < 0:
+            element.refuse(f"{key} must not be negative, but is {value:g}")
+    if not (width and height):
+        return []
+    rx, ry = min(rx, width / 2), min(ry, height / 2)
+    if not (rx and ry):
+        corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
+        return [Outline([ArcChain.straight(corners)], closed=True)]
+    pen = Pen(element)
+    right, bottom = x + width, y + height
+    for letter, numbers in (
+        ("M", (x + rx, y)),
+        ("H", (right - rx,)),
+        ("A", (rx, ry, 0, 0, 1, right, y + ry)),
+        ("V", (bottom - ry,)),
+        ("A", (rx, ry, 0, 0, 1, right - rx, bottom)),
+        ("H", (x + rx,)),
+        ("A", (rx, ry, 0, 0, 1, x, bottom - ry)),
+        ("V", (y + ry,)),
+        ("A", (rx, ry, 0, 0, 1, x + rx, y)),
+        ("Z", ()),
+    ):
+        pen.obey(letter, numbers)
+    return pen.outlines
+
+
+def _circle(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of a circle; empty without a radius."""
+    spend(1)
+    radius = number_of(element, "r")
+    return _around(element, (radius, radius), ("r", "r"))
+
+
+def _ellipse(element: Element, spend: Spend) -> list[Outline]:
+    """The outline of an ellipse; empty without radii."""
+    spend(1)
+    radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
+    rx, ry = (b if a is None else a for a, b in (radii, radii[::-1]))
+    return _around(element, (rx or 0.0, ry or 0.0), ("rx", "ry"))
+
+
+def _around(element: Element, radii: tuple[float, float], keys: tuple[str, str]) -> list[Outline]:
+    """The outline of a full ellipse; empty if a radius is zero."""
+    for key, value in zip(keys, radii, strict=True):
+        if value < 0:
+            element.refuse(f"{key} must not be negative, but is {value:g}")
+    if not all(radii):
+        return []
+    center = np.array([number_of(element, "cx"), number_of(element, "cy")])
+    # SVG draws an ellipse from its point with the largest x.
+    cosine, sine = np.diag(radii)
+    return [Outline([ArcChain.arc(center, cosine, sine, 2 * np.pi)], closed=True)]
+
+
+SHAPES: dict[str, Callable[[Element, Spend], list[Outline]]] = {
+    "path": outlines_of,
+    "line": _line,
+    "polyline": _polyline,
+    "polygon": _polyline,
+    "rect": _rect,
+    "circle": _circle,
+    "ellipse": _ellipse,
+}

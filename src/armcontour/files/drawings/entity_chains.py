@@ -1,4 +1,4 @@
-"""Chaining of a drawing's pieces end to end into contours."""
+"""Contours made by chaining the entities of a drawing end to end."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def chain_pieces(
     its angle and changes its size. If an arc would move too far, a short line closes the gap. No
     point moves by more than the tolerance.
 
-    Pieces that lie exactly on others of their layer are left out, and so are open contours shorter
+    Pieces that lie exactly on others of their layer are omitted, and so are open contours shorter
     than the tolerance, whose ends are one point.
 
     Args:
@@ -68,15 +68,15 @@ def chain_pieces(
         tolerance: Ends closer than this are one point [m].
 
     Returns:
-        The contours, and sentences on the pieces that were left out.
+        The contours, and sentences on the pieces that were omitted.
     """
     if not pieces:
         return [], []
-    table = Pieces.of([x.path for x in pieces])
+    table = EntitySegments.from_paths([x.path for x in pieces])
     layers = _layer_numbers(pieces)
     repeated = _find_repeated(pieces, table, layers)
     lengths = table.lengths
-    ends = Ends.of(table, layers, repeated)
+    ends = EntityEnds.from_segments(table, layers, repeated)
     partner = find_partners(ends, tolerance)
     contours, short = [], []
     for chain, closed in _chains(partner, repeated):
@@ -100,24 +100,15 @@ def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
     )
 
 
-def _meets_exactly(ends: Ends, chain: Sequence[int]) -> bool:
-    """Whether all ends in a closed chain meet without gaps."""
+def _meets_exactly(ends: EntityEnds, chain: Sequence[int]) -> bool:
+    """True if all ends in a closed chain meet without gaps."""
     entries = np.array(chain)
     gaps = ends.points[entries ^ 1] - ends.points[np.roll(entries, -1)]
     return bool((np.linalg.norm(gaps, axis=1) <= REPEATED_POINT).all())
 
 
 def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], bool]]:
-    """All chains of joined pieces.
-
-    Args:
-        partner: The end to which each end is joined, -1 for none, (2 n,).
-        left_out: Pieces that are in no chain, (n,).
-
-    Returns:
-        For each chain the ends at which its pieces are entered (2 i for the start of piece i,
-        2 i + 1 for its last point), and whether the chain is closed.
-    """
+    """All chains of joined pieces."""
     joined = partner.tolist()
     used = left_out.tolist()
     chains = []
@@ -140,14 +131,10 @@ def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], boo
     return chains
 
 
-def _find_repeated(pieces: Sequence[DrawnEntity], table: Pieces, layers: IntArray) -> BoolArray:
-    """Which pieces lie exactly on an earlier piece of their layer, (n,).
-
-    Args:
-        pieces: The pieces.
-        table: The segments of the pieces.
-        layers: Number of the layer of each piece, (n,).
-    """
+def _find_repeated(
+    pieces: Sequence[DrawnEntity], table: EntitySegments, layers: IntArray
+) -> BoolArray:
+    """Mask of the pieces that coincide with an earlier piece of their layer, (n,)."""
     n = len(pieces)
     feature = np.column_stack([table.starts + table.ends, table.middles, table.lengths])
     cell = np.column_stack([layers, np.round(feature / CANDIDATES)])
@@ -163,7 +150,7 @@ def _find_repeated(pieces: Sequence[DrawnEntity], table: Pieces, layers: IntArra
 
 
 def _same(a: Path, b: Path) -> bool:
-    """Whether two paths are the same within `SAME_PIECE`, in the same or opposite direction."""
+    """True if two paths are the same within `SAME_PIECE`, in the same or opposite direction."""
     # One may be cut into more segments than the other.
     share = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
     one, other = a(share * a.length), b(share * b.length)
@@ -173,7 +160,7 @@ def _same(a: Path, b: Path) -> bool:
 def _notes(
     pieces: Sequence[DrawnEntity], repeated: BoolArray, short: Sequence[str], tolerance: float
 ) -> list[str]:
-    """Sentences on the pieces and the short contours that were left out."""
+    """Sentences on the pieces and the short contours that were omitted."""
     notes = []
     if repeated.any():
         names = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
@@ -187,7 +174,7 @@ def _notes(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pieces:
+class EntitySegments:
     """The segments of all pieces in sequence.
 
     Args:
@@ -200,7 +187,7 @@ class Pieces:
     first: IntArray
 
     @classmethod
-    def of(cls, paths: Sequence[Path]) -> Pieces:
+    def from_paths(cls, paths: Sequence[Path]) -> EntitySegments:
         """The table of the segments of paths, one piece per path."""
         first = np.concatenate([[0], np.cumsum([len(path) for path in paths])])
         return cls(segments=Segments.join([path.segments for path in paths]), first=first)
@@ -249,9 +236,11 @@ class Pieces:
         entered = np.asarray(entries, dtype=np.intp)
         piece, backwards = entered // 2, entered % 2 == 1
         count = self.first[piece + 1] - self.first[piece]
-        of, within = number_parts(count)
+        entry, within = number_parts(count)
         base = np.where(backwards, self.first[piece + 1] - 1, self.first[piece])
-        rows = self.segments.run(base[of] + np.where(backwards, -1, 1)[of] * within, backwards[of])
+        rows = self.segments.run(
+            base[entry] + np.where(backwards, -1, 1)[entry] * within, backwards[entry]
+        )
         start = np.cumsum(count) - count
         vertices, ends = start if closed else start[1:], rows.ends
         gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
@@ -266,12 +255,6 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
 
     An arc that would move by more than the tolerance stays; lines connect it to the middle of the
     gap.
-
-    Args:
-        rows: The segments.
-        ends: End points of the segments [m], (n, dimension).
-        vertices: Indices of the segments with a gap before their start.
-        tolerance: Largest displacement of a point [m].
     """
     to_start, to_end = rows.starts.copy(), ends.copy()
     middle = (ends[vertices - 1] + rows.starts[vertices]) / 2
@@ -286,7 +269,7 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
     if moves.any():
         moved = moved.put(moves, _stretch(rows[moves], ends[moves], to_start[moves], to_end[moves]))
     # Lines connect an arc that stays to the middles of the gaps before and after it; lines without
-    # length are left out.
+    # length are omitted.
     before, after = _lines(rows, to_start, rows.starts), _lines(rows, ends, to_end)
     used = [
         stays & (before.lengths > REPEATED_POINT),
@@ -313,21 +296,14 @@ def _lines(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
 def _shift(
     arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
 ) -> FloatArray:
-    """Largest displacement of a point of each arc if `_stretch` moves the arc's ends [m], (n,).
-
-    Args:
-        arcs: The arcs.
-        ends: End points of the arcs [m], (n, dimension).
-        to_start: New start points [m], same shape.
-        to_end: New end points [m], same shape.
-    """
+    """Largest displacement of a point of each arc if `_stretch` moves the arc's ends [m], (n,)."""
     at_start, at_end = to_start - arcs.starts, to_end - ends
     chord = np.linalg.norm(ends - arcs.starts, axis=1)
     reach = np.where(arcs.curvatures * arcs.lengths < np.pi, chord, 2 / arcs.curvatures)
     with np.errstate(divide="ignore", invalid="ignore"):
         change = np.linalg.norm(at_end - at_start, axis=1) / chord
         shift = np.linalg.norm(at_start, axis=1) + change * reach
-    # The estimate holds for small changes only.
+    # The estimate is valid for small changes only.
     return np.where(change < 0.5, shift, np.inf)
 
 
@@ -336,9 +312,9 @@ def _stretch(
 ) -> Segments:
     """Scale and rotate arcs to new end points, with the arguments of `_shift`; angles stay."""
     old, new = ends - arcs.starts, to_end - to_start
-    size, wanted = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
-    a, b = old / size[:, None], new / wanted[:, None]
-    scale = wanted / size
+    size, new_size = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
+    a, b = old / size[:, None], new / new_size[:, None]
+    scale = new_size / size
 
     def turned(v: FloatArray) -> FloatArray:
         # The smallest rotation from a to b.
@@ -356,7 +332,7 @@ def _stretch(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ends:
+class EntityEnds:
     """The two ends of every piece: end 2 i is the start of piece i, end 2 i + 1 its last point.
 
     Args:
@@ -376,7 +352,9 @@ class Ends:
     free: BoolArray
 
     @classmethod
-    def of(cls, pieces: Pieces, layers: IntArray, left_out: BoolArray) -> Ends:
+    def from_segments(
+        cls, pieces: EntitySegments, layers: IntArray, left_out: BoolArray
+    ) -> EntityEnds:
         """The ends of the pieces.
 
         Args:
@@ -400,7 +378,7 @@ class Ends:
         )
 
 
-def find_partners(ends: Ends, tolerance: float) -> IntArray:
+def find_partners(ends: EntityEnds, tolerance: float) -> IntArray:
     """The end to which each end is joined, (2 n,); -1 if it stays free.
 
     Ends at the same point are joined first, then ends that touch, then ends with a gap.
@@ -418,15 +396,8 @@ def find_partners(ends: Ends, tolerance: float) -> IntArray:
     return partner
 
 
-def _match(ends: Ends, partner: IntArray, candidates: IntArray, tolerance: float) -> None:
-    """Join pairs of ends, those with the smallest turns first.
-
-    Args:
-        ends: Ends of all pieces.
-        partner: The end to which each end is joined, -1 for none, (2 n,); updated.
-        candidates: Pairs of ends that may be joined, (m, 2).
-        tolerance: Only ends closer than this are joined [m].
-    """
+def _match(ends: EntityEnds, partner: IntArray, candidates: IntArray, tolerance: float) -> None:
+    """Join pairs of ends, those with the smallest turns first."""
     a, b = candidates.min(axis=1), candidates.max(axis=1)
     gap = np.linalg.norm(ends.points[a] - ends.points[b], axis=1)
     # A piece shorter than the tolerance is not closed on itself.
@@ -444,14 +415,8 @@ def _match(ends: Ends, partner: IntArray, candidates: IntArray, tolerance: float
             partner[i], partner[j] = j, i
 
 
-def _touching(ends: Ends, free: IntArray, near: float) -> IntArray:
-    """Pairs of ends that touch, those with the smallest turns for each end, (m, 2).
-
-    Args:
-        ends: Ends of all pieces.
-        free: Indices of the ends that are not joined yet.
-        near: Ends closer than this touch [m].
-    """
+def _touching(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
+    """Pairs of ends that touch, those with the smallest turns for each end, (m, 2)."""
     # Ends in one cell of a grid are merged, so that many ends at one point make few pairs.
     keys = np.column_stack([ends.layers[free], np.round(ends.points[free] / (near / 2))])
     _, first, cell = np.unique(keys, axis=0, return_index=True, return_inverse=True)
@@ -463,41 +428,25 @@ def _touching(ends: Ends, free: IntArray, near: float) -> IntArray:
 
 
 def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs of ends at one vertex, those with the smallest turns for each end.
-
-    Args:
-        vertex: Number of the vertex at which each end lies, (n,).
-        inwards: Unit tangents into the pieces, (n, dimension).
-    """
+    """Pairs of ends at one vertex, those with the smallest turns for each end."""
     if len(vertex) == 0:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     # Tangents differ by at most 2 and the coordinates of two vertices by at least 4, so a
     # neighbour within 3 is at the same vertex.
-    here, there = (np.column_stack([4.0 * vertex, x]) for x in (inwards, -inwards))
+    points, opposite = (np.column_stack([4.0 * vertex, x]) for x in (inwards, -inwards))
     count = min(MOST_CANDIDATES + 1, len(vertex))
-    return _drop_missing(nearest_points(there, here, count, 3.0), len(vertex))
+    return _drop_missing(nearest_points(opposite, points, count, 3.0), len(vertex))
 
 
-def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
-    """Pairs of ends that are close to each other, the nearest ones of each end, (m, 2).
-
-    Args:
-        ends: Ends of all pieces.
-        free: Indices of the ends that are not joined yet.
-        near: Largest distance of two ends [m].
-    """
+def _near(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
+    """Pairs of ends that are close to each other, the nearest ones of each end, (m, 2)."""
     points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])
     count = min(MOST_CANDIDATES + 1, len(free))
     return _pairs(free, *_drop_missing(nearest_points(points, points, count, near), len(free)))
 
 
 def _drop_missing(neighbours: IntArray, n: int) -> tuple[IntArray, IntArray]:
-    """Pairs of points and neighbours, without the neighbours not found.
-
-    Args:
-        neighbours: Indices of the neighbours, n if there is none, (n, k).
-        n: Number of points.
-    """
+    """Pairs of points and neighbours, without the neighbours not found."""
     i = np.repeat(np.arange(n), neighbours.shape[1])
     k = neighbours.ravel()
     return i[k < n], k[k < n]

@@ -32,7 +32,7 @@ WIDE = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Chain:
+class ArcChain:
     """Lines and elliptical arcs, each of which starts at the end of the one before.
 
     Arc i is `starts[i] + cosines[i] (cos t - 1) + sines[i] sin t` for t from 0 to `angles[i]`. A
@@ -53,7 +53,7 @@ class Chain:
     angles: FloatArray
 
     @classmethod
-    def straight(cls, points: FloatArray) -> Chain:
+    def straight(cls, points: FloatArray) -> ArcChain:
         """The chain of lines through points, (n + 1, dimension)."""
         zeros = np.zeros_like(points[1:])
         return cls(
@@ -72,7 +72,7 @@ class Chain:
         sine: FloatArray,
         angle: float,
         ends: FloatArray | None = None,
-    ) -> Chain:
+    ) -> ArcChain:
         """The chain of one arc around a centre.
 
         Args:
@@ -95,17 +95,17 @@ class Chain:
         )
 
     @classmethod
-    def join(cls, chains: Sequence[Chain]) -> Chain:
+    def join(cls, chains: Sequence[ArcChain]) -> ArcChain:
         """One chain of several chains in sequence."""
         return cls(**{x: np.concatenate([getattr(y, x) for y in chains]) for x in cls.__slots__})
 
-    def __getitem__(self, rows: BoolArray | IntArray) -> Chain:
+    def __getitem__(self, rows: BoolArray | IntArray) -> ArcChain:
         """The chain of the selected lines and arcs."""
-        return Chain(**{name: getattr(self, name)[rows] for name in self.__slots__})
+        return ArcChain(**{name: getattr(self, name)[rows] for name in self.__slots__})
 
-    def place(self, to: Affine) -> Chain:
+    def place(self, to: Affine) -> ArcChain:
         """The image of the chain under an affine map."""
-        return Chain(
+        return ArcChain(
             starts=to(self.starts),
             ends=to(self.ends),
             cosines=to.turn(self.cosines),
@@ -113,36 +113,36 @@ class Chain:
             angles=self.angles,
         )
 
-    def halve(self) -> Chain:
+    def halve(self) -> ArcChain:
         """The same curve with each line and arc split into two halves."""
         middles, half = self._at(0.5), self.angles[:, None] / 2
         c, s = np.cos(half), np.sin(half)
         first = dataclasses.replace(self, ends=middles, angles=self.angles / 2)
-        second = Chain(
+        second = ArcChain(
             starts=middles,
             ends=self.ends,
             cosines=c * self.cosines + s * self.sines,
             sines=c * self.sines - s * self.cosines,
             angles=self.angles / 2,
         )
-        return Chain.join([first, second])[np.arange(2 * len(half)).reshape(2, -1).T.ravel()]
+        return ArcChain.join([first, second])[np.arange(2 * len(half)).reshape(2, -1).T.ravel()]
 
     @property
     def last(self) -> FloatArray:
         """Start and end point of the last line or arc, (2, dimension)."""
         return np.stack([self.starts[-1], self.ends[-1]])
 
-    def start_at(self, point: FloatArray) -> Chain:
+    def start_at(self, point: FloatArray) -> ArcChain:
         """A copy of the chain with another start point, (dimension,)."""
         return dataclasses.replace(self, starts=np.concatenate([point[None], self.starts[1:]]))
 
-    def end_at(self, point: FloatArray) -> Chain:
+    def end_at(self, point: FloatArray) -> ArcChain:
         """A copy of the chain with another end point, (dimension,)."""
         return dataclasses.replace(self, ends=np.concatenate([self.ends[:-1], point[None]]))
 
     @property
     def reach(self) -> FloatArray:
-        """Points whose largest coordinates tell how far the chain extends, (m, dimension)."""
+        """Points whose largest coordinates bound the chain, (m, dimension)."""
         points = [self.starts[:1], self.ends]
         if self.angles.any():
             wide = self.angles > WIDE
@@ -182,33 +182,29 @@ class Chain:
 
     @property
     def _long_arcs(self) -> BoolArray:
-        """Which rows are arcs that have a length, (n,)."""
+        """Mask of the arcs that have a length, (n,)."""
         arc = self.angles > 0
         if arc.any():
             radius = np.maximum(*(np.linalg.norm(x, axis=1) for x in (self.cosines, self.sines)))
             arc = radius * self.angles > ONE_VERTEX
         return np.asarray(arc)
 
-    def _without_points(self) -> Chain:
+    def _without_points(self) -> ArcChain:
         """The chain without lines and arcs that have no length; close vertices become one."""
         arc = self._long_arcs
-        starts, kept = close_up(self.starts, self.ends, arc, ONE_VERTEX)
-        if kept.all():
+        starts, has_length = close_up(self.starts, self.ends, arc, ONE_VERTEX)
+        if has_length.all():
             return self
         angles = np.where(arc, self.angles, 0.0)
-        return dataclasses.replace(self, starts=starts, angles=angles)[kept]
+        return dataclasses.replace(self, starts=starts, angles=angles)[has_length]
 
     def _is_plain(self, tolerance: float) -> BoolArray:
-        """Which rows are lines or circular arcs that stay as they are drawn, (n,).
-
-        Args:
-            tolerance: As in `to_segments` [m].
-        """
+        """Mask of the lines and circular arcs that are not approximated, (n,)."""
         arc, far = self._long_arcs, np.linalg.norm(self.ends - self.starts, axis=1) > ONE_VERTEX
         return np.asarray(np.where(self.angles > 0, arc, far) & ~self._elliptical(tolerance))
 
     def _elliptical(self, tolerance: float) -> BoolArray:
-        """Which arcs are elliptical: not circles within the tolerance [m], (n,)."""
+        """Mask of the arcs that are not circular within the tolerance [m], (n,)."""
         arc = self.angles > 0
         if not arc.any():
             return arc
@@ -218,20 +214,15 @@ class Chain:
         area = np.sqrt(np.maximum(long * wide - across**2, 0.0))
         with np.errstate(invalid="ignore"):
             skew = np.nan_to_num(2 * across**2 / (np.sqrt(long * wide) + area))
-        off = (np.sqrt(long) - np.sqrt(wide)) ** 2 + skew
+        flattening = (np.sqrt(long) - np.sqrt(wide)) ** 2 + skew
         # A long arc counts as a circle only if it is round to the last digit, because its chord
         # does not define it accurately.
         long_arc = (self.angles > WELL_KNOWN) & (self.angles < 2 * np.pi)
         allowed = np.minimum((SAME_AXES * tolerance) ** 2, FLAT * np.maximum(long, wide))
-        return np.asarray(arc & (off > np.where(long_arc, ROUND**2 * long, allowed)))
+        return np.asarray(arc & (flattening > np.where(long_arc, ROUND**2 * long, allowed)))
 
     def _at(self, share: float | FloatArray, order: int = 0) -> FloatArray:
-        """Points of the lines and arcs, which pass exactly through their end points.
-
-        Args:
-            share: Fraction of the swept angle, 0 to 1, one for all or one per row.
-            order: 0 for points, 1 for derivatives by the fraction.
-        """
+        """Points of the lines and arcs, which pass exactly through their end points."""
         x = np.broadcast_to(share, self.angles.shape)[:, None]
         a = self.angles[:, None]
         c, s = np.cos(a * x), np.sin(a * x)
@@ -242,11 +233,7 @@ class Chain:
         return np.asarray(self.starts + (c - 1) * self.cosines + s * self.sines + x * missed)
 
     def _fitted(self, tolerance: float) -> Segments:
-        """Segments of a chain of elliptical arcs: tangent arcs within the tolerance [m].
-
-        Raises:
-            InvalidInput: An arc is too large for the tolerance.
-        """
+        """Segments of a chain of elliptical arcs: tangent arcs within the tolerance [m]."""
         n = len(self.angles)
 
         def curve(t: FloatArray, order: int) -> FloatArray:
@@ -278,8 +265,8 @@ class Chain:
             curvatures=np.where(arc, 1 / radii, 0.0),
             lengths=np.where(arc, radii * self.angles, sizes),
         )
-        off = arc & (np.linalg.norm(drawn.ends - self.ends, axis=1) > SAME_END)
-        return drawn.put(off, self[off]._through_ends()) if off.any() else drawn
+        inexact = arc & (np.linalg.norm(drawn.ends - self.ends, axis=1) > SAME_END)
+        return drawn.put(inexact, self[inexact]._through_ends()) if inexact.any() else drawn
 
     def _through_ends(self) -> Segments:
         """Circular arcs through their end points with their swept angles."""
@@ -300,28 +287,28 @@ class Chain:
         )
 
 
-def draw_plain(chains: Sequence[Chain], tolerance: float) -> list[Segments | None]:
-    """Segments of chains of nothing but lines and circular arcs, all at once, which is faster.
+def draw_plain(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | None]:
+    """Segments of chains that consist of lines and circular arcs, computed in one step.
 
     Args:
         chains: The chains, which need not meet.
-        tolerance: As in `Chain.to_segments` [m].
+        tolerance: As in `ArcChain.to_segments` [m].
 
     Returns:
-        What `Chain.to_segments` gives; None for chains that have anything else.
+        The result of `ArcChain.to_segments`; None for chains with other curves.
     """
-    found: list[Segments | None] = [None] * len(chains)
+    tables: list[Segments | None] = [None] * len(chains)
     count = np.array([len(x.angles) for x in chains], dtype=np.intp)
     if not count.any():
-        return found
-    table, of = Chain.join(chains), np.repeat(np.arange(len(chains)), count)
-    other = np.bincount(of, ~table._is_plain(tolerance), len(chains)) > 0
-    which = np.flatnonzero(~other & (count > 0))
-    if len(which):
-        drawn, ends = table[~other[of]]._as_drawn(), np.cumsum(count[which])
-        for i, begin, end in zip(which, ends - count[which], ends, strict=True):
-            found[i] = drawn[begin:end]
-    return found
+        return tables
+    table, chain_of = ArcChain.join(chains), np.repeat(np.arange(len(chains)), count)
+    other = np.bincount(chain_of, ~table._is_plain(tolerance), len(chains)) > 0
+    indices = np.flatnonzero(~other & (count > 0))
+    if len(indices):
+        drawn, ends = table[~other[chain_of]]._as_drawn(), np.cumsum(count[indices])
+        for i, begin, end in zip(indices, ends - count[indices], ends, strict=True):
+            tables[i] = drawn[begin:end]
+    return tables
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -347,7 +334,7 @@ class Affine:
 
     @property
     def finite(self) -> bool:
-        """Whether all coefficients are finite."""
+        """True if all coefficients are finite."""
         return bool(np.isfinite(self.linear).all() and np.isfinite(self.offset).all())
 
 

@@ -1,7 +1,7 @@
-"""Makes the keys of files from dataclasses: fields, annotations, defaults and docstrings.
+"""Keys of files from dataclasses: fields, annotations, defaults and docstrings.
 
-To build what checks all keys of a job takes as long as a small plan, and a job has few of them:
-what checks the keys of a mapping inside another one is built when a file has such a mapping.
+Building the validators of all keys of a job takes as long as a small plan, and a job uses few keys.
+So the validator of a nested mapping is built when a file has such a mapping.
 """
 
 from __future__ import annotations
@@ -63,16 +63,16 @@ BOUNDS: dict[str, dict[str, float]] = {
     "share": {"minimum": 0, "exclusiveMaximum": 1},
     "turn": {"minimum": -WHOLE_TURN, "maximum": WHOLE_TURN},
 }
-# Shapes of arrays in docstrings, which are left out of the descriptions of keys.
+# Shapes of arrays in docstrings, which are removed from the descriptions of keys.
 SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
 
 
-# Whether what checks nested mappings is built when they are met.
+# True while validators of nested mappings are built on demand.
 _later = ContextVar("_later", default=False)
 
 
-class Mark(ABC):
-    """Annotation of what is read from a mapping of keys."""
+class KeyMark(ABC):
+    """Annotation of a value that is read from a mapping of keys."""
 
     __slots__ = ()
 
@@ -87,14 +87,14 @@ class Mark(ABC):
 
     @abstractmethod
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """What checks the mapping, as pydantic has it."""
+        """The pydantic schema of the mapping."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Outer:
-    """Annotation of a whole file: only what nests in it may be built later."""
+    """Annotation of a whole file, whose nested validators are built on demand."""
 
-    mark: Mark
+    mark: KeyMark
 
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         token = _later.set(True)
@@ -105,42 +105,42 @@ class _Outer:
 
 
 @dataclass(frozen=True, slots=True)
-class Keys(Mark):
+class MappingKeys(KeyMark):
     """Annotation of a dataclass that is read from a mapping of keys."""
 
-    of: type
+    target: type
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """What checks the keys and makes the dataclass."""
-        inner = handler.generate_schema(_model(self.of))
+        """The pydantic schema that checks the keys and makes the dataclass."""
+        inner = handler.generate_schema(_model(self.target))
         return core_schema.no_info_after_validator_function(self._build, inner)
 
     def _build(self, model: BaseModel) -> Any:
         """Make the dataclass from the validated keys."""
-        values, made = _values(self.of, model), _made(self.of)
-        return self.of(**{k: v for k, v in values.items() if not (v is None and k in made)})
+        values, made = _values(self.target, model), _made(self.target)
+        return self.target(**{k: v for k, v in values.items() if not (v is None and k in made)})
 
 
 @dataclass(frozen=True, slots=True)
-class Given(Mark):
+class SpecifiedKeys(KeyMark):
     """Annotation of a dictionary of only those fields of a dataclass that a file gives.
 
     Args:
-        of: The dataclass.
+        target: The dataclass.
         null: Whether every key may be `null`.
     """
 
-    of: type
+    target: type
     null: bool = False
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """What checks the keys that are given."""
-        inner = handler.generate_schema(_model(self.of, given=True, null=self.null))
-        return core_schema.no_info_after_validator_function(partial(_values, self.of), inner)
+        """The pydantic schema that checks the specified keys."""
+        inner = handler.generate_schema(_model(self.target, specified=True, null=self.null))
+        return core_schema.no_info_after_validator_function(partial(_values, self.target), inner)
 
 
 @dataclass(frozen=True, slots=True)
-class Methods(Mark):
+class Methods(KeyMark):
     """Annotation of one of several dataclasses, which the key `method` names.
 
     Args:
@@ -164,43 +164,34 @@ class Methods(Mark):
         return sorted({name for name, x in hints if any(isinstance(y, About) for y in parts_of(x))})
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """What checks the keys and makes the dataclass of the method."""
+        """The pydantic schema that checks the keys and makes the dataclass of the method."""
         inner = handler.generate_schema(_methods_model(self))
         return core_schema.no_info_after_validator_function(self._build, inner)
 
     def _build(self, model: BaseModel) -> Any:
-        """Make the dataclass from the validated keys.
-
-        Raises:
-            ValueError: A key of another method.
-        """
+        """Make the dataclass from the validated keys."""
         values = {x: getattr(model, x) for x in model.model_fields_set}
         method: str = getattr(model, "method")  # noqa: B009
-        given = {key: x for key, x in values.items() if x is not None and key != "method"}
+        specified = {key: x for key, x in values.items() if x is not None and key != "method"}
         kind = next(x for x in self.kinds if x.method == method)
-        for key in given.keys() - _parameters(kind).keys():
+        for key in specified.keys() - _parameters(kind).keys():
             raise ValueError(f"{key} goes with the method {self.methods(key)}, not {kind.method}")
-        return kind(**given)
+        return kind(**specified)
 
     def methods(self, key: str) -> str:
         """Names of the methods that have a key."""
         return " and ".join(x.method for x in self.kinds if key in _parameters(x))
 
 
-def read_keys(mark: Mark, data: Any, source: str) -> Any:
+def read_keys(mark: KeyMark, data: Any, source: str) -> Any:
     """Check the data of a file and make the value of its dataclass.
-
-    Args:
-        mark: The dataclass of the file.
-        data: The data of the file.
-        source: Name of the file in messages.
 
     Raises:
         InvalidInput: An unknown key, or an invalid value; one sentence that names the key.
     """
     with suppress(ValidationError):
         return _adapter(mark).validate_python(data)
-    # Its sentences need the schema of the whole file anyway.
+    # Messages need the schema of the whole file.
     try:
         return _whole(mark).validate_python(data)
     except ValidationError as error:
@@ -208,29 +199,29 @@ def read_keys(mark: Mark, data: Any, source: str) -> Any:
 
 
 @cache
-def schema_of(mark: Mark) -> dict[str, Any]:
+def schema_of(mark: KeyMark) -> dict[str, Any]:
     """The JSON Schema of a file with the keys of a dataclass."""
     return _whole(mark).json_schema()
 
 
 @cache
-def _adapter(mark: Mark) -> TypeAdapter[Any]:
-    """What checks a mapping, in which others are checked when they are met."""
+def _adapter(mark: KeyMark) -> TypeAdapter[Any]:
+    """The validator of a mapping, whose nested validators are built on demand."""
     return TypeAdapter(Annotated[Any, _Outer(mark)])
 
 
 @cache
-def _whole(mark: Mark) -> TypeAdapter[Any]:
-    """What checks a mapping and all that may be in it."""
+def _whole(mark: KeyMark) -> TypeAdapter[Any]:
+    """The validator of a mapping and all nested mappings."""
     return TypeAdapter(Annotated[Any, mark])
 
 
 @cache
-def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseModel]:
-    """The pydantic model of a dataclass; with `given` all keys are optional, without defaults."""
-    name = f"Given{of.__name__}" if given else of.__name__
-    summary = inspect.cleandoc(of.__doc__ or "").split("\n\n")[0]
-    return _new_model(name, summary, _keys(of, given=given, null=null))
+def _model(kind: type, *, specified: bool = False, null: bool = False) -> type[BaseModel]:
+    """The pydantic model of a dataclass; with `specified` all keys are optional."""
+    name = f"Given{kind.__name__}" if specified else kind.__name__
+    summary = inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0]
+    return _new_model(name, summary, _keys(kind, specified=specified, null=null))
 
 
 @cache
@@ -238,15 +229,15 @@ def _methods_model(mark: Methods) -> type[BaseModel]:
     """The pydantic model of the keys of several methods."""
     default, *_ = names = tuple(str(x.method) for x in mark.kinds)
     one_of = Annotated[(Literal[names], *mark.more)] if mark.more else Literal[names]
-    found: dict[str, Any] = {"method": (one_of, Field(default, description=mark.method))}
+    fields: dict[str, Any] = {"method": (one_of, Field(default, description=mark.method))}
     every = {key: x for kind in mark.kinds for key, x in _keys(kind).items()}
     for key in mark.keys:
-        of, info = every[key]
+        annotation, info = every[key]
         text = info.description
         if any(key not in _parameters(x) for x in mark.kinds):
             text = f"For the method {mark.methods(key)}: {text[:1].lower()}{text[1:]}"
-        found[key] = (of, Field(info.default, description=text))
-    return _new_model(mark.kinds[0].__mro__[1].__name__, mark.text, found)
+        fields[key] = (annotation, Field(info.default, description=text))
+    return _new_model(mark.kinds[0].__mro__[1].__name__, mark.text, fields)
 
 
 def _new_model(name: str, summary: str, keys: dict[str, Any]) -> type[BaseModel]:
@@ -254,21 +245,21 @@ def _new_model(name: str, summary: str, keys: dict[str, Any]) -> type[BaseModel]
     return create_model(name, __config__=config, __doc__=summary, __module__=__name__, **keys)
 
 
-def _keys(of: type, *, given: bool = False, null: bool = False) -> dict[str, Any]:
+def _keys(owner: type, *, specified: bool = False, null: bool = False) -> dict[str, Any]:
     """The keys of a dataclass, as pydantic makes fields of them."""
-    form = FORMS.get(of, Form())
-    hints = {**get_type_hints(of, include_extras=True), **form.types}
-    described = {**_descriptions(of), **form.texts}
+    form = FORMS.get(owner, Form())
+    hints = {**get_type_hints(owner, include_extras=True), **form.types}
+    described = {**_descriptions(owner), **form.texts}
     fields: dict[str, Any] = {}
-    own = inspect.get_annotations(of)
+    own_names = inspect.get_annotations(owner)
     # Keys of the class come before those of the options that it extends.
-    for x in sorted(dataclasses.fields(of), key=lambda x: x.name not in own):
+    for x in sorted(dataclasses.fields(owner), key=lambda x: x.name not in own_names):
         if x.name in form.omit or not x.init:
             continue
         kind = _type_of(hints[x.name])
         if null or (_is_made(x) and x.default_factory not in (dict, list)):
             kind = kind | None
-        default = None if given else form.defaults.get(x.name, _default(of, x))
+        default = None if specified else form.defaults.get(x.name, _default(owner, x))
         key = form.names.get(x.name, x.name)
         text = described.get(x.name)
         if isinstance(default, Options):
@@ -279,47 +270,46 @@ def _keys(of: type, *, given: bool = False, null: bool = False) -> dict[str, Any
     return fields
 
 
-def _default(of: type, x: dataclasses.Field[Any]) -> Any:
+def _default(owner: type, x: dataclasses.Field[Any]) -> Any:
     """The default of a field's key; null for a default factory that does not make it empty."""
     if x.default_factory in (dict, list):
         return x.default_factory()
     if _is_made(x):
         return None
-    default = _parameters(of)[x.name].default
+    default = _parameters(owner)[x.name].default
     return ... if default is inspect.Parameter.empty else default
 
 
 @cache
-def _parameters(of: type) -> Mapping[str, inspect.Parameter]:
-    return inspect.signature(of).parameters
+def _parameters(owner: type) -> Mapping[str, inspect.Parameter]:
+    return inspect.signature(owner).parameters
 
 
 def _is_made(x: dataclasses.Field[Any]) -> bool:
-    """Whether a field has a default factory."""
     return x.default_factory is not dataclasses.MISSING
 
 
 @cache
-def _made(of: type) -> frozenset[str]:
+def _made(owner: type) -> frozenset[str]:
     """Fields of a dataclass with a default factory, for which null means the default."""
-    return frozenset(x.name for x in dataclasses.fields(of) if _is_made(x))
+    return frozenset(x.name for x in dataclasses.fields(owner) if _is_made(x))
 
 
-def _values(of: type, model: BaseModel) -> dict[str, Any]:
+def _values(owner: type, model: BaseModel) -> dict[str, Any]:
     """The values that a file gives, by the fields of the dataclass."""
-    names, given = _names_of(of), model.model_fields_set
-    return {names.get(x, x): getattr(model, x) for x in type(model).model_fields if x in given}
+    names, specified = _names_of(owner), model.model_fields_set
+    return {names.get(x, x): getattr(model, x) for x in type(model).model_fields if x in specified}
 
 
 @cache
-def _names_of(of: type) -> dict[str, str]:
+def _names_of(owner: type) -> dict[str, str]:
     """Names of the fields of a dataclass by their keys, where these differ."""
-    return {key: name for name, key in FORMS.get(of, Form()).names.items()}
+    return {key: name for name, key in FORMS.get(owner, Form()).names.items()}
 
 
-def _descriptions(of: type) -> dict[str, str]:
+def _descriptions(owner: type) -> dict[str, str]:
     """Descriptions of the keys of a dataclass: those of its fields, with null for None."""
-    fields = describe_fields(of).items()
+    fields = describe_fields(owner).items()
     return {name: SHAPE.sub("", text).replace("None ", "null ") for name, text in fields}
 
 
@@ -334,16 +324,16 @@ def _type_of(hint: Any) -> Any:
     if origin in (list, dict, tuple):
         return origin[tuple(_type_of(x) for x in parts)]
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
-        return Annotated[hint, Keys(hint)]
+        return Annotated[hint, MappingKeys(hint)]
     return PLAIN.get(hint, hint)
 
 
-def _annotated(of: Any, *marks: Any) -> Any:
+def _annotated(annotated: Any, *marks: Any) -> Any:
     """The pydantic type of an annotated field."""
     mark = marks[0]
     if isinstance(mark, Quantity):
         number = _number(mark)
-        if of is float:
+        if annotated is float:
             return number if mark.unit else Number
         each: Any = number | list[number]  # type: ignore[valid-type]
         lengths = next((x.axes for x in marks[1:] if isinstance(x, Axes)), ())
@@ -355,19 +345,19 @@ def _annotated(of: Any, *marks: Any) -> Any:
         pair = Annotated[list[bound], Field(min_length=2, max_length=2)]
         return each | list[pair] if mark.bounds else each
     if isinstance(mark, Choice):
-        known: Any = Literal[mark.known]
-        if of is not str:
-            return known | list[known]
-        return Annotated[(known, *marks[1:])] if marks[1:] else known
+        literal: Any = Literal[mark.known]
+        if annotated is not str:
+            return literal | list[literal]
+        return Annotated[(literal, *marks[1:])] if marks[1:] else literal
     if isinstance(mark, AtLeast):
         return Annotated[StrictInt, Field(ge=mark.least, le=mark.most)]
     if isinstance(mark, Named):
         return Annotated[str, Field(min_length=1)] if mark.needed else str
     if isinstance(mark, PartialFields):
-        return Annotated[dict[str, Any], Given(mark.of, null=True)]
-    if isinstance(mark, Given | Methods):
-        return Annotated[of, mark]
-    return Annotated[(_type_of(of), *marks)]
+        return Annotated[dict[str, Any], SpecifiedKeys(mark.of, null=True)]
+    if isinstance(mark, SpecifiedKeys | Methods):
+        return Annotated[annotated, mark]
+    return Annotated[(_type_of(annotated), *marks)]
 
 
 def _bounds(kind: Quantity) -> dict[str, float]:
