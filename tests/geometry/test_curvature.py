@@ -9,8 +9,8 @@ from tests.geometry.tables import arc, each, jumps, line, path_of, refused
 
 import armcontour as ac
 from armcontour.geometry import Segments
+from armcontour.geometry.arc_fit import draw_with_arcs
 from armcontour.geometry.biarcs import UNEVEN
-from armcontour.geometry.fit import draw_with_arcs
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 

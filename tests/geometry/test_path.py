@@ -13,7 +13,7 @@ from tests.geometry.tables import arc, each, line, path_of, refused
 import armcontour as ac
 from armcontour.core.frames import Frame, exp
 from armcontour.geometry import Segments, angle_between
-from armcontour.geometry.cutting import join_paths
+from armcontour.geometry.path_parts import join_paths
 
 R = 0.3
 NORMAL = np.array([1.0, -2.0, 0.5])

@@ -9,11 +9,11 @@ from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
 from armcontour.geometry import Segments, Tube, _tube, near_points, round_with_parabolas
-from armcontour.geometry.cutting import cut_path, join_paths
-from armcontour.geometry.fit import draw_with_arcs
-from armcontour.geometry.mending import mend_vertices
+from armcontour.geometry.arc_fit import draw_with_arcs
 from armcontour.geometry.near_points import group_points, nearest_points, pairs_within
-from armcontour.geometry.nearest import pack
+from armcontour.geometry.path_parts import cut_path, join_paths
+from armcontour.geometry.projection import pack
+from armcontour.geometry.tangent_repair import mend_vertices
 
 CORNER = [(0, 0), (0.1, 0), (0.1, 0.1)]
 

@@ -3,7 +3,7 @@
 A blend replaces the tangent length t of both segments at a corner by two arcs, each of which bends
 more than the segment beside it by nearly the same curvature. Where there is no corner, the blend
 is the two segments; between two lines it is the one arc of (10)-(16). Where the curvature must not
-jump, a blend is a connection (connecting.py). See docs/concepts/rounding.md.
+jump, a blend is a connection (connections.py). See docs/concepts/rounding.md.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.geometry.biarcs import biarcs, dot, length, unit
-from armcontour.geometry.connecting import around_vertices, connect, draw_connections
+from armcontour.geometry.connections import around_vertices, connect, draw_connections
 from armcontour.geometry.corner_curves import Bounds, CornerKind, Drawn
 from armcontour.geometry.rounded_orientation import middle_of
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, share_limits

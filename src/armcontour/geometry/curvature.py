@@ -18,14 +18,14 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import Tolerance
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import length
-from armcontour.geometry.connecting import bound_deviation, connect, draw_connections
+from armcontour.geometry.connections import bound_deviation, connect, draw_connections
+from armcontour.geometry.corner_curves import fit_lengths, replace_vertices
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import Path
-from armcontour.geometry.replacing import fit_lengths, replace_vertices
 from armcontour.geometry.rounded_orientation import find_kinks, follow_rounded, round_orientation
-from armcontour.geometry.rounding import RoundedPath
+from armcontour.geometry.rounded_path import RoundedPath
 from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
-from armcontour.geometry.shaped import ShapedPath
+from armcontour.geometry.shaped_path import ShapedPath
 
 # Curvatures that differ by less than this share of them, or by less than the floor [1/m], are one:
 # over a metre of path the floor turns the tangent by a nanoradian.

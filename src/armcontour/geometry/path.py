@@ -17,9 +17,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import Frame, Pose, angle_between
 from armcontour.core.quantities import Factor, Tolerance
-from armcontour.geometry.nearest import Projection, find_nearest
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, tabulate
+from armcontour.geometry.projection import Projection, find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, close_up
 
 PLANE = "A tool is oriented in space: give the points of the path three coordinates."
@@ -165,9 +165,9 @@ class Path(Checked):
             InvalidInput: The path lies in the plane, the rotations are not valid or not as many
                 as the waypoints, or neighbours differ by half a turn.
         """
-        from armcontour.geometry import orienting
+        from armcontour.geometry import prescribed_orientation
 
-        found = orienting.orient(
+        found = prescribed_orientation.orient(
             self.segments, self.waypoints, self.merged, rotations, axis_only=axis_only
         )
         return dataclasses.replace(self, orientation=found)
@@ -183,9 +183,9 @@ class Path(Checked):
         Raises:
             InvalidInput: The path lies in the plane, or a direction is not a vector with a length.
         """
-        from armcontour.geometry import orienting
+        from armcontour.geometry import prescribed_orientation
 
-        found = orienting.point(self.segments, self.waypoints, self.merged, directions)
+        found = prescribed_orientation.point(self.segments, self.waypoints, self.merged, directions)
         return dataclasses.replace(self, orientation=found)
 
     def following_tangent(
@@ -203,11 +203,11 @@ class Path(Checked):
             InvalidInput: The path lies in the plane, `up` lies along the first tangent, or the
                 path turns back by 180°.
         """
-        from armcontour.geometry import orienting
+        from armcontour.geometry import prescribed_orientation
 
         if self.dimension != 3:
             raise InvalidInput(PLANE)
-        found = orienting.follow(self.segments, up, tool, axis_only=axis_only)
+        found = prescribed_orientation.follow(self.segments, up, tool, axis_only=axis_only)
         return dataclasses.replace(self, orientation=found)
 
     @checked

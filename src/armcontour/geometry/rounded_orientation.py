@@ -149,7 +149,7 @@ def follow_rounded(
             [rad].
         smooth: Whether the derivative of the angular rate must not jump.
     """
-    from armcontour.geometry.orienting import follow_on
+    from armcontour.geometry.prescribed_orientation import follow_on
 
     own = objective.orientation
     assert own is not None

@@ -33,17 +33,17 @@ from armcontour.geometry.orientation import (
     shift,
     turns_between,
 )
-from armcontour.geometry.orienting import carry
 from armcontour.geometry.path import Path
+from armcontour.geometry.prescribed_orientation import carry
 from armcontour.geometry.rounded_orientation import (
     SLIVER,
     blend_kinks,
     find_kinks,
     largest_cuts,
 )
-from armcontour.geometry.rounding import needed_angle
+from armcontour.geometry.rounded_path import needed_angle
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
-from armcontour.geometry.shaped import check_places
+from armcontour.geometry.shaped_path import check_places
 
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator

@@ -34,10 +34,10 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.geometry.nearest import pack, pad
 from armcontour.geometry.path import Path
+from armcontour.geometry.projection import pack, pad
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
-from armcontour.geometry.shaped import check_places
+from armcontour.geometry.shaped_path import check_places
 
 # Rounding errors of distances and places, in metres plus the same fraction of the path's size:
 # tolerances and reach may be exceeded by this.
@@ -209,7 +209,7 @@ class Tube(Checked):
             windows: First and last piece of each point's own part, as from `windows`, (n, 2); the
                 piece counts that leaves the most room.
         """
-        from armcontour.geometry._tube import Pieces, find_excess
+        from armcontour.geometry.kernels import Pieces, find_excess
 
         everywhere = np.tile([-np.inf, np.inf], (len(points), 1))
         excess, _ = find_excess(pad(points), everywhere, windows, Pieces(*self._pieces))
@@ -231,7 +231,7 @@ class Tube(Checked):
             InvalidInput: The places do not lead along both paths, or the path has another
                 dimension than the objective, or transitions.
         """
-        from armcontour.geometry._tube import Pieces, bound_excess
+        from armcontour.geometry.kernels import Pieces, bound_excess
 
         if path.dimension != self.objective.dimension:
             raise InvalidInput(
@@ -333,7 +333,7 @@ def _nearest_in_range(
         windows: First and last segment of that range, (n, 2).
         rows: Segments of the path from `pack`, (m, 15).
     """
-    from armcontour.geometry._tube import Pieces, find_excess
+    from armcontour.geometry.kernels import Pieces, find_excess
 
     pieces = Pieces(rows, np.zeros(len(rows)), np.zeros((len(rows), 2), np.bool_))
     return find_excess(pad(points), ranges, windows, pieces)

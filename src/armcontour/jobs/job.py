@@ -30,7 +30,7 @@ from armcontour.core.quantities import (
 )
 from armcontour.core.render import number
 from armcontour.geometry import Path
-from armcontour.geometry.rounding import CONTINUITIES, Continuity
+from armcontour.geometry.rounded_path import CONTINUITIES, Continuity
 from armcontour.jobs.analog import check_speeds
 from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import CertificateGoal
@@ -40,7 +40,7 @@ from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
 from armcontour.planning import Optimal, PlanOptions, Shaped, check_duration
 from armcontour.planning.options import FASTEST
 from armcontour.program import Process, Program
-from armcontour.program.preparing import check_process
+from armcontour.program.preparation import check_process
 from armcontour.robot import Arm, Limits
 from armcontour.robot.scene import Scene
 from armcontour.robot.servo import ServoModel

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from armcontour.core.text import capitalise
 from armcontour.geometry import ShapedPath, count_full_stops
-from armcontour.geometry.shaped import SHAPED, doubt_search
+from armcontour.geometry.shaped_path import SHAPED, doubt_search
 from armcontour.jobs import warnings
 from armcontour.jobs.jerk_stops import CURVATURE_JUMPS, JerkStop, jerk_stops
 from armcontour.jobs.job import Run

@@ -17,8 +17,7 @@ from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Axes, Choice
 from armcontour.core.render import number
 from armcontour.geometry import Path
-from armcontour.motion._joint_path import examine, spline_pieces
-from armcontour.motion._laws import Motion, joint_motions
+from armcontour.motion.kernels import Motion, examine, joint_motions, spline_pieces
 
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)

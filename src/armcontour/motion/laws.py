@@ -14,9 +14,8 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
-from armcontour.motion._intervals import interval_times, write_law
-from armcontour.motion._laws import Motion, joint_motions, path_motions
 from armcontour.motion.joint_path import JointPath
+from armcontour.motion.kernels import Motion, interval_times, joint_motions, path_motions, write_law
 from armcontour.robot import Arm
 
 # Bisection steps for the time at which a lap reaches an arc length, to the last digit.

@@ -27,7 +27,7 @@ from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
 from armcontour.core.render import number
 from armcontour.geometry import Path
-from armcontour.motion._laws import Motion, joint_motions, path_motions
+from armcontour.motion.kernels import Motion, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 from armcontour.robot import Arm, Limits
 

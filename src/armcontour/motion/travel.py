@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.motion import _travel
+from armcontour.motion import kernels
 from armcontour.motion.execution import Execution
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.laws import LapLaw, Law, PathLaw
@@ -113,7 +113,7 @@ def _along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArr
         s: Arc lengths, which do not decrease [m], (n + 1,).
         speeds: Bounds of the path speed between them [m/s], (n,).
     """
-    return np.asarray(_travel.fastest_joints(joint_path.breaks, joint_path.coefficients, s, speeds))
+    return np.asarray(kernels.fastest_joints(joint_path.breaks, joint_path.coefficients, s, speeds))
 
 
 def _fastest_executed(motion: Execution) -> FloatArray:

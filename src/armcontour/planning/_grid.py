@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
-from armcontour.motion._laws import value_and_slopes
+from armcontour.motion.kernels import value_and_slopes
 
 
 @compiled()

@@ -17,7 +17,7 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
 from armcontour.core.text import capitalise
 from armcontour.geometry import Path
-from armcontour.geometry.shaped import doubt_search
+from armcontour.geometry.shaped_path import doubt_search
 from armcontour.motion import JointPath, Trajectory
 from armcontour.planning.common import with_reserve
 from armcontour.planning.grid import DEFAULT_INTERVALS

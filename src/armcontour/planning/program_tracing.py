@@ -16,8 +16,8 @@ from armcontour.core.errors import ArmContourError, Unreachable, error_context
 from armcontour.core.frames import exp, log, shortest
 from armcontour.core.progress import Progress, Step
 from armcontour.geometry import Path, ShapedPath
-from armcontour.geometry.cutting import cut_path
 from armcontour.geometry.orientation import Orientation
+from armcontour.geometry.path_parts import cut_path
 from armcontour.motion import JointPath
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal

@@ -12,12 +12,12 @@ from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import exp
 from armcontour.geometry import Path
-from armcontour.geometry.nearest import find_nearest
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.orienting import tangent_rates
+from armcontour.geometry.prescribed_orientation import tangent_rates
+from armcontour.geometry.projection import find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, Segments
-from armcontour.program._crossings import LENGTH, crossings
-from armcontour.program.leads import lead_path
+from armcontour.program.crossings import LENGTH, crossings
+from armcontour.program.lead_shapes import lead_path
 from armcontour.program.moves import (
     Contour,
     Move,
@@ -29,7 +29,7 @@ from armcontour.program.moves import (
     reroute,
 )
 from armcontour.program.nesting import PARALLEL, axes_across, chords_of, nest, seen_from_above
-from armcontour.program.offsetting import (
+from armcontour.program.offset_curves import (
     SLACK,
     OffsetPart,
     crosses_itself,
@@ -37,7 +37,7 @@ from armcontour.program.offsetting import (
     offset_segments,
 )
 from armcontour.program.process import WASTE, Lead, Process
-from armcontour.program.rounding import draw_with_arcs
+from armcontour.program.rounded_corners import draw_with_arcs
 
 # Halvings in the search for the largest kerf that fits: a share of 0.0001 of what does not.
 HALVINGS = 14

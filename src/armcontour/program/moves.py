@@ -31,14 +31,14 @@ from armcontour.core.quantities import (
 from armcontour.core.render import number_range
 from armcontour.core.text import list_some, make_printable, shorten
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import (
+from armcontour.geometry.path_parts import (
     arc_length_without_z,
     drop_z,
     has_length_without_z,
     join_paths,
 )
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.geometry.weaving import Woven
+from armcontour.geometry.weave import Woven
 
 Value = bool | PlainNumber | Name
 # Output whose numbers and texts are tools, as of T words in G-code; True and False are on and off.

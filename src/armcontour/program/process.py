@@ -32,7 +32,7 @@ from armcontour.core.quantities import (
     Tolerance,
 )
 from armcontour.geometry import SegmentLimits
-from armcontour.geometry.weaving import SHAPES as WEAVES
+from armcontour.geometry.weave import SHAPES as WEAVES
 from armcontour.program.moves import Event, Value
 
 SHAPES = ("line", "arc")

@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
 from armcontour.core.sampling import number_parts
-from armcontour.geometry._segments import Point, distance2, find_foot, point_at
+from armcontour.geometry.kernels import Point, distance2, find_foot, point_at
 
 # Distances that differ by less than this are equal [m]: coordinates are not more exact.
 EQUAL = 1e-9

@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import length
-from armcontour.geometry.nearest import find_nearest, pack, pad
+from armcontour.geometry.projection import find_nearest, pack, pad
 
 # The leash is at least this many times the largest distance of some of the points from the path,
 # and this many steps of the tool; it is doubled until it is long enough.

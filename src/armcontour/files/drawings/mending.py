@@ -7,7 +7,7 @@ import math
 
 from armcontour.core.describing import digits
 from armcontour.files.drawings.options import ReadOptions
-from armcontour.geometry.mending import Mended, mend_vertices
+from armcontour.geometry.tangent_repair import Mended, mend_vertices
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 

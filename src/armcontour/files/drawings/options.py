@@ -22,7 +22,7 @@ from armcontour.core.quantities import (
 from armcontour.core.text import show
 from armcontour.files.units import parse
 from armcontour.geometry import SegmentLimits
-from armcontour.geometry.rounding import Continuity
+from armcontour.geometry.rounded_path import Continuity
 
 # Largest coordinate [m]: beyond it floating point does not resolve the smallest distance between
 # two points. Such a drawing has a wrong unit.

@@ -19,7 +19,7 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step
 from armcontour.core.text import capitalise
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
-from armcontour.geometry.shaped import ARCS, SHAPED, STOPS, doubt_search
+from armcontour.geometry.shaped_path import ARCS, SHAPED, STOPS, doubt_search
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.planning.common import with_reserve
 from armcontour.planning.options import Optimal, Shaped

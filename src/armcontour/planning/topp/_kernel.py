@@ -26,7 +26,7 @@ from armcontour.core._vectors import (
 )
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernels import FUSED, compiled
-from armcontour.motion._intervals import interval_time
+from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp.limits import (
     ALONE,
     BACK,

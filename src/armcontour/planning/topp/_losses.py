@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.core._vectors import choose, highest, load
 from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
-from armcontour.motion._intervals import interval_time
+from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp._kernel import Plan, next_joint, range_of, slopes_of
 from armcontour.planning.topp.limits import BACK, FORTH, ROWS, Intervals, Limits
 

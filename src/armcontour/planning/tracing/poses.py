@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Orientation, Path, RoundedPath
-from armcontour.geometry.rounding import OUT_OF_PLANE
+from armcontour.geometry.rounded_path import OUT_OF_PLANE
 from armcontour.planning.tracing.knots import Knots
 from armcontour.robot import SerialArm
 

@@ -18,7 +18,7 @@ from armcontour.files.keys import Keys as Model
 from armcontour.files.keys import read_keys
 from armcontour.files.scene import rotation_of
 from armcontour.files.units import read_quantity, write_like
-from armcontour.geometry.orienting import POINTING_DOWN
+from armcontour.geometry.prescribed_orientation import POINTING_DOWN
 from armcontour.studio.edits.state import EditState
 from armcontour.studio.handles import ANGLE, Handles
 

@@ -12,7 +12,7 @@ from armcontour.core.frames import angle_between
 from armcontour.geometry.biarcs import biarcs, distance, unit
 from armcontour.geometry.blends import WIDEST
 from armcontour.geometry.path import Path
-from armcontour.geometry.rounding import blend_vertices
+from armcontour.geometry.rounded_path import blend_vertices
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
 # Turns above this are corners however short their segments are [rad].

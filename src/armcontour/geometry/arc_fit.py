@@ -15,8 +15,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import biarcs, distance, dot, length, unit
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.orienting import carry
 from armcontour.geometry.path import Path
+from armcontour.geometry.prescribed_orientation import carry
 from armcontour.geometry.segments import (
     EVERY,
     REPEATED_POINT,

@@ -31,10 +31,11 @@ from armcontour.geometry.corner_curves import (
     Bounds,
     CornerKind,
     LineCorner,
+    fit_lengths,
+    replace_vertices,
 )
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import EVERY_VERTEX, Path
-from armcontour.geometry.replacing import fit_lengths, replace_vertices
 from armcontour.geometry.rounded_orientation import (
     NOWHERE,
     find_kinks,
@@ -44,7 +45,7 @@ from armcontour.geometry.rounded_orientation import (
     round_orientation,
 )
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
-from armcontour.geometry.shaped import ShapedPath
+from armcontour.geometry.shaped_path import ShapedPath
 
 # What does not jump along a rounded path: its tangent, or its curvature, too.
 Continuity: TypeAlias = Literal["tangent", "curvature"]

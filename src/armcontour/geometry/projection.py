@@ -66,7 +66,7 @@ def find_nearest(
         )
     if not len(queries):
         return Projection(np.empty(0), np.empty(0))
-    from armcontour.geometry._segments import search_tree
+    from armcontour.geometry.kernels import search_tree
 
     tree = _trees.get(segments)
     if tree is None:

@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import angle_between, exp, log, shortest
 from armcontour.core.render import number
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import cut_path, join_paths
+from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.program.moves import Contour, Event, Program, contour_called
 from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
@@ -209,7 +209,7 @@ class _Choices:
 
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
         """A short tour: 2-opt and Or-opt moves, repeated from many exchanges of parts."""
-        from armcontour.program._tours import Options, search
+        from armcontour.program.kernels import Options, search
 
         tour, _ = self.nearest(parents)
         n, option = len(tour), self._best_options(tour)

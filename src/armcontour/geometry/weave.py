@@ -23,9 +23,9 @@ from armcontour.core.quantities import (
     Speed,
     Tolerance,
 )
-from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path
+from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
 SHAPES = ("sine", "zigzag")
@@ -323,7 +323,7 @@ class _Wave:
 
 def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
     """The woven path of a part, with speeds, tolerances, tags and orientation of the part."""
-    from armcontour.geometry.orienting import carry
+    from armcontour.geometry.prescribed_orientation import carry
 
     part, seam = wave.part, wave.seam
     turning = wave.turning_points()
@@ -372,7 +372,7 @@ def _fit_sine(
     """
     from scipy.interpolate import CubicSpline
 
-    from armcontour.geometry.fit import fit_through
+    from armcontour.geometry.arc_fit import fit_through
 
     length = wave.seam.length
     ends = wave.seam([0.0, length], 1, side="left")

@@ -10,7 +10,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.orienting import tangent_rates
+from armcontour.geometry.prescribed_orientation import tangent_rates
 from armcontour.geometry.segments import Segments
 
 # Angle of a quarter circle [rad].

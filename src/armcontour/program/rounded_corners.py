@@ -16,7 +16,7 @@ from armcontour.core.fields import checked
 from armcontour.core.text import capitalise
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
-from armcontour.geometry.rounding import Continuity
+from armcontour.geometry.rounded_path import Continuity
 from armcontour.program.moves import Contour, Program
 
 # Points of a path of which the extent is taken, and a tolerance that no process allows [m].
@@ -157,7 +157,7 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
 
 def draw_with_arcs(contour: Contour) -> Contour:
     """The contour with arcs for the transitions of its path, where there are any."""
-    from armcontour.geometry.fit import draw_with_arcs as draw_path
+    from armcontour.geometry.arc_fit import draw_with_arcs as draw_path
 
     if not contour.path.segments.bent.any():
         return contour

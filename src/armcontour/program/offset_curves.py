@@ -15,9 +15,9 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry.near_points import group_points
-from armcontour.geometry.nearest import find_nearest
+from armcontour.geometry.projection import find_nearest
 from armcontour.geometry.segments import Segments
-from armcontour.program._crossings import (
+from armcontour.program.crossings import (
     CURVATURE,
     LENGTH,
     SAME_PLACE,

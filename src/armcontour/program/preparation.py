@@ -16,9 +16,10 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import checked
 from armcontour.core.text import shorten
 from armcontour.geometry import Path, SegmentLimits
-from armcontour.geometry.cutting import cut_path, join_paths
+from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.geometry.weaving import weave_seam
+from armcontour.geometry.weave import weave_seam
+from armcontour.program.contour_order import close_contour, direct_contours, order_contours
 from armcontour.program.moves import (
     Contour,
     Dwell,
@@ -33,7 +34,6 @@ from armcontour.program.moves import (
     next_rapid,
     reroute,
 )
-from armcontour.program.ordering import close_contour, direct_contours, order_contours
 from armcontour.program.process import MOST_TABS, Lead, Leads, Process, Switch, Tabs, Weave
 
 if TYPE_CHECKING:
